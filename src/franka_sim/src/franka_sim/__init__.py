@@ -1,0 +1,1 @@
+"""The simulated Franka arm as a RobotHW on any physics plant."""

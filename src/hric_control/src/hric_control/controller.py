@@ -1,0 +1,50 @@
+"""The controller base class: four methods, called by the manager in the order of ros_control's life cycle."""
+
+from __future__ import annotations
+
+from hric_control.node import Node
+from hric_control.robot_hw import RobotHW
+
+
+class Controller:
+    """A control law.
+
+    A controller class is found by its type string through the package.xml plugin export, is constructed without arguments, and gets everything else
+    in `init`. States: constructed -> initialized -> running <-> stopped.
+    """
+
+    def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
+        """Read parameters, take handles, advertise and subscribe. Called once, outside the loop; may take its time.
+
+        Args:
+            robot_hw: interfaces; asking a command interface for handles claims the joints.
+            root_node: the robot's namespace (robot_description, other topics).
+            controller_node: the controller's own namespace (its parameters, `command`, `state`).
+
+        Raises:
+            HricError: the controller cannot run; the manager refuses to load it with this text.
+        """
+
+    def starting(self, time: float) -> None:
+        """First call in the loop after a start or restart; `update` follows in the same cycle. Must not block.
+
+        Args:
+            time: run time, never backwards [s].
+        """
+
+    def update(self, time: float, period: float) -> None:
+        """Read the state, write the command. Called every cycle in the loop's thread; must not block on ROS, disk or locks.
+
+        Args:
+            time: run time [s].
+            period: time since the last cycle [s].
+
+        Raises:
+            HricError: the law cannot continue; the manager stops this controller and the robot holds.
+        """
+
+    def stopping(self, time: float) -> None:
+        """Last call in the loop before the joints are released. Must not block."""
+
+    def shutdown(self) -> None:
+        """Take back topics, services and actions. Called once at unload, outside the loop."""

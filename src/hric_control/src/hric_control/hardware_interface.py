@@ -1,0 +1,354 @@
+"""Hardware interfaces: typed access to the state and the commands of joints.
+
+A `RobotHW` owns the storage (`JointStates`, `JointCommands`: plain Python floats, which for seven joints are twice as fast as arrays) and
+registers interfaces on it. A controller asks an interface for a group of joints, or for one joint; both are views of the same storage.
+Asking a command interface for a handle claims the joint; the manager collects the claims and refuses conflicts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import ClassVar, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_control.errors import CommandError, HricError, UnknownNameError
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def _unique_names(names: Iterable[str]) -> tuple[str, ...]:
+    result = tuple(names)
+    if not result or any(not isinstance(name, str) or not name for name in result):
+        raise HricError(f"joint names must be non-empty strings, at least one; got {list(result)}")
+    if len(set(result)) != len(result):
+        raise HricError(f"joint names must differ; got {list(result)}")
+    return result
+
+
+class JointStates:
+    """State of n joints at the measuring instant, owned by a RobotHW, which writes the lists in place.
+
+    Attributes:
+        position: joint position, n floats [rad or m].
+        velocity: joint velocity, n floats [rad/s or m/s].
+        effort: measured joint effort, n floats [N m or N].
+    """
+
+    __slots__ = ("effort", "index", "names", "position", "velocity")
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.names = _unique_names(names)
+        self.index = {name: i for i, name in enumerate(self.names)}
+        self.position = [0.0] * len(self.names)
+        self.velocity = [0.0] * len(self.names)
+        self.effort = [0.0] * len(self.names)
+
+
+class JointCommands:
+    """Commands of n joints in the unit of their interface, in the order of the states they belong to.
+
+    Attributes:
+        value: n floats, written in place by controllers between `read` and `write`.
+    """
+
+    __slots__ = ("states", "value")
+
+    def __init__(self, states: JointStates) -> None:
+        self.states = states
+        self.value = [0.0] * len(states.names)
+
+
+class JointStateHandle:
+    """One joint's state, read-only."""
+
+    __slots__ = ("_i", "_states", "name")
+
+    def __init__(self, states: JointStates, name: str) -> None:
+        if name not in states.index:
+            raise UnknownNameError("joint", name, states.names)
+        self._states, self._i, self.name = states, states.index[name], name
+
+    @property
+    def position(self) -> float:
+        """Joint position [rad or m]."""
+        return self._states.position[self._i]
+
+    @property
+    def velocity(self) -> float:
+        """Joint velocity [rad/s or m/s]."""
+        return self._states.velocity[self._i]
+
+    @property
+    def effort(self) -> float:
+        """Measured joint effort [N m or N]."""
+        return self._states.effort[self._i]
+
+
+class JointHandle(JointStateHandle):
+    """One joint's state and command."""
+
+    __slots__ = ("_commands",)
+
+    def __init__(self, commands: JointCommands, name: str) -> None:
+        super().__init__(commands.states, name)
+        self._commands = commands
+
+    @property
+    def command(self) -> float:
+        """Command in the unit of the interface."""
+        return self._commands.value[self._i]
+
+    @command.setter
+    def command(self, value: float) -> None:
+        if not math.isfinite(value):
+            raise CommandError(f"command of {self.name} is not finite: {value}")
+        self._commands.value[self._i] = float(value)
+
+
+class JointStateGroup:
+    """States of several joints, in the order asked for. Arrays are built on access: take them once per cycle."""
+
+    __slots__ = ("_indices", "_states", "_whole", "names")
+
+    def __init__(self, states: JointStates, names: Iterable[str]) -> None:
+        self.names = _unique_names(names)
+        for name in self.names:
+            if name not in states.index:
+                raise UnknownNameError("joint", name, states.names)
+        self._states = states
+        self._indices = [states.index[name] for name in self.names]
+        self._whole = self.names == states.names
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def _take(self, values: list[float]) -> list[float]:
+        return values[:] if self._whole else [values[i] for i in self._indices]
+
+    @property
+    def position(self) -> FloatArray:
+        """Joint position, shape (n,) [rad or m]."""
+        return np.array(self._take(self._states.position))
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Joint velocity, shape (n,) [rad/s or m/s]."""
+        return np.array(self._take(self._states.velocity))
+
+    @property
+    def effort(self) -> FloatArray:
+        """Measured joint effort, shape (n,) [N m or N]."""
+        return np.array(self._take(self._states.effort))
+
+    def positions(self) -> list[float]:
+        """Joint position as n plain floats [rad or m]: for laws that count microseconds."""
+        return self._take(self._states.position)
+
+    def velocities(self) -> list[float]:
+        """Joint velocity as n plain floats [rad/s or m/s]."""
+        return self._take(self._states.velocity)
+
+    def efforts(self) -> list[float]:
+        """Measured joint effort as n plain floats [N m or N]."""
+        return self._take(self._states.effort)
+
+
+class JointGroup(JointStateGroup):
+    """States and commands of several joints."""
+
+    __slots__ = ("_commands",)
+
+    def __init__(self, commands: JointCommands, names: Iterable[str]) -> None:
+        super().__init__(commands.states, names)
+        self._commands = commands
+
+    @property
+    def command(self) -> FloatArray:
+        """Commands now in force, shape (n,), in the unit of the interface."""
+        return np.array(self._take(self._commands.value))
+
+    @command.setter
+    def command(self, values: Sequence[float] | FloatArray) -> None:
+        self.set_command(values.tolist() if isinstance(values, np.ndarray) else values)
+
+    def set_command(self, values: Sequence[float]) -> None:
+        """Set all commands at once, or none.
+
+        Args:
+            values: n finite numbers in the order of `names`, in the unit of the interface.
+
+        Raises:
+            CommandError: wrong length or a value that is not finite; the command before it stays.
+        """
+        # A sum is finite if every part is: one test in the usual case, the search for the culprit only on failure.
+        if len(values) != len(self.names) or not math.isfinite(sum(values)):
+            self._refuse(values)
+        if self._whole:
+            self._commands.value[:] = values
+        else:
+            target = self._commands.value
+            for i, value in zip(self._indices, values, strict=True):
+                target[i] = value
+
+    def _refuse(self, values: Sequence[float]) -> None:
+        if len(values) != len(self.names):
+            raise CommandError(f"command has {len(values)} values for {len(self.names)} joints ({', '.join(self.names)})")
+        bad = [f"{name}={value}" for name, value in zip(self.names, values, strict=True) if not math.isfinite(value)]
+        raise CommandError(f"command is not finite: {', '.join(bad) or 'the sum overflows'}")
+
+
+class HardwareInterface:
+    """Base of all interfaces: a set of named resources, and the names claimed since `clear_claims`.
+
+    Attributes:
+        cpp_name: the name that ros_control's messages and transmissions use.
+        claims_resources: whether asking for a handle makes it exclusive.
+    """
+
+    cpp_name: ClassVar[str] = ""
+    claims_resources: ClassVar[bool] = False
+
+    def __init__(self) -> None:
+        self._claims: set[str] = set()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the resources that can be asked for."""
+        raise NotImplementedError(f"{type(self).__name__} does not say its resources")
+
+    @property
+    def claims(self) -> frozenset[str]:
+        """Resources claimed since `clear_claims`."""
+        return frozenset(self._claims)
+
+    def clear_claims(self) -> None:
+        """Forget the claims; the manager calls it before each controller's `init`."""
+        self._claims.clear()
+
+    def _claim(self, names: Iterable[str]) -> None:
+        if self.claims_resources:
+            self._claims.update(names)
+
+    def _check(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in self.names:
+                raise UnknownNameError("joint", name, self.names, type(self).__name__)
+
+
+class JointStateInterface(HardwareInterface):
+    """Read-only joint states; claims nothing."""
+
+    cpp_name = "hardware_interface::JointStateInterface"
+
+    def __init__(self, states: JointStates) -> None:
+        super().__init__()
+        self.states = states
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.states.names
+
+    def handle(self, name: str) -> JointStateHandle:
+        """State of one joint."""
+        self._check([name])
+        return JointStateHandle(self.states, name)
+
+    def group(self, names: Iterable[str] | None = None) -> JointStateGroup:
+        """States of the named joints, in that order; all of them when none are named."""
+        wanted = _unique_names(self.names if names is None else names)
+        self._check(wanted)
+        return JointStateGroup(self.states, wanted)
+
+
+class JointCommandInterface(HardwareInterface):
+    """Joint states plus commands; asking for a handle claims the joints."""
+
+    claims_resources = True
+
+    def __init__(self, commands: JointCommands, names: Iterable[str] | None = None) -> None:
+        super().__init__()
+        self.commands = commands
+        self._names = commands.states.names if names is None else _unique_names(names)
+        for name in self._names:
+            if name not in commands.states.index:
+                raise UnknownNameError("joint", name, commands.states.names, type(self).__name__)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self._names
+
+    def handle(self, name: str) -> JointHandle:
+        """State and command of one joint; claims it."""
+        self._check([name])
+        self._claim([name])
+        return JointHandle(self.commands, name)
+
+    def group(self, names: Iterable[str] | None = None) -> JointGroup:
+        """States and commands of the named joints, in that order (all of them when none are named); claims them."""
+        wanted = _unique_names(self.names if names is None else names)
+        self._check(wanted)
+        self._claim(wanted)
+        return JointGroup(self.commands, wanted)
+
+
+class EffortJointInterface(JointCommandInterface):
+    """Commands are joint efforts [N m or N]."""
+
+    cpp_name = "hardware_interface::EffortJointInterface"
+
+
+class VelocityJointInterface(JointCommandInterface):
+    """Commands are joint velocities [rad/s or m/s]."""
+
+    cpp_name = "hardware_interface::VelocityJointInterface"
+
+
+class PositionJointInterface(JointCommandInterface):
+    """Commands are joint positions [rad or m]."""
+
+    cpp_name = "hardware_interface::PositionJointInterface"
+
+
+JOINT_COMMAND_INTERFACES: tuple[type[JointCommandInterface], ...] = (
+    EffortJointInterface,
+    VelocityJointInterface,
+    PositionJointInterface,
+)
+
+InterfaceT = TypeVar("InterfaceT", bound=HardwareInterface)
+
+
+class InterfaceManager:
+    """Registry of interfaces by type; a base of RobotHW."""
+
+    def __init__(self) -> None:
+        self._interfaces: dict[type[HardwareInterface], HardwareInterface] = {}
+
+    def register_interface(self, interface: HardwareInterface) -> None:
+        """Offer `interface` under its type; a second one of the same type is refused."""
+        if type(interface) in self._interfaces:
+            raise HricError(f"{type(interface).__name__} is registered already")
+        self._interfaces[type(interface)] = interface
+
+    def interfaces(self) -> tuple[HardwareInterface, ...]:
+        """All registered interfaces, in order of registration."""
+        return tuple(self._interfaces.values())
+
+    def has(self, interface_type: type[HardwareInterface]) -> bool:
+        """Whether an interface of this type is registered."""
+        return interface_type in self._interfaces
+
+    def get(self, interface_type: type[InterfaceT]) -> InterfaceT:
+        """The registered interface of this type.
+
+        Raises:
+            UnknownNameError: this robot does not offer it; the message lists what it offers.
+        """
+        interface = self._interfaces.get(interface_type)
+        if not isinstance(interface, interface_type):
+            offered = [kind.__name__ for kind in self._interfaces]
+            raise UnknownNameError("hardware interface", interface_type.__name__, offered, type(self).__name__)
+        return interface

@@ -1,0 +1,152 @@
+"""What a physics engine must offer to carry a simulated robot. Engines are plugins found by name at run time; nothing here imports one."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_control.errors import HricError
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Load:
+    """A physical payload, fixed to a link.
+
+    Attributes:
+        mass: [kg].
+        com: centre of mass in the link frame, 3 floats [m].
+        inertia: about the centre of mass, axes of the link frame, 9 floats row-major [kg m^2].
+    """
+
+    mass: float
+    com: tuple[float, ...] = (0.0, 0.0, 0.0)
+    inertia: tuple[float, ...] = (0.0,) * 9
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One contact point between two bodies.
+
+    Attributes:
+        body_a, body_b: "model::link" names.
+        position: world frame, 3 floats [m].
+        normal: from b to a, world frame, unit vector of 3 floats.
+        depth: penetration, positive when inside [m].
+        force: normal force on a, along `normal` [N].
+    """
+
+    body_a: str
+    body_b: str
+    position: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    depth: float
+    force: float
+
+
+class Plant(ABC):
+    """The physical side of a robot: joints, friction, rotor inertia, contact. No control, no limits on commands, no ROS.
+
+    Constructed by the RobotHW as `PlantClass(urdf_xml, joint_names, config)`:
+        urdf_xml: robot description (pure URDF).
+        joint_names: the actuated joints, in the order of all vectors here.
+        config: the `plant` parameters (time_step, rotor_inertia, friction, world, gui, ...); unknown keys are refused by name.
+    """
+
+    joint_names: tuple[str, ...]
+    time_step: float
+    """Step for which the plant was set up [s]; `step` advances by it."""
+
+    @abstractmethod
+    def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
+        """Put the robot at q, dq (zero by default), the world back to its start; clears wrenches and contact memory."""
+
+    @abstractmethod
+    def set_configuration(self, q: Sequence[float]) -> None:
+        """Put the robot at q at rest and leave the world as it is."""
+
+    @abstractmethod
+    def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
+        """Write the state at the measuring instant into the lists in place.
+
+        q: joint position at the measuring instant (a semi-implicit engine gives q - dt*dq/2) [rad]; dq [rad/s];
+        tau: joint effort last applied by `apply` [N m].
+        """
+
+    @abstractmethod
+    def engine_state(self) -> tuple[list[float], list[float]]:
+        """Raw q, dq of the engine, without the half-step correction."""
+
+    @abstractmethod
+    def apply(self, tau: Sequence[float]) -> None:
+        """Joint efforts for the next step [N m]; must be given before every step."""
+
+    @abstractmethod
+    def step(self) -> None:
+        """Advance by `time_step`."""
+
+    @abstractmethod
+    def set_brakes(self, on: Sequence[bool]) -> None:
+        """Lock (True) or free (False) each joint, as the brakes of an arm do; locked joints ignore efforts."""
+
+    @abstractmethod
+    def set_load(self, load: Load | None, link: str | None = None) -> None:
+        """Fix a physical payload to `link` (the last link of the chain by default), keeping q and dq; None takes it off."""
+
+    @abstractmethod
+    def apply_wrench(
+        self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
+    ) -> None:
+        """Act on "link" or "model::link" for `duration` seconds (negative: until cleared).
+
+        force [N], torque [N m]: world frame. point: where it acts, link frame [m].
+        """
+
+    @abstractmethod
+    def clear_wrenches(self, body: str | None = None) -> None:
+        """End the wrenches on one body, or all."""
+
+    @abstractmethod
+    def contacts(self) -> list[Contact]:
+        """Contacts of the last step that involve the robot or a spawned model."""
+
+    @abstractmethod
+    def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, *, fixed: bool = False) -> None:
+        """Add a model. T_world_model: shape (4, 4). Raises HricError if the name is taken or the URDF is bad."""
+
+    @abstractmethod
+    def delete(self, name: str) -> None:
+        """Remove a spawned model. Raises UnknownNameError with the names that exist."""
+
+    @abstractmethod
+    def model_names(self) -> list[str]:
+        """Names of the spawned models, the robot not among them."""
+
+    @abstractmethod
+    def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
+        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape (6,))."""
+
+    @abstractmethod
+    def mass_matrix(self) -> FloatArray:
+        """The engine's own joint-space mass matrix at the present q, without rotor inertia, shape (n, n) [kg m^2]; for checks."""
+
+    def close(self) -> None:
+        """Release the engine."""
+
+
+def check_config(config: Mapping[str, Any], valid: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Defaults overlaid with `config`; an unknown key is refused with the valid ones.
+
+    Raises:
+        HricError: unknown key.
+    """
+    unknown = sorted(set(config) - set(valid))
+    if unknown:
+        raise HricError(f"{where}: unknown parameter {', '.join(unknown)}; valid: {', '.join(sorted(valid))}")
+    return {**valid, **config}

@@ -1,0 +1,1 @@
+"""Control laws: joint state, Franka state, joint PD, joint trajectory."""

@@ -1,0 +1,1 @@
+"""Experiment files, headless runner, run folders, recorder, metrics and figures."""
