@@ -1,0 +1,208 @@
+"""Limits of effort commands, enforced between the controllers' update and the write to the robot."""
+
+from __future__ import annotations
+
+import logging
+import math
+import sys
+from collections.abc import Iterable, Sequence
+
+from hric_control.errors import HricError, UnknownNameError
+from hric_control.hardware_interface import JointCommands, JointStates
+from hric_control.limit_counts import LimitCounts
+from hric_control.limit_values import INFINITY, JointLimits
+
+TOUCHED = 1e-12
+"""A limit was touched when it changed the command by more than this."""
+
+FINITE = sys.float_info.max
+"""Bound of the quick tests where there is no limit, so that an infinite command is caught too."""
+
+_log = logging.getLogger("hric")
+
+
+def clamp(value: float, low: float, high: float) -> float:
+    """`value` within [low, high]; `high` wins where they cross."""
+    return high if value > high else low if value < low else value
+
+
+class Limiter:
+    """What the limiters of all three interfaces share: the joints, the counts, the start outside the range.
+
+    Args:
+        states: measured state, of which the limits depend.
+        commands: written in place by `enforce`.
+        limits: one per joint, in the order of the states.
+        counts: shared with other limiters of the robot, or None for an own one.
+
+    Raises:
+        HricError: the limits are not those of the joints.
+    """
+
+    def __init__(self, states: JointStates, commands: JointCommands, limits: Sequence[JointLimits], counts: LimitCounts | None = None) -> None:
+        names = tuple(limit.name for limit in limits)
+        if names != states.names:
+            raise HricError(f"{type(self).__name__}: limits are for {', '.join(names) or 'no joint'}; the joints are {', '.join(states.names)}")
+        self.states, self.commands = states, commands
+        self.limits = tuple(limits)
+        self.counts = LimitCounts(names, [limit.velocity for limit in limits]) if counts is None else counts
+        self._selected = [True] * len(names)
+        self._previous = [math.nan] * len(names)
+        self._period = math.nan
+
+    def reset(self, previous: Sequence[float] | None = None) -> None:
+        """Set the command that the rate limits start from.
+
+        Args:
+            previous: n commands, in force until now. None: not known; the first effort command passes the rate limit, the first velocity and
+                position commands start from the measured state.
+        """
+        if previous is not None and len(previous) != len(self._previous):
+            raise HricError(f"{type(self).__name__}.reset: {len(previous)} values for {len(self._previous)} joints")
+        self._previous[:] = [math.nan] * len(self._previous) if previous is None else [float(value) for value in previous]
+
+    def select(self, names: Iterable[str] | None) -> None:
+        """Enforce on these joints only (those driven through this interface now); None: on all. Newly selected ones start as after `reset(None)`."""
+        wanted = self.states.names if names is None else tuple(names)
+        for name in wanted:
+            if name not in self.states.index:
+                raise UnknownNameError("joint", name, self.states.names, type(self).__name__)
+        now = [name in wanted for name in self.states.names]
+        for i, (before, after) in enumerate(zip(self._selected, now, strict=True)):
+            if after and not before:
+                self._previous[i] = math.nan
+        self._selected = now
+        self._period = math.nan
+
+    def check_start(self) -> None:
+        """Say once which joints begin outside their range; `enforce` calls it in the first cycle."""
+        self.counts.start_checked = True
+        for i, (limit, position) in enumerate(zip(self.limits, self.states.position, strict=True)):
+            if not limit.lower <= position <= limit.upper and not self.counts.started_outside[i]:
+                self.counts.started_outside[i] = True
+                _log.warning(
+                    "%s starts at %.4f %s, outside its range [%.4f, %.4f]: until it is inside it may only move inwards",
+                    limit.name, position, limit.unit, limit.lower, limit.upper,
+                )  # fmt: skip
+
+    def _note_position(self, i: int, position: float) -> None:
+        limit = self.limits[i]
+        excess = max(limit.lower - position, position - limit.upper)
+        if excess > self.counts.position_excess_max[i]:
+            self.counts.position_excess_max[i] = excess
+
+    def _not_finite(self, i: int, kind: list[int]) -> None:
+        if not self.counts.not_finite[i]:
+            _log.error("the command or the state of %s is not a number; the command before it stays in force", self.limits[i].name)
+        self.counts.not_finite[i] += 1
+        kind[i] += 1
+
+
+class EffortLimiter(Limiter):
+    """Limits effort commands: position, then velocity, then effort, and the rate of effort last, so that what is sent is always continuous.
+
+    Position: outside the range only inward effort passes. With soft limits (k_position, k_velocity) the velocity bound shrinks with the distance to
+    the soft limit, v_max(q) = -k_position (q - soft), and the effort bound with the speed that is left, -k_velocity (v - v_max(q)).
+    Velocity: above the limit only braking effort passes; with k_velocity the bound is -k_velocity (v - v_max).
+    """
+
+    def enforce(self, period: float) -> None:
+        """Limit the commands in place. About 2 us for seven joints when no limit is near.
+
+        Args:
+            period: time since the last cycle [s].
+        """
+        if period != self._period:
+            self._prepare(period)
+        counts, value = self.counts, self.commands.value
+        if not counts.start_checked:
+            self.check_start()
+        counts.cycles += 1
+        top = counts.speed_max
+        states = self.states
+        # The test lets through what no limit can touch; anything else, also what is not a number, takes the long way below.
+        for q, v, tau, last, fastest, (i, q_low, q_high, v_max, k, tau_max, change) in zip(
+            states.position, states.velocity, value, self._previous, top, self._rows, strict=True
+        ):
+            speed = abs(v)
+            if speed > fastest:
+                top[i] = speed
+            size = abs(tau)
+            if q_low <= q <= q_high and size <= tau_max and size <= k * (v_max - speed) and -change <= tau - last <= change:
+                continue
+            value[i] = self._limit(i, q, v, tau, last, change)
+        self._previous[:] = value
+
+    def _prepare(self, period: float) -> None:
+        self._period = period
+        self._rows = [
+            _row(i, limit, period) if chosen else (i, -INFINITY, INFINITY, INFINITY, INFINITY, FINITE, INFINITY)
+            for i, (limit, chosen) in enumerate(zip(self.limits, self._selected, strict=True))
+        ]
+
+    def _limit(self, i: int, q: float, v: float, tau: float, last: float, change: float) -> float:
+        counts, limit = self.counts, self.limits[i]
+        if not math.isfinite(tau + q + v):
+            self._not_finite(i, counts.effort)
+            return last if math.isfinite(last) else 0.0
+        if not self._selected[i]:
+            return tau
+        self._note_position(i, q)
+        wanted, tau = tau, self._position_stage(limit, q, v, tau)
+        if abs(tau - wanted) > TOUCHED:
+            counts.position[i] += 1
+        wanted, tau = tau, self._velocity_stage(limit, q, v, tau)
+        if abs(tau - wanted) > TOUCHED:
+            counts.velocity[i] += 1
+        wanted, tau = tau, clamp(tau, -limit.effort, limit.effort)
+        if abs(tau - wanted) > TOUCHED:
+            counts.effort[i] += 1
+        if math.isfinite(last):
+            wanted, tau = tau, clamp(tau, last - change, last + change)
+            if abs(tau - wanted) > TOUCHED:
+                counts.effort_rate[i] += 1
+        return tau
+
+    @staticmethod
+    def _position_stage(limit: JointLimits, q: float, v: float, tau: float) -> float:
+        low, high = -INFINITY, INFINITY
+        if limit.has_soft_range and limit.k_velocity > 0.0:
+            v_low, v_high = limit.soft_speeds(q)
+            low = -limit.k_velocity * (v - v_low) if v_low > -limit.velocity else low
+            high = -limit.k_velocity * (v - v_high) if v_high < limit.velocity else high
+        if q < limit.lower:
+            low = max(low, 0.0)
+            high = max(high, low)
+        elif q > limit.upper:
+            high = min(high, 0.0)
+            low = min(low, high)
+        return clamp(tau, low, high)
+
+    @staticmethod
+    def _velocity_stage(limit: JointLimits, q: float, v: float, tau: float) -> float:
+        if limit.velocity == INFINITY:
+            return tau
+        if limit.k_velocity > 0.0:
+            low, high = -limit.k_velocity * (v + limit.velocity), -limit.k_velocity * (v - limit.velocity)
+        else:
+            low = 0.0 if v < -limit.velocity else -INFINITY
+            high = 0.0 if v > limit.velocity else INFINITY
+        # Braking must not become an outward push while the joint is outside its range.
+        if q > limit.upper:
+            low = min(low, 0.0)
+        elif q < limit.lower:
+            high = max(high, 0.0)
+        return clamp(tau, low, high)
+
+
+_Row = tuple[int, float, float, float, float, float, float]
+
+
+def _row(i: int, limit: JointLimits, period: float) -> _Row:
+    """Bounds within which nothing can touch the command: (index, q low, q high, v max, gain of the speed that is left, effort, change of effort)."""
+    q_low, q_high = limit.lower, limit.upper
+    if limit.has_soft_range and limit.k_velocity > 0.0:
+        reach = limit.velocity / limit.k_position
+        q_low, q_high = max(q_low, limit.soft_lower + reach), min(q_high, limit.soft_upper - reach)
+    k = limit.k_velocity if limit.k_velocity > 0.0 else INFINITY
+    return i, q_low, q_high, limit.velocity, k, min(limit.effort, FINITE), limit.effort_rate * period

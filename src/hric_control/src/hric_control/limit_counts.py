@@ -1,0 +1,108 @@
+"""Counting what the limits did: enforced, never silently."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+
+class LimitCounts:
+    """How often each limit changed a command, and how far a limit was overshot. Plain lists in the order of `names`.
+
+    Attributes:
+        names: joint names.
+        cycles: cycles in which limits were enforced.
+        position, velocity, effort, effort_rate: cycles in which that limit changed the command by more than 1e-12, per joint.
+            Acceleration counts as velocity; a command that is not a number counts as effort, velocity or position, by its interface.
+        speed_limit: velocity limit per joint [rad/s].
+        speed_max: largest speed seen per joint [rad/s].
+        position_excess_max: how far the position was outside its range at most [rad].
+        started_outside: whether the joint began the run outside its range.
+        not_finite: commands that were not a number and were replaced by the one before, per joint.
+    """
+
+    __slots__ = (
+        "cycles", "effort", "effort_rate", "names", "not_finite", "position", "position_excess_max",
+        "speed_limit", "speed_max", "start_checked", "started_outside", "velocity",
+    )  # fmt: skip
+
+    def __init__(self, names: Sequence[str], speed_limit: Sequence[float]) -> None:
+        self.names = tuple(names)
+        self.speed_limit = list(speed_limit)
+        n = len(self.names)
+        self.position, self.velocity, self.effort, self.effort_rate, self.not_finite = [0] * n, [0] * n, [0] * n, [0] * n, [0] * n
+        self.speed_max, self.position_excess_max = [0.0] * n, [0.0] * n
+        self.started_outside = [False] * n
+        self.cycles = 0
+        self.start_checked = False
+
+    @property
+    def velocity_ratio_max(self) -> list[float]:
+        """Largest speed seen, divided by the velocity limit [1]; 0 where there is none."""
+        return [top / limit if limit > 0.0 else 0.0 for top, limit in zip(self.speed_max, self.speed_limit, strict=True)]
+
+    @property
+    def total(self) -> int:
+        """Sum over all joints and kinds; 0 means that no limit was touched."""
+        return sum(self.position) + sum(self.velocity) + sum(self.effort) + sum(self.effort_rate)
+
+    def clear(self) -> None:
+        """Back to zero; the next cycle is the start of a run. The lists stay the same objects."""
+        for values in (self.position, self.velocity, self.effort, self.effort_rate, self.not_finite):
+            values[:] = [0] * len(self.names)
+        self.speed_max[:] = [0.0] * len(self.names)
+        self.position_excess_max[:] = [0.0] * len(self.names)
+        self.started_outside[:] = [False] * len(self.names)
+        self.cycles = 0
+        self.start_checked = False
+
+    def copy(self) -> LimitCounts:
+        """A snapshot."""
+        return merged([self])
+
+    def message(self, stamp: Any) -> Any:
+        """As hric_msgs/JointLimitCounts.
+
+        Args:
+            stamp: genpy.Time of the header.
+        """
+        from hric_msgs.msg import JointLimitCounts
+
+        message = JointLimitCounts(
+            joint_names=list(self.names), cycles=self.cycles, position=list(self.position), velocity=list(self.velocity),
+            effort=list(self.effort), effort_rate=list(self.effort_rate), velocity_ratio_max=self.velocity_ratio_max,
+            position_excess_max=list(self.position_excess_max), started_outside=list(self.started_outside),
+        )  # fmt: skip
+        message.header.stamp = stamp
+        return message
+
+
+def merged(parts: Iterable[LimitCounts]) -> LimitCounts:
+    """One count for several limiters of the same robot: sums, largest values; joints in order of first mention.
+
+    `cycles` is the largest of the parts, since limiters that work side by side see the same cycles.
+    """
+    counts = list(parts)
+    limits: dict[str, float] = {}
+    for part in counts:
+        for name, limit in zip(part.names, part.speed_limit, strict=True):
+            limits[name] = min(limit, limits.get(name, limit))
+    result = LimitCounts(tuple(limits), list(limits.values()))
+    place = {name: i for i, name in enumerate(result.names)}
+    for part in counts:
+        result.cycles = max(result.cycles, part.cycles)
+        result.start_checked = result.start_checked or part.start_checked
+        for source, name in enumerate(part.names):
+            _add(result, place[name], part, source)
+    return result
+
+
+def _add(into: LimitCounts, i: int, part: LimitCounts, j: int) -> None:
+    into.position[i] += part.position[j]
+    into.velocity[i] += part.velocity[j]
+    into.effort[i] += part.effort[j]
+    into.effort_rate[i] += part.effort_rate[j]
+    into.not_finite[i] += part.not_finite[j]
+    into.speed_max[i] = max(into.speed_max[i], part.speed_max[j])
+    into.position_excess_max[i] = max(into.position_excess_max[i], part.position_excess_max[j])
+    into.started_outside[i] = into.started_outside[i] or part.started_outside[j]

@@ -1,0 +1,158 @@
+"""Transmissions: what lies between an actuator and a joint, read from the robot description."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+from hric_control import urdf
+from hric_control.errors import DescriptionError
+
+INTERFACES = ("EffortJointInterface", "VelocityJointInterface", "PositionJointInterface", "JointStateInterface")
+"""Hardware interfaces that a transmission may name, with or without "hardware_interface/" in front."""
+
+
+@dataclass(frozen=True)
+class SimpleTransmission:
+    """A gear of constant ratio between one actuator and one joint.
+
+    With reduction n and offset x0: x_actuator = n (x_joint - x0), v_actuator = n v_joint, tau_actuator = tau_joint / n. A negative n turns the sense.
+
+    Attributes:
+        reduction: n = actuator turns per joint turn [1], not 0.
+        offset: joint position when the actuator reads zero [rad].
+    """
+
+    reduction: float = 1.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.reduction == 0.0:
+            raise DescriptionError("a transmission's mechanicalReduction must not be 0")
+
+    def joint_to_actuator_effort(self, effort: float) -> float:
+        """Actuator effort for a joint effort [N m]."""
+        return effort / self.reduction
+
+    def joint_to_actuator_velocity(self, velocity: float) -> float:
+        """Actuator velocity for a joint velocity [rad/s]."""
+        return velocity * self.reduction
+
+    def joint_to_actuator_position(self, position: float) -> float:
+        """Actuator position for a joint position [rad]."""
+        return (position - self.offset) * self.reduction
+
+    def actuator_to_joint_effort(self, effort: float) -> float:
+        """Joint effort for an actuator effort [N m]."""
+        return effort * self.reduction
+
+    def actuator_to_joint_velocity(self, velocity: float) -> float:
+        """Joint velocity for an actuator velocity [rad/s]."""
+        return velocity / self.reduction
+
+    def actuator_to_joint_position(self, position: float) -> float:
+        """Joint position for an actuator position [rad]."""
+        return position / self.reduction + self.offset
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """One `<transmission>` of the description.
+
+    Attributes:
+        name: its name.
+        type: short type name, "SimpleTransmission".
+        joint: joint name.
+        interfaces: hardware interfaces of the joint, short names, e.g. ("EffortJointInterface",).
+        actuator: actuator name.
+        reduction: mechanicalReduction [1].
+        offset: joint position when the actuator reads zero [rad].
+    """
+
+    name: str
+    type: str
+    joint: str
+    interfaces: tuple[str, ...]
+    actuator: str
+    reduction: float = 1.0
+    offset: float = 0.0
+
+    def mapping(self) -> SimpleTransmission:
+        """The formulas between joint and actuator."""
+        return SimpleTransmission(self.reduction, self.offset)
+
+
+def parse_transmissions(urdf_xml: str) -> list[Transmission]:
+    """All transmissions, in the order of the description.
+
+    Raises:
+        DescriptionError: another type than SimpleTransmission, an unknown interface, a joint that does not exist or has two transmissions, a reduction of 0.
+    """
+    root = urdf.parse(urdf_xml)
+    joints = set(urdf.joints(root))
+    result = [_transmission(element, joints) for element in root.findall("transmission")]
+    seen: dict[str, str] = {}
+    for one in result:
+        if one.joint in seen:
+            raise DescriptionError(f"joint {one.joint} has two transmissions: {seen[one.joint]} and {one.name}")
+        seen[one.joint] = one.name
+    return result
+
+
+def robot_sim_type(urdf_xml: str) -> str | None:
+    """The type in `<gazebo><plugin><robotSimType>`, or None: which RobotHW simulates this robot."""
+    for plugin in urdf.parse(urdf_xml).findall("gazebo/plugin"):
+        if plugin.get("name") == "gazebo_ros_control" or "gazebo_ros_control" in plugin.get("filename", ""):
+            text = (plugin.findtext("robotSimType") or "").strip()
+            if text:
+                return text
+    return None
+
+
+def _short(name: str) -> str:
+    return name.strip().replace("::", "/").rpartition("/")[2]
+
+
+def _transmission(element: ElementTree.Element, joints: set[str]) -> Transmission:
+    name = element.get("name", "")
+    where = f"transmission {name or '(without a name)'}"
+    kind = _short(element.findtext("type") or element.get("type") or "")
+    if kind != "SimpleTransmission":
+        raise DescriptionError(f"{where}: type {kind or 'missing'!r} is not known; valid: transmission_interface/SimpleTransmission")
+    joint, actuator = _only(element, "joint", where), _only(element, "actuator", where)
+    joint_name = joint.get("name", "")
+    if joint_name not in joints:
+        raise DescriptionError(f"{where}: no joint {joint_name!r}; valid: {', '.join(sorted(joints))}")
+    reduction = _number(actuator, joint, "mechanicalReduction", 1.0, where)
+    if reduction == 0.0:
+        raise DescriptionError(f"{where}: mechanicalReduction must not be 0")
+    return Transmission(
+        name, kind, joint_name, _interfaces(joint, actuator, where), actuator.get("name", ""), reduction, _number(joint, actuator, "offset", 0.0, where)
+    )
+
+
+def _only(element: ElementTree.Element, tag: str, where: str) -> ElementTree.Element:
+    found = element.findall(tag)
+    if len(found) != 1:
+        raise DescriptionError(f"{where}: a SimpleTransmission has one <{tag}>; it has {len(found)}")
+    return found[0]
+
+
+def _interfaces(joint: ElementTree.Element, actuator: ElementTree.Element, where: str) -> tuple[str, ...]:
+    # Older descriptions name the interface below the actuator.
+    elements = joint.findall("hardwareInterface") or actuator.findall("hardwareInterface")
+    names = tuple(_short(element.text or "") for element in elements)
+    for name in names:
+        if name not in INTERFACES:
+            raise DescriptionError(f"{where}: no hardware interface {name!r}; valid: {', '.join('hardware_interface/' + valid for valid in INTERFACES)}")
+    if not names:
+        raise DescriptionError(f"{where}: joint {joint.get('name')} has no <hardwareInterface>; valid: {', '.join(INTERFACES)}")
+    return tuple(dict.fromkeys(names))
+
+
+def _number(first: ElementTree.Element, second: ElementTree.Element, tag: str, default: float, where: str) -> float:
+    for element in (first, second):
+        text = element.findtext(tag)
+        if text is not None:
+            return urdf.as_number(text.strip(), f"{where}: {tag}")
+    return default
