@@ -1,0 +1,76 @@
+from types import SimpleNamespace
+
+import pytest
+from hric_control.errors import CommandError, ParameterError
+from hric_controllers.pid import Pid, PidGains
+from hric_controllers.tolerances import GoalTolerances, Tolerance, first_violation
+
+JOINTS = ["a", "b"]
+DEFAULTS = GoalTolerances((Tolerance(0.1), Tolerance(0.2)), (Tolerance(0.01, 0.05), Tolerance(0.02, 0.05)), 1.0)
+
+
+def item(name, position=0.0, velocity=0.0):
+    return SimpleNamespace(name=name, position=position, velocity=velocity, acceleration=0.0)
+
+
+def test_zero_in_a_goal_keeps_the_default_tolerance():
+    assert DEFAULTS.overridden(JOINTS, [item("a")], [], 0.0) == DEFAULTS
+
+
+def test_a_negative_tolerance_removes_the_limit():
+    changed = DEFAULTS.overridden(JOINTS, [item("b", position=-1.0)], [], -1.0)
+    assert changed.path == (Tolerance(0.1), Tolerance(0.0))
+    assert changed.goal_time == -1.0
+
+
+def test_a_positive_tolerance_replaces_the_default():
+    assert DEFAULTS.overridden(JOINTS, [], [item("a", velocity=0.5)], 3.0).goal[0] == Tolerance(0.01, 0.5)
+
+
+def test_a_tolerance_for_an_unknown_joint_is_refused_with_the_valid_names():
+    with pytest.raises(CommandError, match="goal_tolerance names c; valid: a, b"):
+        DEFAULTS.overridden(JOINTS, [], [item("c")], 0.0)
+
+
+def test_a_violation_names_the_joint_the_error_and_the_limit():
+    assert first_violation(JOINTS, DEFAULTS.path, [0.05, 0.3], [0.0, 0.0]) == "b: position error 0.3 exceeds 0.2"
+
+
+def test_a_velocity_violation_is_told_too():
+    assert first_violation(JOINTS, DEFAULTS.goal, [0.0, 0.0], [0.06, 0.0]) == "a: velocity error 0.06 exceeds 0.05"
+
+
+def test_no_limit_means_no_violation():
+    assert first_violation(JOINTS, (Tolerance(), Tolerance()), [9.0, 9.0], [9.0, 9.0]) == ""
+
+
+def test_p_and_d_act_on_error_and_its_rate():
+    assert Pid([PidGains(p=10.0, d=2.0)]).update([0.5], [-1.0], 0.001) == [3.0]
+
+
+def test_the_integral_grows_with_time_and_stops_at_the_clamp():
+    pid = Pid([PidGains(p=0.0, i=10.0, i_clamp=0.5)])
+    assert pid.update([1.0], [0.0], 0.01) == pytest.approx([0.1])
+    for _ in range(100):
+        effort = pid.update([1.0], [0.0], 0.01)
+    assert effort == pytest.approx([0.5])
+
+
+def test_the_integral_does_not_wind_up():
+    pid = Pid([PidGains(p=0.0, i=10.0, i_clamp=0.5)])
+    for _ in range(1000):
+        pid.update([1.0], [0.0], 0.01)
+    assert pid.update([-1.0], [0.0], 0.01) == pytest.approx([0.4])
+
+
+def test_a_reset_forgets_the_integral():
+    pid = Pid([PidGains(p=0.0, i=10.0, i_clamp=0.5)])
+    pid.update([1.0], [0.0], 0.01)
+    pid.reset()
+    assert pid.update([0.0], [0.0], 0.01) == [0.0]
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), "50", True])
+def test_a_gain_that_is_no_finite_number_above_zero_is_refused_by_name(value):
+    with pytest.raises(ParameterError, match="gains/a/p"):
+        PidGains(p=value).check("gains/a")
