@@ -1,0 +1,185 @@
+"""Hardware interfaces of the Franka arm: its state, its model, and Cartesian commands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar
+
+from franka_hw_interface.model import FrankaModel, FrankaModelHandle
+from franka_hw_interface.robot_state import RobotState, identity16
+from franka_hw_interface.transforms import check_transform
+from hric_control.errors import CommandError, HricError, UnknownNameError
+from hric_control.hardware_interface import HardwareInterface
+
+
+class FrankaStateHandle:
+    """The arm's state, read-only by agreement: the robot writes it in place every cycle.
+
+    Attributes:
+        name: "<arm_id>_robot".
+        robot_state: valid until the next cycle; `robot_state.snapshot()` keeps.
+    """
+
+    __slots__ = ("name", "robot_state")
+
+    def __init__(self, name: str, state: RobotState) -> None:
+        self.name, self.robot_state = name, state
+
+
+class _ArmInterface(HardwareInterface):
+    """One resource, named after the arm."""
+
+    suffix: ClassVar[str] = "robot"
+
+    def __init__(self, arm_id: str, state: RobotState) -> None:
+        super().__init__()
+        if not isinstance(arm_id, str) or not arm_id:
+            raise HricError(f"{type(self).__name__}: arm_id must be a non-empty string; got {arm_id!r}")
+        if not isinstance(state, RobotState):
+            raise HricError(f"{type(self).__name__}: state must be a RobotState; got {type(state).__name__}")
+        self.arm_id, self.state = arm_id, state
+        self.resource = f"{arm_id}_{self.suffix}"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.resource,)
+
+    def _check_name(self, name: str) -> None:
+        if name != self.resource:
+            raise UnknownNameError("handle", name, self.names, type(self).__name__)
+        self._claim([name])
+
+
+class FrankaStateInterface(_ArmInterface):
+    """Offers "<arm_id>_robot"; claims nothing."""
+
+    cpp_name = "franka_hw::FrankaStateInterface"
+
+    def handle(self, name: str) -> FrankaStateHandle:
+        """The state handle."""
+        self._check_name(name)
+        return FrankaStateHandle(name, self.state)
+
+
+class FrankaModelInterface(_ArmInterface):
+    """Offers "<arm_id>_model"; claims nothing. All who ask share one handle, and so what was computed in the tick."""
+
+    cpp_name = "franka_hw::FrankaModelInterface"
+    suffix = "model"
+
+    def __init__(self, arm_id: str, model: FrankaModel, state: RobotState) -> None:
+        super().__init__(arm_id, state)
+        if not isinstance(model, FrankaModel):
+            raise HricError(f"FrankaModelInterface: {type(model).__name__} is no FrankaModel")
+        self.model = model
+        self._handle = FrankaModelHandle(self.resource, model, state)
+
+    def handle(self, name: str) -> FrankaModelHandle:
+        """The model handle."""
+        self._check_name(name)
+        return self._handle
+
+
+def _check_elbow(elbow: Sequence[float]) -> list[float]:
+    values = [float(value) for value in elbow]
+    if len(values) != 2 or not all(map(math.isfinite, values)) or values[1] not in (-1.0, 1.0):
+        raise CommandError(f"elbow must be [position of joint 3 in rad, side of joint 4 as -1 or 1]; got {list(elbow)}")
+    return values
+
+
+class CartesianCommand:
+    """Storage of a Cartesian command, owned by the robot.
+
+    Attributes:
+        value: pose as 16 column-major floats, or twist as 6 floats (linear [m/s], angular [rad/s], base frame).
+        elbow: [position of joint 3 [rad], side of joint 4 (-1, 1)], or None: the robot's choice.
+    """
+
+    __slots__ = ("elbow", "value")
+
+    def __init__(self, value: Sequence[float]) -> None:
+        self.value, self.elbow = list(value), None  # type: list[float], list[float] | None
+
+
+class FrankaCartesianPoseHandle(FrankaStateHandle):
+    """State and pose command; asking for it claims the arm."""
+
+    __slots__ = ("_command",)
+
+    def __init__(self, name: str, state: RobotState, command: CartesianCommand) -> None:
+        super().__init__(name, state)
+        self._command = command
+
+    @property
+    def command(self) -> tuple[list[float], list[float] | None]:
+        """(O_T_EE_c, elbow) now in force."""
+        return self._command.value[:], self._command.elbow
+
+    def set_command(self, O_T_EE: Sequence[float], elbow: Sequence[float] | None = None) -> None:
+        """Command a pose of the end effector in the base frame, 16 column-major floats, with or without the elbow.
+
+        Raises:
+            CommandError: not a pose, not an elbow; the command before stays.
+        """
+        check_transform(O_T_EE, f"pose command of {self.name}")
+        checked = None if elbow is None else _check_elbow(elbow)
+        self._command.value[:], self._command.elbow = O_T_EE, checked
+
+
+class FrankaCartesianVelocityHandle(FrankaStateHandle):
+    """State and twist command; asking for it claims the arm."""
+
+    __slots__ = ("_command",)
+
+    def __init__(self, name: str, state: RobotState, command: CartesianCommand) -> None:
+        super().__init__(name, state)
+        self._command = command
+
+    @property
+    def command(self) -> tuple[list[float], list[float] | None]:
+        """(O_dP_EE_c, elbow) now in force."""
+        return self._command.value[:], self._command.elbow
+
+    def set_command(self, O_dP_EE: Sequence[float], elbow: Sequence[float] | None = None) -> None:
+        """Command a twist of the end effector in the base frame, linear [m/s] then angular [rad/s], with or without the elbow.
+
+        Raises:
+            CommandError: not six finite numbers, not an elbow; the command before stays.
+        """
+        if len(O_dP_EE) != 6 or not all(math.isfinite(value) for value in O_dP_EE):
+            raise CommandError(f"twist command of {self.name} must be six finite numbers; got {list(O_dP_EE)}")
+        checked = None if elbow is None else _check_elbow(elbow)
+        self._command.value[:], self._command.elbow = O_dP_EE, checked
+
+
+class FrankaPoseCartesianInterface(_ArmInterface):
+    """Pose commands for "<arm_id>_robot"; claims it."""
+
+    cpp_name = "franka_hw::FrankaPoseCartesianInterface"
+    claims_resources = True
+
+    def __init__(self, arm_id: str, state: RobotState) -> None:
+        super().__init__(arm_id, state)
+        self.command = CartesianCommand(identity16())
+
+    def handle(self, name: str) -> FrankaCartesianPoseHandle:
+        """The command handle; claims the arm."""
+        self._check_name(name)
+        return FrankaCartesianPoseHandle(name, self.state, self.command)
+
+
+class FrankaVelocityCartesianInterface(_ArmInterface):
+    """Twist commands for "<arm_id>_robot"; claims it."""
+
+    cpp_name = "franka_hw::FrankaVelocityCartesianInterface"
+    claims_resources = True
+
+    def __init__(self, arm_id: str, state: RobotState) -> None:
+        super().__init__(arm_id, state)
+        self.command = CartesianCommand([0.0] * 6)
+
+    def handle(self, name: str) -> FrankaCartesianVelocityHandle:
+        """The command handle; claims the arm."""
+        self._check_name(name)
+        return FrankaCartesianVelocityHandle(name, self.state, self.command)

@@ -1,0 +1,202 @@
+"""Dynamics and kinematics of any serial arm by KDL, from its URDF.
+
+PyKDL has no bridge to numpy: reading and writing its containers element by element is most of the cost, so the containers are made once
+and kept, symmetric matrices are read by their upper half, and the gravity torque has a path on plain lists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import PyKDL
+
+from franka_hw_interface.urdf_chain import ChainSegment, Inertial, SerialChain, parse_chain
+from hric_control.errors import CommandError, DescriptionError, HricError
+
+FloatArray = npt.NDArray[np.float64]
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""Standard acceleration of gravity as ROS, KDL and libfranka use it, world frame [m/s^2]."""
+
+
+def to_kdl_frame(T: FloatArray) -> PyKDL.Frame:
+    """KDL frame of a pose, shape (4, 4)."""
+    return PyKDL.Frame(PyKDL.Rotation(*T[:3, :3].ravel().tolist()), PyKDL.Vector(*T[:3, 3].tolist()))
+
+
+def _to_kdl_segment(segment: ChainSegment) -> PyKDL.Segment:
+    R, p = segment.T_parent_joint[:3, :3], segment.T_parent_joint[:3, 3]
+    motion = PyKDL.Joint.RotAxis if segment.kind == "revolute" else PyKDL.Joint.TransAxis
+    joint = PyKDL.Joint(segment.joint, PyKDL.Vector(*p.tolist()), PyKDL.Vector(*(R @ segment.axis).tolist()), motion)
+    body, I = segment.inertial, segment.inertial.inertia  # noqa: E741 - the field's symbol
+    tensor = PyKDL.RotationalInertia(*(float(I[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
+    inertia = PyKDL.RigidBodyInertia(body.mass, PyKDL.Vector(*body.com.tolist()), tensor)
+    return PyKDL.Segment(segment.link, joint, to_kdl_frame(segment.T_parent_joint), inertia)
+
+
+class _Solvers:
+    """KDL's solvers for one chain, in one object: they refer to the chain, and a change of the load replaces all of them at once."""
+
+    def __init__(self, description: SerialChain, gravity_base: FloatArray) -> None:
+        self.chain = PyKDL.Chain()
+        for segment in description.segments:
+            self.chain.addSegment(_to_kdl_segment(segment))
+        self.forward = PyKDL.ChainFkSolverPos_recursive(self.chain)
+        self.differential = PyKDL.ChainJntToJacSolver(self.chain)
+        self.dynamics = PyKDL.ChainDynParam(self.chain, PyKDL.Vector(*gravity_base.tolist()))
+        self._other: tuple[tuple[float, ...], PyKDL.ChainDynParam] | None = None
+
+    def under_gravity(self, gravity_base: Sequence[float]) -> PyKDL.ChainDynParam:
+        """Dynamics under another gravity; the last one is kept."""
+        key = tuple(float(value) for value in gravity_base)
+        if len(key) != 3 or not np.isfinite(key).all():
+            raise CommandError(f"gravity must be three finite numbers; got {list(gravity_base)}")
+        if self._other is None or self._other[0] != key:
+            self._other = key, PyKDL.ChainDynParam(self.chain, PyKDL.Vector(*key))
+        return self._other[1]
+
+
+class KdlChain:
+    """Mass matrix, Coriolis and gravity torque, poses and Jacobians of the chain between two links.
+
+    Links and branches fixed to the chain count in full (see `urdf_chain.parse_chain`); movable joints of branches count as fixed at zero.
+    One instance serves one thread: its containers are reused. `set_load` may be called from another thread; calls that run meanwhile finish
+    with the load before.
+
+    Args:
+        urdf_xml: robot description (pure URDF).
+        root, tip: link names.
+        gravity_world: gravity in the URDF's first link, 3 floats [m/s^2].
+
+    Raises:
+        DescriptionError, UnknownNameError: the URDF has no such chain.
+    """
+
+    def __init__(self, urdf_xml: str, root: str, tip: str, gravity_world: Sequence[float] = GRAVITY) -> None:
+        self.description = parse_chain(urdf_xml, root, tip)
+        T_world_root = self.description.T_world_root
+        if T_world_root is None:
+            raise DescriptionError(f"the robot description: {root} is moved by a joint, so the direction of gravity in it is not known")
+        self.joint_names = self.description.joint_names
+        self.n = len(self.joint_names)
+        self.gravity_base: FloatArray = T_world_root[:3, :3].T @ np.array(gravity_world, dtype=float)
+        """Gravity in the root frame, shape (3,) [m/s^2]."""
+        self._q, self._dq, self._tau = PyKDL.JntArray(self.n), PyKDL.JntArray(self.n), PyKDL.JntArray(self.n)
+        self.jacobian_indices = [(i, j) for i in range(6) for j in range(self.n)]
+        """Elements of a Jacobian, row by row."""
+        self._upper = [(i, j) for i in range(self.n) for j in range(i, self.n)]
+        self._upper_to_full = [self._upper.index((min(i, j), max(i, j))) for i in range(self.n) for j in range(self.n)]
+        self._mass = PyKDL.JntSpaceInertiaMatrix(self.n)
+        self._jacobian, self._frame = PyKDL.Jacobian(self.n), PyKDL.Frame()
+        self.T_last_tip = to_kdl_frame(self.description.T_last_tip)
+        """Pose of the tip in the last moving link, as a KDL frame."""
+        self._use(self.description)
+
+    def _use(self, chain: SerialChain) -> None:
+        self._solvers = _Solvers(chain, self.gravity_base)
+        self.gravity_list: Callable[[Sequence[float]], list[float]] = _gravity_function(self._solvers, self.n)
+        """q (n floats) [rad] -> gravity torque g(q), n floats [N m]: the fast path for control loops; no checks."""
+
+    def set_load(self, load: Inertial) -> None:
+        """Weld a payload to the tip (its frame), in place of the one before; `Inertial()` takes it off."""
+        self._use(self.description.with_load(load))
+
+    def _set(self, target: PyKDL.JntArray, values: Sequence[float] | FloatArray, what: str) -> PyKDL.JntArray:
+        plain = values.tolist() if isinstance(values, np.ndarray) else values
+        if len(plain) != self.n:
+            raise CommandError(f"{what} has {len(plain)} values for {self.n} joints ({', '.join(self.joint_names)})")
+        for i, value in enumerate(plain):
+            target[i] = value
+        return target
+
+    def _position(self, q: Sequence[float] | FloatArray) -> PyKDL.JntArray:
+        return self._set(self._q, q, "joint position")
+
+    def mass(self, q: Sequence[float] | FloatArray) -> FloatArray:
+        """Joint-space mass matrix M(q), shape (n, n) [kg m^2]; q: shape (n,) [rad]."""
+        kdl = self._mass
+        _done(self._solvers.dynamics.JntToMass(self._position(q), kdl), "mass matrix")
+        upper = [kdl[index] for index in self._upper]
+        return np.array([upper[k] for k in self._upper_to_full]).reshape(self.n, self.n)
+
+    def coriolis(self, q: Sequence[float] | FloatArray, dq: Sequence[float] | FloatArray) -> FloatArray:
+        """Coriolis and centrifugal torque C(q, dq) dq, a vector as in libfranka, shape (n,) [N m]; dq: shape (n,) [rad/s]."""
+        velocity = self._set(self._dq, dq, "joint velocity")
+        _done(self._solvers.dynamics.JntToCoriolis(self._position(q), velocity, self._tau), "Coriolis torque")
+        return np.array([self._tau[i] for i in range(self.n)])
+
+    def gravity(self, q: Sequence[float] | FloatArray, gravity_base: Sequence[float] | None = None) -> FloatArray:
+        """Torque g(q) that holds the arm against gravity, shape (n,) [N m]; gravity_base: other gravity in the root frame, 3 floats [m/s^2]."""
+        solvers = self._solvers
+        dynamics = solvers.dynamics if gravity_base is None else solvers.under_gravity(gravity_base)
+        _done(dynamics.JntToGravity(self._position(q), self._tau), "gravity torque")
+        return np.array([self._tau[i] for i in range(self.n)])
+
+    def pose(self, q: Sequence[float] | FloatArray) -> FloatArray:
+        """Pose of the tip in the root frame, shape (4, 4)."""
+        return from_kdl_frame(self.kdl_pose(q, self.n) * self.T_last_tip)
+
+    def kdl_pose(self, q: Sequence[float] | FloatArray, segments: int) -> PyKDL.Frame:
+        """Pose of the link behind the first `segments` joints, as a KDL frame (overwritten by the next call)."""
+        _done(self._solvers.forward.JntToCart(self._position(q), self._frame, segments), "pose")
+        return self._frame
+
+    def kdl_jacobian(self, q: Sequence[float] | FloatArray, segments: int) -> PyKDL.Jacobian:
+        """Jacobian of that link's origin in the root frame, as a KDL container (overwritten by the next call)."""
+        PyKDL.SetToZero(self._jacobian)
+        _done(self._solvers.differential.JntToJac(self._position(q), self._jacobian, segments), "Jacobian")
+        return self._jacobian
+
+    def jacobian(self, q: Sequence[float] | FloatArray) -> FloatArray:
+        """Jacobian of the tip, linear above angular velocity in the root frame, shape (6, n)."""
+        R_root_last = self.kdl_pose(q, self.n).M
+        jacobian = self.kdl_jacobian(q, self.n)
+        jacobian.changeRefPoint(R_root_last * self.T_last_tip.p)
+        return from_kdl_jacobian(jacobian, self.jacobian_indices)
+
+
+_FRAME_INDICES = tuple((i, j) for i in range(3) for j in range(4))
+_LAST_ROW = [0.0, 0.0, 0.0, 1.0]
+
+
+def from_kdl_frame(frame: PyKDL.Frame) -> FloatArray:
+    """Pose of a KDL frame, shape (4, 4)."""
+    return np.array([frame[index] for index in _FRAME_INDICES] + _LAST_ROW).reshape(4, 4)
+
+
+def from_kdl_jacobian(jacobian: PyKDL.Jacobian, indices: Sequence[tuple[int, int]]) -> FloatArray:
+    """Jacobian as an array, linear above angular, shape (6, n); indices: its elements row by row, made once."""
+    return np.array([jacobian[index] for index in indices]).reshape(6, -1)
+
+
+def _done(code: int, what: str) -> None:
+    if code != 0:
+        raise HricError(f"KDL could not compute the {what}: error {code}")
+
+
+def _gravity_function(solvers: _Solvers, n: int) -> Callable[[Sequence[float]], list[float]]:
+    """Gravity torque on plain lists; it holds its own solvers, so that a later change of the load does not touch a call that runs."""
+    position, torque = PyKDL.JntArray(n), PyKDL.JntArray(n)
+    put, take, compute = position.__setitem__, torque.__getitem__, solvers.dynamics.JntToGravity
+
+    def gravity(q: Sequence[float], _keep: _Solvers = solvers) -> list[float]:
+        for i in range(n):
+            put(i, q[i])
+        compute(position, torque)
+        return [take(i) for i in range(n)]
+
+    def gravity7(q: Sequence[float], _keep: _Solvers = solvers) -> list[float]:
+        # Unrolled: on seven joints the loops cost a third of KDL's own work.
+        put(0, q[0])
+        put(1, q[1])
+        put(2, q[2])
+        put(3, q[3])
+        put(4, q[4])
+        put(5, q[5])
+        put(6, q[6])
+        compute(position, torque)
+        return [take(0), take(1), take(2), take(3), take(4), take(5), take(6)]
+
+    return gravity7 if n == 7 else gravity

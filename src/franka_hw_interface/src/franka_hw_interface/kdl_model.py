@@ -1,0 +1,156 @@
+"""The Franka model by KDL from the URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import PyKDL
+
+from franka_hw_interface.kdl_chain import GRAVITY, KdlChain, from_kdl_frame, from_kdl_jacobian, to_kdl_frame
+from franka_hw_interface.model import Frame, Vector
+from franka_hw_interface.transforms import check_load, check_transform, column_major
+from franka_hw_interface.urdf_chain import Inertial, parse_chain
+from hric_control.errors import DescriptionError, UnknownNameError
+
+FloatArray = npt.NDArray[np.float64]
+
+JOINTS = 7
+_JOINT_FRAMES = {Frame(f"joint{i}"): i for i in range(1, JOINTS + 1)}
+
+
+class KdlFrankaModel:
+    """A `FrankaModel` whose kinematics, masses and mounting are those of the URDF.
+
+    The hand: libfranka learns the end effector's mass from the robot's own settings; here all that the URDF fixes to `<arm_id>_link8` is part of
+    the model from the start and is told back as `ee_inertial`. The payload of `set_load` comes on top of it. The nominal end effector F_T_NE
+    is the pose of `<arm_id>_hand_tcp` if the URDF has that link, else the flange; F_T_EE starts there.
+
+    Gravity points along `gravity_world` in the URDF's first link, so a tilted mounting turns it in the base frame.
+
+    One instance serves one thread; the setters may be called from another.
+
+    Args:
+        urdf_xml: robot description (pure URDF).
+        arm_id: prefix of the links.
+        root: base link; `<arm_id>_link0` by default.
+        gravity_world: 3 floats [m/s^2].
+
+    Raises:
+        DescriptionError, UnknownNameError: the URDF does not hold such an arm.
+    """
+
+    def __init__(self, urdf_xml: str, arm_id: str, root: str | None = None, gravity_world: Sequence[float] = GRAVITY) -> None:
+        base, flange, tcp = root or f"{arm_id}_link0", f"{arm_id}_link8", f"{arm_id}_hand_tcp"
+        self.chain = KdlChain(urdf_xml, base, flange, gravity_world)
+        if self.chain.n != JOINTS:
+            raise DescriptionError(f"the robot description: {self.chain.n} moving joints between {base} and {flange}; a Franka arm has {JOINTS}")
+        self.arm_id, self.joint_names = arm_id, self.chain.joint_names
+        self.revision = 0
+        self.ee_inertial = self.chain.description.tip_inertial
+        """What the URDF fixes to the flange, in the flange frame."""
+        self.load = Inertial()
+        """The payload told, in the flange frame."""
+        self.F_T_NE = _tip_pose(urdf_xml, base, flange, tcp)
+        """Nominal end effector in the flange frame, shape (4, 4)."""
+        self.F_T_EE, self.EE_T_K = self.F_T_NE.copy(), np.eye(4)
+        self.gravity_list: Callable[[Sequence[float]], list[float]] = self.chain.gravity_list
+        self._place_frames()
+
+    def _place_frames(self) -> None:
+        flange = self.chain.T_last_tip
+        end_effector = flange * to_kdl_frame(self.F_T_EE)
+        offsets = {Frame.FLANGE: flange, Frame.END_EFFECTOR: end_effector, Frame.STIFFNESS: end_effector * to_kdl_frame(self.EE_T_K)}
+        self._frames: dict[Frame, tuple[int, PyKDL.Frame | None]] = {
+            **{frame: (i, None) for frame, i in _JOINT_FRAMES.items()},
+            **{frame: (JOINTS, offset) for frame, offset in offsets.items()},
+        }
+        self.revision += 1
+
+    @property
+    def gravity_base(self) -> FloatArray:
+        """Gravity in the base frame, shape (3,) [m/s^2]."""
+        return self.chain.gravity_base
+
+    @property
+    def total_inertial(self) -> Inertial:
+        """End effector and payload together, in the flange frame."""
+        return self.ee_inertial + self.load
+
+    def set_load(self, mass: float, com: Vector, inertia: Vector) -> None:
+        """Tell the payload.
+
+        Args:
+            mass: [kg].
+            com: F_x_Cload, centre of mass in the flange frame, shape (3,) [m].
+            inertia: I_load, about the centre of mass, axes of the flange frame, 9 values [kg m^2].
+
+        Raises:
+            CommandError: not a payload; the one before stays.
+        """
+        load = check_load(mass, com, inertia)
+        self.chain.set_load(load)
+        self.load, self.gravity_list = load, self.chain.gravity_list
+        self.revision += 1
+
+    def set_ee(self, F_T_EE: FloatArray) -> None:
+        """Place the end effector in the flange frame, shape (4, 4). Raises CommandError if it is not a pose."""
+        self.F_T_EE = check_transform(column_major(np.asarray(F_T_EE)), "F_T_EE")
+        self._place_frames()
+
+    def set_stiffness_frame(self, EE_T_K: FloatArray) -> None:
+        """Place the stiffness frame in the end-effector frame, shape (4, 4). Raises CommandError if it is not a pose."""
+        self.EE_T_K = check_transform(column_major(np.asarray(EE_T_K)), "EE_T_K")
+        self._place_frames()
+
+    def mass(self, q: Vector) -> FloatArray:
+        """Mass matrix without rotor inertia, shape (7, 7) [kg m^2]; q: shape (7,) [rad]."""
+        return self.chain.mass(q)
+
+    def coriolis(self, q: Vector, dq: Vector) -> FloatArray:
+        """The vector C(q, dq) dq, shape (7,) [N m]; dq: shape (7,) [rad/s]."""
+        return self.chain.coriolis(q, dq)
+
+    def gravity(self, q: Vector, gravity_base: Sequence[float] | None = None) -> FloatArray:
+        """Torque against gravity, shape (7,) [N m]; gravity_base: other gravity in the base frame, 3 floats [m/s^2]."""
+        return self.chain.gravity(q, gravity_base)
+
+    def _frame(self, frame: Frame) -> tuple[int, PyKDL.Frame | None]:
+        if frame not in self._frames:
+            raise UnknownNameError("frame", frame, [f"Frame.{item.name}" for item in Frame], "KdlFrankaModel")
+        return self._frames[frame]
+
+    def _kdl_pose(self, frame: Frame, q: Vector) -> PyKDL.Frame:
+        segments, offset = self._frame(frame)
+        pose = self.chain.kdl_pose(q, segments)
+        return pose if offset is None else pose * offset
+
+    def pose(self, frame: Frame, q: Vector) -> FloatArray:
+        """T_base_frame, shape (4, 4)."""
+        return from_kdl_frame(self._kdl_pose(frame, q))
+
+    def _kdl_jacobian(self, frame: Frame, q: Vector) -> PyKDL.Jacobian:
+        segments, offset = self._frame(frame)
+        jacobian = self.chain.kdl_jacobian(q, segments)
+        if offset is not None:
+            jacobian.changeRefPoint(self.chain.kdl_pose(q, segments).M * offset.p)
+        return jacobian
+
+    def zero_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
+        """Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
+        return from_kdl_jacobian(self._kdl_jacobian(frame, q), self.chain.jacobian_indices)
+
+    def body_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
+        """The same in the frame itself, shape (6, 7)."""
+        jacobian = self._kdl_jacobian(frame, q)
+        jacobian.changeBase(self._kdl_pose(frame, q).M.Inverse())
+        return from_kdl_jacobian(jacobian, self.chain.jacobian_indices)
+
+
+def _tip_pose(urdf_xml: str, base: str, flange: str, tcp: str) -> FloatArray:
+    """Pose of the link `tcp` in the flange frame, shape (4, 4); the identity if the URDF has no such link."""
+    if f'"{tcp}"' not in urdf_xml and f"'{tcp}'" not in urdf_xml:
+        return np.eye(4)
+    T_last_flange = parse_chain(urdf_xml, base, flange).T_last_tip
+    return np.linalg.inv(T_last_flange) @ parse_chain(urdf_xml, base, tcp).T_last_tip

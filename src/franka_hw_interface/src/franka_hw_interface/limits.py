@@ -1,0 +1,64 @@
+"""Franka's joint and Cartesian limits as vectors, read from panda_description, where each number stands with its source."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import panda_description
+from panda_description import CartesianLimit
+
+EPSILON = 1e-3
+"""libfranka works with every rate limit less this much (rate_limiting.h)."""
+LOST_PACKETS_TIME = 3e-3
+"""libfranka lowers velocity limits by what three lost packets of 1 ms may add at the acceleration limit [s]."""
+
+Vector = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class FrankaLimits:
+    """Limits of the arm.
+
+    Attributes:
+        lower, upper: position range, 7 floats [rad].
+        velocity, acceleration, jerk: 7 floats [rad/s], [rad/s^2], [rad/s^3].
+        effort, effort_rate: 7 floats [N m], [N m/s].
+        translation, rotation, elbow: velocity, acceleration and jerk of the end effector and of the elbow.
+    """
+
+    lower: Vector
+    upper: Vector
+    velocity: Vector
+    acceleration: Vector
+    jerk: Vector
+    effort: Vector
+    effort_rate: Vector
+    translation: CartesianLimit
+    rotation: CartesianLimit
+    elbow: CartesianLimit
+
+    def with_margins(self) -> FrankaLimits:
+        """The limits with libfranka's margins, which a command must respect to pass its rate limiter unchanged."""
+        lowered = {name: tuple(value - EPSILON for value in getattr(self, name)) for name in ("acceleration", "jerk", "effort_rate")}
+        velocity = tuple(v - EPSILON - LOST_PACKETS_TIME * a for v, a in zip(self.velocity, self.acceleration, strict=True))
+        return replace(
+            self,
+            velocity=velocity,
+            translation=_with_margins(self.translation),
+            rotation=_with_margins(self.rotation),
+            elbow=_with_margins(self.elbow),
+            **lowered,
+        )
+
+
+def _with_margins(limit: CartesianLimit) -> CartesianLimit:
+    velocity = limit.velocity - EPSILON - LOST_PACKETS_TIME * limit.acceleration
+    return CartesianLimit(velocity, limit.acceleration - EPSILON, limit.jerk - EPSILON)
+
+
+def franka_limits() -> FrankaLimits:
+    """The Panda's limits."""
+    joints = list(panda_description.joint_limits().values())
+    names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
+    vectors = {name: tuple(float(getattr(joint, name)) for joint in joints) for name in names}
+    return FrankaLimits(**vectors, **panda_description.cartesian_limits())

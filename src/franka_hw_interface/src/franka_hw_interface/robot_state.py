@@ -1,0 +1,203 @@
+"""State of the Franka arm, field by field as libfranka and franka_msgs/FrankaState name them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, fields
+from enum import IntEnum
+from typing import Any
+
+from hric_control.errors import UnknownNameError
+
+ERROR_NAMES: tuple[str, ...] = (
+    "joint_position_limits_violation",
+    "cartesian_position_limits_violation",
+    "self_collision_avoidance_violation",
+    "joint_velocity_violation",
+    "cartesian_velocity_violation",
+    "force_control_safety_violation",
+    "joint_reflex",
+    "cartesian_reflex",
+    "max_goal_pose_deviation_violation",
+    "max_path_pose_deviation_violation",
+    "cartesian_velocity_profile_safety_violation",
+    "joint_position_motion_generator_start_pose_invalid",
+    "joint_motion_generator_position_limits_violation",
+    "joint_motion_generator_velocity_limits_violation",
+    "joint_motion_generator_velocity_discontinuity",
+    "joint_motion_generator_acceleration_discontinuity",
+    "cartesian_position_motion_generator_start_pose_invalid",
+    "cartesian_motion_generator_elbow_limit_violation",
+    "cartesian_motion_generator_velocity_limits_violation",
+    "cartesian_motion_generator_velocity_discontinuity",
+    "cartesian_motion_generator_acceleration_discontinuity",
+    "cartesian_motion_generator_elbow_sign_inconsistent",
+    "cartesian_motion_generator_start_elbow_invalid",
+    "cartesian_motion_generator_joint_position_limits_violation",
+    "cartesian_motion_generator_joint_velocity_limits_violation",
+    "cartesian_motion_generator_joint_velocity_discontinuity",
+    "cartesian_motion_generator_joint_acceleration_discontinuity",
+    "cartesian_position_motion_generator_invalid_frame",
+    "force_controller_desired_force_tolerance_violation",
+    "controller_torque_discontinuity",
+    "start_elbow_sign_inconsistent",
+    "communication_constraints_violation",
+    "power_limit_violation",
+    "joint_p2p_insufficient_torque_for_planning",
+    "tau_j_range_violation",
+    "instability_detected",
+    "joint_move_in_wrong_direction",
+    "cartesian_spline_motion_generator_violation",
+    "joint_via_motion_generator_planning_joint_limit_violation",
+    "base_acceleration_initialization_timeout",
+    "base_acceleration_invalid_reading",
+)
+"""The 41 error flags, in the order of franka_msgs/Errors."""
+
+Errors = frozenset[str]
+"""The errors that are set, by libfranka's names."""
+
+NO_ERRORS: Errors = frozenset()
+
+
+def errors(names: Iterable[str]) -> Errors:
+    """A set of errors; a name that libfranka does not have is refused."""
+    result = frozenset(names)
+    for name in sorted(result):
+        if name not in ERROR_NAMES:
+            raise UnknownNameError("error", name, ERROR_NAMES, "franka_msgs/Errors")
+    return result
+
+
+class RobotMode(IntEnum):
+    """What the arm is doing; values of franka_msgs/FrankaState."""
+
+    OTHER = 0
+    IDLE = 1
+    MOVE = 2
+    GUIDING = 3
+    REFLEX = 4
+    USER_STOPPED = 5
+    AUTOMATIC_ERROR_RECOVERY = 6
+
+
+def _zeros(n: int) -> Any:
+    return field(default_factory=lambda: [0.0] * n)
+
+
+def identity16() -> list[float]:
+    """Column-major identity transform, 16 floats."""
+    return [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+
+
+def _identity() -> Any:
+    return field(default_factory=identity16)
+
+
+@dataclass(slots=True)
+class RobotState:
+    """One state of the arm, owned and written in place by the robot; lists of plain floats, transforms column-major.
+
+    Frames: O base (`<arm_id>_link0`), F flange (`<arm_id>_link8`), NE nominal end effector, EE end effector, K stiffness frame.
+    `_d` desired, `_c` commanded, `_hat` estimated. Units: m, rad, N, N m, kg, kg m^2, s.
+
+    Whoever keeps a state beyond its cycle, or hands it to another thread, takes a `snapshot()`.
+
+    Attributes:
+        q, dq: measured joint position [rad] and velocity [rad/s]; q_d, dq_d, ddq_d: desired.
+        theta, dtheta: motor side.
+        tau_J: measured link-side torque, gravity included; tau_J_d: desired, without gravity; dtau_J: derivative of tau_J [N m/s].
+        tau_ext_hat_filtered: external torque; O_F_ext_hat_K, K_F_ext_hat_K: external wrench on K in the base and in the stiffness frame.
+        joint_contact, joint_collision, cartesian_contact, cartesian_collision: 0, or the level reached.
+        O_T_EE: measured pose; O_T_EE_d, O_T_EE_c, O_dP_EE_d, O_dP_EE_c, O_ddP_EE_c: desired and commanded pose, twist, acceleration.
+        elbow: position of joint 3 [rad] and side of joint 4 (-1 or +1).
+        m_ee, F_x_Cee, I_ee: what is mounted at the flange; m_load, F_x_Cload, I_load: payload the robot was told; _total: both. Inertia about the
+            centre of mass, axes of the flange frame, column-major.
+        O_ddP_O: gravity in the base frame [m/s^2].
+        time: run time [s].
+        tick: counts the readings of the robot; what is computed from the state is valid for one tick. Not part of the message.
+    """
+
+    cartesian_collision: list[float] = _zeros(6)
+    cartesian_contact: list[float] = _zeros(6)
+    q: list[float] = _zeros(7)
+    q_d: list[float] = _zeros(7)
+    dq: list[float] = _zeros(7)
+    dq_d: list[float] = _zeros(7)
+    ddq_d: list[float] = _zeros(7)
+    theta: list[float] = _zeros(7)
+    dtheta: list[float] = _zeros(7)
+    tau_J: list[float] = _zeros(7)
+    dtau_J: list[float] = _zeros(7)
+    tau_J_d: list[float] = _zeros(7)
+    K_F_ext_hat_K: list[float] = _zeros(6)
+    elbow: list[float] = _zeros(2)
+    elbow_d: list[float] = _zeros(2)
+    elbow_c: list[float] = _zeros(2)
+    delbow_c: list[float] = _zeros(2)
+    ddelbow_c: list[float] = _zeros(2)
+    joint_collision: list[float] = _zeros(7)
+    joint_contact: list[float] = _zeros(7)
+    O_F_ext_hat_K: list[float] = _zeros(6)
+    O_dP_EE_d: list[float] = _zeros(6)
+    O_ddP_O: list[float] = _zeros(3)
+    O_dP_EE_c: list[float] = _zeros(6)
+    O_ddP_EE_c: list[float] = _zeros(6)
+    tau_ext_hat_filtered: list[float] = _zeros(7)
+    m_ee: float = 0.0
+    F_x_Cee: list[float] = _zeros(3)
+    I_ee: list[float] = _zeros(9)
+    m_load: float = 0.0
+    F_x_Cload: list[float] = _zeros(3)
+    I_load: list[float] = _zeros(9)
+    m_total: float = 0.0
+    F_x_Ctotal: list[float] = _zeros(3)
+    I_total: list[float] = _zeros(9)
+    O_T_EE: list[float] = _identity()
+    O_T_EE_d: list[float] = _identity()
+    O_T_EE_c: list[float] = _identity()
+    F_T_EE: list[float] = _identity()
+    F_T_NE: list[float] = _identity()
+    NE_T_EE: list[float] = _identity()
+    EE_T_K: list[float] = _identity()
+    time: float = 0.0
+    control_command_success_rate: float = 0.0
+    robot_mode: RobotMode = RobotMode.OTHER
+    current_errors: Errors = NO_ERRORS
+    last_motion_errors: Errors = NO_ERRORS
+    tick: int = 0
+
+    def snapshot(self) -> RobotState:
+        """A copy that later cycles do not change; fields computed on demand are computed now."""
+        values = {name: getattr(self, name) for name in FIELD_NAMES}
+        return RobotState(tick=self.tick, **{name: value[:] if isinstance(value, list) else value for name, value in values.items()})
+
+
+FIELD_NAMES: tuple[str, ...] = tuple(item.name for item in fields(RobotState) if item.name != "tick")
+"""The fields that franka_msgs/FrankaState carries, header aside."""
+
+
+def lazy_field(name: str, compute: Callable[[Any], Any]) -> Any:
+    """A field of a subclass of RobotState that is computed when it is read, at most once per tick.
+
+    Args:
+        name: field of RobotState.
+        compute: called with the state; returns the value.
+
+    The subclass needs an attribute `computed_at: dict[str, int]`, set before RobotState's own construction.
+    """
+    if name not in FIELD_NAMES:
+        raise UnknownNameError("field", name, FIELD_NAMES, "RobotState")
+    slot = RobotState.__dict__[name]
+
+    def get(state: Any) -> Any:
+        if state.computed_at.get(name) != state.tick:
+            slot.__set__(state, compute(state))
+            state.computed_at[name] = state.tick
+        return slot.__get__(state)
+
+    def set_(state: Any, value: Any) -> None:
+        slot.__set__(state, value)
+        state.computed_at[name] = state.tick
+
+    return property(get, set_, doc=f"{name}, computed when read")

@@ -1,0 +1,70 @@
+"""Column-major transforms and payloads as they stand in messages: checked and converted at the border."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from franka_hw_interface.urdf_chain import Inertial
+from hric_control.errors import CommandError
+
+FloatArray = npt.NDArray[np.float64]
+
+ORTHONORMAL_TOLERANCE = 1e-5
+"""How far a rotation matrix may be from orthonormal, as libfranka allows it."""
+
+
+def column_major(matrix: FloatArray) -> list[float]:
+    """Elements of a matrix column by column, as libfranka and franka_msgs order them."""
+    return matrix.T.ravel().tolist()  # type: ignore[no-any-return]
+
+
+def _finite(values: Sequence[float] | FloatArray, n: int, what: str) -> FloatArray:
+    result = np.asarray(values, dtype=float).reshape(-1)
+    if result.size != n:
+        raise CommandError(f"{what} has {result.size} values; it needs {n}")
+    if not np.isfinite(result).all():
+        raise CommandError(f"{what} is not finite: {result.tolist()}")
+    return result
+
+
+def check_transform(values: Sequence[float], what: str) -> FloatArray:
+    """Pose, shape (4, 4), from 16 column-major values.
+
+    Raises:
+        CommandError: wrong length, not finite, or not a rotation with the last row 0 0 0 1.
+    """
+    T = _finite(values, 16, what).reshape(4, 4).T
+    if np.abs(T[3] - (0.0, 0.0, 0.0, 1.0)).max() > ORTHONORMAL_TOLERANCE:
+        raise CommandError(f"{what}: the last row must be 0 0 0 1 (elements 4, 8, 12, 16 of 16 column-major ones); got {T[3].tolist()}")
+    R = T[:3, :3]
+    error = float(np.abs(R.T @ R - np.eye(3)).max())
+    if error > ORTHONORMAL_TOLERANCE or np.linalg.det(R) < 0.0:
+        raise CommandError(f"{what}: its rotation is not orthonormal and right-handed (error {error:.1e}, determinant {np.linalg.det(R):.3f})")
+    return np.ascontiguousarray(T)
+
+
+def check_load(mass: float, com: Sequence[float] | FloatArray, inertia: Sequence[float] | FloatArray) -> Inertial:
+    """A payload.
+
+    Args:
+        mass: not negative [kg].
+        com: centre of mass in the flange frame, 3 values [m].
+        inertia: about the centre of mass, 9 values or shape (3, 3), symmetric without negative principal moments [kg m^2].
+
+    Raises:
+        CommandError: one of these does not hold.
+    """
+    m = float(_finite([mass], 1, "load mass")[0])
+    if m < 0.0:
+        raise CommandError(f"load mass must not be negative; got {m} kg")
+    tensor = _finite(inertia, 9, "load inertia").reshape(3, 3)
+    scale = max(float(np.abs(tensor).max()), 1e-12)
+    if np.abs(tensor - tensor.T).max() > 1e-9 * scale:
+        raise CommandError(f"load inertia is not symmetric: {tensor.tolist()}")
+    principal = np.linalg.eigvalsh(tensor)
+    if principal[0] < -1e-9 * scale:
+        raise CommandError(f"load inertia has a negative principal moment: {principal.tolist()} kg m^2")
+    return Inertial(m, _finite(com, 3, "load centre of mass"), tensor)

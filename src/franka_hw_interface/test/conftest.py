@@ -1,0 +1,133 @@
+"""Cases and implementations of the model suite: a further implementation of FrankaModel joins by one entry in IMPLEMENTATIONS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import panda_description
+import pinocchio as pin
+import pytest
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.model import Frame, FrankaModel
+from franka_hw_interface.transforms import FloatArray
+from franka_hw_interface.urdf_chain import rotation_from_rpy
+
+
+def pose(rpy: tuple[float, float, float], xyz: tuple[float, float, float]) -> FloatArray:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation_from_rpy(*rpy), xyz
+    return T
+
+
+@dataclass(frozen=True)
+class Case:
+    """What the model describes: the mounting and the hand of the URDF, and the payload and frames that it is told."""
+
+    name: str
+    hand: bool = True
+    rpy: str = "0 0 0"
+    fingers: str = "fixed"
+    load: tuple[float, tuple[float, float, float], FloatArray] | None = None
+    F_T_EE: FloatArray | None = None
+    EE_T_K: FloatArray | None = None
+    arm_id: str = "panda"
+
+    def urdf(self) -> str:
+        return panda_description.load(
+            arm_id=self.arm_id, hand=self.hand, rpy=self.rpy, xyz="0.1 -0.2 0.3", fingers=self.fingers, meshes=False, collision=False
+        )
+
+
+PAYLOAD = (2.3, (0.03, -0.05, 0.12), np.array([[0.012, 0.001, -0.002], [0.001, 0.016, 0.0007], [-0.002, 0.0007, 0.009]]))
+CASES = [
+    Case("bare", hand=False),
+    Case("hand"),
+    Case("movable fingers, tilted", rpy="0.4 -0.7 1.2", fingers="prismatic"),
+    Case(
+        "payload and own frames, tilted, another arm_id", rpy="-1.1 0.3 0.2", load=PAYLOAD, arm_id="left",
+        F_T_EE=pose((0.3, -0.4, 0.5), (0.01, 0.02, 0.2)), EE_T_K=pose((-0.2, 0.1, 0.9), (0.05, -0.03, 0.04)),
+    ),
+]  # fmt: skip
+
+IMPLEMENTATIONS: dict[str, Callable[[Case], FrankaModel]] = {
+    "kdl": lambda case: KdlFrankaModel(case.urdf(), case.arm_id),
+}
+
+
+class Oracle:
+    """The same quantities by a second rigid-body library."""
+
+    def __init__(self, case: Case) -> None:
+        full = pin.buildModelFromXML(case.urdf())
+        fingers = [full.getJointId(name) for name in full.names if "finger" in name]
+        self.model = pin.buildReducedModel(full, fingers, np.zeros(full.nq)) if fingers else full
+        arm, joint = case.arm_id, self.model.getJointId(f"{case.arm_id}_joint7")
+        flange = self.model.frames[self.model.getFrameId(f"{arm}_link8")].placement
+        if case.load is not None:
+            mass, com, inertia = case.load
+            self.model.appendBodyToJoint(joint, pin.Inertia(mass, np.array(com), inertia), flange)
+        F_T_EE = case.F_T_EE if case.F_T_EE is not None else pose((0, 0, -np.pi / 4), (0, 0, 0.1034)) if case.hand else np.eye(4)
+        EE_T_K = np.eye(4) if case.EE_T_K is None else case.EE_T_K
+        for name, T in (("EE", F_T_EE), ("K", F_T_EE @ EE_T_K)):
+            self.model.addFrame(pin.Frame(name, joint, flange * pin.SE3(T), pin.FrameType.OP_FRAME))
+        self.data = self.model.createData()
+        pin.framesForwardKinematics(self.model, self.data, np.zeros(7))
+        self.world_base = self.data.oMf[self.model.getFrameId(f"{arm}_link0")].copy()
+        names = {f"joint{i}": f"{arm}_link{i}" for i in range(1, 8)} | {"flange": f"{arm}_link8", "end_effector": "EE", "stiffness": "K"}
+        self.ids = {frame: self.model.getFrameId(names[frame.value]) for frame in Frame}
+
+    def dynamics(self, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """M, C dq, g."""
+        M = np.triu(pin.crba(self.model, self.data, q))
+        g = pin.computeGeneralizedGravity(self.model, self.data, q)
+        return M + np.triu(M, 1).T, pin.nonLinearEffects(self.model, self.data, q, dq) - g, g.copy()
+
+    def kinematics(self, q: FloatArray) -> dict[Frame, tuple[FloatArray, FloatArray, FloatArray]]:
+        """Pose, Jacobian in the base frame, Jacobian in the frame itself."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+        turn = np.kron(np.eye(2), self.world_base.rotation.T)
+        found = {}
+        for frame, i in self.ids.items():
+            zero = turn @ pin.getFrameJacobian(self.model, self.data, i, pin.LOCAL_WORLD_ALIGNED)
+            body = pin.getFrameJacobian(self.model, self.data, i, pin.LOCAL)
+            found[frame] = (self.world_base.inverse() * self.data.oMf[i]).homogeneous, zero, body
+        return found
+
+
+def random_states(n: int, seed: int = 7) -> tuple[FloatArray, FloatArray]:
+    """Legal joint positions and velocities, each shape (n, 7)."""
+    limits, rng = list(panda_description.joint_limits().values()), np.random.default_rng(seed)
+    q = rng.uniform([joint.lower for joint in limits], [joint.upper for joint in limits], (n, 7))
+    speed = np.array([joint.velocity for joint in limits])
+    return q, rng.uniform(-speed, speed, (n, 7))
+
+
+@pytest.fixture(params=CASES, ids=lambda case: case.name)
+def case(request: pytest.FixtureRequest) -> Case:
+    return request.param
+
+
+@pytest.fixture(params=sorted(IMPLEMENTATIONS))
+def model(request: pytest.FixtureRequest, case: Case) -> FrankaModel:
+    """A model told all that the case says."""
+    built = IMPLEMENTATIONS[request.param](case)
+    if case.load is not None:
+        built.set_load(*case.load)
+    if case.F_T_EE is not None:
+        built.set_ee(case.F_T_EE)
+    if case.EE_T_K is not None:
+        built.set_stiffness_frame(case.EE_T_K)
+    return built
+
+
+@pytest.fixture
+def oracle(case: Case) -> Oracle:
+    return Oracle(case)
+
+
+@pytest.fixture
+def states() -> Callable[[int], tuple[FloatArray, FloatArray]]:
+    return random_states

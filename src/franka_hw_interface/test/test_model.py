@@ -1,0 +1,86 @@
+"""One suite for every implementation of FrankaModel, against a second rigid-body library. The cases and implementations stand in conftest.py."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from franka_hw_interface.model import Frame
+from hric_control.errors import CommandError
+
+TOLERANCE = 1e-9
+STATES = 1000
+
+
+def test_mass_coriolis_and_gravity_equal_the_second_library_over_1000_states(model, oracle, states) -> None:
+    worst = np.zeros(4)
+    for q, dq in zip(*states(STATES), strict=True):
+        M, c, g = oracle.dynamics(q, dq)
+        found = (model.mass(q) - M, model.coriolis(q, dq) - c, model.gravity(q) - g, np.array(model.gravity_list(q.tolist())) - g)
+        worst = np.maximum(worst, [np.abs(difference).max() for difference in found])
+    assert (worst < TOLERANCE).all(), f"mass, Coriolis, gravity, gravity_list differ by {worst}"
+
+
+def test_poses_and_both_jacobians_of_all_frames_equal_the_second_library_over_1000_states(model, oracle, states) -> None:
+    worst = dict.fromkeys(Frame, np.zeros(3))
+    for q in states(STATES)[0]:
+        for frame, (T, zero, body) in oracle.kinematics(q).items():
+            found = (model.pose(frame, q) - T, model.zero_jacobian(frame, q) - zero, model.body_jacobian(frame, q) - body)
+            worst[frame] = np.maximum(worst[frame], [np.abs(difference).max() for difference in found])
+    assert (np.array(list(worst.values())) < TOLERANCE).all(), f"pose, zero and body Jacobian differ by {worst}"
+
+
+def test_gravity_takes_another_gravity_vector_in_the_base_frame(model, oracle, states) -> None:
+    q, other = states(1)[0][0], np.array([1.0, -2.0, 3.0])
+    oracle.model.gravity.linear = oracle.world_base.rotation @ other
+    g = oracle.dynamics(q, np.zeros(7))[2]
+    assert np.abs(model.gravity(q, other) - g).max() < TOLERANCE
+    assert np.abs(model.gravity(q, other.tolist()) - g).max() < TOLERANCE
+    assert np.abs(model.gravity(q) - g).max() > 1e-3
+
+
+def test_a_load_replaces_the_one_before_and_zero_takes_it_off(model, states) -> None:
+    q = states(1)[0][0]
+    model.set_load(0.0, [0, 0, 0], [0] * 9)
+    without, revision = model.mass(q), model.revision
+    model.set_load(3.0, [0, 0, 0.1], np.eye(3) * 0.01)
+    assert model.revision > revision
+    heavier = model.mass(q)
+    model.set_load(3.0, [0, 0, 0.1], np.eye(3) * 0.01)
+    assert np.array_equal(model.mass(q), heavier)
+    assert (np.linalg.eigvalsh(heavier - without) > -1e-12).all()
+    model.set_load(0.0, [0, 0, 0], [0] * 9)
+    assert np.array_equal(model.mass(q), without)
+
+
+@pytest.mark.parametrize(
+    ("mass", "com", "inertia", "said"),
+    [
+        (-1.0, [0, 0, 0], [0] * 9, "negative"),
+        (float("nan"), [0, 0, 0], [0] * 9, "not finite"),
+        (1.0, [0, 0], [0] * 9, "2 values; it needs 3"),
+        (1.0, [0, 0, float("inf")], [0] * 9, "not finite"),
+        (1.0, [0, 0, 0], [0, 1, 0, 0, 0, 0, 0, 0, 0], "not symmetric"),
+        (1.0, [0, 0, 0], [-1, 0, 0, 0, 1, 0, 0, 0, 1], "negative principal moment"),
+    ],
+)
+def test_what_is_no_payload_is_refused_and_the_one_before_stays(model, states, mass, com, inertia, said) -> None:
+    q = states(1)[0][0]
+    before = model.gravity(q)
+    with pytest.raises(CommandError, match=said):
+        model.set_load(mass, com, inertia)
+    assert np.array_equal(model.gravity(q), before)
+
+
+def test_frames_that_are_no_poses_are_refused_and_those_before_stay(model, states) -> None:
+    q, mirror = states(1)[0][0], np.diag([1.0, 1.0, -1.0, 1.0])
+    before = model.pose(Frame.STIFFNESS, q)
+    with pytest.raises(CommandError, match="right-handed"):
+        model.set_ee(mirror)
+    with pytest.raises(CommandError, match="EE_T_K"):
+        model.set_stiffness_frame(np.eye(4) * np.nan)
+    assert np.array_equal(model.pose(Frame.STIFFNESS, q), before)
+
+
+def test_a_state_of_the_wrong_length_is_refused(model) -> None:
+    with pytest.raises(CommandError, match="6 values for 7 joints"):
+        model.mass([0.0] * 6)
