@@ -1,0 +1,45 @@
+"""For all tests of the workspace: helpers beside tests can be imported, and the last line says how many of which kind ran."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent
+# A helper file beside the tests of a package is imported by its name, which must be unique in the workspace.
+sys.path[:0] = [str(folder) for folder in sorted([*ROOT.glob("src/*/test"), ROOT / "tests" / "integration"]) if str(folder) not in sys.path]
+
+
+def kind(item: pytest.Item) -> str:
+    """What a test counts as in the closing line."""
+    if item.get_closest_marker("rostest"):
+        return "rostest"
+    if "benchmarks" in item.path.parts:
+        return "benchmark"
+    return "integration" if "integration" in item.path.parts else "unit"
+
+
+class Tally:
+    """Counts the tests that really ran, by kind."""
+
+    def __init__(self) -> None:
+        self.kinds: dict[str, str] = {}
+        self.ran: Counter[str] = Counter()
+
+    def pytest_collection_finish(self, session: pytest.Session) -> None:
+        self.kinds = {item.nodeid: kind(item) for item in session.items}
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call":
+            self.ran[self.kinds.get(report.nodeid, "unit")] += 1
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        counts = [f"{self.ran[name]} {name}" for name in ("unit", "integration", "rostest", "benchmark") if self.ran[name] or name != "benchmark"]
+        terminalreporter.write_line(f"ran: {', '.join(counts)}")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(Tally(), "hric-tally")

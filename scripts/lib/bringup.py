@@ -1,0 +1,139 @@
+"""Bring the system up: check the arguments, choose the master, run bringup.launch, answer with the exit code of the run. Called by scripts/bringup."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import roslaunch.arg_dump
+import roslaunch.parent
+import roslaunch.pmon
+import yaml
+from bringup_arguments import ArgumentError, Choices, check, split
+from bringup_master import DEFAULT, MasterError, choose
+
+WORKSPACE = Path(__file__).resolve().parents[2]
+LAUNCH = WORKSPACE / "src/hric_bringup/launch/bringup.launch"
+CONTROLLERS = WORKSPACE / "src/hric_bringup/config/controllers.yaml"
+EXPERIMENTS = WORKSPACE / "src/hric_experiments/config/experiments"
+SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 0.5
+"""How long a node may take to end, before it is asked harder [s]."""
+INTERRUPTED = 130
+Documented = Mapping[str, tuple[str | None, str | None]]
+
+
+class Ending(roslaunch.pmon.ProcessListener):
+    """Watches the nodes without which the run is over, and remembers how they ended.
+
+    Attributes:
+        name: node that ended the run; empty while it goes on.
+        code: its exit code.
+    """
+
+    def __init__(self) -> None:
+        self.required: set[str] = set()
+        self.name, self.code = "", 0
+
+    def process_died(self, process_name: str, exit_code: int | None) -> None:
+        """Called by roslaunch in its own thread; the process is called NODE-NUMBER."""
+        node = process_name.rpartition("-")[0]
+        if node in self.required and not self.name:
+            self.name, self.code = node, exit_code or 0
+
+
+def choices() -> Choices:
+    """Names of controllers and experiments in this workspace."""
+    instances = [name for name, value in (yaml.safe_load(CONTROLLERS.read_text()) or {}).items() if isinstance(value, dict) and "type" in value]
+    return Choices(tuple(instances), tuple(sorted(path.stem for path in EXPERIMENTS.glob("*.yaml"))))
+
+
+def help_text(documented: Documented) -> str:
+    """All arguments with default and meaning."""
+    lines = ["usage: scripts/bringup [NAME:=VALUE ...]", "", "Sets up what is missing, then runs the simulated arm until Ctrl-C or the end of the experiment.", ""]
+    for name, (doc, default) in documented.items():
+        lines.append(f"  {name}:={default}\n      {doc}")
+    lines += ["", "examples:", "  scripts/bringup env:=sim", "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100"]
+    return "\n".join(lines)
+
+
+def resolve_rviz(value: str) -> str:
+    """true or false; auto means true where a display is."""
+    return str(bool(os.environ.get("DISPLAY"))).lower() if value == "auto" else value
+
+
+def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
+    """Say what starts, and how another terminal joins."""
+    task = f"experiment {arguments['experiment']}" if arguments["experiment"] != "none" else f"controller {arguments['controller']}"
+    print(f"env: {arguments['env']} ({arguments['simulator']})   {task}   rviz: {arguments['rviz']}   record: {arguments['record']}")
+    print(f"ROS master: {master} ({'it runs already' if running else 'started here'})")
+    export = "" if master == DEFAULT else f" && export ROS_MASTER_URI={master}"
+    print(f"In another terminal:  source {WORKSPACE}/scripts/env{export}")
+    if arguments["experiment"] == "none":
+        print("Ctrl-C ends it.")
+    sys.stdout.flush()
+
+
+def run(arguments: Mapping[str, str], master: str) -> int:
+    """Run bringup.launch until a required node ends or Ctrl-C; answers the exit code."""
+    os.environ["ROS_MASTER_URI"] = master
+    ending = Ending()
+    uuid = roslaunch.rlutil.get_or_generate_uuid(None, False)
+    roslaunch.configure_logging(uuid)
+    mappings = [f"{name}:={value}" for name, value in arguments.items()]
+    parent = roslaunch.parent.ROSLaunchParent(
+        uuid, [(str(LAUNCH), mappings)], process_listeners=[ending], show_summary=False, sigint_timeout=SIGINT_TIMEOUT, sigterm_timeout=SIGTERM_TIMEOUT
+    )
+    try:
+        parent._load_config()
+        ending.required = _take_over_required(parent.config)
+        parent.start()
+    except roslaunch.core.RLException as error:
+        print(f"scripts/bringup: {error}", file=sys.stderr)
+        return 1
+    return _wait(parent, ending, arguments["experiment"] != "none")
+
+
+def _take_over_required(config: Any) -> set[str]:
+    """Names of the required nodes; roslaunch itself would announce even their good end as a death in red."""
+    required = {node for node in config.nodes if node.required}
+    for node in required:
+        node.required = False
+    return {node.namespace.strip("/").replace("/", "-") + "-" * (node.namespace != "/") + node.name for node in required}
+
+
+def _wait(parent: Any, ending: Ending, is_experiment: bool) -> int:
+    while parent.spin_once() and not ending.name:
+        time.sleep(0.05)
+    parent.shutdown()
+    if not ending.name:
+        return INTERRUPTED if is_experiment else 0
+    if ending.code:
+        print(f"scripts/bringup: {ending.name} ended with code {ending.code}; its messages stand above", file=sys.stderr)
+    return ending.code if ending.code >= 0 else 128 - ending.code
+
+
+def main(argv: list[str]) -> int:
+    """Command line; answers the exit code."""
+    documented: Documented = roslaunch.arg_dump.get_args([str(LAUNCH)])
+    if {"-h", "--help"} & set(argv):
+        print(help_text(documented))
+        return 0
+    try:
+        arguments = {name: default or "" for name, (_, default) in documented.items()} | check(split(argv), documented, choices())
+        if arguments["env"] == "real":
+            raise ArgumentError("env:=real comes with the package franka_real, which is not in this workspace yet; nothing was started. Use env:=sim.")
+        arguments["rviz"] = resolve_rviz(arguments["rviz"])
+        master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, arguments["ns"].rstrip("/") + "/robot")
+    except (ArgumentError, MasterError) as error:
+        print(f"scripts/bringup: {error}", file=sys.stderr)
+        return 1
+    announce(arguments, master, running)
+    return run(arguments, master)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

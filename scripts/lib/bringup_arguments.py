@@ -1,0 +1,197 @@
+"""Arguments of scripts/bringup: roslaunch accepts a misspelt name or value in silence, here each is checked before anything starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+import yaml
+
+
+class ArgumentError(Exception):
+    """A name or a value that bringup.launch cannot use; the message lists what it can."""
+
+
+@dataclass(frozen=True)
+class Choices:
+    """Names that exist in this workspace.
+
+    Attributes:
+        controllers: instance names in controllers.yaml.
+        experiments: names of the experiment files.
+    """
+
+    controllers: tuple[str, ...]
+    experiments: tuple[str, ...]
+
+
+BROADCASTERS = ("joint_state_controller", "franka_state_controller")
+"""Controllers that only publish; bringup.launch always starts them."""
+BOOL = ("true", "false")
+JOINTS = 7
+
+
+def split(arguments: Iterable[str]) -> dict[str, str]:
+    """Names and values of `name:=value`.
+
+    Raises:
+        ArgumentError: not of that form, or given twice.
+    """
+    result: dict[str, str] = {}
+    for argument in arguments:
+        name, separator, value = argument.partition(":=")
+        if not separator or not name:
+            hint = f"; did you mean {argument.replace('=', ':=', 1)} ?" if "=" in argument else ""
+            raise ArgumentError(f"cannot read {argument!r}: arguments are written name:=value, for example env:=sim{hint}")
+        if name in result:
+            raise ArgumentError(f"{name} is given twice: {result[name]!r} and {value!r}")
+        result[name] = value.strip()
+    return result
+
+
+def check(given: Mapping[str, str], valid_names: Iterable[str], choices: Choices) -> dict[str, str]:
+    """Arguments as roslaunch shall get them: known names, valid values, paths made absolute.
+
+    Args:
+        given: name -> value from the command line.
+        valid_names: arguments of bringup.launch.
+        choices: names that exist in this workspace.
+
+    Raises:
+        ArgumentError: lists the valid names or values.
+    """
+    names = sorted(valid_names)
+    for name in given:
+        if name not in names:
+            close = get_close_matches(name, names, n=1)
+            hint = f" (did you mean {close[0]}?)" if close else ""
+            raise ArgumentError(f"no argument {name!r}{hint}; valid: {', '.join(names)}.  scripts/bringup --help explains them")
+    checks = _checks(choices)
+    return {name: checks[name](name, value) if name in checks else value for name, value in given.items()}
+
+
+Check = Callable[[str, str], str]
+
+
+def _checks(choices: Choices) -> dict[str, Check]:
+    started = [name for name in choices.controllers if name not in BROADCASTERS]
+    return {
+        "env": _one_of("sim", "real"),
+        "simulator": _one_of("pybullet"),
+        "controller": _one_of(*started, "none"),
+        "experiment": _experiment(choices.experiments),
+        "rviz": _one_of(*BOOL, "auto"),
+        "record": _one_of(*BOOL),
+        "gui": _one_of(*BOOL),
+        "hand": _one_of(*BOOL, "auto"),
+        "inertials": _one_of("barycentric", "thesis", "auto"),
+        "friction": _one_of("none", "coulomb", "identified", "auto"),
+        "ns": _namespace,
+        "arm_id": _identifier,
+        "xyz": _vector,
+        "rpy": _vector,
+        "world": _world,
+        "damping": _number_at_least_zero,
+        "rotor_inertia": _number_at_least_zero,
+        "kp": _number_at_least_zero,
+        "kd": _number_at_least_zero,
+        "real_time_factor": _factor,
+        "q_start": _angles,
+    }
+
+
+def _one_of(*valid: str) -> Check:
+    def checked(name: str, value: str) -> str:
+        lowered = value.lower() if value.lower() in BOOL else value
+        if lowered not in valid:
+            raise ArgumentError(f"{name}:={value} is not possible; valid: {', '.join(valid)}")
+        return lowered
+
+    return checked
+
+
+def _experiment(names: tuple[str, ...]) -> Check:
+    def checked(name: str, value: str) -> str:
+        if value in names or value == "none":
+            return value
+        if value.endswith((".yaml", ".yml")):
+            return _existing_file(name, value)
+        raise ArgumentError(f"{name}:={value}: no such experiment; valid: {', '.join(names)}, none, or the path of a .yaml file")
+
+    return checked
+
+
+def _existing_file(name: str, value: str) -> str:
+    path = Path(value).expanduser()
+    if not path.is_file():
+        raise ArgumentError(f"{name}:={value}: there is no such file (looked at {path.absolute()})")
+    return str(path.absolute())
+
+
+def _world(name: str, value: str) -> str:
+    return value if value in ("auto", "none") or value.startswith("package://") else _existing_file(name, value)
+
+
+def _namespace(name: str, value: str) -> str:
+    parts = value.strip("/").split("/") if value.strip("/") else []
+    if not all(part.isidentifier() for part in parts):
+        raise ArgumentError(f"{name}:={value} is not a namespace; letters, digits and underscores, for example {name}:=left")
+    return "/" + "/".join(parts)
+
+
+def _identifier(name: str, value: str) -> str:
+    if not value.isidentifier():
+        raise ArgumentError(f"{name}:={value} is not a name; letters, digits and underscores, for example {name}:=panda")
+    return value
+
+
+def _numbers(name: str, value: object, example: str) -> list[float]:
+    items = value if isinstance(value, list) else [value]
+    if not items or not all(isinstance(item, int | float) and not isinstance(item, bool) and math.isfinite(item) for item in items):
+        raise ArgumentError(f"{name}:={value} is not a number or a list of {JOINTS} numbers; for example {name}:={example}")
+    return [float(item) for item in items]
+
+
+def _loaded(name: str, value: str) -> object:
+    try:
+        return yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ArgumentError(f"{name}:={value} cannot be read: {str(error).splitlines()[0]}") from error
+
+
+def _number_at_least_zero(name: str, value: str) -> str:
+    if value == "auto":
+        return value
+    loaded = _loaded(name, value)
+    numbers = _numbers(name, loaded, "0.1")
+    if min(numbers) < 0.0 or (isinstance(loaded, list) and len(numbers) != JOINTS):
+        raise ArgumentError(f"{name}:={value}: must be 0 or more, one number or {JOINTS} of them in brackets")
+    return value
+
+
+def _factor(name: str, value: str) -> str:
+    loaded = _loaded(name, value)
+    if isinstance(loaded, list) or _numbers(name, loaded, "1")[0] < 0.0:
+        raise ArgumentError(f"{name}:={value}: must be one number; 1 is real time, 2 twice as fast, 0 as fast as possible")
+    return value
+
+
+def _vector(name: str, value: str) -> str:
+    parts = value.replace(",", " ").split()
+    try:
+        good = len(parts) == 3 and all(math.isfinite(float(part)) for part in parts)
+    except ValueError:
+        good = False
+    if not good:
+        raise ArgumentError(f"{name}:={value!r} must be three numbers in quotes, for example {name}:='0 0 0.5'")
+    return " ".join(parts)
+
+
+def _angles(name: str, value: str) -> str:
+    count = len(value.strip("[] ").split(","))
+    if value != "auto" and not (value.startswith(("[", "{")) and (value.startswith("{") or count == JOINTS)):
+        raise ArgumentError(f"{name}:={value} must be {JOINTS} angles [rad] in brackets, for example {name}:=[0,-pi/4,0,-3*pi/4,0,pi/2,pi/4]")
+    return value.replace(" ", "")

@@ -1,0 +1,85 @@
+"""Which ROS master a bring-up uses: the user's if it answers, else one of its own."""
+
+from __future__ import annotations
+
+import http.client
+import socket
+import xmlrpc.client
+from urllib.parse import urlparse
+
+LOCAL = ("localhost", "127.0.0.1", "::1")
+DEFAULT = "http://localhost:11311"
+CALLER = "/scripts_bringup"
+TIMEOUT = 2.0
+"""For one answer of a master [s]."""
+
+
+class MasterError(Exception):
+    """No usable master; the message says what to do."""
+
+
+class _Transport(xmlrpc.client.Transport):
+    def make_connection(self, host: tuple[str, dict[str, str]] | str) -> http.client.HTTPConnection:
+        connection = super().make_connection(host)
+        connection.timeout = TIMEOUT
+        return connection
+
+
+def call(uri: str, method: str, *arguments: str) -> tuple[int, str, object] | None:
+    """Answer (code, text, value) of an XML-RPC server of ROS; None if there is none at `uri`."""
+    try:
+        answer = getattr(xmlrpc.client.ServerProxy(uri, transport=_Transport()), method)(CALLER, *arguments)
+    except (OSError, http.client.HTTPException, xmlrpc.client.Error, ValueError):
+        return None
+    if not isinstance(answer, list | tuple) or len(answer) != 3:
+        return None
+    return answer[0], answer[1], answer[2]
+
+
+def is_local(uri: str) -> bool:
+    """Whether a master at this address would run on this machine."""
+    host = urlparse(uri).hostname or ""
+    return host in (*LOCAL, socket.gethostname())
+
+
+def port_is_taken(port: int) -> bool:
+    """Whether something on this machine listens there."""
+    with socket.socket() as probe:
+        probe.settimeout(TIMEOUT)
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def free_port() -> int:
+    """A port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def node_is_alive(master: str, node: str) -> bool:
+    """Whether the master knows a node of this name and the node itself answers (a killed one stays registered)."""
+    answer = call(master, "lookupNode", node)
+    return answer is not None and answer[0] == 1 and call(str(answer[2]), "getPid") is not None
+
+
+def choose(uri: str, robot_node: str) -> tuple[str, bool]:
+    """(address of the master, whether it runs already).
+
+    Args:
+        uri: ROS_MASTER_URI of the caller.
+        robot_node: name of the node that only one bring-up can have.
+
+    Raises:
+        MasterError: a remote master does not answer, or this bring-up runs there already.
+    """
+    if call(uri, "getPid") is not None:
+        if node_is_alive(uri, robot_node):
+            other = f"ROS_MASTER_URI=http://localhost:{free_port()} scripts/bringup ..."
+            raise MasterError(f"a bring-up already runs on {uri} (node {robot_node}). End it first, or start beside it:  {other}")
+        return uri, True
+    if not is_local(uri):
+        raise MasterError(f"no ROS master answers at ROS_MASTER_URI={uri}. Start it there, or: unset ROS_MASTER_URI")
+    port = urlparse(uri).port or 11311
+    if not port_is_taken(port):
+        return uri, False
+    return f"http://localhost:{free_port()}", False
