@@ -1,0 +1,68 @@
+"""From a run folder to its metrics, figures and report; needs no ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hric_experiments import bag_reader, differences, files, metrics, table
+from hric_experiments.experiment import MetricsSpec
+from hric_experiments.run_folder import RunFolder
+
+
+def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, Any]:
+    """Compute metrics.json, the figures and summary.txt of a run, replacing those that are there.
+
+    Args:
+        path: the run folder.
+        figures: whether to draw.
+
+    Returns:
+        The metrics, with the report text under "report".
+
+    Raises:
+        HricError: no run folder, or its bag cannot be used.
+    """
+    folder = path if isinstance(path, RunFolder) else RunFolder.open(path)
+    run = folder.read()
+    record = bag_reader.read(folder.path / run.get("bag", folder.bag_path.name))
+    limits: Mapping[str, Mapping[str, float]] = run.get("limits") or {}
+    definition = run.get("definition") or {}
+    tolerances = tuple((definition.get("metrics") or {}).get("tolerances") or MetricsSpec().tolerances)
+    joints_of = _joints_of(run.get("parameters") or {})
+    result = {"experiment": run.get("experiment", ""), **metrics.compute(record, limits, joints_of, tolerances)}
+    result["real_time_factor"] = run.get("real_time_factor")
+    result |= _compared(definition, run.get("parameters") or {}, result)
+    files.write_json(folder.metrics_path, result)
+    report = table.render(run, result)
+    files.write_text(folder.path / "summary.txt", report)
+    if figures:
+        from hric_experiments.figures import draw_all
+
+        draw_all(folder.path, record, metrics.moves(record, joints_of), limits, _title(run), tolerances)
+    return {**result, "report": report}
+
+
+def _joints_of(parameters: Mapping[str, Any]) -> dict[str, list[str]]:
+    found = {}
+    for name, values in parameters.items():
+        if isinstance(values, Mapping) and isinstance(values.get("joints"), list) and values["joints"]:
+            found[name] = [str(joint) for joint in values["joints"]]
+    return found
+
+
+def _title(run: Mapping[str, Any]) -> str:
+    arguments = " ".join(run.get("arguments") or [])
+    return f"{run.get('experiment', 'run')} ({arguments})" if arguments else str(run.get("experiment", "run"))
+
+
+def _compared(definition: Mapping[str, Any], parameters: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any]:
+    name = (definition.get("metrics") or {}).get("reference")
+    if not name:
+        return {}
+    reference = differences.reference(name)
+    setpoints = definition.get("setpoints") or []
+    controller = parameters.get(setpoints[0]["controller"], {}) if setpoints else {}
+    setup = differences.Setup(reference, definition.get("robot") or {}, controller, result)
+    return {"reference": {"name": name, "title": reference["title"]}, "differences": differences.compare(setup)}

@@ -1,0 +1,205 @@
+"""Reads what a report needs from a bag, without ROS: the control log, limit counts, set points and profile."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rosbags.highlevel import AnyReader, AnyReaderError
+
+from hric_control.errors import HricError
+
+FloatArray = npt.NDArray[np.float64]
+LOG_TYPE = "hric_msgs/msg/ControlLog"
+COUNTS_TYPE = "hric_msgs/msg/JointLimitCounts"
+COMMAND_TYPE = "std_msgs/msg/Float64MultiArray"
+STATE_TYPE = "control_msgs/msg/JointTrajectoryControllerState"
+_CONTROLLER_COMMAND = re.compile(r"/[^/]+/command$")
+ARRAYS = ("position", "velocity", "effort", "command_raw", "command")
+
+
+class BagError(HricError):
+    """A bag that cannot be read, or in which something that a report needs is missing."""
+
+
+@dataclass(frozen=True)
+class ControlRecord:
+    """The control log of a run, stitched together: n cycles of j joints, each cycle once.
+
+    Attributes:
+        joint_names: order of the columns.
+        interfaces: what the command of each joint meant at the end, e.g. "effort".
+        time: run time of each cycle, shape (n,) [s].
+        position, velocity, effort: shape (n, j) [rad, rad/s, N m].
+        command_raw, command: what was asked for and what was sent, shape (n, j) [unit of the interface].
+        first_cycle: index of the first recorded cycle, counted from the start of the run.
+        gaps: cycles missing after the first, as (first missing, how many).
+        repeats: cycles that came twice, as (first repeated, how many).
+    """
+
+    joint_names: tuple[str, ...]
+    interfaces: tuple[str, ...]
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    effort: FloatArray
+    command_raw: FloatArray
+    command: FloatArray
+    first_cycle: int
+    gaps: tuple[tuple[int, int], ...]
+    repeats: tuple[tuple[int, int], ...]
+
+    @property
+    def cycles(self) -> int:
+        """Number of cycles."""
+        return len(self.time)
+
+    def state_sha256(self) -> str:
+        """Hash of the bits of position, velocity and command: equal for two runs that are bit-identical."""
+        digest = hashlib.sha256()
+        for values in (self.position, self.velocity, self.command):
+            digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class SentSetPoint:
+    """A set point as it stands in the bag.
+
+    Attributes:
+        time: run time at which it was recorded [s].
+        controller: name of the controller's namespace.
+        positions: shape (j,) [rad].
+    """
+
+    time: float
+    controller: str
+    positions: FloatArray
+
+
+@dataclass
+class RunRecord:
+    """All that a report takes from a bag.
+
+    Attributes:
+        log: the control log.
+        setpoints: set points in order of time.
+        profiles: per controller, what it led the joints along: (time (n,) [s], desired position (n, j) [rad], joint names).
+        limit_counts: last limit counts, by field name; None if there were none.
+        topics: message count per topic.
+        duration: from the first to the last message [s].
+    """
+
+    log: ControlRecord
+    setpoints: list[SentSetPoint] = field(default_factory=list)
+    profiles: dict[str, tuple[FloatArray, FloatArray, tuple[str, ...]]] = field(default_factory=dict)
+    limit_counts: dict[str, Any] | None = None
+    topics: dict[str, int] = field(default_factory=dict)
+    duration: float = 0.0
+
+
+def read(path: Path) -> RunRecord:
+    """Read a bag.
+
+    Raises:
+        BagError: it is missing, damaged, or has no control log.
+    """
+    if not path.is_file():
+        unfinished = path.with_name(path.name + ".active")
+        hint = f"; the recording did not end properly, try: rosbag reindex {unfinished.name}" if unfinished.is_file() else ""
+        raise BagError(f"no bag {path.name} in {path.parent}{hint}")
+    logs: list[Any] = []
+    collected: dict[str, list[tuple[str, float, Any]]] = {COUNTS_TYPE: [], COMMAND_TYPE: [], STATE_TYPE: []}
+    try:
+        with AnyReader([path]) as reader:
+            topics = {connection.topic: connection.msgcount for connection in reader.connections}
+            duration = reader.duration * 1e-9 if reader.message_count else 0.0
+            wanted = [c for c in reader.connections if c.msgtype == LOG_TYPE or c.msgtype in collected]
+            for connection, stamp, raw in reader.messages(connections=wanted) if wanted else ():
+                message = reader.deserialize(raw, connection.msgtype)
+                if connection.msgtype == LOG_TYPE:
+                    logs.append(message)
+                else:
+                    collected[connection.msgtype].append((connection.topic, stamp * 1e-9, message))
+    except AnyReaderError as error:
+        raise BagError(f"cannot read {path.name}: {error}") from error
+    return _record(logs, collected, topics, duration, path.name)
+
+
+def _record(logs: list[Any], collected: dict[str, list[tuple[str, float, Any]]], topics: dict[str, int], duration: float, name: str) -> RunRecord:
+    if not logs:
+        raise BagError(f"{name} has no control log; topics: {', '.join(sorted(topics)) or 'none'}")
+    offset = _seconds(logs[0].header.stamp) - float(logs[0].time[0])
+    counts = collected[COUNTS_TYPE]
+    return RunRecord(
+        stitch(logs),
+        [_setpoint(*item, offset) for item in collected[COMMAND_TYPE] if _CONTROLLER_COMMAND.search(item[0])],
+        _profiles(collected[STATE_TYPE], offset),
+        _counts(counts[-1][2]) if counts else None,
+        topics,
+        duration,
+    )
+
+
+def stitch(messages: Iterable[Any]) -> ControlRecord:
+    """Join control log messages to arrays; every cycle is kept once, in order, and gaps and repeats are noted."""
+    parts: dict[str, list[FloatArray]] = {name: [] for name in ("time", *ARRAYS)}
+    gaps, repeats = [], []
+    expected = None
+    first, last = 0, None
+    for message in messages:
+        start, count, joints = int(message.first_cycle), int(message.n_cycles), len(message.joint_names)
+        if last is not None and list(message.joint_names) != list(last.joint_names):
+            raise BagError(f"the joints changed within the control log: {list(last.joint_names)}, then {list(message.joint_names)}")
+        if expected is None:
+            first = expected = start
+        if start > expected:
+            gaps.append((expected, start - expected))
+        skip = min(max(expected - start, 0), count)
+        if skip:
+            repeats.append((start, skip))
+        parts["time"].append(np.asarray(message.time, dtype=float)[skip:])
+        for name in ARRAYS:
+            parts[name].append(np.asarray(getattr(message, name), dtype=float).reshape(count, joints)[skip:])
+        expected, last = max(expected, start + count), message
+    if last is None:
+        raise BagError("the control log is empty")
+    arrays = {name: np.concatenate(values) for name, values in parts.items()}
+    return ControlRecord(
+        tuple(last.joint_names), tuple(last.command_interface), first_cycle=first, gaps=tuple(gaps), repeats=tuple(repeats), **arrays
+    )
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def _setpoint(topic: str, stamp: float, message: Any, offset: float) -> SentSetPoint:
+    return SentSetPoint(stamp - offset, topic.strip("/").split("/")[-2], np.asarray(message.data, dtype=float))
+
+
+def _counts(message: Any) -> dict[str, Any]:
+    result: dict[str, Any] = {"joint_names": list(message.joint_names), "cycles": int(message.cycles)}
+    for name in ("position", "velocity", "effort", "effort_rate"):
+        result[name] = [int(value) for value in getattr(message, name)]
+    for name in ("velocity_ratio_max", "position_excess_max"):
+        result[name] = [float(value) for value in getattr(message, name)]
+    result["started_outside"] = [bool(value) for value in message.started_outside]
+    return result
+
+
+def _profiles(messages: list[tuple[str, float, Any]], offset: float) -> dict[str, tuple[FloatArray, FloatArray, tuple[str, ...]]]:
+    result = {}
+    for topic in {topic for topic, _, _ in messages}:
+        own = [message for name, _, message in messages if name == topic and len(message.desired.positions) == len(message.joint_names)]
+        if own:
+            times = np.array([_seconds(message.header.stamp) - offset for message in own])
+            positions = np.array([message.desired.positions for message in own], dtype=float)
+            result[topic.strip("/").split("/")[-2]] = (times, positions, tuple(own[0].joint_names))
+    return result

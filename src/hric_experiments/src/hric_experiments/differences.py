@@ -1,0 +1,227 @@
+"""What differs between a run and a reference set-up, and why it matters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import yaml
+
+from hric_experiments import config
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One line of the comparison.
+
+    Attributes:
+        what: the aspect.
+        reference: what the reference had.
+        here: what this run had.
+        why: the reason, or the consequence.
+    """
+
+    what: str
+    reference: str
+    here: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What the comparison looks at.
+
+    Attributes:
+        reference: contents of config/references/<name>.yaml.
+        robot: `robot` of the experiment as it was run.
+        controller: parameters of the controller that got the set point.
+        metrics: metrics of the run.
+    """
+
+    reference: Mapping[str, Any]
+    robot: Mapping[str, Any]
+    controller: Mapping[str, Any]
+    metrics: Mapping[str, Any]
+
+    def description(self, key: str, default: Any) -> Any:
+        """Argument of the robot description."""
+        return (self.robot.get("description") or {}).get(key, default)
+
+    def plant(self, key: str, default: Any) -> Any:
+        """Parameter of the plant."""
+        return (self.robot.get("plant") or {}).get(key, default)
+
+
+def reference(name: str) -> dict[str, Any]:
+    """A reference set-up."""
+    data: dict[str, Any] = yaml.safe_load((config.references_path() / f"{name}.yaml").read_text())
+    return data
+
+
+def compare(setup: Setup) -> list[dict[str, str]]:
+    """All differences, the set-up's first, then what the run itself showed."""
+    found = [check(setup) for check in CHECKS]
+    return [asdict(item) for item in found if item is not None]
+
+
+def _engine(setup: Setup) -> Difference:
+    plant = setup.robot.get("plant_type") or "pybullet_ros_control/PyBulletPlant"
+    return Difference(
+        "physics engine",
+        setup.reference["engine"],
+        plant,
+        "both take first-order steps of 1 ms; contact and joint stops are solved differently",
+    )
+
+
+def _robot_hw(setup: Setup) -> Difference:
+    adds = "gravity added by the controller" if setup.controller.get("gravity") else "gravity compensated by the arm"
+    return Difference("robot interface", setup.reference["robot_hw"], f"{setup.robot['hw']}, {adds}", "the same role; the limits here are counted")
+
+
+def _half_step(setup: Setup) -> Difference | None:
+    if not setup.plant("half_step_readout", True):
+        return None
+    return Difference(
+        "position read-out",
+        "the engine's position at the end of its step",
+        "position at the measuring instant, q - dt dq/2",
+        "takes out the half step by which a semi-implicit engine runs ahead; plant half_step_readout: false switches it off",
+    )
+
+
+def _inertials(setup: Setup) -> Difference | None:
+    used = setup.description("inertials", "barycentric")
+    if used == setup.reference["inertials"]:
+        return Difference(
+            "inertia tensors",
+            "moved by eq. 2",
+            "the same set, loaded as it is",
+            "the published tensors are about the centre of mass already; the shift breaks the triangle inequality of links 2 to 6 and leaves "
+            "links 3, 4 and 6 not positive definite: such bodies do not exist, though the joint-space mass matrix stays positive definite",
+        )
+    return Difference(
+        "inertia tensors",
+        "moved by eq. 2, links 2 to 6 not physical",
+        f"{used}, as published",
+        "the published tensors are about the centre of mass already; inertials:=thesis loads the thesis's set",
+    )
+
+
+def _damping(setup: Setup) -> Difference | None:
+    return _value(setup, "joint damping [N m s/rad]", "damping", setup.description("damping", 0.0), "damping:=1.0 is the thesis's value")
+
+
+def _friction(setup: Setup) -> Difference | None:
+    return _value(setup, "joint friction", "friction", setup.description("friction", "none"), "the thesis's model has none beyond the damping")
+
+
+def _rotor_inertia(setup: Setup) -> Difference | None:
+    used = setup.plant("rotor_inertia", 0.1)
+    stable = setup.reference["stable_kd_at_1khz"]
+    why = f"without it a torque loop at 1 kHz is unstable above Kd {stable:g} on this arm; rotor_inertia:=0 is the thesis's model"
+    return _value(setup, "rotor inertia [kg m^2]", "rotor_inertia", used, why)
+
+
+def _value(setup: Setup, what: str, key: str, used: Any, why: str) -> Difference | None:
+    there = setup.reference[key]
+    if used == there or (_is_number(used) and _is_number(there) and float(used) == float(there)):
+        return None
+    return Difference(what, str(there), str(used), why)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _gains(setup: Setup) -> Difference | None:
+    used = {key: setup.controller.get(key) for key in ("kp", "kd")}
+    sets: Sequence[Mapping[str, float]] = setup.reference["gains"]
+    if any(all(_same(used[key], given[key]) for key in ("kp", "kd")) for given in sets):
+        return None
+    listed = " or ".join(f"Kp {given['kp']:g} Kd {given['kd']:g}" for given in sets)
+    return Difference("gains", listed, f"Kp {used['kp']} Kd {used['kd']}", "kp:=200 kd:=100 is the pair of ch. 4.4, kp:=50 kd:=10 that of listing 6")
+
+
+def _same(used: Any, wanted: float) -> bool:
+    values = used if isinstance(used, list) else list(used.values()) if isinstance(used, Mapping) else [used]
+    return all(_is_number(value) and float(value) == wanted for value in values)
+
+
+def _rotatum(setup: Setup) -> Difference | None:
+    used = setup.controller.get("rotatum_limit", setup.reference["rotatum_limit"])
+    return _value(setup, "rotatum saturation [N m/s]", "rotatum_limit", used, "0 switches it off, as in the comparison of thesis ch. 5.4")
+
+
+def _profile(setup: Setup) -> Difference | None:
+    if not (setup.controller.get("profile") or {}).get("enabled", False):
+        return None
+    return Difference("set point", "raw step", "led through a trapezoid", "profile:=false takes it raw")
+
+
+def _start(setup: Setup) -> Difference | None:
+    used = setup.robot.get("q_start")
+    there = [float(value) for value in setup.reference["q_start"]]
+    values = list(used.values()) if isinstance(used, Mapping) else used
+    if values is not None and [float(value) for value in values] == there:
+        return None
+    return Difference("start", str(there), str(values), "joint 4 at 0 is outside its range (at most -0.0698 rad)")
+
+
+def _outside(setup: Setup) -> Difference | None:
+    outside = {name: joint for name, joint in setup.metrics["joints"].items() if joint.get("started_outside")}
+    if not outside:
+        return None
+    names = ", ".join(f"{name} by {joint['position_excess_max']:.4f} rad at most" for name, joint in outside.items())
+    return Difference(
+        "joint limits at the start",
+        "not mentioned",
+        f"outside its range: {names}",
+        "q = 0 is no legal pose of the arm; here only inward effort passes while outside, and a stop acts once the joint has been inside",
+    )
+
+
+def _clamped(setup: Setup) -> Difference | None:
+    touched = setup.metrics.get("limits_touched")
+    if touched is None or not any(touched.values()):
+        return None
+    counts = ", ".join(f"{kind} {count}" for kind, count in touched.items() if count)
+    cycles = setup.metrics["control_log"]["cycles"]
+    return Difference(
+        "limits that acted",
+        "enforced by the hardware interface, not counted",
+        f"{counts} joint cycles of {cycles} cycles",
+        "order: position, velocity, effort, rate of torque last, so that no other clamp breaks the rate",
+    )
+
+
+def _overspeed(setup: Setup) -> Difference | None:
+    ratios = {name: joint["velocity_ratio"] for name, joint in setup.metrics["joints"].items() if joint.get("velocity_ratio", 0.0) > 1.0}
+    if not ratios:
+        return None
+    listed = ", ".join(f"{name} {ratio:.2f} times" for name, ratio in ratios.items())
+    return Difference(
+        "velocity limit",
+        "enforced, overshoot not reported",
+        f"overshot: {listed}",
+        "a raw step drives the joint so fast that the limit on the rate of torque forbids braking in time",
+    )
+
+
+CHECKS: tuple[Callable[[Setup], Difference | None], ...] = (
+    _engine,
+    _robot_hw,
+    _half_step,
+    _inertials,
+    _damping,
+    _friction,
+    _rotor_inertia,
+    _gains,
+    _rotatum,
+    _profile,
+    _start,
+    _outside,
+    _clamped,
+    _overspeed,
+)

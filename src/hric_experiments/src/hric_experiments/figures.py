@@ -1,0 +1,216 @@
+"""Figures of a run (PNG): one panel per joint, the same colours in all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import numpy.typing as npt
+
+from hric_experiments.bag_reader import ControlRecord, RunRecord
+from hric_experiments.metrics import Move, rate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FloatArray = npt.NDArray[np.float64]
+Limits = Mapping[str, Mapping[str, float]]
+MEASURED, WANTED, PROFILE, RAW, LIMIT = "#1f5fa8", "#222222", "#d98c1f", "#d9a7a0", "#b3261e"
+STYLE = {
+    "axes.grid": True,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "font.size": 9,
+    "grid.alpha": 0.3,
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+}
+COLUMNS = 2
+
+
+def draw_all(folder: Path, record: RunRecord, moves: list[Move], limits: Limits, title: str, tolerances: tuple[float, ...]) -> list[Path]:
+    """Draw all figures into a folder.
+
+    Args:
+        folder: where the PNG files go.
+        record: the run.
+        moves: its set points.
+        limits: limits per joint.
+        title: name of the run, above each figure.
+        tolerances: bands shown in the error figure [rad].
+
+    Returns:
+        The files.
+    """
+    log = record.log
+    with plt.rc_context(STYLE):
+        figures = {
+            "positions": _positions(record, moves, limits, title),
+            "velocities": _velocities(log, limits, title),
+        }
+        if "effort" in log.interfaces:
+            figures["torques"] = _torques(log, limits, title)
+            figures["rotatum"] = _rotatum(log, limits, title)
+        if moves:
+            figures["errors"] = _errors(log, moves, title, tolerances)
+        return [_save(figure, folder / f"{name}.png") for name, figure in figures.items()]
+
+
+def _save(figure: Figure, path: Path) -> Path:
+    temporary = path.with_name(f".{path.stem}.tmp.png")
+    figure.savefig(temporary, dpi=130, metadata={"Software": None})
+    plt.close(figure)
+    temporary.replace(path)
+    return path
+
+
+def _panels(log: ControlRecord, title: str, unit: str) -> tuple[Figure, list[Axes]]:
+    count = len(log.joint_names)
+    rows = -(-count // COLUMNS)
+    figure, grid = plt.subplots(rows, COLUMNS, figsize=(11, 1.0 + 2.05 * rows), sharex=True, layout="constrained", squeeze=False)
+    figure.suptitle(title, fontsize=12)
+    axes = list(grid.flat)
+    for i, ax in enumerate(axes):
+        if i < count:
+            ax.set_title(log.joint_names[i], loc="left")
+            ax.set_ylabel(unit)
+        else:
+            ax.set_axis_off()
+        if i + COLUMNS >= count:
+            ax.tick_params(labelbottom=True)
+            ax.set_xlabel("time [s]" if i < count else "")
+    axes[0].set_xlim(log.time[0], log.time[-1])
+    return figure, axes
+
+
+def _legend(figure: Figure, axes: list[Axes], count: int) -> None:
+    """One legend for all panels: in the empty panel if there is one, else below the title."""
+    entries: dict[str, Any] = {}
+    for ax in axes[:count]:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    if len(axes) > count:
+        axes[count].legend(entries.values(), entries.keys(), loc="center", fontsize=10)
+    else:
+        figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=len(entries))
+
+
+def _bound(ax: Axes, value: float | None, label: str) -> None:
+    """A limit line, only where it does not flatten the curves."""
+    if value is None or not np.isfinite(value):
+        return
+    low, high = ax.get_ylim()
+    margin = 0.6 * (high - low)
+    if low - margin <= value <= high + margin:
+        ax.axhline(value, color=LIMIT, linestyle=":", linewidth=1.2, label=label)
+
+
+def _wanted(log: ControlRecord, moves: list[Move], joint: int) -> tuple[FloatArray, FloatArray]:
+    times: list[float] = []
+    values: list[float] = []
+    for move in moves:
+        times += [float(log.time[move.first]), float(log.time[move.last - 1])]
+        values += [float(move.target[joint])] * 2
+    return np.array(times), np.array(values)
+
+
+def _positions(record: RunRecord, moves: list[Move], limits: Limits, title: str) -> Figure:
+    log = record.log
+    figure, axes = _panels(log, f"{title}: joint positions", "position [rad]")
+    for j, name in enumerate(log.joint_names):
+        ax = axes[j]
+        if moves:
+            ax.plot(*_wanted(log, moves, j), color=WANTED, linestyle="--", linewidth=1.0, label="set point")
+        for times, desired, names in record.profiles.values():
+            if name in names:
+                ax.plot(times, desired[:, names.index(name)], color=PROFILE, linewidth=2.4, alpha=0.7, label="desired (profile)")
+        ax.plot(log.time, log.position[:, j], color=MEASURED, label="measured")
+        _widen(ax, 0.02)
+        for key in ("lower", "upper"):
+            _bound(ax, limits.get(name, {}).get(key), "position limit")
+    _legend(figure, axes, len(log.joint_names))
+    return figure
+
+
+def _widen(ax: Axes, least: float) -> None:
+    """At least this much height, so that rounding errors do not fill a panel."""
+    low, high = ax.get_ylim()
+    if high - low < least:
+        middle = 0.5 * (low + high)
+        ax.set_ylim(middle - 0.5 * least, middle + 0.5 * least)
+
+
+def _velocities(log: ControlRecord, limits: Limits, title: str) -> Figure:
+    figure, axes = _panels(log, f"{title}: joint velocities", "velocity [rad/s]")
+    for j, name in enumerate(log.joint_names):
+        axes[j].plot(log.time, log.velocity[:, j], color=MEASURED, label="measured")
+        _widen(axes[j], 0.02)
+        _both(axes[j], limits.get(name, {}).get("velocity"), "velocity limit")
+    _legend(figure, axes, len(log.joint_names))
+    return figure
+
+
+def _both(ax: Axes, bound: float | None, label: str) -> None:
+    if bound is not None:
+        _bound(ax, bound, label)
+        _bound(ax, -bound, label)
+
+
+def _torques(log: ControlRecord, limits: Limits, title: str) -> Figure:
+    figure, axes = _panels(log, f"{title}: commanded torques", "torque [N m]")
+    for j, name in enumerate(log.joint_names):
+        ax = axes[j]
+        ax.plot(log.time, log.command_raw[:, j], color=RAW, linewidth=2.2, label="asked for")
+        ax.plot(log.time, log.command[:, j], color=MEASURED, linewidth=1.0, label="sent (after the limits)")
+        _widen(ax, 0.2)
+        _focus(ax, log.command[:, j])
+        _both(ax, limits.get(name, {}).get("effort"), "torque limit")
+    _legend(figure, axes, len(log.joint_names))
+    return figure
+
+
+def _focus(ax: Axes, sent: FloatArray) -> None:
+    """Where more was asked for than could be sent, show what was sent and cut the rest off."""
+    low, high = ax.get_ylim()
+    span = max(float(np.ptp(sent)), 0.2)
+    ax.set_ylim(max(low, float(sent.min()) - span), min(high, float(sent.max()) + span))
+
+
+def _rotatum(log: ControlRecord, limits: Limits, title: str) -> Figure:
+    figure, axes = _panels(log, f"{title}: rate of torque (rotatum)", "[N m/s]")
+    sent = rate(log.command, log.time)
+    for j, name in enumerate(log.joint_names):
+        axes[j].plot(log.time, sent[:, j], color=MEASURED, linewidth=0.9, label="sent")
+        _widen(axes[j], 2.0)
+        _both(axes[j], limits.get(name, {}).get("effort_rate"), "rotatum limit")
+    _legend(figure, axes, len(log.joint_names))
+    return figure
+
+
+def _errors(log: ControlRecord, moves: list[Move], title: str, tolerances: tuple[float, ...]) -> Figure:
+    figure, ax = plt.subplots(figsize=(11, 5.2), layout="constrained")
+    figure.suptitle(f"{title}: distance from the set point", fontsize=12)
+    colors = plt.colormaps["viridis"](np.linspace(0.0, 0.92, len(log.joint_names)))
+    for j, name in enumerate(log.joint_names):
+        for k, move in enumerate(moves):
+            part = slice(move.first, move.last)
+            error = np.maximum(np.abs(move.target[j] - log.position[part, j]), 1e-9)
+            ax.semilogy(log.time[part], error, color=colors[j], label=name if k == 0 else None)
+    for tolerance in tolerances:
+        ax.axhline(tolerance, color=LIMIT, linestyle=":", linewidth=1.2)
+        ax.annotate(f"{tolerance:g} rad", (1.0, tolerance), xycoords=("axes fraction", "data"), ha="right", va="bottom", color=LIMIT)
+    ax.set_xlim(log.time[0], log.time[-1])
+    ax.set_ylim(bottom=1e-8)
+    ax.set_xlabel("time [s]")
+    ax.set_ylabel("|set point - position| [rad]")
+    figure.legend(loc="outside right center")
+    return figure

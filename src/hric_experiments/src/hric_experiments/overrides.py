@@ -1,0 +1,129 @@
+"""Overrides on the command line: `key:=value`, where key is a shortcut or the dotted path of a key of the experiment file."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+import yaml
+
+from hric_experiments.experiment import METRICS_KEYS, ROBOT_KEYS, ExperimentError
+
+SHORTCUTS: dict[str, tuple[str, str]] = {
+    "kp": ("parameters.{controller}.kp", "proportional gain, number or list [N m/rad]"),
+    "kd": ("parameters.{controller}.kd", "derivative gain, number or list [N m s/rad]"),
+    "gravity": ("parameters.{controller}.gravity", "whether the controller adds g(q)"),
+    "rotatum_limit": ("parameters.{controller}.rotatum_limit", "largest rate of torque of the controller, 0 = off [N m/s]"),
+    "profile": ("parameters.{controller}.profile.enabled", "lead the set point through a trapezoid (true) or take it raw (false)"),
+    "duration": ("duration", "run time [s]"),
+    "hw": ("robot.hw", "plugin type of the robot, e.g. franka_sim/FrankaHWSim"),
+    "arm_id": ("robot.arm_id", "prefix of joints and links"),
+    "urdf": ("robot.urdf", "path or package:// address of another robot's URDF or xacro"),
+    "q_start": ("robot.q_start", "start position [rad]"),
+    "hand": ("robot.description.hand", "with or without the hand"),
+    "inertials": ("robot.description.inertials", "barycentric or thesis"),
+    "damping": ("robot.description.damping", "viscous joint damping [N m s/rad]"),
+    "friction": ("robot.description.friction", "none, coulomb or identified"),
+    "simulator": ("robot.plant_type", "pybullet, or the plugin type of a plant"),
+    "rotor_inertia": ("robot.plant.rotor_inertia", "rotor inertia seen at the joint, number or list [kg m^2]"),
+    "world": ("robot.plant.world", "world file, path or package:// address"),
+    "gui": ("robot.plant.gui", "show the engine's window"),
+    "limits": ("robot.parameters.enforce_limits", "true, false, or a list of kinds"),
+}
+"""Short names for the keys that are changed most; {controller} is the controller of the first set point."""
+
+SIMULATORS = {"pybullet": "pybullet_ros_control/PyBulletPlant"}
+
+
+def help_text() -> str:
+    """Table of the shortcuts for --help."""
+    width = max(len(name) for name in SHORTCUTS)
+    return "\n".join(f"  {name:<{width}}  {text}" for name, (_, text) in SHORTCUTS.items())
+
+
+def apply(raw: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
+    """The contents of an experiment file with overrides.
+
+    Args:
+        raw: contents of the file.
+        overrides: `key:=value`; the value is YAML.
+
+    Raises:
+        ExperimentError: not of that form, or a key that does not exist; lists the valid ones.
+    """
+    result: dict[str, Any] = copy.deepcopy(dict(raw))
+    for text in overrides:
+        key, value = split(text)
+        _assign(result, resolve(key, result), value, text)
+    return result
+
+
+def split(text: str) -> tuple[str, Any]:
+    """(key, value) of `key:=value`."""
+    key, separator, value = text.partition(":=")
+    if not separator or not key:
+        raise ExperimentError(f"cannot read override {text!r}; write key:=value, for example kp:=200")
+    try:
+        return key, yaml.safe_load(value) if value else ""
+    except yaml.YAMLError as error:
+        raise ExperimentError(f"the value of {key} in {text!r} is not YAML: {str(error).splitlines()[0]}") from error
+
+
+def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
+    """Path in the experiment file that a key stands for.
+
+    Raises:
+        ExperimentError: unknown key.
+    """
+    if key in SHORTCUTS:
+        return SHORTCUTS[key][0].format(controller=_controller(raw)).split(".")
+    path = key.split(".")
+    if len(path) >= 2 and all(path) and path[0] == "parameters":
+        _one_of(path[1], list(raw.get("controllers") or []), key)
+        return path
+    if len(path) >= 2 and all(path) and path[0] in ("robot", "metrics"):
+        _one_of(path[1], list(ROBOT_KEYS if path[0] == "robot" else METRICS_KEYS), key)
+        return path
+    if path[0] == "setpoints" and len(path) == 3 and path[1].isdigit() and int(path[1]) < len(raw.get("setpoints") or []):
+        return path
+    if key in ("controllers", "description", "duration"):
+        return path
+    raise ExperimentError(_unknown(key))
+
+
+def _unknown(key: str) -> str:
+    close = get_close_matches(key, SHORTCUTS, n=1)
+    hint = f" (did you mean {close[0]}?)" if close else ""
+    dotted = "parameters.<controller>.<name>, robot.<key>, metrics.<key>, setpoints.<i>.<key>"
+    return f"no override {key!r}{hint}; valid: {', '.join(sorted(SHORTCUTS))}, or a path in the experiment file: {dotted}"
+
+
+def _controller(raw: Mapping[str, Any]) -> str:
+    setpoints = raw.get("setpoints") or []
+    if setpoints and isinstance(setpoints[0], Mapping) and "controller" in setpoints[0]:
+        return str(setpoints[0]["controller"])
+    controllers = raw.get("controllers") or [""]
+    return str(controllers[-1])
+
+
+def _one_of(name: str, valid: list[str], key: str) -> None:
+    if name not in valid:
+        raise ExperimentError(f"no override {key!r}: {name!r} is not one of {', '.join(valid)}")
+
+
+def _assign(raw: dict[str, Any], path: list[str], value: Any, text: str) -> None:
+    if path == ["robot", "plant_type"]:
+        value = SIMULATORS.get(value, value)
+    target: Any = raw
+    for depth, part in enumerate(path[:-1]):
+        if isinstance(target, list):
+            target = target[int(part)]
+            continue
+        if target.get(part) is None:
+            target[part] = {}
+        target = target[part]
+        if not isinstance(target, dict | list):
+            raise ExperimentError(f"cannot apply {text!r}: {'.'.join(path[: depth + 1])} is a value, not a group")
+    target[path[-1]] = value

@@ -1,0 +1,122 @@
+"""The report as text, for the terminal and summary.txt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+
+def rows(cells: Sequence[Sequence[str]]) -> list[str]:
+    """Aligned lines: the first column to the left, the others to the right; a rule below the first line."""
+    widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
+    lines = []
+    for row in cells:
+        first, *others = zip(row, widths, strict=True)
+        lines.append("  ".join([first[0].ljust(first[1]), *(cell.rjust(width) for cell, width in others)]).rstrip())
+    return [lines[0], "-" * sum(widths, 2 * (len(widths) - 1)), *lines[1:]]
+
+
+def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
+    """The whole report.
+
+    Args:
+        run: contents of run.yaml.
+        metrics: contents of metrics.json.
+    """
+    parts = [_head(run, metrics)]
+    parts += [_move(move, metrics["joints"]) for move in metrics["setpoints"]]
+    if not metrics["setpoints"]:
+        parts.append("no set point was recorded")
+    parts += [_limits(metrics), _log(metrics)]
+    if metrics.get("differences"):
+        parts.append(_differences(metrics))
+    return "\n\n".join(parts) + "\n"
+
+
+def _head(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
+    arguments = " ".join(run.get("arguments") or []) or "none"
+    rtf = run.get("real_time_factor")
+    pace = f", {rtf:.3g} times real time" if isinstance(rtf, int | float) else ""
+    cycles = metrics["control_log"]
+    return (
+        f"{run.get('experiment', 'run')}: {run.get('description', '')}\n"
+        f"{run.get('status', '')} ({run.get('mode', '')}), arguments: {arguments}, seed {run.get('seed', 0)}\n"
+        f"{cycles['cycles']} cycles, {cycles['duration']:.3f} s of run time{pace}"
+    )
+
+
+def _time(value: float | None) -> str:
+    return "never" if value is None else f"{value:.3f}"
+
+
+def _move(move: Mapping[str, Any], peaks: Mapping[str, Any]) -> str:
+    tolerances = list(move["settling_time_max"])
+    settled = [f"settled {t}" for t in tolerances]
+    head = ["joint", "start", "set point", "final error", *settled, "overshoot", "|tau| max", "rotatum max", "|dq| max", "of limit"]
+    units = ["", "rad", "rad", "rad", *("s" for _ in tolerances), "rad", "N m", "N m/s", "rad/s", ""]
+    cells = [head, units]
+    for name, joint in move["joints"].items():
+        peak = peaks[name]
+        ratio = peak.get("velocity_ratio")
+        cells.append(
+            [
+                name,
+                f"{joint['start']:.4f}",
+                f"{joint['target']:.4f}",
+                f"{joint['final_error']:.2e}",
+                *(_time(joint["settling_time"][t]) for t in tolerances),
+                f"{joint['overshoot']:.2e}",
+                *(f"{peak[key]:.2f}" if key in peak else "-" for key in ("effort_peak", "rotatum_peak", "velocity_peak")),
+                f"{100 * ratio:.0f} %" if ratio is not None else "-",
+            ]
+        )
+    lines = rows(cells)
+    lines[1], lines[2] = lines[2], lines[1]
+    bands = ", ".join(f"within {t} rad {_settled(move['settling_time_max'][t])}" for t in tolerances)
+    title = f"set point at {move['time']:.3f} s through {move['controller']}: largest final error {move['final_error_max']:.2e} rad"
+    return "\n".join([f"{title}; all joints {bands}", "", *lines])
+
+
+def _settled(value: float | None) -> str:
+    return "never" if value is None else f"after {value:.3f} s"
+
+
+def _limits(metrics: Mapping[str, Any]) -> str:
+    touched = metrics["limits_touched"]
+    if touched is None:
+        return "limits: the robot published no counts"
+    if not any(touched.values()):
+        text = "limits: none was touched"
+    else:
+        text = "limits acted (cycles, summed over the joints): " + ", ".join(f"{kind} {count}" for kind, count in touched.items())
+        text += "\n" + "\n".join(_limited(metrics["joints"]))
+    outside = [name for name, joint in metrics["joints"].items() if joint.get("started_outside")]
+    if outside:
+        excess = ", ".join(f"{name} (at most {metrics['joints'][name]['position_excess_max']:.4f} rad outside)" for name in outside)
+        text += f"\nstarted outside the position range: {excess}"
+    return text
+
+
+def _limited(joints: Mapping[str, Any]) -> list[str]:
+    cells = [["joint", "position", "velocity", "effort", "rotatum", "|dq| of limit", "outside [rad]"]]
+    for name, joint in joints.items():
+        counts = joint.get("limited_cycles")
+        if counts:
+            row = [str(counts[kind]) for kind in ("position", "velocity", "effort", "effort_rate")]
+            cells.append([name, *row, f"{joint['velocity_ratio_max']:.3f}", f"{joint['position_excess_max']:.4f}"])
+    return rows(cells)
+
+
+def _log(metrics: Mapping[str, Any]) -> str:
+    log = metrics["control_log"]
+    if log["missing_cycles"] or log["repeated_cycles"]:
+        return f"control log: {log['missing_cycles']} cycles MISSING in {len(log['gaps'])} gaps, {log['repeated_cycles']} repeated"
+    start = f" from cycle {log['first_cycle']} on" if log["first_cycle"] else ""
+    return f"control log: every cycle once{start}, state_sha256 {metrics['state_sha256'][:16]}"
+
+
+def _differences(metrics: Mapping[str, Any]) -> str:
+    lines = [f"differences from {metrics['reference']['title']}:"]
+    for item in metrics["differences"]:
+        lines += [f"- {item['what']}: there {item['reference']}; here {item['here']}", f"  {item['why']}"]
+    return "\n".join(lines)

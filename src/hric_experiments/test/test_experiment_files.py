@@ -1,0 +1,95 @@
+"""Experiment files and overrides: what is read, and how a mistake is told."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from hric_control.errors import HricError
+from hric_experiments import experiment, overrides
+from hric_experiments.experiment import ExperimentError
+
+
+def load(name: str, *given: str) -> experiment.Experiment:
+    return experiment.parse(name, overrides.apply(experiment.read(name), given))
+
+
+def test_both_experiments_of_the_workspace_are_valid() -> None:
+    assert experiment.names() == ["pd_step", "thesis_step"]
+    for name in experiment.names():
+        assert load(name).setpoints[0].positions == pytest.approx([0, -math.pi / 4, 0, -3 * math.pi / 4, 0, math.pi / 2, math.pi / 4], abs=0)
+
+
+def test_pd_step_starts_inside_every_range_and_is_led_through_a_trapezoid() -> None:
+    pd_step = load("pd_step")
+    assert pd_step.robot.q_start is not None and pd_step.robot.q_start[3] == -0.08
+    assert pd_step.parameters["joint_pd_controller"]["profile"] == {"enabled": True, "velocity": 1.0, "acceleration": 5.0}
+    assert (pd_step.robot.hw, pd_step.duration) == ("franka_sim/FrankaHWSim", 6.0)
+
+
+def test_shortcuts_reach_the_keys_they_stand_for() -> None:
+    model = ["inertials:=thesis", "rotor_inertia:=0", "simulator:=pybullet", "q_start:=[pi, 0]"]
+    run = load("thesis_step", "kp:=200", "kd:=[1, 2]", "duration:=1e-1", *model)
+    assert run.parameters["joint_pd_controller"]["kp"] == 200
+    assert run.parameters["joint_pd_controller"]["kd"] == [1, 2]
+    assert run.robot.description["inertials"] == "thesis"
+    assert run.robot.plant == {"rotor_inertia": 0}
+    assert run.duration == 0.1
+    assert run.robot.plant_type == "pybullet_ros_control/PyBulletPlant"
+    assert run.robot.q_start == (math.pi, 0.0)
+
+
+def test_dotted_paths_reach_any_key_of_the_file() -> None:
+    run = load("pd_step", "parameters.joint_pd_controller.profile.velocity:=0.5", "robot.plant.friction:=identified", "setpoints.0.time:=0.5")
+    assert run.parameters["joint_pd_controller"]["profile"] == {"enabled": True, "velocity": 0.5, "acceleration": 5.0}
+    assert run.robot.plant["friction"] == "identified"
+    assert run.setpoints[0].time == 0.5
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("kpp:=1", "did you mean kp"),
+        ("speed:=1", "valid: arm_id, damping, duration"),
+        ("kp=1", "write key:=value"),
+        ("duration:=0", "duration must be above 0"),
+        ("duration:=soon", "duration must be a finite number"),
+        ("robot.colour:=red", "'colour' is not one of arm_id"),
+        ("parameters.no_controller.kp:=1", "not one of joint_state_controller"),
+        ("setpoints.0.positions:=[1, pie]", "multiple of pi"),
+        ("setpoints.0.controller:=nobody", "'nobody' is not started; valid: joint_state_controller"),
+        ("setpoints.0.time:=7", "not before the end"),
+        ("setpoints.0.time:=-1", "at least 0"),
+        ("metrics.reference:=moon", "no reference 'moon'; valid: thesis"),
+        ("controllers:=[a, a]", "names something twice"),
+        ("kp:={", "is not YAML"),
+        ("duration.x:=1", "no override"),
+        ("parameters.joint_pd_controller.kp.x:=1", "is a value, not a group"),
+    ],
+)
+def test_a_wrong_override_is_told_with_what_would_be_right(given: str, told: str) -> None:
+    with pytest.raises(ExperimentError, match=told.replace("(", r"\(")):
+        load("pd_step", given)
+
+
+def test_an_unknown_experiment_lists_those_that_exist() -> None:
+    with pytest.raises(HricError, match=r"no experiment 'pdstep'.*valid: pd_step, thesis_step"):
+        experiment.read("pdstep")
+    with pytest.raises(HricError, match=r"no experiment file nowhere\.yaml"):
+        experiment.read("nowhere.yaml")
+
+
+def test_unknown_and_missing_keys_of_a_file_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text("robot: {hw: a/B}\ncontrollers: [c]\nduration: 1\ncolour: red\n")
+    with pytest.raises(ExperimentError, match="experiment own: unknown key colour; valid: controllers, description"):
+        experiment.parse("own", experiment.read(str(path)))
+    path.write_text("robot: {}\ncontrollers: [c]\nduration: 1\n")
+    with pytest.raises(ExperimentError, match=r"robot\.hw is missing"):
+        experiment.parse("own", experiment.read(str(path)))
+    path.write_text("- 1\n")
+    with pytest.raises(ExperimentError, match="must be a mapping"):
+        experiment.read(str(path))
+    path.write_text("a: [\n")
+    with pytest.raises(ExperimentError, match="not valid YAML"):
+        experiment.read(str(path))
