@@ -61,6 +61,11 @@ class RobotHW(InterfaceManager):
         """Make the switch; inside the loop, between two cycles. A simulated robot changes its mode at once; one whose mode needs a new
         control call remembers it, and its `run` enters it after `on_cycle` answered False."""
 
+    def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
+        """Whether the hardware is ready for the commands of these controllers; inside the loop, asked each cycle after `do_switch` until it is.
+        Until then they wait. Raises HricError if the change failed; they are aborted then."""
+        return True
+
     def read(self, time: float, period: float) -> None:
         """Fill the states from the robot."""
 

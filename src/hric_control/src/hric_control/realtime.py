@@ -1,0 +1,183 @@
+"""Between callbacks and the control loop, without the loop ever waiting: newest values in, messages out.
+
+In: `LatestValue`. Out: `publisher(...)` gives a `RealtimePublisher`; the loop hands it a function that builds the message, and the process's one
+`PublishThread` builds and sends it while the loop sleeps. `defer(...)` does the same for any other call on ROS (the result of an action, a log line).
+On a LocalNode both happen within the call, so that a headless run is deterministic.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+from hric_control.node import Node, Publisher
+from hric_control.publish_thread import Outbox, PublishThread
+
+T = TypeVar("T")
+
+LAGGING_LIMIT = 16
+"""Messages of one topic that may wait when it is not lossless; the newest win. More than one, for a loop that is not paced and drains every 20 ms."""
+LOSSLESS_LIMIT = 100_000
+"""Messages that may wait on a lossless topic: half an hour of a 50 Hz log behind a subscriber that hangs. Beyond it the oldest are dropped and told."""
+
+
+class LatestValue(Generic[T]):
+    """The newest value from callbacks, for one reader in the loop. No locks: a deque's append and popleft are atomic."""
+
+    __slots__ = ("_new", "_value")
+
+    def __init__(self, initial: T) -> None:
+        self._value = initial
+        self._new: deque[T] = deque(maxlen=1)
+
+    def set(self, value: T) -> None:
+        """Replace the value; from any thread."""
+        self._value = value
+        self._new.append(value)
+
+    def get(self) -> T:
+        """The newest value, or the initial one."""
+        return self._value
+
+    def take_new(self) -> T | None:
+        """The newest value if it was set since the last call, else None. For one reader."""
+        return self._new.popleft() if self._new else None
+
+
+class RealtimePublisher:
+    """Publishes from the loop without blocking it. `publisher` below makes one for a topic of a node.
+
+    Args:
+        publisher: sends in the calling thread (advertised with `queue_size=0`).
+        name: topic, for messages.
+        lossless: keep every message, not only the newest.
+        report: takes one line of text when something fails; from the publishing thread.
+        thread: who sends; None builds and sends within `publish`.
+    """
+
+    __slots__ = ("_append", "_outbox", "_publisher", "_thread", "_wake")
+
+    def __init__(
+        self,
+        publisher: Publisher,
+        name: str = "",
+        *,
+        lossless: bool = False,
+        report: Callable[[str], None] | None = None,
+        thread: PublishThread | None = None,
+    ) -> None:
+        self._publisher = publisher
+        self._outbox = Outbox(publisher.publish, name, LOSSLESS_LIMIT if lossless else LAGGING_LIMIT, report)
+        self._thread, self._wake = thread, thread.wake if thread else None
+        self._append = self._outbox.append
+        if thread is not None:
+            thread.add(self._outbox)
+
+    def publish(self, build: Callable[[], Any]) -> None:
+        """Have `build()` called and its message sent. Never blocks.
+
+        `build` runs later and in another thread: it must capture plain snapshots (lists of floats, the stamp), not live storage.
+        """
+        self._append(build)
+        if self._wake is None:
+            self._outbox.send_inline()
+        else:
+            self._wake()
+
+    @property
+    def dropped(self) -> int:
+        """Messages dropped because the thread lagged."""
+        return self._outbox.dropped
+
+    def subscribers(self) -> int:
+        """Number of listeners now."""
+        count: int = self._publisher.subscribers()  # type: ignore[attr-defined]  # both nodes' publishers tell it
+        return count
+
+    def unregister(self) -> None:
+        """Send what waits, then stop advertising. Outside the loop."""
+        if self._thread is not None:
+            self._thread.drain(0.5)
+            self._thread.remove(self._outbox)
+        self._publisher.unregister()
+
+
+_lock = threading.Lock()
+_thread: PublishThread | None = None
+_deferred: dict[int, Outbox] = {}
+
+
+def publisher(node: Node, topic: str, message_type: type, latch: bool = False, lossless: bool = False) -> RealtimePublisher:
+    """A publisher for the loop.
+
+    Args:
+        node: where to advertise.
+        topic: name, relative to the node.
+        message_type: message class.
+        latch: give the last message to subscribers that come later.
+        lossless: keep all messages when the thread lags (otherwise the newest ones).
+    """
+    raw = node.advertise(topic, message_type, queue_size=0, latch=latch)
+    return RealtimePublisher(
+        raw, node.resolve(topic), lossless=lossless, report=node.log_error, thread=None if _inline(node) else _the_thread()
+    )
+
+
+def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
+    """Have `call()` done by the publishing thread: for what the loop may not do itself, e.g. finishing an action goal or logging.
+
+    Args:
+        node: whose; on a LocalNode the call is done at once.
+        call: no arguments; an error is logged with `what`.
+    """
+    if _inline(node):
+        call()
+        return
+    thread = _the_thread()
+    outbox = _deferred.get(id(thread))
+    if outbox is None:
+        outbox = _deferred[id(thread)] = Outbox(_run, what, LOSSLESS_LIMIT, node.log_error)
+        thread.add(outbox)
+    outbox.append(lambda: call)
+    thread.wake()
+
+
+def drain(timeout: float) -> bool:
+    """Wait until everything handed over so far was sent. For loops that are not paced, every 20 ms of run time.
+
+    Args:
+        timeout: longest wait [s of wall time].
+
+    Returns:
+        False when it took longer. While the same message hangs, further calls return False without waiting, so that nothing hangs with it.
+    """
+    return _thread.drain(timeout) if _thread is not None else True
+
+
+def shutdown(timeout: float = 1.0) -> None:
+    """Send what waits and end the thread; a later publisher starts a new one."""
+    global _thread
+    with _lock:
+        thread, _thread = _thread, None
+        _deferred.clear()
+    if thread is not None:
+        thread.drain(timeout)
+        thread.stop()
+
+
+def _run(call: Callable[[], None]) -> None:
+    call()
+
+
+def _inline(node: Node) -> bool:
+    return bool(getattr(node, "publishes_inline", False))
+
+
+def _the_thread() -> PublishThread:
+    global _thread
+    with _lock:
+        if _thread is None:
+            _thread = PublishThread()
+        return _thread

@@ -1,0 +1,102 @@
+"""A node that remembers what was made through it, so that all of it can be taken back: no topic or service of a controller outlives it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Node, Publisher, Registration
+
+
+class ScopedNode:
+    """Passes everything on to `node`; `close` takes back what was advertised, subscribed and served through it and its children."""
+
+    def __init__(self, node: Node, made: list[Publisher | Registration] | None = None) -> None:
+        self._node = node
+        self._made: list[Publisher | Registration] = [] if made is None else made
+        self.publishes_inline = bool(getattr(node, "publishes_inline", False))
+
+    def close(self) -> None:
+        """Take back everything, the newest first; what its owner took back already stays so."""
+        while self._made:
+            self._made.pop().unregister()
+
+    def _keep(self, made: Any) -> Any:
+        self._made.append(made)
+        return made
+
+    @property
+    def namespace(self) -> str:
+        """Absolute namespace."""
+        return self._node.namespace
+
+    def child(self, name: str) -> ScopedNode:
+        """One namespace deeper; what is made there belongs to the same scope."""
+        return ScopedNode(self._node.child(name), self._made)
+
+    def also(self, node: Node) -> ScopedNode:
+        """Another node whose makings belong to the same scope."""
+        return ScopedNode(node, self._made)
+
+    def resolve(self, name: str) -> str:
+        """Absolute name."""
+        return self._node.resolve(name)
+
+    def has_param(self, name: str) -> bool:
+        """Whether the parameter exists."""
+        return self._node.has_param(name)
+
+    def param(self, name: str, default: Any = REQUIRED) -> Any:
+        """Value of a parameter."""
+        return self._node.param(name, default)
+
+    def search_param(self, name: str, default: Any = REQUIRED) -> Any:
+        """Value of the parameter in this namespace or the nearest one above it."""
+        return self._node.search_param(name, default)
+
+    def set_param(self, name: str, value: Any) -> None:
+        """Set a parameter."""
+        self._node.set_param(name, value)
+
+    def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> Publisher:
+        """Advertise a topic."""
+        made: Publisher = self._keep(self._node.advertise(topic, message_type, queue_size=queue_size, latch=latch))
+        return made
+
+    def subscribe(self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10) -> Registration:
+        """Subscribe to a topic."""
+        made: Registration = self._keep(self._node.subscribe(topic, message_type, callback, queue_size=queue_size))
+        return made
+
+    def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Registration:
+        """Serve."""
+        made: Registration = self._keep(self._node.service(name, service_type, handler))
+        return made
+
+    def action_server(
+        self, name: str, action_type: type, on_goal: Callable[[GoalHandle], None], on_cancel: Callable[[GoalHandle], None]
+    ) -> Registration:
+        """Serve an action."""
+        made: Registration = self._keep(self._node.action_server(name, action_type, on_goal, on_cancel))
+        return made
+
+    def live_parameters(self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]) -> Registration:
+        """Offer live parameters."""
+        made: Registration = self._keep(self._node.live_parameters(parameters, on_change))
+        return made
+
+    def now(self) -> Any:
+        """Stamp for messages."""
+        return self._node.now()
+
+    def log_info(self, text: str) -> None:
+        """Log for the user."""
+        self._node.log_info(text)
+
+    def log_warn(self, text: str) -> None:
+        """Log a warning."""
+        self._node.log_warn(text)
+
+    def log_error(self, text: str) -> None:
+        """Log an error."""
+        self._node.log_error(text)

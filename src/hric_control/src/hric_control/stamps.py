@@ -1,0 +1,23 @@
+"""Between float seconds of run time and the time stamps of messages."""
+
+from __future__ import annotations
+
+import genpy
+
+_NS = 1_000_000_000
+
+
+def to_time(seconds: float) -> genpy.Time:
+    """Stamp for a run time.
+
+    Args:
+        seconds: run time, not negative [s]; rounded to the nanosecond (genpy's own conversion truncates, so 1.001 s would lose one).
+    """
+    nanoseconds = round(seconds * _NS)
+    return genpy.Time(nanoseconds // _NS, nanoseconds % _NS)
+
+
+def to_duration(seconds: float) -> genpy.Duration:
+    """Duration message field for a time span [s], rounded to the nanosecond."""
+    nanoseconds = round(seconds * _NS)
+    return genpy.Duration(nanoseconds // _NS, nanoseconds % _NS)
