@@ -48,7 +48,9 @@ class Limiter:
         self.counts = LimitCounts(names, [limit.velocity for limit in limits]) if counts is None else counts
         self._selected = [True] * len(names)
         self._previous = [math.nan] * len(names)
-        self._period = math.nan
+        self._period, self._run = math.nan, -1
+        self._v_near = [INFINITY] * len(names)  # speed below which the velocity limit cannot act
+        self._v_quick = [0.0] * len(names)  # the same, but not above the largest speed seen, so that a new record takes the long way
 
     def reset(self, previous: Sequence[float] | None = None) -> None:
         """Set the command that the rate limits start from.
@@ -75,7 +77,7 @@ class Limiter:
         self._period = math.nan
 
     def check_start(self) -> None:
-        """Say once which joints begin outside their range; `enforce` calls it in the first cycle."""
+        """Say once which joints begin outside their range; `enforce` calls it in the first cycle after construction or `counts.clear()`."""
         self.counts.start_checked = True
         for i, (limit, position) in enumerate(zip(self.limits, self.states.position, strict=True)):
             if not limit.lower <= position <= limit.upper and not self.counts.started_outside[i]:
@@ -84,6 +86,27 @@ class Limiter:
                     "%s starts at %.4f %s, outside its range [%.4f, %.4f]: until it is inside it may only move inwards",
                     limit.name, position, limit.unit, limit.lower, limit.upper,
                 )  # fmt: skip
+
+    def _begin(self, period: float) -> None:
+        """Rarely called head of `enforce`: another period, another selection, or counts that were cleared."""
+        if not self.counts.start_checked:
+            self.check_start()
+        self._period, self._run = period, self.counts.run
+        self._prepare(period)
+        for i in range(len(self.limits)):
+            self._set_quick(i)
+
+    def _prepare(self, period: float) -> None:
+        """Set `_rows` and `_v_near`: the bounds within which no limit can touch a command."""
+        raise NotImplementedError
+
+    def _set_quick(self, i: int) -> None:
+        self._v_quick[i] = min(self.counts.speed_max[i], self._v_near[i])
+
+    def _note_speed(self, i: int, speed: float) -> None:
+        if speed > self.counts.speed_max[i]:
+            self.counts.speed_max[i] = speed
+            self._set_quick(i)
 
     def _note_position(self, i: int, position: float) -> None:
         limit = self.limits[i]
@@ -106,46 +129,57 @@ class EffortLimiter(Limiter):
     Velocity: above the limit only braking effort passes; with k_velocity the bound is -k_velocity (v - v_max).
     """
 
+    def __init__(self, states: JointStates, commands: JointCommands, limits: Sequence[JointLimits], counts: LimitCounts | None = None) -> None:
+        super().__init__(states, commands, limits, counts)
+        self._tau_quick = [0.0] * len(self.limits)
+        self._rows: list[tuple[int, float, float, float]] = []
+
     def enforce(self, period: float) -> None:
         """Limit the commands in place. About 2 us for seven joints when no limit is near.
 
         Args:
             period: time since the last cycle [s].
         """
-        if period != self._period:
-            self._prepare(period)
-        counts, value = self.counts, self.commands.value
-        if not counts.start_checked:
-            self.check_start()
+        counts, states, value = self.counts, self.states, self.commands.value
+        if period != self._period or counts.run != self._run:
+            self._begin(period)
         counts.cycles += 1
-        top = counts.speed_max
-        states = self.states
-        # The test lets through what no limit can touch; anything else, also what is not a number, takes the long way below.
-        for q, v, tau, last, fastest, (i, q_low, q_high, v_max, k, tau_max, change) in zip(
-            states.position, states.velocity, value, self._previous, top, self._rows, strict=True
+        # The test lets through what no limit can touch; anything else, also what is not a number, takes the long way.
+        for q, v, tau, last, v_quick, tau_quick, (i, q_low, q_high, change) in zip(
+            states.position, states.velocity, value, self._previous, self._v_quick, self._tau_quick, self._rows, strict=True
         ):
-            speed = abs(v)
-            if speed > fastest:
-                top[i] = speed
-            size = abs(tau)
-            if q_low <= q <= q_high and size <= tau_max and size <= k * (v_max - speed) and -change <= tau - last <= change:
+            if q_low <= q <= q_high and -v_quick <= v <= v_quick and -tau_quick <= tau <= tau_quick and -change <= tau - last <= change:
                 continue
             value[i] = self._limit(i, q, v, tau, last, change)
         self._previous[:] = value
 
     def _prepare(self, period: float) -> None:
-        self._period = period
-        self._rows = [
-            _row(i, limit, period) if chosen else (i, -INFINITY, INFINITY, INFINITY, INFINITY, FINITE, INFINITY)
-            for i, (limit, chosen) in enumerate(zip(self.limits, self._selected, strict=True))
-        ]
+        self._rows = []
+        for i, (limit, chosen) in enumerate(zip(self.limits, self._selected, strict=True)):
+            if chosen:
+                self._rows.append((i, *_quick_range(limit), limit.effort_rate * period))
+                # A soft velocity limit bounds the effort by the speed that is left: leave some of it for the quick test.
+                self._v_near[i] = limit.velocity if limit.k_velocity == 0.0 else 0.75 * limit.velocity
+            else:
+                self._rows.append((i, -INFINITY, INFINITY, INFINITY))
+                self._v_near[i] = INFINITY
+
+    def _set_quick(self, i: int) -> None:
+        super()._set_quick(i)
+        limit = self.limits[i]
+        self._tau_quick[i] = FINITE
+        if self._selected[i]:
+            soft = limit.k_velocity * (limit.velocity - self._v_quick[i]) if limit.k_velocity > 0.0 else FINITE
+            self._tau_quick[i] = min(limit.effort, soft, FINITE)
 
     def _limit(self, i: int, q: float, v: float, tau: float, last: float, change: float) -> float:
         counts, limit = self.counts, self.limits[i]
         if not math.isfinite(tau + q + v):
             self._not_finite(i, counts.effort)
             return last if math.isfinite(last) else 0.0
-        if not self._selected[i]:
+        speed = abs(v)
+        self._note_speed(i, speed)
+        if not self._selected[i] or self._is_free(i, q, speed, tau, last):
             return tau
         self._note_position(i, q)
         wanted, tau = tau, self._position_stage(limit, q, v, tau)
@@ -162,6 +196,16 @@ class EffortLimiter(Limiter):
             if abs(tau - wanted) > TOUCHED:
                 counts.effort_rate[i] += 1
         return tau
+
+    def _is_free(self, i: int, q: float, speed: float, tau: float, last: float) -> bool:
+        """Whether no limit acts: a joint with soft velocity limits often comes here although it is far from them."""
+        _, q_low, q_high, change = self._rows[i]
+        limit = self.limits[i]
+        left = limit.velocity - speed
+        return (
+            q_low <= q <= q_high and left >= 0.0 and abs(tau) <= limit.effort and -change <= tau - last <= change
+            and (limit.k_velocity == 0.0 or abs(tau) <= limit.k_velocity * left)
+        )  # fmt: skip
 
     @staticmethod
     def _position_stage(limit: JointLimits, q: float, v: float, tau: float) -> float:
@@ -195,14 +239,9 @@ class EffortLimiter(Limiter):
         return clamp(tau, low, high)
 
 
-_Row = tuple[int, float, float, float, float, float, float]
-
-
-def _row(i: int, limit: JointLimits, period: float) -> _Row:
-    """Bounds within which nothing can touch the command: (index, q low, q high, v max, gain of the speed that is left, effort, change of effort)."""
-    q_low, q_high = limit.lower, limit.upper
-    if limit.has_soft_range and limit.k_velocity > 0.0:
-        reach = limit.velocity / limit.k_position
-        q_low, q_high = max(q_low, limit.soft_lower + reach), min(q_high, limit.soft_upper - reach)
-    k = limit.k_velocity if limit.k_velocity > 0.0 else INFINITY
-    return i, q_low, q_high, limit.velocity, k, min(limit.effort, FINITE), limit.effort_rate * period
+def _quick_range(limit: JointLimits) -> tuple[float, float]:
+    """Positions between which neither the range nor the soft limits act [rad]."""
+    if not (limit.has_soft_range and limit.k_velocity > 0.0):
+        return limit.lower, limit.upper
+    reach = limit.velocity / limit.k_position
+    return max(limit.lower, limit.soft_lower + reach), min(limit.upper, limit.soft_upper - reach)

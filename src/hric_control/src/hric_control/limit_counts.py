@@ -19,10 +19,11 @@ class LimitCounts:
         position_excess_max: how far the position was outside its range at most [rad].
         started_outside: whether the joint began the run outside its range.
         not_finite: commands that were not a number and were replaced by the one before, per joint.
+        run: number of `clear` calls, so that limiters notice it.
     """
 
     __slots__ = (
-        "cycles", "effort", "effort_rate", "names", "not_finite", "position", "position_excess_max",
+        "cycles", "effort", "effort_rate", "names", "not_finite", "position", "position_excess_max", "run",
         "speed_limit", "speed_max", "start_checked", "started_outside", "velocity",
     )  # fmt: skip
 
@@ -33,7 +34,7 @@ class LimitCounts:
         self.position, self.velocity, self.effort, self.effort_rate, self.not_finite = [0] * n, [0] * n, [0] * n, [0] * n, [0] * n
         self.speed_max, self.position_excess_max = [0.0] * n, [0.0] * n
         self.started_outside = [False] * n
-        self.cycles = 0
+        self.cycles = self.run = 0
         self.start_checked = False
 
     @property
@@ -54,6 +55,7 @@ class LimitCounts:
         self.position_excess_max[:] = [0.0] * len(self.names)
         self.started_outside[:] = [False] * len(self.names)
         self.cycles = 0
+        self.run += 1
         self.start_checked = False
 
     def copy(self) -> LimitCounts:

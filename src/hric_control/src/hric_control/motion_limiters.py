@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from hric_control.effort_limiter import FINITE, TOUCHED, Limiter, clamp
+from hric_control.hardware_interface import JointCommands, JointStates
+from hric_control.limit_counts import LimitCounts
 from hric_control.limit_values import INFINITY, JointLimits
 
 
@@ -51,27 +54,19 @@ class VelocityLimiter(Limiter):
         Args:
             period: time since the last cycle [s].
         """
-        if period != self._period:
-            self._prepare(period)
-        counts, value = self.counts, self.commands.value
-        if not counts.start_checked:
-            self.check_start()
+        counts, states, value = self.counts, self.states, self.commands.value
+        if period != self._period or counts.run != self._run:
+            self._begin(period)
         counts.cycles += 1
-        top = counts.speed_max
-        states = self.states
-        for q, v, wanted, last, fastest, (i, q_low, q_high, v_max, change) in zip(
-            states.position, states.velocity, value, self._previous, top, self._rows, strict=True
+        for q, v, wanted, last, v_quick, (i, q_low, q_high, v_max, change) in zip(
+            states.position, states.velocity, value, self._previous, self._v_quick, self._rows, strict=True
         ):
-            speed = abs(v)
-            if speed > fastest:
-                top[i] = speed
-            if q_low <= q <= q_high and -v_max <= wanted <= v_max and -change <= wanted - last <= change:
+            if q_low <= q <= q_high and -v_quick <= v <= v_quick and -v_max <= wanted <= v_max and -change <= wanted - last <= change:
                 continue
             value[i] = self._limit(i, q, v, wanted, last, change)
         self._previous[:] = value
 
     def _prepare(self, period: float) -> None:
-        self._period = period
         self._rows = []
         for i, (limit, chosen) in enumerate(zip(self.limits, self._selected, strict=True)):
             if not chosen:
@@ -92,6 +87,7 @@ class VelocityLimiter(Limiter):
         if not math.isfinite(value + q + v):
             self._not_finite(i, counts.velocity)
             return last if math.isfinite(last) else 0.0
+        self._note_speed(i, abs(v))
         if not self._selected[i]:
             return value
         self._note_position(i, q)
@@ -112,35 +108,29 @@ class PositionLimiter(Limiter):
     A command that begins outside the range is led back to it at the velocity limit, not in one jump.
     """
 
+    def __init__(self, states: JointStates, commands: JointCommands, limits: Sequence[JointLimits], counts: LimitCounts | None = None) -> None:
+        super().__init__(states, commands, limits, counts)
+        self._speed = [0.0] * len(self.limits)
+
     def enforce(self, period: float) -> None:
         """Limit the commands in place.
 
         Args:
             period: time since the last cycle [s].
         """
-        if period != self._period:
-            self._prepare(period)
-        counts, value = self.counts, self.commands.value
-        if not counts.start_checked:
-            self.check_start()
+        counts, states, value = self.counts, self.states, self.commands.value
+        if period != self._period or counts.run != self._run:
+            self._begin(period)
         counts.cycles += 1
-        top = counts.speed_max
-        states = self.states
-        for q, v, wanted, last, fastest, (i, low, high, change) in zip(
-            states.position, states.velocity, value, self._previous, top, self._rows, strict=True
+        for q, v, wanted, last, v_quick, (i, low, high, change) in zip(
+            states.position, states.velocity, value, self._previous, self._v_quick, self._rows, strict=True
         ):
-            speed = abs(v)
-            if speed > fastest:
-                top[i] = speed
-            if low <= wanted <= high and -change <= wanted - last <= change:
-                self._speed[i] = (wanted - last) / period
+            if -v_quick <= v <= v_quick and low <= wanted <= high and -change <= wanted - last <= change:
                 continue
             value[i] = self._limit(i, q, wanted, last)
         self._previous[:] = value
 
     def _prepare(self, period: float) -> None:
-        self._period = period
-        self._speed = getattr(self, "_speed", [0.0] * len(self.limits))
         self._rows = []
         for i, (limit, chosen) in enumerate(zip(self.limits, self._selected, strict=True)):
             if not chosen:
@@ -161,6 +151,7 @@ class PositionLimiter(Limiter):
         if not math.isfinite(value + last):
             self._not_finite(i, counts.position)
             return last if math.isfinite(last) else 0.0
+        self._note_speed(i, abs(self.states.velocity[i]))
         if not self._selected[i]:
             return value
         self._note_position(i, q)

@@ -46,9 +46,13 @@ class _Request(Generic[T]):
     def serve(self) -> None:
         try:
             self.result = self.function()
-        except BaseException as error:  # handed to the thread that asked, which raises it
+        except Exception as error:  # handed to the thread that asked, which raises it
             self.error = error
-        self.done.set()
+        except BaseException as error:
+            self.error = error
+            raise
+        finally:
+            self.done.set()
 
 
 class SimLoop:
@@ -132,6 +136,7 @@ class SimLoop:
             with self._state:
                 self._thread = None
                 self._stop = False
+                self._steps = 0
                 self._serve()
                 if self._stepped is not None:
                     self._stepped.set()
@@ -228,7 +233,8 @@ class SimLoop:
                 self._count_step()
             elif self._factor:
                 self._sleep(end)
-            elif self.cycles % idle_cycles == 0 and self.on_idle is not None:
+                continue
+            if self.cycles % idle_cycles == 0 and self.on_idle is not None:
                 self.on_idle()
 
     def _count_step(self) -> None:

@@ -86,7 +86,8 @@ def parse_transmissions(urdf_xml: str) -> list[Transmission]:
     """All transmissions, in the order of the description.
 
     Raises:
-        DescriptionError: another type than SimpleTransmission, an unknown interface, a joint that does not exist or has two transmissions, a reduction of 0.
+        DescriptionError: another type than SimpleTransmission, an unknown interface, an unknown joint or one with two transmissions,
+            a reduction of 0.
     """
     root = urdf.parse(urdf_xml)
     joints = set(urdf.joints(root))
@@ -126,9 +127,8 @@ def _transmission(element: ElementTree.Element, joints: set[str]) -> Transmissio
     reduction = _number(actuator, joint, "mechanicalReduction", 1.0, where)
     if reduction == 0.0:
         raise DescriptionError(f"{where}: mechanicalReduction must not be 0")
-    return Transmission(
-        name, kind, joint_name, _interfaces(joint, actuator, where), actuator.get("name", ""), reduction, _number(joint, actuator, "offset", 0.0, where)
-    )
+    offset = _number(joint, actuator, "offset", 0.0, where)
+    return Transmission(name, kind, joint_name, _interfaces(joint, actuator, where), actuator.get("name", ""), reduction, offset)
 
 
 def _only(element: ElementTree.Element, tag: str, where: str) -> ElementTree.Element:
@@ -142,11 +142,12 @@ def _interfaces(joint: ElementTree.Element, actuator: ElementTree.Element, where
     # Older descriptions name the interface below the actuator.
     elements = joint.findall("hardwareInterface") or actuator.findall("hardwareInterface")
     names = tuple(_short(element.text or "") for element in elements)
+    valid = ", ".join(f"hardware_interface/{name}" for name in INTERFACES)
     for name in names:
         if name not in INTERFACES:
-            raise DescriptionError(f"{where}: no hardware interface {name!r}; valid: {', '.join('hardware_interface/' + valid for valid in INTERFACES)}")
+            raise DescriptionError(f"{where}: no hardware interface {name!r}; valid: {valid}")
     if not names:
-        raise DescriptionError(f"{where}: joint {joint.get('name')} has no <hardwareInterface>; valid: {', '.join(INTERFACES)}")
+        raise DescriptionError(f"{where}: joint {joint.get('name')} has no <hardwareInterface>; valid: {valid}")
     return tuple(dict.fromkeys(names))
 
 
