@@ -1,0 +1,73 @@
+"""scripts/setup refuses what it cannot do, tells what is missing, and costs nothing when all is there."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def setup(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([str(ROOT / "scripts/setup"), *arguments], env={**os.environ, **environment}, capture_output=True, text=True, timeout=300)
+
+
+def test_with_everything_there_a_setup_takes_less_than_two_seconds_and_says_nothing() -> None:
+    started = time.monotonic()
+    result = setup()
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+    assert time.monotonic() - started < 2.0
+
+
+def test_check_says_that_nothing_is_missing() -> None:
+    result = setup("--check")
+    assert (result.returncode, result.stdout) == (0, "nothing is missing\n")
+
+
+@pytest.mark.parametrize(
+    "system", ['PRETTY_NAME="Ubuntu 20.04.6 LTS"\nVERSION_CODENAME=focal\n', 'PRETTY_NAME="Debian 11"\nVERSION_CODENAME=bullseye\n', "ID=arch\n"]
+)
+def test_another_system_is_refused_with_the_way_through_docker(tmp_path: Path, system: str) -> None:
+    release = tmp_path / "os-release"
+    release.write_text(system)
+    result = setup(HRIC_OS_RELEASE=str(release))
+    assert result.returncode == 1
+    assert "Debian 12" in result.stderr
+    assert "docker compose -f docker/compose.yaml up" in result.stderr
+
+
+def test_a_derivative_of_debian_12_is_accepted(tmp_path: Path) -> None:
+    release = tmp_path / "os-release"
+    release.write_text('PRETTY_NAME="LMDE 6 (faye)"\nID=linuxmint\nVERSION_CODENAME=faye\nDEBIAN_CODENAME=bookworm\n')
+    assert setup("--check", HRIC_OS_RELEASE=str(release)).returncode == 0
+
+
+def test_an_unknown_option_is_refused_with_the_valid_ones() -> None:
+    result = setup("--fast")
+    assert result.returncode == 2
+    assert "--fast" in result.stderr and "--no-gui" in result.stderr
+
+
+def test_another_python_first_in_path_and_an_odd_home_change_nothing(tmp_path: Path) -> None:
+    (tmp_path / "python3").write_text("#!/bin/sh\nexit 99\n")
+    (tmp_path / "python3").chmod(0o755)
+    result = setup("--check", PATH=f"{tmp_path}:{os.environ['PATH']}", HOME="/nonexistent")
+    assert (result.returncode, result.stdout) == (0, "nothing is missing\n")
+
+
+def test_the_environment_has_the_pinned_numpy_and_the_empy_of_the_generators() -> None:
+    pins = dict(line.split("==") for line in (ROOT / "scripts/requirements.txt").read_text().split() if "==" in line)
+    code = "import sys, numpy, em; print(numpy.__version__, em.__version__, sys.base_prefix)"
+    found = subprocess.run([str(ROOT / ".venv/bin/python3"), "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert found[0] == pins["numpy"]
+    assert found[1].startswith("3.")
+    assert found[2] == "/usr"
+
+
+def test_every_requirement_is_pinned_exactly() -> None:
+    lines = [line.strip() for line in (ROOT / "scripts/requirements.txt").read_text().splitlines() if line.strip() and not line.startswith("#")]
+    assert lines and all(line.count("==") == 1 for line in lines)
