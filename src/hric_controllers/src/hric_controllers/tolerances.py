@@ -67,6 +67,13 @@ class GoalTolerances:
             self.goal_time if goal_time == 0.0 else goal_time,
         )
 
+    def only(self, named: Sequence[bool]) -> GoalTolerances:
+        """These, without limits for the joints that a goal does not name."""
+        path, goal = (
+            tuple(item if wanted else Tolerance() for item, wanted in zip(items, named, strict=True)) for items in (self.path, self.goal)
+        )
+        return GoalTolerances(path, goal, self.goal_time)
+
 
 def _override(joints: Sequence[str], defaults: Sequence[Tolerance], given: Sequence[JointToleranceLike], field: str) -> list[Tolerance]:
     by_name: Mapping[str, JointToleranceLike] = {item.name: item for item in given}
