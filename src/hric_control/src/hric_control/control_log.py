@@ -1,0 +1,96 @@
+"""Every cycle of the control loop, in batches: what was read, what was asked for, what was sent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from hric_control.hardware_interface import JointStates
+
+BATCH = 20
+"""Cycles per message: 50 Hz at 1 kHz."""
+
+LogRow = Callable[[], tuple[Sequence[str], Sequence[float], Sequence[float]]]
+"""() -> (command interface per joint: "effort", "velocity", "position" or "none"; commands before the limits; commands that were sent)."""
+
+
+class ControlLog:
+    """Collects one row per cycle and hands over a message per batch. Plain floats in the loop; the message is built elsewhere.
+
+    A row is begun when the controllers have been updated and completed at the start of the next cycle, by when the robot has written; so it works the
+    same on a robot that drives its own loop.
+
+    Args:
+        states: measured states; copied by `begin`.
+        row: the robot's `log_row`.
+        publish: takes a function that builds the message (`RealtimePublisher.publish`).
+        stamp: run time [s] -> stamp of the message.
+    """
+
+    def __init__(self, states: JointStates, row: LogRow, publish: Callable[[Callable[[], Any]], None], stamp: Callable[[float], Any]) -> None:
+        self._states, self._row, self._publish, self._stamp = states, row, publish, stamp
+        self._names = list(states.names)
+        self._first = 0
+        self._open = False
+        self._kinds: list[str] = []
+        self._clear()
+
+    def _clear(self) -> None:
+        self._time: list[float] = []
+        self._position: list[float] = []
+        self._velocity: list[float] = []
+        self._effort: list[float] = []
+        self._raw: list[float] = []
+        self._sent: list[float] = []
+
+    def begin(self, time: float) -> None:
+        """Take what was read in this cycle, after the controllers' update.
+
+        Args:
+            time: run time of the cycle [s].
+        """
+        states = self._states
+        self._pending = (time, states.position[:], states.velocity[:], states.effort[:])
+        self._open = True
+
+    def complete(self) -> None:
+        """Add the commands of the last cycle, which the robot has written by now. Without a row begun, does nothing."""
+        if not self._open:
+            return
+        self._open = False
+        kinds, raw, sent = self._row()
+        if kinds != self._kinds:
+            self.flush()
+            self._kinds = list(kinds)
+        time, position, velocity, effort = self._pending
+        self._time.append(time)
+        self._position += position
+        self._velocity += velocity
+        self._effort += effort
+        self._raw += raw
+        self._sent += sent
+        if len(self._time) >= BATCH:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand over the rows collected so far."""
+        n = len(self._time)
+        if n == 0:
+            return
+        first, self._first = self._first, self._first + n
+        values = (self._time, self._position, self._velocity, self._effort, self._raw, self._sent)
+        names, kinds, stamp = self._names, self._kinds, self._stamp
+        self._clear()
+        self._publish(lambda: _message(names, kinds, first, stamp(values[0][0]), values))
+
+
+def _message(names: list[str], kinds: list[str], first: int, stamp: Any, values: tuple[list[float], ...]) -> Any:
+    from hric_msgs.msg import ControlLog as Message
+
+    time, position, velocity, effort, raw, sent = values
+    message = Message(
+        joint_names=names, command_interface=kinds, first_cycle=first, n_cycles=len(time), time=time, position=position, velocity=velocity,
+        effort=effort, command_raw=raw, command=sent,
+    )  # fmt: skip
+    message.header.stamp = stamp
+    return message

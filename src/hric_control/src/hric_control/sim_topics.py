@@ -1,0 +1,112 @@
+"""Topics of a simulated robot under `sim/`: contacts and the poses of the models."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from geometry_msgs.msg import Pose, Twist, Vector3, Wrench
+
+from gazebo_msgs.msg import ContactsState, ContactState, ModelStates
+from hric_control import poses, realtime, stamps, urdf
+from hric_control.errors import HricError
+from hric_control.node import Node
+from hric_control.plant import Contact, FloatArray
+
+if TYPE_CHECKING:
+    from hric_control.sim_services import SimulatedRobot
+
+CONTACTS_EVERY = 0.01
+"""[s of run time]"""
+MODELS_EVERY = 0.1
+"""[s of run time]"""
+
+
+class SimTopics:
+    """Publishes from the loop: reads the engine there, builds the messages elsewhere.
+
+    Args:
+        hw: the simulated robot.
+        node: namespace of the topics.
+        robot: name of the robot's model.
+
+    Attributes:
+        bases: base link of each spawned model, where known.
+    """
+
+    def __init__(self, hw: SimulatedRobot, node: Node, robot: str) -> None:
+        self._loop, self._plant, self._node, self._robot = hw.loop, hw.plant, node, robot
+        self.bases: dict[str, str] = {}
+        self._root = urdf.root_link(urdf.parse(hw.description))
+        self._contacts = realtime.publisher(node, "contacts", ContactsState)
+        self._models = realtime.publisher(node, "model_states", ModelStates)
+        self._contact_cycles = max(1, round(CONTACTS_EVERY / self._loop.time_step))
+        self._model_cycles = max(1, round(MODELS_EVERY / self._loop.time_step))
+        self._told = False
+        self._loop.after_cycle.append(self._publish)
+
+    def unregister(self) -> None:
+        """Stop publishing."""
+        self._loop.after_cycle.remove(self._publish)
+        self._contacts.unregister()
+        self._models.unregister()
+
+    def _publish(self, time: float) -> None:
+        cycle = self._loop.cycles
+        if cycle % self._contact_cycles == 0:
+            contacts = self._plant.contacts()
+            if contacts or self._contacts.subscribers():
+                self._contacts.publish(lambda: contacts_message(contacts, time))
+        if cycle % self._model_cycles == 0 and self._models.subscribers():
+            names = [self._robot, *self._plant.model_names()]
+            states = [self._state(name) for name in names]
+            self._models.publish(lambda: models_message(names, states))
+
+    def _state(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """(T_world_base, twist) of a model; the origin if the plant cannot tell, said once."""
+        body = self._root if name == self._robot else f"{name}::{self.bases[name]}" if name in self.bases else name
+        try:
+            return self._plant.link_state(body)
+        except HricError as error:
+            if not self._told:
+                self._told = True
+                text = f"model_states: {error}"
+                realtime.defer(self._node, lambda: self._node.log_warn(text))
+            return np.eye(4), np.zeros(6)
+
+
+def contacts_message(contacts: list[Contact], time: float) -> Any:
+    """gazebo_msgs/ContactsState in the world frame: one state per pair of bodies, with all its points; forces act on collision1.
+
+    Args:
+        contacts: of one cycle.
+        time: run time at which that cycle measured [s].
+    """
+    message = ContactsState()
+    message.header.stamp, message.header.frame_id = stamps.to_time(time), "world"
+    states: dict[tuple[str, str], Any] = {}
+    for contact in contacts:
+        pair = (contact.body_a, contact.body_b)
+        if pair not in states:
+            states[pair] = ContactState(info=f"{pair[0]} on {pair[1]}", collision1_name=pair[0], collision2_name=pair[1])
+            message.states.append(states[pair])
+        state, force = states[pair], [contact.force * part for part in contact.normal]
+        state.wrenches.append(Wrench(force=Vector3(*force)))
+        state.contact_positions.append(Vector3(*contact.position))
+        state.contact_normals.append(Vector3(*contact.normal))
+        state.depths.append(contact.depth)
+        total = state.total_wrench.force
+        total.x, total.y, total.z = total.x + force[0], total.y + force[1], total.z + force[2]
+    return message
+
+
+def models_message(names: list[str], states: list[tuple[FloatArray, FloatArray]]) -> Any:
+    """gazebo_msgs/ModelStates in the world frame."""
+    message = ModelStates(name=names)
+    for T, twist in states:
+        pose, velocity = Pose(), Twist()
+        poses.fill(pose, T)
+        poses.fill_twist(velocity, twist)
+        message.pose.append(pose)
+        message.twist.append(velocity)
+    return message
