@@ -1,0 +1,109 @@
+"""The plant's parameters: defaults, and what is valid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hric_control.errors import ParameterError, UnknownNameError
+from hric_control.plant import check_config
+
+DEFAULTS: dict[str, Any] = {
+    "time_step": 0.001,
+    "rotor_inertia": 0.1,
+    "friction": "none",
+    "friction_parameters": {},
+    "self_collision": True,
+    "collision": True,
+    "collision_masks": "",
+    "contact_stiffness": 75000.0,
+    "world": "",
+    "gui": False,
+    "gravity": [0.0, 0.0, -9.81],
+    "half_step_readout": True,
+    "passive_joints": "free",
+    "seed": 0,
+}
+"""Keys and defaults; INTERFACE.md says what they mean."""
+
+FRICTIONS = ("none", "coulomb", "identified")
+PASSIVE = ("free", "locked")
+
+
+@dataclass(frozen=True)
+class PlantConfig:
+    """Checked parameters; the keys of DEFAULTS, with rotor inertia per joint."""
+
+    time_step: float
+    rotor_inertia: tuple[float, ...]
+    friction: str
+    friction_parameters: Mapping[str, Any]
+    self_collision: bool
+    collision: bool
+    collision_masks: str
+    contact_stiffness: float
+    world: str
+    gui: bool
+    gravity: tuple[float, ...]
+    half_step_readout: bool
+    passive_joints: str
+    seed: int
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping[str, Any], joint_names: Sequence[str]) -> PlantConfig:
+        """Check the parameters.
+
+        Raises:
+            HricError: unknown key, wrong type or value; the message gives the key and what is valid.
+        """
+        values = check_config(parameters, DEFAULTS, "plant")
+        for key in ("self_collision", "collision", "gui", "half_step_readout"):
+            if not isinstance(values[key], bool):
+                raise ParameterError(f"plant/{key} must be true or false; got {values[key]!r}")
+        for key, valid in (("friction", FRICTIONS), ("passive_joints", PASSIVE)):
+            if values[key] not in valid:
+                raise ParameterError(f"plant/{key} must be one of {', '.join(valid)}; got {values[key]!r}")
+        for key in ("time_step", "contact_stiffness"):
+            values[key] = _number(values[key], f"plant/{key}", positive=True)
+        if not isinstance(values["gravity"], (list, tuple)) or len(values["gravity"]) != 3:
+            raise ParameterError(f"plant/gravity must be three numbers [m/s^2]; got {values['gravity']!r}")
+        values["gravity"] = tuple(_number(g, "plant/gravity") for g in values["gravity"])
+        values["rotor_inertia"] = rotor_inertia(values["rotor_inertia"], joint_names)
+        for key in ("world", "collision_masks"):
+            if not isinstance(values[key], (str, Path)):
+                raise ParameterError(f"plant/{key} must be a file name; got {values[key]!r}")
+            values[key] = str(values[key])
+        if isinstance(values["seed"], bool) or not isinstance(values["seed"], int):
+            raise ParameterError(f"plant/seed must be a whole number; got {values['seed']!r}")
+        return cls(**values)
+
+
+def _number(value: Any, where: str, positive: bool = False) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or (positive and value <= 0.0):
+        raise ParameterError(f"{where} must be a {'positive ' if positive else ''}number; got {value!r}")
+    return float(value)
+
+
+def rotor_inertia(value: Any, joint_names: Sequence[str]) -> tuple[float, ...]:
+    """Rotor inertia per joint [kg m^2] from one number for all, a list in the order of the joints, or a mapping by joint (others: 0).
+
+    Raises:
+        ParameterError: not a number, negative, wrong length.
+        UnknownNameError: a joint that does not exist.
+    """
+    if isinstance(value, Mapping):
+        for joint in value:
+            if joint not in joint_names:
+                raise UnknownNameError("joint", joint, joint_names, "plant/rotor_inertia")
+        value = [value.get(joint, 0.0) for joint in joint_names]
+    elif not isinstance(value, (list, tuple)):
+        value = [value] * len(joint_names)
+    if len(value) != len(joint_names):
+        raise ParameterError(f"plant/rotor_inertia has {len(value)} values for {len(joint_names)} joints ({', '.join(joint_names)})")
+    numbers = tuple(_number(v, "plant/rotor_inertia") for v in value)
+    if min(numbers) < 0.0:
+        raise ParameterError(f"plant/rotor_inertia must not be negative; got {list(numbers)}")
+    return numbers

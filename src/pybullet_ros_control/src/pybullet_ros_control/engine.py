@@ -1,0 +1,195 @@
+"""One PyBullet client with every setting that the plant relies on, and the loading of prepared models into it."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pybullet
+
+from hric_control.errors import HricError, UnknownNameError
+from pybullet_ros_control.spatial import FloatArray, inverse, quaternion_from_rotation, rotation_from_quaternion
+from pybullet_ros_control.urdf_model import EngineModel
+
+_MAX_JOINT_VELOCITY = 1e6
+"""The engine cuts joint velocities at 100 rad/s by default [rad/s]."""
+
+
+@dataclass
+class Body:
+    """A loaded model.
+
+    Attributes:
+        name: of the model.
+        id: the engine's number of it.
+        model: what was loaded; None for a plain shape.
+        links: engine index by link name; the base is -1.
+        joints: engine index by joint name.
+    """
+
+    name: str
+    id: int
+    model: EngineModel | None
+    links: dict[str, int]
+    joints: dict[str, int]
+
+    def __post_init__(self) -> None:
+        self.link_names = {index: name for name, index in self.links.items()}
+
+    def frame(self, link: str) -> tuple[int, FloatArray]:
+        """(engine link index, T_body_frame shape (4, 4)) of a link of the description.
+
+        Raises:
+            UnknownNameError: no such link.
+        """
+        if self.model is None:
+            if link not in self.links:
+                raise UnknownNameError("link", link, self.links, self.name)
+            return self.links[link], np.eye(4)
+        if link not in self.model.frames:
+            raise UnknownNameError("link", link, self.model.frames, self.name)
+        frame = self.model.frames[link]
+        return self.links[frame.body_link], frame.T_body_frame
+
+
+def _check_display() -> None:
+    """The engine ends the whole process when there is no display: look first."""
+    display = os.environ.get("DISPLAY", "")
+    local = display.removeprefix("unix").partition(":")
+    socket = Path("/tmp/.X11-unix") / f"X{local[2].split('.')[0]}"
+    if not display or (local[0] == "" and not socket.exists()):
+        raise HricError(f"gui: true needs a display; DISPLAY is {display!r}. Give gui: false, or start a display (for example Xvfb)")
+
+
+class Engine:
+    """A physics client of its own: several may live in one process without seeing each other."""
+
+    def __init__(self, gui: bool, time_step: float, gravity: Sequence[float]) -> None:
+        self.time_step, self.gravity, self.gui = time_step, tuple(gravity), gui
+        if gui:
+            _check_display()
+        self.client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+        if self.client < 0:
+            raise HricError("PyBullet refused to connect" + (" (one window per process)" if gui else ""))
+        self._folder = tempfile.TemporaryDirectory(prefix="hric_plant_")
+        self._files = itertools.count()
+        self.settings()
+
+    def settings(self) -> None:
+        """Forget all bodies and set the world up anew."""
+        client = self.client
+        pybullet.resetSimulation(physicsClientId=client)
+        pybullet.setGravity(*self.gravity, physicsClientId=client)
+        pybullet.setTimeStep(self.time_step, physicsClientId=client)
+        # No sub-steps: with them the engine's contact forces come out too small by their number.
+        pybullet.setPhysicsEngineParameter(
+            numSubSteps=0, enableFileCaching=0, deterministicOverlappingPairs=1, physicsClientId=client
+        )
+        if self.gui:
+            pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=client)
+
+    def close(self) -> None:
+        """Disconnect; safe to call twice."""
+        if self.client >= 0:
+            pybullet.disconnect(physicsClientId=self.client)
+            self.client = -1
+            self._folder.cleanup()
+
+    def load(self, name: str, model: EngineModel, T_world_root: FloatArray, *, fixed_base: bool, self_collision: bool) -> Body:
+        """Load a prepared model with its root link at T_world_root, shape (4, 4).
+
+        Raises:
+            HricError: the engine refuses it.
+        """
+        path = Path(self._folder.name) / f"{next(self._files)}.urdf"
+        path.write_text(model.xml, encoding="utf-8")
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE | (pybullet.URDF_USE_SELF_COLLISION if self_collision else 0)
+        T = T_world_root @ model.T_root_base
+        try:
+            body_id = pybullet.loadURDF(
+                str(path), T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), useFixedBase=fixed_base, flags=flags, physicsClientId=self.client
+            )
+        except pybullet.error as error:
+            raise HricError(f"PyBullet cannot load {name}: {error}") from error
+        finally:
+            path.unlink()
+        body = self._index(name, body_id, model)
+        self._set_dynamics(body)
+        self.motors_off(body)
+        return body
+
+    def _index(self, name: str, body_id: int, model: EngineModel) -> Body:
+        links, joints = {model.base: -1}, {}
+        for index in range(pybullet.getNumJoints(body_id, physicsClientId=self.client)):
+            info = pybullet.getJointInfo(body_id, index, physicsClientId=self.client)
+            links[info[12].decode()] = index
+            if info[2] != pybullet.JOINT_FIXED:
+                joints[info[1].decode()] = index
+        return Body(name, body_id, model, links, joints)
+
+    def _set_dynamics(self, body: Body) -> None:
+        """The engine's hidden dampings off, its speed limit up, and the true principal moments, which it may have replaced."""
+        assert body.model is not None
+        for link, index in body.links.items():
+            extra = {"localInertiaDiagonal": body.model.moments[link]} if link in body.model.moments else {}
+            pybullet.changeDynamics(
+                body.id,
+                index,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                jointDamping=0.0,
+                maxJointVelocity=_MAX_JOINT_VELOCITY,
+                physicsClientId=self.client,
+                **extra,
+            )
+
+    def motors_off(self, body: Body) -> None:
+        """The engine starts every joint with a motor that holds it; take the force out."""
+        indices = list(body.joints.values())
+        if indices:
+            pybullet.setJointMotorControlArray(
+                body.id, indices, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(indices), physicsClientId=self.client
+            )
+
+    def remove(self, body: Body) -> None:
+        """Take a body out of the world."""
+        pybullet.removeBody(body.id, physicsClientId=self.client)
+
+    def pose(self, body: Body, index: int) -> FloatArray:
+        """T_world_link of an engine link's frame (not of its centre of mass), shape (4, 4)."""
+        T = np.eye(4)
+        if index < 0:
+            position, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
+            T[:3, :3], T[:3, 3] = rotation_from_quaternion(orientation), position
+            return T @ inverse(self._inertial_frame(body))
+        state = pybullet.getLinkState(body.id, index, computeForwardKinematics=1, physicsClientId=self.client)
+        T[:3, :3], T[:3, 3] = rotation_from_quaternion(state[5]), state[4]
+        return T
+
+    def _inertial_frame(self, body: Body) -> FloatArray:
+        """T_base_inertial, shape (4, 4): the engine tells a base's pose by its centre of mass."""
+        info = pybullet.getDynamicsInfo(body.id, -1, physicsClientId=self.client)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = rotation_from_quaternion(info[4]), info[3]
+        return T
+
+    def twist(self, body: Body, index: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(linear velocity [m/s] of the centre of mass, angular velocity [rad/s], centre of mass [m]), world frame, shape (3,) each."""
+        if index < 0:
+            linear, angular = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
+            com = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)[0]
+        else:
+            state = pybullet.getLinkState(body.id, index, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self.client)
+            linear, angular, com = state[6], state[7], state[0]
+        return np.array(linear), np.array(angular), np.array(com)
+
+    def place(self, body: Body, T_world_base: FloatArray) -> None:
+        """Put a base's link frame at T_world_base, shape (4, 4), at rest."""
+        T = T_world_base @ self._inertial_frame(body)
+        pybullet.resetBasePositionAndOrientation(body.id, T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), physicsClientId=self.client)
+        pybullet.resetBaseVelocity(body.id, [0.0] * 3, [0.0] * 3, physicsClientId=self.client)

@@ -1,0 +1,67 @@
+"""Joint friction as efforts: viscous damping, and the sigmoid that was identified on the Panda.
+
+Coulomb friction, which can hold a joint still, is not a function of the velocity: the engine's own motors carry it (`motors.py`), or with rotor
+inertia `rotor_inertia.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hric_control.errors import ParameterError
+
+PHI = ("phi1", "phi2", "phi3")
+
+
+def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[tuple[float, float, float]]:
+    """(phi1 [N m], phi2 [s/rad], phi3 [rad/s]) of each joint, in the order of `joint_names`.
+
+    Args:
+        parameters: either {phi1: [n], phi2: [n], phi3: [n]} or {joint: {phi1: .., phi2: .., phi3: ..}}.
+
+    Raises:
+        ParameterError: a joint or a value is missing.
+    """
+    if not isinstance(parameters, Mapping) or not parameters:
+        raise ParameterError("friction: identified needs friction_parameters: {phi1: [...], phi2: [...], phi3: [...]}, one value per joint")
+    result = []
+    for i, joint in enumerate(joint_names):
+        per_joint = parameters.get(joint)
+        try:
+            source = per_joint if per_joint is not None else {phi: parameters[phi][i] for phi in PHI}
+            result.append((float(source["phi1"]), float(source["phi2"]), float(source["phi3"])))
+        except (KeyError, IndexError, TypeError, ValueError) as error:
+            raise ParameterError(f"friction_parameters: phi1, phi2 and phi3 of {joint} are missing or not numbers; got {dict(parameters)}") from error
+    return result
+
+
+class JointLosses:
+    """Efforts that friction takes away.
+
+    Args:
+        damping: viscous coefficient per joint [N m s/rad].
+        sigmoid: (phi1, phi2, phi3) per joint, or None.
+    """
+
+    def __init__(self, damping: Sequence[float], sigmoid: Sequence[tuple[float, float, float]] | None) -> None:
+        self._damping = list(damping)
+        # phi1 / (1 + exp(-x)) = phi1/2 (1 + tanh(x/2)): the same curve, without overflow at high speed.
+        self._sigmoid = None if sigmoid is None else [(0.5 * a, 0.5 * b, c, math.tanh(0.5 * b * c)) for a, b, c in sigmoid]
+
+    @property
+    def any(self) -> bool:
+        """Whether there is anything to subtract."""
+        return self._sigmoid is not None or any(self._damping)
+
+    def subtract(self, tau: Sequence[float], dq: Sequence[float]) -> list[float]:
+        """tau minus friction at velocity dq, n floats [N m].
+
+        tau_f = phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)), which is zero at rest.
+        """
+        result = [t - d * v for t, d, v in zip(tau, self._damping, dq, strict=True)]
+        if self._sigmoid is not None:
+            tanh = math.tanh
+            result = [t - a * (tanh(b * (v + c)) - rest) for t, v, (a, b, c, rest) in zip(result, dq, self._sigmoid, strict=True)]
+        return result

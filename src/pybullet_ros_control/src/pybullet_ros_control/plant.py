@@ -1,0 +1,211 @@
+"""The PyBullet plant: one robot, the world around it, and the forces that act on both from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet
+
+from hric_control.errors import CommandError, HricError, ParameterError
+from hric_control.plant import Contact, FloatArray, Load, Plant
+from pybullet_ros_control.config import PlantConfig
+from pybullet_ros_control.engine import Engine
+from pybullet_ros_control.external_forces import ExternalForces, Wrench
+from pybullet_ros_control.masks import load_masks
+from pybullet_ros_control.motors import Mode
+from pybullet_ros_control.resources import package_path, resolve
+from pybullet_ros_control.robot import Robot
+from pybullet_ros_control.spatial import MassProperties
+from pybullet_ros_control.urdf_tree import parse_urdf
+from pybullet_ros_control.world import World
+from pybullet_ros_control.worlds import load_world
+
+
+class PyBulletPlant(Plant):
+    """See `hric_control.plant.Plant`. Beyond it, joints can be driven by velocity or position: `set_modes`.
+
+    Attributes:
+        config: the parameters as checked.
+    """
+
+    def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
+        self.joint_names = tuple(joint_names)
+        self.config = PlantConfig.from_parameters(config, self.joint_names)
+        self.time_step = self.config.time_step
+        tree = parse_urdf(urdf_xml)
+        masks = load_masks(self._mask_file())
+        objects = load_world(self.config.world, self.config.contact_stiffness)
+        self._half = 0.5 * self.time_step if self.config.half_step_readout else 0.0
+        self._wrenches: list[Wrench] = []
+        self._engine = Engine(self.config.gui, self.time_step, self.config.gravity)
+        try:
+            self._robot = Robot(self._engine, tree, self.joint_names, self.config, masks)
+            self._world = World(self._engine, objects)
+            self._world.build(self._robot.body)
+            self._forces = ExternalForces(self._engine, self._robot.body, len(self._robot.zeros))
+            self._place([0.0] * len(self.joint_names), None)
+        except BaseException:
+            self._engine.close()
+            raise
+
+    def _mask_file(self) -> Path:
+        if self.config.collision_masks:
+            return resolve(self.config.collision_masks)
+        return package_path("pybullet_ros_control") / "config" / "collision_masks.yaml"
+
+    def close(self) -> None:
+        """Release the engine; safe to call twice."""
+        self._engine.close()
+
+    # -- state ---------------------------------------------------------------------------------------------------------------------------
+
+    def _place(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
+        self._robot.place(q, [0.0] * len(q) if dq is None else dq)
+        self._values = list(self._robot.zeros)
+
+    def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
+        """Everything is built anew, so that nothing of the past (contact memory, warm starts) can reach the next run."""
+        self._wrenches.clear()
+        self._engine.settings()
+        self._robot.load_again()
+        self._forces.robot = self._robot.body
+        self._world.build(self._robot.body)
+        self._place(q, dq)
+
+    def set_configuration(self, q: Sequence[float]) -> None:
+        """Put the robot at q at rest and leave the world as it is."""
+        self._place(q, None)
+
+    def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
+        """The engine's position belongs to the end of the step, its velocity to the middle; q - dt dq/2 brings both together."""
+        robot, half = self._robot, self._half
+        if robot.straight:
+            q[:] = [x - half * v for x, v in zip(robot.q, robot.dq, strict=True)]
+            dq[:] = robot.dq
+            tau[:] = robot.effort
+        else:
+            q[:] = [robot.q[i] - half * robot.dq[i] for i in robot.user]
+            dq[:] = [robot.dq[i] for i in robot.user]
+            tau[:] = [robot.effort[i] for i in robot.user]
+
+    def engine_state(self) -> tuple[list[float], list[float]]:
+        """Raw q, dq of the engine."""
+        robot = self._robot
+        return [robot.q[i] for i in robot.user], [robot.dq[i] for i in robot.user]
+
+    def mass_matrix(self) -> FloatArray:
+        """The engine's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
+        robot = self._robot
+        return np.array(robot.mass_matrix(robot.q))[np.ix_(robot.user, robot.user)]
+
+    # -- the step ------------------------------------------------------------------------------------------------------------------------
+
+    def apply(self, tau: Sequence[float]) -> None:
+        """Commands for the next step: efforts [N m], or what `set_modes` made of them."""
+        values: list[float] = tau.tolist() if isinstance(tau, np.ndarray) else list(tau)
+        robot = self._robot
+        self._values = values if robot.straight and len(values) == len(robot.zeros) else robot.spread(values, robot.zeros)
+
+    def step(self) -> None:
+        """Advance by `time_step`."""
+        external = self._push() if self._wrenches or self._world.penalty.pairs else None
+        self._robot.actuate(self._values, external)
+        pybullet.stepSimulation(physicsClientId=self._engine.client)
+        self._robot.after_step()
+
+    def _push(self) -> list[float] | None:
+        """Apply wrenches and penalty contact; returns the robot's joint efforts that they amount to."""
+        forces, robot = self._forces, self._robot
+        forces.begin(robot.q, robot.rotor is not None)
+        for wrench in self._wrenches:
+            body, link = self._world.find(wrench.body)
+            index, T_body_frame = body.frame(link)
+            T_world_link = self._engine.pose(body, index) @ T_body_frame
+            point = T_world_link[:3, :3] @ wrench.point + T_world_link[:3, 3]
+            forces.apply(body, index, wrench.force.tolist(), wrench.torque.tolist(), point.tolist())
+            wrench.steps_left -= 1
+        self._wrenches = [wrench for wrench in self._wrenches if wrench.steps_left != 0]
+        self._world.push(forces)
+        return forces.efforts
+
+    # -- modes, brakes, load -------------------------------------------------------------------------------------------------------------
+
+    def set_modes(self, modes: Sequence[Mode]) -> None:
+        """What `apply` means for each joint: an effort, or the target of a stiff velocity or position drive within the URDF's limits."""
+        self._check_length(modes, "modes")
+        self._robot.set_modes(modes)
+
+    def set_brakes(self, on: Sequence[bool]) -> None:
+        """Lock or free each joint."""
+        self._check_length(on, "brakes")
+        self._robot.set_brakes(on)
+
+    def _check_length(self, values: Sequence[object], what: str) -> None:
+        if len(values) != len(self.joint_names):
+            raise CommandError(f"{what}: got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})")
+
+    def set_load(self, load: Load | None, link: str | None = None) -> None:
+        """Fix a payload to `link` (default: the link behind the last joint); it replaces the one before."""
+        if load is None:
+            self._robot.set_load(None)
+        else:
+            if load.mass < 0.0 or len(load.com) != 3 or len(load.inertia) != 9:
+                raise ParameterError(f"a load needs mass >= 0, com of 3 and inertia of 9 numbers; got {load}")
+            properties = MassProperties(float(load.mass), np.array(load.com), np.array(load.inertia).reshape(3, 3))
+            self._robot.set_load((link or self._robot.last_link, properties))
+        self._forces.robot = self._robot.body
+        self._world.replace_robot(self._robot.body)
+
+    # -- the world -----------------------------------------------------------------------------------------------------------------------
+
+    def apply_wrench(self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float) -> None:
+        """Act on "link" or "model::link" for the steps that `duration` [s] covers (negative: until cleared)."""
+        model, link = self._world.find(body)
+        model.frame(link)
+        F, T, p = (np.array(v, dtype=float) for v in (force, torque, point))
+        if any(v.shape != (3,) or not np.isfinite(v).all() for v in (F, T, p)):
+            raise ParameterError(f"wrench on {body}: force, torque and point must be three finite numbers each; got {force}, {torque}, {point}")
+        steps = -1 if duration < 0.0 else round(duration / self.time_step)
+        if steps != 0:
+            self._wrenches.append(Wrench(f"{model.name}::{link}", F, T, p, steps))
+
+    def clear_wrenches(self, body: str | None = None) -> None:
+        """End the wrenches on one body ("model" for all of its links), or all."""
+        if body is None:
+            self._wrenches.clear()
+        elif "::" not in body and body in self._world.bodies:
+            self._wrenches = [w for w in self._wrenches if not w.body.startswith(f"{body}::")]
+        else:
+            model, link = self._world.find(body)
+            model.frame(link)
+            self._wrenches = [w for w in self._wrenches if w.body != f"{model.name}::{link}"]
+
+    def contacts(self) -> list[Contact]:
+        """Contacts of the last step."""
+        return self._world.contacts()
+
+    def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, *, fixed: bool = False) -> None:
+        """Add a model with its root link at T_world_model, shape (4, 4)."""
+        if np.shape(T_world_model) != (4, 4) or not np.isfinite(T_world_model).all():
+            raise HricError(f"model {name}: its pose must be a finite 4 x 4 transform")
+        self._world.spawn(name, urdf_xml, np.array(T_world_model, dtype=float), fixed)
+
+    def delete(self, name: str) -> None:
+        """Remove a model, and the wrenches on it."""
+        self._world.delete(name)
+        self._wrenches = [wrench for wrench in self._wrenches if not wrench.body.startswith(f"{name}::")]
+
+    def model_names(self) -> list[str]:
+        """Names of all models but the robot."""
+        return self._world.model_names()
+
+    def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
+        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape (6,))."""
+        model, link = self._world.find(body)
+        index, T_body_frame = model.frame(link)
+        T_world_link = self._engine.pose(model, index) @ T_body_frame
+        linear, angular, com = self._engine.twist(model, index)
+        return T_world_link, np.concatenate([linear + np.cross(angular, T_world_link[:3, 3] - com), angular])

@@ -1,0 +1,228 @@
+"""The robot in the engine: its joints, what acts in them, and one step of that."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pybullet
+
+from hric_control.errors import CommandError, HricError, UnknownNameError
+from pybullet_ros_control.config import PlantConfig
+from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.friction import JointLosses, sigmoid_parameters
+from pybullet_ros_control.masks import apply_masks
+from pybullet_ros_control.motors import JointMotors, Mode
+from pybullet_ros_control.rotor_inertia import Matrix, RotorInertia
+from pybullet_ros_control.spatial import MassProperties
+from pybullet_ros_control.stops import JointStops
+from pybullet_ros_control.urdf_model import prepare
+from pybullet_ros_control.urdf_tree import Joint, UrdfTree
+
+
+class Robot:
+    """One robot with a fixed base.
+
+    All vectors are in the engine's order of the moving joints; `user` holds the places of the actuated joints in it, in the user's order.
+
+    Args:
+        tree: the description.
+        joint_names: the actuated joints.
+        config: the plant's parameters.
+        masks: pairs of link patterns whose collision is not tested.
+
+    Attributes:
+        q, dq: the engine's state after the last step [rad, rad/s].
+        effort: joint efforts applied in the last step [N m].
+    """
+
+    def __init__(
+        self, engine: Engine, tree: UrdfTree, joint_names: Sequence[str], config: PlantConfig, masks: list[tuple[str, str]]
+    ) -> None:
+        self.engine, self.joint_names = engine, tuple(joint_names)
+        self._tree, self._config, self._masks = tree, config, masks
+        moving = {joint.name: joint for joint in tree.joints if joint.type != "fixed"}
+        for name in self.joint_names:
+            if name not in moving:
+                raise UnknownNameError("moving joint", name, moving, f"robot {tree.name}")
+        self._load: tuple[str, MassProperties] | None = None
+        self._load_body()
+        names = sorted(self.body.joints, key=self.body.joints.__getitem__)
+        self._joints = [self.body.joints[name] for name in names]
+        self.user = [names.index(name) for name in self.joint_names]
+        self.straight = self.user == list(range(len(names)))
+        self.zeros = [0.0] * len(names)
+        self.q, self.dq, self.effort = list(self.zeros), list(self.zeros), list(self.zeros)
+        self._set_up([moving[name] for name in names])
+
+    def _load_body(self) -> None:
+        config = self._config
+        loads = None if self._load is None else dict([self._load])
+        model = prepare(self._tree, loads=loads, collision=config.collision, visual=config.gui)
+        self.body: Body = self.engine.load(model.name, model, np.eye(4), fixed_base=True, self_collision=config.self_collision)
+        if config.self_collision:
+            apply_masks(self.engine, self.body, self._masks)
+
+    def _set_up(self, joints: list[Joint]) -> None:
+        config = self._config
+        inertia = self.spread(config.rotor_inertia, self.zeros)
+        sigmoid = [(0.0, 0.0, 0.0)] * len(joints)
+        if config.friction == "identified":
+            for i, phi in zip(self.user, sigmoid_parameters(config.friction_parameters, self.joint_names), strict=True):
+                sigmoid[i] = phi
+        losses = JointLosses([joint.damping for joint in joints], sigmoid if config.friction == "identified" else None)
+        self._losses = losses if losses.any else None
+        coulomb = [joint.friction if config.friction == "coulomb" else 0.0 for joint in joints]
+        self.rotor = RotorInertia(inertia, coulomb, config.time_step, self.mass_matrix, self._bias) if any(inertia) else None
+        self._motors = JointMotors(
+            self.engine,
+            self.body,
+            self._joints,
+            # With rotor inertia, Coulomb friction stands in its balance; without it, the engine's motors carry it.
+            coulomb if self.rotor is None else self.zeros,
+            [joint.effort for joint in joints],
+            [joint.velocity for joint in joints],
+        )
+        self._stops = JointStops(self.engine, self.body, self._joints, [(joint.lower, joint.upper) for joint in joints])
+        self._half = 0.5 * config.time_step if config.half_step_readout else 0.0
+        self._modes = [Mode.EFFORT] * len(self.joint_names)
+        self._brakes = [False] * len(self.joint_names)
+        self._send_modes()
+
+    def spread(self, values: Sequence[float], rest: Sequence[float]) -> list[float]:
+        """Values of the actuated joints among all moving ones; `rest` fills the others."""
+        if len(values) != len(self.joint_names):
+            raise CommandError(f"got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})")
+        full = list(rest)
+        for i, value in zip(self.user, values, strict=True):
+            full[i] = float(value)
+        return full
+
+    def mass_matrix(self, q: list[float]) -> Matrix:
+        """The engine's joint-space mass matrix [kg m^2]."""
+        result: Matrix = pybullet.calculateMassMatrix(self.body.id, q, physicsClientId=self.engine.client)
+        return result
+
+    def _bias(self, q: list[float], dq: list[float]) -> Sequence[float]:
+        result: Sequence[float] = pybullet.calculateInverseDynamics(self.body.id, q, dq, self.zeros, physicsClientId=self.engine.client)
+        return result
+
+    # -- putting the robot somewhere -----------------------------------------------------------------------------------------------------
+
+    def place(self, q: Sequence[float], dq: Sequence[float]) -> None:
+        """Put the actuated joints at q, dq; the others stay where they are, at rest."""
+        full_q, full_dq = self.spread(q, self.q), self.spread(dq, self.zeros)
+        if not all(map(math.isfinite, full_q + full_dq)):
+            raise CommandError(f"q and dq must be finite; got {list(q)} and {list(dq)}")
+        # The read-out goes half a step back, so the engine starts half a step ahead.
+        self._set_state([x + self._half * v for x, v in zip(full_q, full_dq, strict=True)], full_dq)
+        self.effort = list(self.zeros)
+        self._motors.lock_at(self.q)
+        self._stops.place(self.q)
+        if self.rotor is not None:
+            self.rotor.forget()
+
+    def _set_state(self, q: list[float], dq: list[float]) -> None:
+        for joint, x, v in zip(self._joints, q, dq, strict=True):
+            pybullet.resetJointState(self.body.id, joint, x, v, physicsClientId=self.engine.client)
+        self._read_joints()
+
+    def load_again(self) -> None:
+        """After the engine was emptied: the robot anew, in the state of its joints; modes, brakes and stops as they were."""
+        self._load_body()
+        self._set_state(self.q, self.dq)
+        self._motors.restore(self.body)
+        self._stops.restore(self.body)
+
+    def set_load(self, load: tuple[str, MassProperties] | None) -> None:
+        """Payload on a link; the model is built anew, because the engine's inverse dynamics does not notice a changed mass."""
+        before, old = self._load, self.body
+        self._load = load
+        try:
+            prepare(self._tree, loads=None if load is None else dict([load]))
+        except HricError:
+            self._load = before
+            raise
+        self.engine.remove(old)
+        self.load_again()
+
+    @property
+    def last_link(self) -> str:
+        """The link behind the last actuated joint."""
+        return next(joint.child for joint in self._tree.joints if joint.name == self.joint_names[-1])
+
+    # -- modes and brakes ----------------------------------------------------------------------------------------------------------------
+
+    def set_modes(self, modes: Sequence[Mode]) -> None:
+        """What the commands of the actuated joints mean from now on."""
+        self._modes = list(modes)
+        self._send_modes()
+
+    def set_brakes(self, on: Sequence[bool]) -> None:
+        """Lock or free the actuated joints."""
+        self._brakes = [bool(b) for b in on]
+        self._send_modes()
+
+    def _send_modes(self) -> None:
+        full = [Mode.BRAKE if self._config.passive_joints == "locked" else Mode.EFFORT] * len(self.zeros)
+        for i, mode, braked in zip(self.user, self._modes, self._brakes, strict=True):
+            full[i] = Mode.BRAKE if braked else mode
+        if full != self._motors.modes:
+            self._motors.set_modes(full, self.q)
+
+    # -- one step ------------------------------------------------------------------------------------------------------------------------
+
+    def actuate(self, values: list[float], external: list[float] | None) -> None:
+        """Send to the engine what acts in the joints in the coming step.
+
+        Args:
+            values: commands of all moving joints, in the meaning of their modes.
+            external: joint efforts of the forces that the plant applies in this step [N m]; None for none.
+        """
+        tau = values if self._losses is None else self._losses.subtract(values, self.dq)
+        self.effort = values
+        if not self._motors.all_effort:
+            self._drive(values, tau, external)
+            return
+        if self.rotor is not None:
+            tau = self.rotor.torque(self.q, self.dq, tau, external)
+        pybullet.setJointMotorControlArray(
+            self.body.id, self._joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=self.engine.client
+        )
+
+    def _drive(self, values: list[float], tau: list[float], external: list[float] | None) -> None:
+        """A step in which some joints are braked, or driven by velocity or position."""
+        motors, dt = self._motors, self.engine.time_step
+        targets = motors.target_velocities(self.q, values)
+        if self.rotor is not None:
+            wanted = [None if mode is Mode.EFFORT else (t - v) / dt for mode, t, v in zip(motors.modes, targets, self.dq, strict=True)]
+            tau = self.rotor.torque(self.q, self.dq, tau, external, wanted)
+        if motors.effort:
+            pybullet.setJointMotorControlArray(
+                self.body.id,
+                motors.effort_joints,
+                pybullet.TORQUE_CONTROL,
+                forces=[tau[i] for i in motors.effort],
+                physicsClientId=self.engine.client,
+            )
+        motors.drive(targets)
+        self.effort = list(values)
+
+    def _read_joints(self) -> list[tuple[float, ...]]:
+        states: list[tuple[float, ...]] = pybullet.getJointStates(self.body.id, self._joints, physicsClientId=self.engine.client)
+        self.q = [state[0] for state in states]
+        self.dq = [state[1] for state in states]
+        return states
+
+    def after_step(self) -> None:
+        """Read the state that the step led to."""
+        states = self._read_joints()
+        if not math.isfinite(sum(self.dq)):
+            raise HricError(f"the simulation diverged: joint velocities {self.dq} rad/s")
+        if not self._motors.all_effort:
+            for i, mode in enumerate(self._motors.modes):
+                if mode is not Mode.EFFORT:
+                    self.effort[i] = states[i][3]
+        if self._stops.waiting:
+            self._stops.check(self.q)

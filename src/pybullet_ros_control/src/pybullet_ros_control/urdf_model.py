@@ -1,0 +1,254 @@
+"""Prepares a URDF for the engine: rigid clusters become one link, and masses are given so that the engine keeps them as they are.
+
+Why not load the description as it is: the engine gives a link without mass 1 kg, replaces a tensor that no real body has by zero, and pays for
+every fixed joint in every step. Here each cluster of links that are rigidly joined becomes one engine link with the exact sum of their masses; the tensor is
+written along its principal axes, so that its moments can be set afterwards by the engine's own call, whatever their sign.
+Members with a collision shape of their own stay engine links (massless), so that contacts name them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from hric_control.errors import DescriptionError, HricError, UnknownNameError
+from pybullet_ros_control.resources import resolve
+from pybullet_ros_control.spatial import FloatArray, MassProperties, inverse, rpy_from_rotation
+from pybullet_ros_control.urdf_tree import Joint, Link, UrdfTree, origin
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where a link of the description sits in the engine's model.
+
+    Attributes:
+        body_link: the engine link that carries it.
+        T_body_frame: its pose in that link's frame, shape (4, 4).
+    """
+
+    body_link: str
+    T_body_frame: FloatArray
+
+
+@dataclass(frozen=True)
+class EngineModel:
+    """A model as the engine gets it.
+
+    Attributes:
+        name: of the robot element.
+        xml: URDF for the engine.
+        base: name of the base link.
+        T_root_base: pose of the base in the description's root link, shape (4, 4).
+        frames: every link of the description.
+        moments: principal moments of each engine link with mass, 3 floats [kg m^2]; to be set after loading.
+        masses: of the same links [kg].
+        joints: the moving joints by name.
+        group: for each engine link, the link that names the rigid cluster it belongs to.
+    """
+
+    name: str
+    xml: str
+    base: str
+    T_root_base: FloatArray
+    frames: dict[str, Frame]
+    moments: dict[str, tuple[float, ...]]
+    masses: dict[str, float]
+    joints: dict[str, Joint]
+    group: dict[str, str]
+
+
+@dataclass
+class _Cluster:
+    """Links without relative motion: the one that names it, and poses of all members in it."""
+
+    top: str
+    poses: dict[str, FloatArray]
+
+    def rebase(self, top: str) -> None:
+        T_new_old = inverse(self.poses[top])
+        self.poses = {name: T_new_old @ T for name, T in self.poses.items()}
+        self.top = top
+
+
+def _clusters(tree: UrdfTree) -> dict[str, _Cluster]:
+    """Cluster of each link, each named by its topmost link."""
+    of: dict[str, _Cluster] = {tree.root: _Cluster(tree.root, {tree.root: np.eye(4)})}
+    for joint in tree.joints:
+        if joint.type == "fixed":
+            cluster = of[joint.parent]
+            cluster.poses[joint.child] = cluster.poses[joint.parent] @ joint.T_parent_joint
+            of[joint.child] = cluster
+        else:
+            of[joint.child] = _Cluster(joint.child, {joint.child: np.eye(4)})
+    return of
+
+
+def _numbers(values: FloatArray | tuple[float, ...]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _write_origin(parent: Element, T: FloatArray) -> None:
+    SubElement(parent, "origin", xyz=_numbers(T[:3, 3]), rpy=_numbers(rpy_from_rotation(T[:3, :3])))
+
+
+def _write_inertial(parent: Element, mass: MassProperties, moments: FloatArray, R: FloatArray) -> None:
+    """The tensor along its axes. Where it is not physical a ball stands in, which the engine accepts until the true moments are set."""
+    low, middle, high = sorted(moments)
+    written = moments if low > 0.0 and low + middle >= high else np.full(3, max(abs(high), abs(low)))
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, mass.com
+    inertial = SubElement(parent, "inertial")
+    _write_origin(inertial, T)
+    SubElement(inertial, "mass", value=repr(float(mass.mass)))
+    ixx, iyy, izz = (repr(float(moment)) for moment in written)
+    SubElement(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
+
+
+def _write_shapes(parent: Element, link: Link, T: FloatArray, tag: str) -> None:
+    """Copies the shapes of a member into `parent`, with mesh addresses resolved to files."""
+    for shape in link.collisions if tag == "collision" else link.visuals:
+        copy = deepcopy(shape)
+        where = f"{tag} of link {link.name}"
+        T_shape = T @ origin(copy.find("origin"), where)
+        for old in copy.findall("origin"):
+            copy.remove(old)
+        _write_origin(copy, T_shape)
+        for mesh in copy.iter("mesh"):
+            try:
+                mesh.set("filename", str(resolve(mesh.get("filename", ""))))
+            except HricError as error:
+                raise DescriptionError(f"{where}: {error}") from error
+        parent.append(copy)
+
+
+class _Preparation:
+    """One run of `prepare`."""
+
+    def __init__(self, tree: UrdfTree, loads: Mapping[str, MassProperties], fixed_base: bool, collision: bool, visual: bool) -> None:
+        self.tree, self.fixed_base, self.visual = tree, fixed_base, visual
+        self.of = _clusters(tree)
+        self.loads = loads
+        if not collision:
+            tree.links = {name: Link(name, link.mass, [], link.visuals) for name, link in tree.links.items()}
+        self.robot = Element("robot", name=tree.name)
+        self.moments: dict[str, tuple[float, ...]] = {}
+        self.masses: dict[str, float] = {}
+        self.frames: dict[str, Frame] = {}
+
+    def mass(self, cluster: _Cluster) -> MassProperties:
+        total = MassProperties.zero()
+        for name, T in cluster.poses.items():
+            for part in (self.tree.links[name].mass, self.loads.get(name)):
+                if part is not None:
+                    total = total + part.moved(T)
+        return total
+
+    def choose_base(self) -> FloatArray:
+        """A fixed base is best the one root member that has a shape: then it is a static body, which the engine need not test against others."""
+        cluster = self.of[self.tree.root]
+        shaped = [name for name in cluster.poses if self.tree.links[name].collisions]
+        if self.fixed_base and shaped and self.tree.root not in shaped:
+            T_root_base = cluster.poses[shaped[0]]
+            cluster.rebase(shaped[0])
+            return T_root_base
+        return np.eye(4)
+
+    def write_link(self, name: str, mass: MassProperties) -> Element:
+        element = SubElement(self.robot, "link", name=name)
+        moments, R = mass.principal()
+        _write_inertial(element, mass, moments, R)
+        if mass.mass > 0.0:
+            self.moments[name], self.masses[name] = tuple(moments.tolist()), mass.mass
+        return element
+
+    def write_cluster(self, cluster: _Cluster, moving: bool) -> None:
+        mass = self.mass(cluster)
+        if moving and mass.mass <= 0.0:
+            raise DescriptionError(f"link {cluster.top}: it moves, but neither it nor what is fixed to it has a mass")
+        top = self.write_link(cluster.top, mass if moving else MassProperties.zero())
+        for name, T in cluster.poses.items():
+            link, own = self.tree.links[name], bool(self.tree.links[name].collisions) and name != cluster.top
+            self.frames[name] = Frame(name, np.eye(4)) if own else Frame(cluster.top, T)
+            if self.visual:
+                _write_shapes(top, link, T, "visual")
+            if own:
+                _write_shapes(self.write_link(name, MassProperties.zero()), link, np.eye(4), "collision")
+                fixed = SubElement(self.robot, "joint", name=f"{name}__fixed", type="fixed")
+                self.connect(fixed, cluster.top, name, T)
+            else:
+                _write_shapes(top, link, T, "collision")
+
+    @staticmethod
+    def connect(element: Element, parent: str, child: str, T: FloatArray) -> None:
+        SubElement(element, "parent", link=parent)
+        SubElement(element, "child", link=child)
+        _write_origin(element, T)
+
+    def write_joint(self, joint: Joint) -> None:
+        """Damping and friction stay out: the plant adds them to the efforts itself."""
+        bounded = math.isfinite(joint.lower)
+        kind = joint.type if bounded or joint.type == "prismatic" else "continuous"
+        element = SubElement(self.robot, "joint", name=joint.name, type=kind)
+        cluster = self.of[joint.parent]
+        self.connect(element, cluster.top, joint.child, cluster.poses[joint.parent] @ joint.T_parent_joint)
+        SubElement(element, "axis", xyz=_numbers(joint.axis))
+        # An upper limit below the lower one is the engine's way to say "none".
+        lower, upper = (joint.lower, joint.upper) if bounded else (1.0, -1.0)
+        SubElement(element, "limit", lower=repr(lower), upper=repr(upper), effort="1e9", velocity="1e9")
+
+    def run(self) -> EngineModel:
+        T_root_base = self.choose_base()
+        done: set[str] = set()
+        for name in self.tree.links:
+            cluster = self.of[name]
+            if cluster.top not in done:
+                done.add(cluster.top)
+                self.write_cluster(cluster, moving=not (self.fixed_base and cluster is self.of[self.tree.root]))
+        moving = [joint for joint in self.tree.joints if joint.type != "fixed"]
+        for joint in moving:
+            self.write_joint(joint)
+        return EngineModel(
+            self.tree.name,
+            ElementTree.tostring(self.robot, encoding="unicode"),
+            self.of[self.tree.root].top,
+            T_root_base,
+            self.frames,
+            self.moments,
+            self.masses,
+            {joint.name: joint for joint in moving},
+            {frame.body_link: self.of[name].top for name, frame in self.frames.items()},
+        )
+
+
+def prepare(
+    tree: UrdfTree,
+    *,
+    loads: Mapping[str, MassProperties] | None = None,
+    fixed_base: bool = True,
+    collision: bool = True,
+    visual: bool = False,
+) -> EngineModel:
+    """The model for the engine.
+
+    Args:
+        tree: the description; not changed.
+        loads: payloads by link, in the link's frame.
+        fixed_base: whether the root is fixed to the world.
+        collision: keep collision shapes.
+        visual: keep visual shapes (only a window shows them; loading meshes is slow).
+
+    Raises:
+        DescriptionError: a moving link without mass, or a mesh that does not exist.
+        UnknownNameError: a load on a link that does not exist.
+    """
+    for name in loads or {}:
+        if name not in tree.links:
+            raise UnknownNameError("link", name, tree.links, tree.name)
+    copy = UrdfTree(tree.name, tree.root, dict(tree.links), tree.joints)
+    return _Preparation(copy, loads or {}, fixed_base, collision, visual).run()

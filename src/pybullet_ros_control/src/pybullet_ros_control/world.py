@@ -1,0 +1,148 @@
+"""Everything around the robot in one engine: the objects of the world file and the models spawned later."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import pybullet
+
+from hric_control.errors import HricError, UnknownNameError
+from hric_control.plant import Contact
+from pybullet_ros_control.contact import PenaltyContact, Surface, rigid_contacts
+from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.external_forces import ExternalForces
+from pybullet_ros_control.spatial import FloatArray, quaternion_from_rotation
+from pybullet_ros_control.urdf_model import EngineModel, prepare
+from pybullet_ros_control.urdf_tree import parse_urdf
+from pybullet_ros_control.worlds import WorldObject
+
+_ROBOT_SURFACE = Surface()
+_GEOMETRY = {
+    "box": lambda s: {"shapeType": pybullet.GEOM_BOX, "halfExtents": [0.5 * x for x in s]},
+    "sphere": lambda s: {"shapeType": pybullet.GEOM_SPHERE, "radius": s[0]},
+    "cylinder": lambda s: {"shapeType": pybullet.GEOM_CYLINDER, "radius": s[0], "height": s[1]},
+    "capsule": lambda s: {"shapeType": pybullet.GEOM_CAPSULE, "radius": s[0], "height": s[1]},
+    "plane": lambda s: {"shapeType": pybullet.GEOM_PLANE, "planeNormal": [0.0, 0.0, 1.0]},
+}
+
+
+@dataclass(frozen=True)
+class _Spawned:
+    """What is needed to put a spawned model back."""
+
+    model: EngineModel
+    T_world_model: FloatArray
+    fixed: bool
+
+
+@dataclass
+class World:
+    """Bodies by name, the robot first; their surfaces, and penalty contact between them.
+
+    Args:
+        objects: of the world file.
+    """
+
+    engine: Engine
+    objects: list[WorldObject]
+    bodies: dict[str, Body] = field(default_factory=dict)
+    spawned: dict[str, _Spawned] = field(default_factory=dict)
+    surfaces: dict[str, Surface] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.penalty = PenaltyContact(self.engine)
+        self.by_id: dict[int, Body] = {}
+        self._robot = ""
+
+    def build(self, robot: Body) -> None:
+        """Fill an empty engine, which holds the robot only."""
+        self._robot = robot.name
+        self.bodies, self.surfaces = {robot.name: robot}, {robot.name: _ROBOT_SURFACE}
+        for item in self.objects:
+            if item.name in self.bodies:
+                raise HricError(f"object {item.name}: the robot has this name; give the object another one")
+            self._add(item.name, self._load_object(item), item.surface)
+        for name, what in self.spawned.items():
+            self._add(name, self._load_spawned(name, what), Surface())
+        self._changed()
+
+    def replace_robot(self, robot: Body) -> None:
+        """The robot was loaded anew under its name."""
+        self.bodies[robot.name] = robot
+        self._changed()
+
+    def _add(self, name: str, body: Body, surface: Surface) -> None:
+        self.bodies[name], self.surfaces[name] = body, surface
+        for index in body.links.values():
+            pybullet.changeDynamics(body.id, index, lateralFriction=surface.friction, physicsClientId=self.engine.client)
+
+    def _changed(self) -> None:
+        self.by_id = {body.id: body for body in self.bodies.values()}
+        self.penalty.set_pairs(self.bodies, self.surfaces)
+
+    def _load_object(self, item: WorldObject) -> Body:
+        T = item.T_world_object
+        if item.urdf is not None:
+            model = prepare(parse_urdf(item.urdf.read_text(encoding="utf-8")), fixed_base=item.mass == 0.0, visual=self.engine.gui)
+            body = self.engine.load(item.name, model, T, fixed_base=item.mass == 0.0, self_collision=False)
+        else:
+            body = self._load_shape(item)
+        if item.mass > 0.0:
+            pybullet.resetBaseVelocity(body.id, item.linear, item.angular, physicsClientId=self.engine.client)
+        return body
+
+    def _load_shape(self, item: WorldObject) -> Body:
+        client, T = self.engine.client, item.T_world_object
+        shape = pybullet.createCollisionShape(**_GEOMETRY[item.shape](item.size), physicsClientId=client)
+        body_id = pybullet.createMultiBody(
+            item.mass, shape, -1, T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), physicsClientId=client
+        )
+        pybullet.changeDynamics(body_id, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=client)
+        return Body(item.name, body_id, None, {"link": -1}, {})
+
+    def _load_spawned(self, name: str, what: _Spawned) -> Body:
+        return self.engine.load(name, what.model, what.T_world_model, fixed_base=what.fixed, self_collision=False)
+
+    def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool) -> None:
+        """Add a model. Raises HricError when the name is taken or the URDF is bad."""
+        if not name or name in self.bodies:
+            raise HricError(f"model name {name!r} is taken or empty; taken: {', '.join(sorted(self.bodies))}")
+        model = prepare(parse_urdf(urdf_xml), fixed_base=fixed, visual=self.engine.gui)
+        what = _Spawned(model, T_world_model.copy(), fixed)
+        self._add(name, self._load_spawned(name, what), Surface())
+        self.spawned[name] = what
+        self._changed()
+
+    def delete(self, name: str) -> None:
+        """Remove a model that is not the robot; an object of the world file comes back with the next reset."""
+        if name not in self.model_names():
+            raise UnknownNameError("model", name, self.model_names(), "the world")
+        self.engine.remove(self.bodies.pop(name))
+        self.surfaces.pop(name)
+        self.spawned.pop(name, None)
+        self._changed()
+
+    def model_names(self) -> list[str]:
+        """All bodies but the robot."""
+        return [name for name in self.bodies if name != self._robot]
+
+    def find(self, name: str) -> tuple[Body, str]:
+        """(body, link) of "link" (of the robot) or "model::link".
+
+        Raises:
+            UnknownNameError: no such model; the link is checked by the body.
+        """
+        model, separator, link = name.rpartition("::")
+        if not separator:
+            return self.bodies[self._robot], name
+        if model not in self.bodies:
+            raise UnknownNameError("model", model, self.bodies, "the world")
+        return self.bodies[model], link
+
+    def push(self, forces: ExternalForces) -> None:
+        """Apply penalty contact for the coming step."""
+        self.penalty.apply(forces)
+
+    def contacts(self) -> list[Contact]:
+        """Contacts of the last step."""
+        return self.penalty.last + rigid_contacts(self.engine, self.by_id)
