@@ -15,7 +15,6 @@ from typing import Any
 from xml.dom import Node, minidom
 
 from hric_control.errors import DescriptionError, ParameterError
-
 from panda_description import meshes as mesh_files
 from panda_description.files import PACKAGE, find_package, share
 from panda_description.parameters import INERTIAL_SETS, unphysical

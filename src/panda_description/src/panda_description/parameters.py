@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from hric_control.errors import UnknownNameError
 
+from hric_control.errors import UnknownNameError
 from panda_description.files import config
 from panda_description.inertia import LinkInertia, judge, steiner_term, tensor
 
 INERTIAL_SETS = ("barycentric", "thesis")
+HAND_LINKS = {"hand", "leftfinger", "rightfinger"}
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class JointLimit:
 
 @dataclass(frozen=True)
 class CartesianLimit:
-    """Largest velocity, acceleration and jerk, in [m/s], [m/s^2], [m/s^3] for translation and [rad/s], [rad/s^2], [rad/s^3] for rotation and elbow."""
+    """Largest velocity, acceleration and jerk: [m/s], [m/s^2], [m/s^3] for translation, [rad/s], [rad/s^2], [rad/s^3] for rotation and elbow."""
 
     velocity: float
     acceleration: float
@@ -51,7 +52,13 @@ def joint_limits(arm_id: str = "panda") -> dict[str, JointLimit]:
 
 def joint_limit_parameters(arm_id: str = "panda") -> dict[str, dict[str, bool | float]]:
     """The same limits under ros_control's parameter names, by full joint name: what stands below `joint_limits/` on a parameter server."""
-    names = {"max_velocity": "velocity", "max_acceleration": "acceleration", "max_jerk": "jerk", "max_effort": "effort", "max_effort_rate": "effort_rate"}
+    names = {
+        "max_velocity": "velocity",
+        "max_acceleration": "acceleration",
+        "max_jerk": "jerk",
+        "max_effort": "effort",
+        "max_effort_rate": "effort_rate",
+    }
     found: dict[str, dict[str, bool | float]] = {}
     for joint, limit in joint_limits(arm_id).items():
         entry: dict[str, bool | float] = {"has_position_limits": True, "min_position": limit.lower, "max_position": limit.upper}
@@ -72,9 +79,10 @@ def friction_parameters(arm_id: str = "panda") -> dict[str, dict[str, float]]:
     return {f"{arm_id}_{joint}": dict(values) for joint, values in config("friction")["sigmoid"].items()}
 
 
-def ignored_pairs(arm_id: str = "panda") -> list[tuple[str, str]]:
-    """Pairs of links whose collision capsules overlap in legal poses although the links never touch; neighbours are not listed."""
-    return [(f"{arm_id}_{first}", f"{arm_id}_{second}") for first, second in config("collision")["ignored_pairs"]]
+def ignored_pairs(arm_id: str = "panda", hand: bool = True) -> list[tuple[str, str]]:
+    """Pairs of links that a simulator must not test for self-collision, beside those that share a joint; see config/collision.yaml."""
+    pairs = config("collision")["ignored_pairs"]
+    return [(f"{arm_id}_{first}", f"{arm_id}_{second}") for first, second in pairs if hand or {first, second}.isdisjoint(HAND_LINKS)]
 
 
 def inertials(name: str = "barycentric") -> dict[str, LinkInertia]:

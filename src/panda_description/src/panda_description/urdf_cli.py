@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from hric_control.errors import ParameterError, UnknownNameError
-
 from panda_description.description import Argument, arguments, load
 
 _BOOLS = {"true": True, "1": True, "false": False, "0": False}
