@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -229,3 +229,23 @@ def _check_together(experiment: Experiment) -> None:
     unknown = sorted(set(experiment.parameters) - set(experiment.controllers))
     if unknown:
         raise ValueError(f"parameters for {', '.join(unknown)}, which is not started; valid: {', '.join(experiment.controllers)}")
+
+
+def load(name: str, given: Iterable[str] = ()) -> Experiment:
+    """Read an experiment, apply overrides, check it.
+
+    Args:
+        name: name, or path of a YAML file.
+        given: overrides, `key:=value`.
+
+    Raises:
+        HricError: no such experiment, or a mistake in it or in an override.
+    """
+    from hric_experiments import overrides
+
+    return parse(Path(name).stem, overrides.apply(read(name), given))
+
+
+def to_dict(experiment: Experiment) -> dict[str, Any]:
+    """Plain data for run.yaml, in the form of an experiment file plus its name."""
+    return asdict(experiment)

@@ -197,6 +197,7 @@ def _rotatum(log: ControlRecord, limits: Limits, title: str) -> Figure:
 
 
 def _errors(log: ControlRecord, moves: list[Move], title: str, tolerances: tuple[float, ...]) -> Figure:
+    figure: Figure
     figure, ax = plt.subplots(figsize=(11, 5.2), layout="constrained")
     figure.suptitle(f"{title}: distance from the set point", fontsize=12)
     colors = plt.colormaps["viridis"](np.linspace(0.0, 0.92, len(log.joint_names)))

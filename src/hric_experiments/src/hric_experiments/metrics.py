@@ -75,7 +75,8 @@ def overshoot(position: FloatArray, target: float) -> float:
 def move_metrics(log: ControlRecord, move: Move, tolerances: Sequence[float]) -> dict[str, Any]:
     """Per joint: start, target, settling times, overshoot, final error."""
     part = slice(move.first, move.last)
-    time, joints = log.time[part], {}
+    time = log.time[part]
+    joints: dict[str, dict[str, Any]] = {}
     for j, name in enumerate(log.joint_names):
         position, target = log.position[part, j], float(move.target[j])
         error = target - position

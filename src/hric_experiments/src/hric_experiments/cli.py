@@ -1,0 +1,92 @@
+"""Command line: run, list and report."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Callable, Sequence
+
+from hric_control.errors import HricError
+from hric_experiments import experiment, overrides
+from hric_experiments.run_folder import RunFolder, runs_root
+
+INTERRUPTED_CODE = 130
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run an experiment headless."""
+    parser = argparse.ArgumentParser(
+        "rosrun hric_experiments run",
+        description="Run an experiment without a ROS master, as fast as the machine allows, and leave a run folder.",
+        epilog="overrides (or the dotted path of any key of the experiment file, e.g. robot.plant.friction:=identified):\n" + overrides.help_text(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("experiment", help=f"one of: {', '.join(experiment.names())}; or the path of a YAML file")
+    parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes to the experiment file")
+    parser.add_argument("--seed", type=int, default=0, help="seed of everything random (0)")
+    parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/ of the workspace)")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar and no report, only errors and the run folder")
+    parser.add_argument("--no-figures", action="store_true", help="do not draw")
+    given = parser.parse_args(list(arguments))
+    _log_to_terminal(given.quiet)
+    from hric_experiments import headless
+
+    definition = experiment.load(given.experiment, given.overrides)
+    result = headless.run(
+        definition, given.overrides, seed=given.seed, root=runs_root(given.runs), progress=not given.quiet, figures=not given.no_figures
+    )
+    if not given.quiet:
+        print(f"\n{result.metrics['report']}")
+    print(f"state_sha256: {result.metrics['state_sha256']}\nrun folder: {result.folder.path}")
+    if result.interrupted:
+        print("interrupted; the bag holds what ran until then", file=sys.stderr)
+        return INTERRUPTED_CODE
+    return 0
+
+
+def list_experiments(arguments: Sequence[str]) -> int:
+    """List the experiments."""
+    argparse.ArgumentParser("rosrun hric_experiments list", description="List the experiments of the workspace.").parse_args(list(arguments))
+    names = experiment.names()
+    width = max(map(len, names), default=0)
+    for name in names:
+        definition = experiment.load(name)
+        print(f"{name:<{width}}  {definition.duration:g} s  {definition.description}")
+    return 0
+
+
+def report(arguments: Sequence[str]) -> int:
+    """Compute metrics and figures of a run again."""
+    parser = argparse.ArgumentParser("rosrun hric_experiments report", description="Compute metrics, figures and report of a run again, from its bag.")
+    parser.add_argument("run", nargs="?", default="latest", help="run folder, its name, or latest (default)")
+    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
+    given = parser.parse_args(list(arguments))
+    from hric_experiments.analysis import analyse
+
+    folder = RunFolder.open(given.run, runs_root(given.runs))
+    print(analyse(folder)["report"] + f"\nrun folder: {folder.path}")
+    return 0
+
+
+COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {"run": run, "list": list_experiments, "report": report}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """First argument: the command. Answers the exit code; a user's mistake is one line, not a traceback."""
+    try:
+        return COMMANDS[arguments[0]](arguments[1:])
+    except HricError as error:
+        print(f"{arguments[0]}: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED_CODE
+
+
+def _log_to_terminal(quiet: bool) -> None:
+    logger = logging.getLogger("hric")
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("[%(levelname)s] %(message)s"))
+    logger.handlers = [handler]
+    logger.propagate = False
+    logger.setLevel(logging.ERROR if quiet else logging.INFO)

@@ -1,0 +1,192 @@
+"""The headless runner: robot, manager and controllers of the live system on a LocalNode, as fast as the machine allows."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from std_msgs.msg import Float64MultiArray, String
+from tqdm import tqdm
+
+from hric_control.errors import HricError
+from hric_control.hardware_interface import JointStateInterface
+from hric_control.local_node import LocalNode
+from hric_control.robot_app import RobotApp
+from hric_experiments import description, experiment, limits, parameters, provenance
+from hric_experiments.analysis import analyse
+from hric_experiments.bag_writer import BagWriter
+from hric_experiments.experiment import Experiment, SetPoint
+from hric_experiments.run_folder import COMPLETED, FAILED, INTERRUPTED, RUNNING, RunFolder, iso_now
+
+PROGRESS_EVERY = 0.05
+"""Run time between two updates of the progress bar [s]."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a headless run leaves.
+
+    Attributes:
+        folder: the run folder.
+        metrics: contents of metrics.json, plus the report text under "report".
+        interrupted: whether Ctrl-C ended it before its time.
+    """
+
+    folder: RunFolder
+    metrics: dict[str, Any]
+    interrupted: bool
+
+
+class Timeline:
+    """Sends the set points at their run times and moves the progress bar; called in the loop before each update.
+
+    Args:
+        node: the robot's namespace.
+        setpoints: in order of time.
+        bar: shows run time; None: no bar.
+    """
+
+    def __init__(self, node: LocalNode, setpoints: Sequence[SetPoint], bar: Any) -> None:
+        self._waiting = list(setpoints)
+        self._publishers = {p.controller: node.advertise(f"{p.controller}/command", Float64MultiArray) for p in setpoints}
+        self._bar, self._shown = bar, 0.0
+
+    def __call__(self, now: float) -> None:
+        """Do what is due at run time `now` [s]."""
+        while self._waiting and now >= self._waiting[0].time - 1e-9:
+            setpoint = self._waiting.pop(0)
+            self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
+        if self._bar is not None and now - self._shown >= PROGRESS_EVERY:
+            self._bar.update(round(now - self._shown, 3))
+            self._shown = now
+
+
+def run(
+    definition: Experiment,
+    arguments: Sequence[str] = (),
+    *,
+    seed: int = 0,
+    root: Path,
+    progress: bool = True,
+    figures: bool = True,
+) -> Result:
+    """Run an experiment and analyse it.
+
+    Args:
+        definition: the experiment.
+        arguments: the overrides it was made with, for run.yaml.
+        seed: of everything random.
+        root: folder of all runs.
+        progress: show a progress bar on the terminal.
+        figures: draw.
+
+    Raises:
+        HricError: the experiment cannot run; the run folder, if there is one already, says so.
+    """
+    urdf = description.load(definition.robot)
+    tree = {
+        "robot_description": urdf,
+        **parameters.controllers(definition),
+        parameters.ROBOT: parameters.robot(definition, seed) | {"robot_hw": definition.robot.hw, "real_time_factor": 0.0},
+    }
+    node = LocalNode(tree)
+    folder = RunFolder.create(root, definition.name)
+    folder.write(_head(definition, arguments, seed, tree, folder))
+    try:
+        interrupted = _simulate(node, definition, folder, progress)
+    except BaseException as error:
+        folder.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
+        raise
+    metrics = analyse(folder, figures=figures)
+    folder.update(state_sha256=metrics["state_sha256"])
+    return Result(folder, metrics, interrupted)
+
+
+def _head(definition: Experiment, arguments: Sequence[str], seed: int, tree: dict[str, Any], folder: RunFolder) -> dict[str, Any]:
+    return {
+        "experiment": definition.name,
+        "description": definition.description,
+        "status": RUNNING,
+        "mode": "headless",
+        "started": iso_now(),
+        "finished": None,
+        "arguments": provenance.neutral(list(arguments)),
+        "seed": seed,
+        "bag": folder.bag_path.name,
+        "definition": provenance.neutral(experiment.to_dict(definition)),
+        "parameters": provenance.parameters(tree),
+        "versions": provenance.versions(),
+        "revision": provenance.revision(),
+        "platform": provenance.platform_info(),
+    }
+
+
+def _simulate(node: LocalNode, definition: Experiment, folder: RunFolder, progress: bool) -> bool:
+    """Run the robot into the bag; answers whether it was interrupted."""
+    app = RobotApp(node, node.child(parameters.ROBOT))
+    try:
+        names = app.hw.get(JointStateInterface).names
+        folder.update(limits=limits.table(node.param("robot_description"), node, names))
+        with BagWriter(folder.bag_path) as bag:
+            bag.write("/robot_description", String(node.param("robot_description")), 0.0)
+            node.tap(bag.write)
+            for name in definition.controllers:
+                app.manager.load(name)
+            app.manager.switch(list(definition.controllers), [], loop_running=False)
+            wall = time.perf_counter()
+            interrupted = _run(app, node, definition, progress)
+            wall = time.perf_counter() - wall
+        status = INTERRUPTED if interrupted else COMPLETED
+        reached = app.cycles * app.loop.time_step if app.loop is not None else 0.0
+        folder.update(status=status, finished=iso_now(), real_time_factor=round(reached / wall, 3))
+        _check_controllers(app, definition, interrupted)
+        return interrupted
+    finally:
+        app.shutdown()
+
+
+def _run(app: RobotApp, node: LocalNode, definition: Experiment, progress: bool) -> bool:
+    form = "{l_bar}{bar}| {n:.2f}/{total:.2f} s run time [{elapsed}<{remaining}]"
+    bar = tqdm(total=definition.duration, desc=definition.name, bar_format=form, leave=False) if progress else None
+    try:
+        with _interruptible(app) as interrupt:
+            app.run(definition.duration, Timeline(node, definition.setpoints, bar))
+    finally:
+        if bar is not None:
+            bar.close()
+    return interrupt.came
+
+
+class _Interrupt:
+    """Whether Ctrl-C came."""
+
+    came = False
+
+
+@contextlib.contextmanager
+def _interruptible(app: RobotApp) -> Iterator[_Interrupt]:
+    """Ctrl-C and SIGTERM end the run after the present cycle, so that log and bag stay whole."""
+    interrupt = _Interrupt()
+
+    def stop(_: int, __: FrameType | None) -> None:
+        interrupt.came = True
+        app.stop()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield interrupt
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _check_controllers(app: RobotApp, definition: Experiment, interrupted: bool) -> None:
+    failed = [status.name for status in app.manager.list() if status.state == "aborted"]
+    if failed and not interrupted:
+        raise HricError(f"experiment {definition.name}: controller {', '.join(failed)} was stopped by an error; its message stands above")

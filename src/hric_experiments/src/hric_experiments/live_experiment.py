@@ -1,0 +1,152 @@
+"""The experiment node: waits for controllers and recorder, sends the set points in run time, ends the recording, reports."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import rospy
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+
+from controller_manager_msgs.srv import ListControllers
+from hric_control.errors import HricError
+from hric_experiments import experiment as experiments
+from hric_experiments.analysis import analyse
+from hric_experiments.experiment import Experiment
+from hric_experiments.live_recorder import RECORDING_TOPIC, STOP_SERVICE, wait_for_master
+from hric_experiments.run_folder import RunFolder
+
+POLL = 0.01
+"""Between two looks at the clock [s of wall time]."""
+RECORDER_GRACE = 5.0
+"""rosbag record looks for new topics once a second; beyond this it does not record the command topic [s of wall time]."""
+INTERRUPTED_CODE = 130
+
+
+class NotReady(HricError):
+    """The system did not become ready in time."""
+
+
+class LiveExperiment:
+    """Runs one experiment against the robot in this node's namespace.
+
+    Parameters, private: experiment, overrides, record (whether a recorder runs), ready_timeout [s of wall time].
+    """
+
+    def __init__(self) -> None:
+        self.experiment: Experiment = experiments.load(str(rospy.get_param("~experiment")), str(rospy.get_param("~overrides", "")).split())
+        self._recorded = bool(rospy.get_param("~record", True))
+        self._timeout = float(rospy.get_param("~ready_timeout", 60.0))
+        controllers = dict.fromkeys(setpoint.controller for setpoint in self.experiment.setpoints)
+        self._publishers = {name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers}
+        self._folder = ""
+        if self._recorded:
+            rospy.Subscriber(RECORDING_TOPIC, String, self._on_recording)
+
+    def _on_recording(self, message: Any) -> None:
+        self._folder = message.data
+
+    def run(self) -> str:
+        """The whole experiment; answers the report, empty when nothing was recorded.
+
+        Raises:
+            HricError: not ready in time, the robot went away, or the bag cannot be used.
+        """
+        self._wait_ready()
+        rospy.loginfo("experiment %s: %d set points, %g s", self.experiment.name, len(self._publishers), self.experiment.duration)
+        factor = self._send()
+        if not self._recorded:
+            rospy.loginfo("experiment %s ended; nothing was recorded", self.experiment.name)
+            return ""
+        folder = self._stop_recording()
+        folder.update(real_time_factor=factor)
+        return str(analyse(folder)["report"]) + f"\nrun folder: {folder.path}\n"
+
+    def _wait_ready(self) -> None:
+        self._wait(self._missing_controllers, "controllers that do not run: {}")
+        if self._recorded:
+            self._wait(lambda: [] if self._folder else [RECORDING_TOPIC], "no recorder: nothing on {}")
+        self._wait(lambda: self._unheard(1), "controllers that do not hear their command topic: {}")
+        self._wait(lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "run time does not move: nothing on {}")
+        deadline = time.monotonic() + RECORDER_GRACE
+        while self._recorded and self._unheard(2):
+            if time.monotonic() > deadline:
+                rospy.logwarn("the recorder does not hear the command topic; the report will lack the set point")
+                return
+            time.sleep(POLL)
+
+    def _unheard(self, listeners: int) -> list[str]:
+        return [name for name, publisher in self._publishers.items() if publisher.get_num_connections() < listeners]
+
+    def _wait(self, missing: Callable[[], Sequence[str]], text: str) -> None:
+        deadline = time.monotonic() + self._timeout
+        while left := missing():
+            if time.monotonic() > deadline:
+                raise NotReady(f"experiment {self.experiment.name}: after {self._timeout:g} s {text.format(', '.join(left))}")
+            time.sleep(5 * POLL)
+
+    def _missing_controllers(self) -> list[str]:
+        service = rospy.ServiceProxy("controller_manager/list_controllers", ListControllers)
+        try:
+            running = {controller.name for controller in service().controller if controller.state == "running"}
+        except (rospy.ServiceException, rospy.ROSException):
+            return ["controller_manager/list_controllers"]
+        return [name for name in self.experiment.controllers if name not in running]
+
+    def _send(self) -> float:
+        """Send the set points at their run times and wait for the end; answers the real time factor."""
+        begin, wall = rospy.get_time(), time.monotonic()
+        for setpoint in self.experiment.setpoints:
+            self._sleep_until(begin + setpoint.time)
+            self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
+        self._sleep_until(begin + self.experiment.duration)
+        return float((rospy.get_time() - begin) / max(time.monotonic() - wall, 1e-9))
+
+    def _sleep_until(self, when: float) -> None:
+        """Wait until run time `when`; a paused simulation pauses the experiment, a robot that went away ends it."""
+        last = (rospy.get_time(), time.monotonic())
+        while (now := rospy.get_time()) < when:
+            if now != last[0]:
+                last = (now, time.monotonic())
+            elif time.monotonic() - last[1] > 5.0 and self._missing_controllers():
+                raise HricError(f"experiment {self.experiment.name}: run time stands at {now:.3f} s and the robot does not answer")
+            time.sleep(POLL)
+
+    def _stop_recording(self) -> RunFolder:
+        try:
+            answer = rospy.ServiceProxy(STOP_SERVICE, Trigger)()
+        except rospy.ServiceException as error:
+            raise HricError(f"the recorder does not answer: {error}") from error
+        if not answer.success:
+            raise HricError(f"the recording could not be ended: {answer.message}")
+        return RunFolder(Path(answer.message).parent)
+
+
+def _interrupt(*_: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def main() -> int:
+    """The node; answers the exit code: 0 done, 1 failed, 130 interrupted."""
+    # Raised in the main thread wherever it waits or computes, so that the node ends at once.
+    signal.signal(signal.SIGINT, _interrupt)
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        wait_for_master()
+        rospy.init_node("experiment", disable_signals=True)
+        report = LiveExperiment().run()
+        print(f"\n{report}" if report else "", flush=True)
+        return 0
+    except HricError as error:
+        rospy.logfatal("%s", error)
+        return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED_CODE
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        rospy.signal_shutdown("end")

@@ -1,0 +1,176 @@
+"""The recorder node: makes the run folder, runs `rosbag record`, closes the bag on request and at shutdown."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import rosgraph
+import rospy
+from std_msgs.msg import String
+from std_srvs.srv import Trigger, TriggerResponse
+
+from hric_control.errors import HricError
+from hric_control.ros_node import RosNode
+from hric_experiments import experiment as experiments
+from hric_experiments import limits, provenance, rosbag_process
+from hric_experiments.rosbag_process import RosbagProcess
+from hric_experiments.run_folder import COMPLETED, INTERRUPTED, RUNNING, RunFolder, iso_now, runs_root
+
+RECORDING_TOPIC = "hric/experiment/recording"
+STOP_SERVICE = "hric/experiment/stop_recording"
+SHUTDOWN_TIMEOUT = 1.8
+"""A node must end within 2 s of Ctrl-C; the bag is closed by then [s]."""
+FREE_RUN = "bringup"
+"""Name of a run that is no experiment."""
+NO_EXPERIMENT = ("", "none")
+
+
+class Recorder:
+    """One recording, from the start of the node to the stop service or the shutdown.
+
+    Parameters are read from the node's private namespace: experiment, overrides, topics, exclude, runs.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._stopped = False
+        self._experiment = str(rospy.get_param("~experiment", "") or "")
+        self._overrides = [str(text) for text in rospy.get_param("~overrides", "").split()]
+        definition = self._definition()
+        name = definition.name if definition else FREE_RUN
+        self.folder = RunFolder.create(runs_root(rospy.get_param("~runs", "") or None), name)
+        self.folder.write(self._run(definition, name))
+        self._topics = [rospy.resolve_name(str(topic)) for topic in rospy.get_param("~topics", [])]
+        self._node_name = f"{rospy.get_name().rpartition('/')[2]}_rosbag"
+        self._process = self._start()
+        self._publisher = rospy.Publisher(RECORDING_TOPIC, String, queue_size=1, latch=True)
+        self._service = rospy.Service(STOP_SERVICE, Trigger, self._on_stop)
+
+    def _definition(self) -> experiments.Experiment | None:
+        return None if self._experiment in NO_EXPERIMENT else experiments.load(self._experiment, self._overrides)
+
+    def _run(self, definition: experiments.Experiment | None, name: str) -> dict[str, Any]:
+        return {
+            "experiment": name,
+            "description": definition.description if definition else "no experiment",
+            "status": RUNNING,
+            "mode": "live",
+            "started": iso_now(),
+            "finished": None,
+            "arguments": provenance.neutral(self._overrides),
+            "bag": self.folder.bag_path.name,
+            "definition": provenance.neutral(experiments.to_dict(definition)) if definition else {},
+            "parameters": provenance.parameters(rospy.get_param(rospy.get_namespace().rstrip("/") or "/", {}) or {}),
+            "limits": self._limits(),
+            "versions": provenance.versions(),
+            "revision": provenance.revision(),
+            "platform": provenance.platform_info(),
+        }
+
+    @staticmethod
+    def _limits() -> dict[str, dict[str, float]]:
+        namespace = rospy.get_namespace()
+        description = rospy.get_param(rospy.search_param("robot_description") or "robot_description", "")
+        return limits.table(description, RosNode(namespace)) if description else {}
+
+    def _start(self) -> RosbagProcess:
+        command = rosbag_process.arguments(self.folder.bag_path, self._topics, str(rospy.get_param("~exclude", "")), self._node_name)
+        return RosbagProcess(self.folder.bag_path, [rosbag_process.find_record(), *command])
+
+    def announce(self, timeout: float = 20.0) -> None:
+        """Wait until the bag is open and the recorder hears what is published now; then say so on `hric/experiment/recording`."""
+        self._process.wait_open(timeout, rospy.is_shutdown)
+        deadline = time.monotonic() + timeout
+        name = rospy.resolve_name(self._node_name)
+        while not rospy.is_shutdown() and not subscribed(name, self._expected()):
+            if time.monotonic() > deadline:
+                raise HricError(f"rosbag record did not subscribe to {', '.join(sorted(self._expected()))} within {timeout:g} s")
+            time.sleep(0.05)
+        self._publisher.publish(String(str(self.folder.path)))
+        rospy.loginfo("recording into %s", self.folder.path)
+
+    def _expected(self) -> set[str]:
+        """What must be heard before the recording counts as begun: the topics given, else the robot's control log."""
+        return set(self._topics) or {rospy.resolve_name("control_log")}
+
+    def watch(self) -> None:
+        """Return when the node is told to end.
+
+        Raises:
+            HricError: rosbag record ended by itself.
+        """
+        while not rospy.is_shutdown():
+            if not self._stopped and not self._process.running:
+                raise HricError(f"rosbag record (pid {self._process.pid}) ended by itself; see {self.folder.path}")
+            time.sleep(0.05)
+
+    def _on_stop(self, _: Any) -> Any:
+        try:
+            return TriggerResponse(success=True, message=str(self.stop(COMPLETED)))
+        except HricError as error:
+            rospy.logerr("%s", error)
+            return TriggerResponse(success=False, message=str(error))
+
+    def stop(self, status: str, timeout: float = rosbag_process.STOP_TIMEOUT) -> Path:
+        """Close the bag and note how the run ended; only the first call does anything.
+
+        Raises:
+            HricError: the bag could not be closed.
+        """
+        with self._lock:
+            if not self._stopped:
+                self._stopped = True
+                path = self._process.stop(timeout)
+                self.folder.update(status=status, finished=iso_now())
+                rospy.loginfo("recorded %s", path)
+            return self._process.bag
+
+    def close(self) -> None:
+        """At shutdown: an experiment that is still being recorded was interrupted."""
+        self.stop(COMPLETED if self._experiment in NO_EXPERIMENT else INTERRUPTED, SHUTDOWN_TIMEOUT)
+
+
+def subscribed(node: str, topics: set[str]) -> bool:
+    """Whether the master knows `node` as a subscriber of each topic."""
+    _, subscribers, _ = rosgraph.Master(rospy.get_name()).getSystemState()
+    heard = {topic for topic, nodes in subscribers if node in nodes}
+    return topics <= heard
+
+
+def wait_for_master(timeout: float = 30.0) -> None:
+    """Wait until a master answers.
+
+    Raises:
+        HricError: none does.
+    """
+    deadline = time.monotonic() + timeout
+    while not rosgraph.is_master_online():
+        if time.monotonic() > deadline:
+            raise HricError(f"no ROS master at {os.environ.get('ROS_MASTER_URI', '(ROS_MASTER_URI is not set)')}")
+        time.sleep(0.1)
+
+
+def main() -> int:
+    """The node; answers the exit code."""
+    recorder = None
+    try:
+        wait_for_master()
+        rospy.init_node("recorder", disable_signals=True)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: rospy.signal_shutdown("signal"))
+        recorder = Recorder()
+        recorder.announce()
+        recorder.watch()
+        return 0
+    except HricError as error:
+        rospy.logfatal("recorder: %s", error)
+        return 1
+    finally:
+        if recorder is not None:
+            recorder.close()
+        rospy.signal_shutdown("end")

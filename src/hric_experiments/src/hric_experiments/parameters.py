@@ -1,0 +1,77 @@
+"""The parameters of an experiment, as they stand on a parameter server: controllers.yaml, overlaid by the experiment, and the robot's own."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hric_control.errors import HricError
+from hric_experiments import config
+from hric_experiments.experiment import Experiment, ExperimentError
+
+ROBOT = "robot"
+"""Namespace of the robot's own parameters, below the robot's namespace."""
+
+
+def controllers_file() -> Path:
+    """The controllers' YAML that the bring-up loads too."""
+    return config.package_path("hric_bringup") / "config" / "controllers.yaml"
+
+
+def defaults(arm_id: str) -> dict[str, dict[str, Any]]:
+    """Parameters of all controller instances that come configured.
+
+    Args:
+        arm_id: put in place of $(arg arm_id).
+
+    Raises:
+        HricError: the file is missing or is not YAML.
+    """
+    try:
+        data = yaml.safe_load(controllers_file().read_text().replace("$(arg arm_id)", arm_id))
+    except (OSError, yaml.YAMLError) as error:
+        raise HricError(f"cannot read {controllers_file()}: {error}") from error
+    return dict(data or {})
+
+
+def controllers(experiment: Experiment) -> dict[str, Any]:
+    """Parameters of the instances that the experiment starts.
+
+    Raises:
+        ExperimentError: an instance without a type; lists those that come configured.
+    """
+    known = defaults(experiment.robot.arm_id)
+    result = {}
+    for name in experiment.controllers:
+        values = overlay(known.get(name, {}), experiment.parameters.get(name, {}))
+        if "type" not in values:
+            raise ExperimentError(
+                f"experiment {experiment.name}: controller {name!r} is not in {controllers_file().name} and parameters.{name}.type is not given; "
+                f"configured: {', '.join(sorted(known))}"
+            )
+        result[name] = values
+    return result
+
+
+def robot(experiment: Experiment, seed: int) -> dict[str, Any]:
+    """Private parameters of the RobotHW."""
+    spec = experiment.robot
+    values: dict[str, Any] = {**spec.parameters, "arm_id": spec.arm_id, "plant": {"seed": seed, **spec.plant}}
+    if spec.plant_type:
+        values["plant_type"] = spec.plant_type
+    if spec.q_start is not None:
+        values["q_start"] = dict(spec.q_start) if isinstance(spec.q_start, Mapping) else list(spec.q_start)
+    return values
+
+
+def overlay(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with `changes`, group by group."""
+    result = copy.deepcopy(dict(base))
+    for key, value in changes.items():
+        old = result.get(key)
+        result[key] = overlay(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else copy.deepcopy(value)
+    return result

@@ -1,0 +1,118 @@
+"""`rosbag record` as a child process: started, watched, and ended so that its bag is whole."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from hric_control.errors import HricError
+
+STOP_TIMEOUT = 10.0
+"""How long the recorder may take to write what it holds and the index [s]."""
+_POLL = 0.02
+_PR_SET_PDEATHSIG = 1
+
+
+class RecordError(HricError):
+    """The recording cannot start, ended by itself, or did not end in time."""
+
+
+def find_record() -> str:
+    """Path of the C++ recorder.
+
+    Raises:
+        RecordError: it is not installed.
+    """
+    import roslib.packages
+
+    found: list[str] = roslib.packages.find_node("rosbag", "record") or []
+    if not found:
+        raise RecordError("rosbag's record is not installed (Debian package rosbag)")
+    return found[0]
+
+
+def arguments(bag: Path, topics: Sequence[str], exclude: str, node_name: str) -> list[str]:
+    """Command line of the recorder.
+
+    Args:
+        bag: final path of the bag.
+        topics: what to record; empty: everything, also what appears later.
+        exclude: regular expression of topics to leave out; empty: none.
+        node_name: its ROS name, below the namespace of the environment.
+    """
+    wanted = list(topics) if topics else ["--all"]
+    return ["--lz4", "--quiet", "--buffsize", "1024", "-O", str(bag), *(["--exclude", exclude] if exclude else []), *wanted, f"__name:={node_name}"]
+
+
+class RosbagProcess:
+    """One recording.
+
+    The child has a process group of its own, so that a Ctrl-C on the terminal does not reach it before its turn; should this process be killed,
+    the system asks the child to end.
+
+    Args:
+        bag: final path of the bag.
+        command: program and arguments.
+    """
+
+    def __init__(self, bag: Path, command: Sequence[str]) -> None:
+        self.bag = bag
+        self._active = bag.with_name(bag.name + ".active")
+        # Looked up before the fork: only async-safe work may happen between fork and exec.
+        prctl = ctypes.CDLL(None, use_errno=True).prctl
+        self._child = subprocess.Popen(
+            list(command), stdin=subprocess.DEVNULL, start_new_session=True, preexec_fn=lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
+        )
+
+    @property
+    def pid(self) -> int:
+        """Process id of the child."""
+        return self._child.pid
+
+    @property
+    def running(self) -> bool:
+        """Whether the child lives."""
+        return self._child.poll() is None
+
+    def wait_open(self, timeout: float, give_up: Callable[[], bool] = lambda: False) -> None:
+        """Wait until the bag is being written.
+
+        Raises:
+            RecordError: the child ended, or it takes longer than `timeout` [s].
+        """
+        deadline = time.monotonic() + timeout
+        while not self._active.exists() and not give_up():
+            if not self.running:
+                raise RecordError(f"rosbag record ended with code {self._child.returncode} before it began to record; its messages stand above")
+            if time.monotonic() > deadline:
+                raise RecordError(f"rosbag record did not open {self._active.name} within {timeout:g} s")
+            time.sleep(_POLL)
+
+    def stop(self, timeout: float = STOP_TIMEOUT) -> Path:
+        """End the recording and wait until the bag has its final name; a second call answers the same.
+
+        Raises:
+            RecordError: the bag is not whole after `timeout` [s].
+        """
+        deadline = time.monotonic() + timeout
+        if self.running:
+            os.kill(self._child.pid, signal.SIGINT)
+        while self.running or self._active.exists():
+            left = deadline - time.monotonic()
+            if left <= 0.0 or (not self.running and left < timeout / 2):
+                self._give_up(timeout)
+            time.sleep(_POLL)
+        if not self.bag.exists():
+            raise RecordError(f"rosbag record ended with code {self._child.returncode} and left no bag {self.bag.name}")
+        return self.bag
+
+    def _give_up(self, timeout: float) -> None:
+        if self.running:
+            self._child.kill()
+            self._child.wait()
+        raise RecordError(f"the bag was not closed within {timeout:g} s; what was recorded is in {self._active.name}, try: rosbag reindex")
