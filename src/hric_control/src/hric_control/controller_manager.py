@@ -144,7 +144,7 @@ class ControllerManager:
         found = dict.fromkeys([*self._classes, *plugins.names(plugins.CONTROLLER)], plugins.CONTROLLER)
         return dict(sorted(found.items()))
 
-    def statistics(self) -> list[UpdateStatistics]:
+    def statistics(self) -> Sequence[UpdateStatistics]:
         """How long the controllers' updates take."""
         return [entry.statistics() for entry in tuple(self._loaded.values())]
 

@@ -52,7 +52,7 @@ class LiveValues:
         in_force = self._on_change(dict(wanted))
         self.values = {name: in_force.get(name, wanted[name]) for name in self._parameters}
 
-    def _checked(self, parameter: LiveParameter, value: Any) -> bool | int | float | str:
+    def _checked(self, parameter: LiveParameter, value: Any) -> Any:
         kind = type(parameter.default)
         name = f"{self._namespace.rstrip('/')}/{parameter.name}"
         # An int is a fair float; a bool is an int to Python but not to a user.
@@ -62,11 +62,10 @@ class LiveValues:
             raise ParameterError(f"{name} must be of type {kind.__name__}, not {type(value).__name__} ({value!r})")
         if kind in (int, float):
             _check_range(name, parameter, value)
-        checked: bool | int | float | str = value
-        return checked
+        return value
 
 
-def _check_range(name: str, parameter: LiveParameter, value: float) -> None:
+def _check_range(name: str, parameter: LiveParameter, value: Any) -> None:
     if not math.isfinite(value):
         raise ParameterError(f"{name} must be finite, not {value}")
     if parameter.minimum < parameter.maximum and not parameter.minimum <= value <= parameter.maximum:

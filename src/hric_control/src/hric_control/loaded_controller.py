@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 from hric_control.controller import Controller
 from hric_control.robot_hw import ControllerInfo
 from hric_control.scoped_node import ScopedNode
 
 
-class ControllerState(str, Enum):
+class ControllerState(StrEnum):
     """States as controller_manager_msgs spells them."""
 
     INITIALIZED = "initialized"

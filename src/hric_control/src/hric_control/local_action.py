@@ -166,8 +166,10 @@ class LocalActionServer:
 
     def close(self) -> None:
         """Take the topics back."""
-        for registration in (*self._subscriptions, self._sender, self._status, self._feedback, self._result):
-            registration.unregister()
+        for subscription in self._subscriptions:
+            subscription.unregister()
+        for publisher in (self._sender, self._status, self._feedback, self._result):
+            publisher.unregister()
 
     def send(self, goal: Any, goal_id: str) -> LocalGoal:
         """Send a goal as a client does."""
