@@ -9,7 +9,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hric_control import realtime
 from hric_control.controller import Controller
-from hric_control.errors import CommandError, HricError
+from hric_control.errors import CommandError, HricError, ParameterError
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.node import Node
 from hric_control.realtime import LatestValue
@@ -83,16 +83,19 @@ class JointPDController(Controller):
         if not self._node.has_param("setpoint"):
             return None
         values = per_joint(self._node, "setpoint", self.joints)
-        return check_setpoint(values, self.joints, self._ranges, self._node.resolve("setpoint"))
+        try:
+            return check_setpoint(values, self.joints, self._ranges)
+        except CommandError as error:
+            raise ParameterError(f"{self._node.resolve('setpoint')}: {error}") from None
 
     def _on_command(self, message: Any) -> None:
-        where = self._node.resolve("command")
+        """A refusal is logged with the topic's name."""
         if not self._running:
-            raise CommandError(f"{where}: the controller is not running, the set point is ignored; start it first")
+            raise CommandError("the controller is not running, the set point is ignored; start it first")
         try:
-            self._setpoint.set(check_setpoint(message.data, self.joints, self._ranges, where))
+            self._setpoint.set(check_setpoint(message.data, self.joints, self._ranges))
         except CommandError as error:
-            raise CommandError(f"{error}. The set point before stays in force") from None
+            raise CommandError(f"set point refused, the one before stays: {error}") from None
 
     def _on_gains(self, values: dict[str, Any]) -> dict[str, Any]:
         """Live parameters changed: all values are taken, or a HricError refuses them all."""

@@ -145,7 +145,7 @@ class JointTrajectoryController(Controller):
             try:
                 order = self._order(message, None)
             except TrajectoryError as error:
-                raise TrajectoryError(error.code, f"{self._node.resolve('command')}: {error}. The joints go on as before") from None
+                raise TrajectoryError(error.code, f"trajectory refused, the joints go on as before: {error}") from None
             self._orders.set(order)
             self._replace(None, "replaced by a trajectory on the command topic")
 

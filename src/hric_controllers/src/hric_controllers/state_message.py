@@ -25,7 +25,11 @@ def build_state(message_type: type[M], stamp: Any, joints: Sequence[str], desire
     return message_type(
         header=Header(stamp=stamp),
         joint_names=list(joints),
-        desired=JointTrajectoryPoint(*desired),
-        actual=JointTrajectoryPoint(*actual),
+        desired=_point(*desired),
+        actual=_point(*actual),
         error=JointTrajectoryPoint(positions=error[0], velocities=error[1]),
     )
+
+
+def _point(positions: Sequence[float], velocities: Sequence[float], accelerations: Sequence[float], effort: Sequence[float]) -> Any:
+    return JointTrajectoryPoint(positions=positions, velocities=velocities, accelerations=accelerations, effort=effort)
