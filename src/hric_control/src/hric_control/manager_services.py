@@ -20,7 +20,6 @@ from controller_manager_msgs.srv import (
     UnloadController,
     UnloadControllerResponse,
 )
-
 from hric_control import realtime, stamps
 from hric_control.controller_manager import ControllerManager
 from hric_control.errors import HricError

@@ -19,20 +19,19 @@ class Outbox:
         report: takes one line of text, at the first failure and at the first drop.
     """
 
-    __slots__ = ("_append", "_limit", "_queue", "_report", "_told_drop", "_told_error", "append", "dropped", "name", "send")
+    __slots__ = ("_limit", "_queue", "_report", "_told_drop", "_told_error", "dropped", "name", "send")
 
     def __init__(self, send: Callable[[Any], None], name: str, limit: int, report: Callable[[str], None] | None = None) -> None:
         self.send, self.name, self.dropped = send, name, 0
         self._queue: deque[Callable[[], Any]] = deque(maxlen=limit)
         self._limit, self._report = limit, report
         self._told_error = self._told_drop = False
-        self._append = self._queue.append
-        self.append = self._count_and_append
 
-    def _count_and_append(self, build: Callable[[], Any]) -> None:
+    def append(self, build: Callable[[], Any]) -> None:
+        """Let `build` wait; the oldest gives way when too many do."""
         if len(self._queue) == self._limit:
             self.dropped += 1
-        self._append(build)
+        self._queue.append(build)
 
     def __len__(self) -> int:
         return len(self._queue)
@@ -63,8 +62,14 @@ class Outbox:
             self._report(text)
 
 
+POLL_PERIOD = 0.002
+"""How often the thread looks for messages [s]. Looking beats being woken: measured beside a 1 kHz loop that publishes in every fourth cycle, waking
+an event costs the loop 35 us for each message (the woken thread asks for the interpreter at once), looking every 2 ms costs it nothing, the lateness
+of its cycles is the same, and the process spends no more (18 % of a core either way)."""
+
+
 class PublishThread:
-    """Builds and sends what waits in its outboxes; daemon. The loop appends and sets an event; no lock of the loop's is held while building."""
+    """Builds and sends what waits in its outboxes; daemon. The loop only appends; it takes no lock that is held while building or sending."""
 
     def __init__(self) -> None:
         self._outboxes: tuple[Outbox, ...] = ()
@@ -86,11 +91,6 @@ class PublishThread:
         """Drop an outbox and what waits in it."""
         with self._lock:
             self._outboxes = tuple(other for other in self._outboxes if other is not outbox)
-
-    def wake(self) -> None:
-        """Something waits; from the loop."""
-        if not self._event.is_set():
-            self._event.set()
 
     def drain(self, timeout: float) -> bool:
         """Wait until nothing waits; False when it took longer than `timeout` [s], or when it still hangs where it hung the last time."""
@@ -116,7 +116,7 @@ class PublishThread:
 
     def _work(self) -> None:
         while not self._stopped:
-            self._event.wait()
+            self._event.wait(POLL_PERIOD)
             self._event.clear()
             for outbox in self._outboxes:
                 while len(outbox) and not self._stopped:

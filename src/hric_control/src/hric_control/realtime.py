@@ -14,6 +14,7 @@ from typing import Any, Generic, TypeVar
 
 from hric_control.node import Node, Publisher
 from hric_control.publish_thread import Outbox, PublishThread
+from hric_control.scoped_node import ScopedNode
 
 T = TypeVar("T")
 
@@ -57,7 +58,7 @@ class RealtimePublisher:
         thread: who sends; None builds and sends within `publish`.
     """
 
-    __slots__ = ("_append", "_outbox", "_publisher", "_thread", "_wake")
+    __slots__ = ("_append", "_inline", "_outbox", "_publisher", "_thread")
 
     def __init__(
         self,
@@ -70,7 +71,7 @@ class RealtimePublisher:
     ) -> None:
         self._publisher = publisher
         self._outbox = Outbox(publisher.publish, name, LOSSLESS_LIMIT if lossless else LAGGING_LIMIT, report)
-        self._thread, self._wake = thread, thread.wake if thread else None
+        self._thread, self._inline = thread, thread is None
         self._append = self._outbox.append
         if thread is not None:
             thread.add(self._outbox)
@@ -81,10 +82,8 @@ class RealtimePublisher:
         `build` runs later and in another thread: it must capture plain snapshots (lists of floats, the stamp), not live storage.
         """
         self._append(build)
-        if self._wake is None:
+        if self._inline:
             self._outbox.send_inline()
-        else:
-            self._wake()
 
     @property
     def dropped(self) -> int:
@@ -106,7 +105,7 @@ class RealtimePublisher:
 
 _lock = threading.Lock()
 _thread: PublishThread | None = None
-_deferred: dict[int, Outbox] = {}
+_deferred: Outbox | None = None
 
 
 def publisher(node: Node, topic: str, message_type: type, latch: bool = False, lossless: bool = False) -> RealtimePublisher:
@@ -120,9 +119,11 @@ def publisher(node: Node, topic: str, message_type: type, latch: bool = False, l
         lossless: keep all messages when the thread lags (otherwise the newest ones).
     """
     raw = node.advertise(topic, message_type, queue_size=0, latch=latch)
-    return RealtimePublisher(
-        raw, node.resolve(topic), lossless=lossless, report=node.log_error, thread=None if _inline(node) else _the_thread()
-    )
+    thread = None if _inline(node) else _the_thread()
+    made = RealtimePublisher(raw, node.resolve(topic), lossless=lossless, report=node.log_error, thread=thread)
+    if isinstance(node, ScopedNode):
+        node.keep(made)
+    return made
 
 
 def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
@@ -135,13 +136,14 @@ def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
     if _inline(node):
         call()
         return
-    thread = _the_thread()
-    outbox = _deferred.get(id(thread))
-    if outbox is None:
-        outbox = _deferred[id(thread)] = Outbox(_run, what, LOSSLESS_LIMIT, node.log_error)
-        thread.add(outbox)
-    outbox.append(lambda: call)
-    thread.wake()
+
+    def run() -> None:
+        try:
+            call()
+        except Exception as error:  # the thread serves the whole process
+            node.log_error(f"{what} failed: {type(error).__name__}: {error}")
+
+    _deferred_calls().append(lambda: run)
 
 
 def drain(timeout: float) -> bool:
@@ -158,10 +160,9 @@ def drain(timeout: float) -> bool:
 
 def shutdown(timeout: float = 1.0) -> None:
     """Send what waits and end the thread; a later publisher starts a new one."""
-    global _thread
+    global _thread, _deferred
     with _lock:
-        thread, _thread = _thread, None
-        _deferred.clear()
+        thread, _thread, _deferred = _thread, None, None
     if thread is not None:
         thread.drain(timeout)
         thread.stop()
@@ -181,3 +182,13 @@ def _the_thread() -> PublishThread:
         if _thread is None:
             _thread = PublishThread()
         return _thread
+
+
+def _deferred_calls() -> Outbox:
+    global _deferred
+    thread = _the_thread()
+    with _lock:
+        if _deferred is None:
+            _deferred = Outbox(_run, "deferred calls", LOSSLESS_LIMIT)
+            thread.add(_deferred)
+        return _deferred

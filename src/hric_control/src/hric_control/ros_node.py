@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable, Sequence
 from typing import Any
 from xmlrpc.client import Error as XmlRpcError
@@ -221,5 +220,5 @@ def _ask(question: Callable[[], Any]) -> Any:
     """Ask the master; one that does not answer is told by its address."""
     try:
         return question()
-    except (OSError, socket.timeout, XmlRpcError) as error:
+    except (TimeoutError, OSError, XmlRpcError) as error:
         raise HricError(f"the ROS master at {rosgraph.get_master_uri()} does not answer: {error}") from error

@@ -21,7 +21,8 @@ class ScopedNode:
         while self._made:
             self._made.pop().unregister()
 
-    def _keep(self, made: Any) -> Any:
+    def keep(self, made: Any) -> Any:
+        """Have `made.unregister()` called at the end; returns `made`."""
         self._made.append(made)
         return made
 
@@ -60,29 +61,29 @@ class ScopedNode:
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> Publisher:
         """Advertise a topic."""
-        made: Publisher = self._keep(self._node.advertise(topic, message_type, queue_size=queue_size, latch=latch))
+        made: Publisher = self.keep(self._node.advertise(topic, message_type, queue_size=queue_size, latch=latch))
         return made
 
     def subscribe(self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10) -> Registration:
         """Subscribe to a topic."""
-        made: Registration = self._keep(self._node.subscribe(topic, message_type, callback, queue_size=queue_size))
+        made: Registration = self.keep(self._node.subscribe(topic, message_type, callback, queue_size=queue_size))
         return made
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Registration:
         """Serve."""
-        made: Registration = self._keep(self._node.service(name, service_type, handler))
+        made: Registration = self.keep(self._node.service(name, service_type, handler))
         return made
 
     def action_server(
         self, name: str, action_type: type, on_goal: Callable[[GoalHandle], None], on_cancel: Callable[[GoalHandle], None]
     ) -> Registration:
         """Serve an action."""
-        made: Registration = self._keep(self._node.action_server(name, action_type, on_goal, on_cancel))
+        made: Registration = self.keep(self._node.action_server(name, action_type, on_goal, on_cancel))
         return made
 
     def live_parameters(self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]) -> Registration:
         """Offer live parameters."""
-        made: Registration = self._keep(self._node.live_parameters(parameters, on_change))
+        made: Registration = self.keep(self._node.live_parameters(parameters, on_change))
         return made
 
     def now(self) -> Any:

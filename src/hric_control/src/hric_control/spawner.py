@@ -11,9 +11,9 @@ from typing import Any
 
 import rospy
 import yaml
-from controller_manager_msgs.srv import SwitchControllerRequest
 from std_msgs.msg import Bool
 
+from controller_manager_msgs.srv import SwitchControllerRequest
 from hric_control.errors import HricError
 from hric_control.manager_client import ManagerClient, check_master
 

@@ -1,0 +1,100 @@
+"""A robot and a controller without physics, for tests of what stands around them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hric_control.controller import Controller
+from hric_control.hardware_interface import (
+    EffortJointInterface,
+    JointCommands,
+    JointStateInterface,
+    JointStates,
+    PositionJointInterface,
+)
+from hric_control.node import Node
+from hric_control.robot_hw import ControllerInfo, RobotHW
+
+
+class FakeRobotHW(RobotHW):
+    """Joints with effort and position interfaces that do nothing.
+
+    Attributes:
+        states, effort, position: the storage.
+        calls: what the manager asked for, e.g. ("do_switch", ["a"], ["b"]).
+        ready: what `switch_done` answers, or an error that it raises.
+        refuse: an error that `prepare_switch` raises.
+    """
+
+    def __init__(self, joints: Sequence[str] = ("joint1", "joint2")) -> None:
+        super().__init__()
+        self.states = JointStates(joints)
+        self.effort, self.position = JointCommands(self.states), JointCommands(self.states)
+        self.calls: list[tuple[str, list[str], list[str]]] = []
+        self.ready: bool | Exception = True
+        self.refuse: Exception | None = None
+        self.register_interface(JointStateInterface(self.states))
+        self.register_interface(EffortJointInterface(self.effort))
+        self.register_interface(PositionJointInterface(self.position))
+
+    def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
+        """Refuse if told to."""
+        self._note("prepare_switch", start, stop)
+        if self.refuse is not None:
+            raise self.refuse
+
+    def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
+        """Note the call."""
+        self._note("do_switch", start, stop)
+
+    def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
+        """As `ready` says."""
+        if isinstance(self.ready, Exception):
+            raise self.ready
+        return self.ready
+
+    def _note(self, what: str, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
+        self.calls.append((what, [info.name for info in start], [info.name for info in stop]))
+
+
+class FakeController(Controller):
+    """Claims the efforts of its parameter `joints` (none by default) and notes what is done to it.
+
+    Attributes:
+        calls: "init", "starting", "update", "stopping", "shutdown".
+        fail: methods that raise the error given for them.
+    """
+
+    fail: dict[str, Exception] = {}  # noqa: RUF012  # a test sets it on a subclass or an instance
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+
+    def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
+        """Take the handles."""
+        self.node = controller_node
+        joints = controller_node.param("joints", [])
+        if joints:
+            robot_hw.get(EffortJointInterface).group(joints)
+        self._note("init")
+
+    def starting(self, time: float) -> None:
+        """Note it."""
+        self._note("starting")
+
+    def update(self, time: float, period: float) -> None:
+        """Note it."""
+        self._note("update")
+
+    def stopping(self, time: float) -> None:
+        """Note it."""
+        self._note("stopping")
+
+    def shutdown(self) -> None:
+        """Note it."""
+        self._note("shutdown")
+
+    def _note(self, what: str) -> None:
+        self.calls.append(what)
+        if what in self.fail:
+            raise self.fail[what]

@@ -1,0 +1,77 @@
+"""Fixtures for tests that need a real master. In a conftest.py: `from hric_control.testing import ros, roscore`."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import functools
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+
+import pytest
+
+START_TIMEOUT = 20.0
+"""How long a roscore may take to answer on a busy machine [s]."""
+
+
+def free_port() -> int:
+    """A TCP port that nobody listens on now."""
+    with contextlib.closing(socket.socket()) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@functools.lru_cache(maxsize=1)
+def start_roscore() -> str:
+    """Start a roscore of this process's own, once, and point the environment to it. It ends with the process.
+
+    Returns:
+        its URI.
+    """
+    import rosgraph
+
+    port = free_port()
+    logs = tempfile.mkdtemp(prefix="hric_test_ros_")
+    os.environ.update(ROS_MASTER_URI=f"http://127.0.0.1:{port}", ROS_IP="127.0.0.1", ROS_LOG_DIR=logs, ROS_HOME=logs)
+    os.environ.pop("ROS_HOSTNAME", None)
+    process = subprocess.Popen(["roscore", "-p", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    atexit.register(_end, process, logs)
+    deadline = time.monotonic() + START_TIMEOUT
+    while not rosgraph.is_master_online():
+        if process.poll() is not None or time.monotonic() > deadline:
+            raise RuntimeError(f"roscore on port {port} did not start (exit code {process.poll()})")
+        time.sleep(0.05)
+    return os.environ["ROS_MASTER_URI"]
+
+
+def _end(process: subprocess.Popen[bytes], logs: str) -> None:
+    process.send_signal(signal.SIGINT)
+    try:
+        process.wait(5.0)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    shutil.rmtree(logs, ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def roscore() -> Iterator[str]:
+    """URI of a master on a port of its own; ROS_MASTER_URI points to it."""
+    yield start_roscore()
+
+
+@pytest.fixture(scope="session")
+def ros(roscore: str) -> Iterator[str]:
+    """The test process as a rospy node; a process can be one only once. Gives the node's name."""
+    import rospy
+
+    if not rospy.core.is_initialized():
+        rospy.init_node("pytest", anonymous=True, disable_signals=True)
+    yield rospy.get_name()
