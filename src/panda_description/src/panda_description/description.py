@@ -8,13 +8,13 @@ import re
 import sys
 import threading
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 from xml.dom import Node, minidom
 
-from hric_control.errors import DescriptionError, ParameterError
+from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
 from panda_description import meshes as mesh_files
 from panda_description.files import PACKAGE, find_package, share
 from panda_description.parameters import INERTIAL_SETS, unphysical
@@ -57,19 +57,23 @@ def load(
     damping: float = 0.0,
     friction: str = "none",
     fingers: str = "fixed",
-    xyz: str = "0 0 0",
-    rpy: str = "0 0 0",
+    xyz: str | Sequence[float] = "0 0 0",
+    rpy: str | Sequence[float] = "0 0 0",
     robot_sim_type: str = "franka_sim/FrankaHWSim",
     meshes: bool = True,
     collision: bool = True,
     hardware_interface: str = "EffortJointInterface",
+    **unknown: object,
 ) -> str:
     """The robot as pure URDF; `arguments()` says what each argument does and accepts.
 
     Raises:
+        UnknownNameError: an argument that does not exist; lists those that do.
         ParameterError: a value that is not valid; names the argument and the valid values.
     """
     given = dict(locals())
+    for name in given.pop("unknown"):
+        raise UnknownNameError("argument", name, arguments(), PACKAGE)
     for name, value in given.items():
         _check(name, value)
     if hand is False and fingers == "prismatic":
@@ -82,13 +86,13 @@ def load(
 
 def arguments() -> dict[str, Argument]:
     """The arguments of `load` in order."""
-    return {name: Argument(parameter.default, *_DOCS[name]) for name, parameter in inspect.signature(load).parameters.items()}
+    return {name: Argument(parameter.default, *_DOCS[name]) for name, parameter in inspect.signature(load).parameters.items() if name in _DOCS}
 
 
 def _vector(value: Any) -> bool:
     try:
-        numbers = [float(part) for part in str(value).split()]
-    except ValueError:
+        numbers = [float(part) for part in (value.split() if isinstance(value, str) else value)]
+    except (TypeError, ValueError):
         return False
     return len(numbers) == 3 and all(map(isfinite, numbers))
 
@@ -115,10 +119,12 @@ _TESTS: dict[str, Callable[[Any], bool]] = {
 
 def _check(name: str, value: object) -> None:
     if not _TESTS[name](value):
-        raise ParameterError(f"panda_description: argument {name} is {value!r}; valid: {_DOCS[name][0]}")
+        raise ParameterError(f"argument {name} of the Panda's description is {value!r}; valid: {_DOCS[name][0]}")
 
 
 def _text(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return " ".join(map(str, value))
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
@@ -129,7 +135,7 @@ def _warn_unphysical(name: str) -> None:
         LOG.warning("inertials '%s' are not physical: %s. Use them to reproduce the thesis only; the default is 'barycentric'.", name, lines)
 
 
-def _xacro() -> types.ModuleType:
+def _xacro() -> Any:
     """xacro 2, whose $(find) asks ROS 2's index: answer it with this package's folder or ROS 1's packages."""
     if "ament_index_python.packages" not in sys.modules:
         packages = types.ModuleType("ament_index_python.packages")
@@ -155,7 +161,7 @@ def _process(mappings: dict[str, str]) -> minidom.Document:
 def _pure(document: minidom.Document, name: str) -> str:
     """Pure URDF text: the robot named, without the comments and the namespace of the xacro files."""
     _drop_comments(document)
-    root = document.documentElement
+    root: Any = document.documentElement
     root.setAttribute("name", name)
     for attribute in [name for name in root.attributes.keys() if name.startswith("xmlns:")]:  # noqa: SIM118 - a NamedNodeMap is no dict
         root.removeAttribute(attribute)

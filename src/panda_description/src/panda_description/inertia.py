@@ -81,7 +81,7 @@ def origin_to_com(inertia_origin: Array, mass: float, com: Array) -> Array:
 
 def judge(inertia: Array) -> Verdict:
     """Principal moments and triangle margin of a symmetric tensor, shape (3, 3) [kg m^2]."""
-    moments: Array = np.linalg.eigvalsh(inertia)
+    moments = np.asarray(np.linalg.eigvalsh(inertia), dtype=np.float64)
     return Verdict(moments, float(moments[0] + moments[1] - moments[2]))
 
 

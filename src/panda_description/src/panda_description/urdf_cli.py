@@ -34,7 +34,7 @@ def parse(words: Sequence[str]) -> dict[str, Any]:
         if not separator:
             raise ParameterError(f"{word!r} is not of the form ARG:=VALUE; arguments: {', '.join(valid)}")
         if name not in valid:
-            raise UnknownNameError("argument", name, valid, "panda_description urdf")
+            raise UnknownNameError("argument", name, valid)
         given[name] = _value(name, text, valid[name])
     return given
 
@@ -45,7 +45,7 @@ def _value(name: str, text: str, argument: Argument) -> str | bool | float:
             return _BOOLS[text.strip().lower()]
         return float(text) if isinstance(argument.default, float) else text
     except (KeyError, ValueError) as error:
-        raise ParameterError(f"argument {name} is {text!r}; valid: {argument.valid}") from error
+        raise ParameterError(f"argument {name} of the Panda's description is {text!r}; valid: {argument.valid}") from error
 
 
 def run(words: Sequence[str]) -> str:
