@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import panda_description
 import pinocchio as pin
 import pytest
+
+import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame, FrankaModel
 from franka_hw_interface.transforms import FloatArray
 from franka_hw_interface.urdf_chain import rotation_from_rpy
+
+
+@functools.cache
+def description(**arguments: object) -> str:
+    return panda_description.load(meshes=False, collision=False, **arguments)
 
 
 def pose(rpy: tuple[float, float, float], xyz: tuple[float, float, float]) -> FloatArray:
@@ -35,9 +42,7 @@ class Case:
     arm_id: str = "panda"
 
     def urdf(self) -> str:
-        return panda_description.load(
-            arm_id=self.arm_id, hand=self.hand, rpy=self.rpy, xyz="0.1 -0.2 0.3", fingers=self.fingers, meshes=False, collision=False
-        )
+        return description(arm_id=self.arm_id, hand=self.hand, rpy=self.rpy, xyz="0.1 -0.2 0.3", fingers=self.fingers)
 
 
 PAYLOAD = (2.3, (0.03, -0.05, 0.12), np.array([[0.012, 0.001, -0.002], [0.001, 0.016, 0.0007], [-0.002, 0.0007, 0.009]]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from franka_hw_interface.model import Frame
 from hric_control.errors import CommandError
 

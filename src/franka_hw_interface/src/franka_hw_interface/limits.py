@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import panda_description
 from panda_description import CartesianLimit
@@ -39,7 +40,7 @@ class FrankaLimits:
 
     def with_margins(self) -> FrankaLimits:
         """The limits with libfranka's margins, which a command must respect to pass its rate limiter unchanged."""
-        lowered = {name: tuple(value - EPSILON for value in getattr(self, name)) for name in ("acceleration", "jerk", "effort_rate")}
+        lowered: dict[str, Any] = {name: tuple(value - EPSILON for value in getattr(self, name)) for name in ("acceleration", "jerk", "effort_rate")}
         velocity = tuple(v - EPSILON - LOST_PACKETS_TIME * a for v, a in zip(self.velocity, self.acceleration, strict=True))
         return replace(
             self,
@@ -60,5 +61,5 @@ def franka_limits() -> FrankaLimits:
     """The Panda's limits."""
     joints = list(panda_description.joint_limits().values())
     names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
-    vectors = {name: tuple(float(getattr(joint, name)) for joint in joints) for name in names}
-    return FrankaLimits(**vectors, **panda_description.cartesian_limits())
+    values: dict[str, Any] = {name: tuple(float(getattr(joint, name)) for joint in joints) for name in names}
+    return FrankaLimits(**values, **panda_description.cartesian_limits())

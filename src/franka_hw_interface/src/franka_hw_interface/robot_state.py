@@ -81,17 +81,16 @@ class RobotMode(IntEnum):
     AUTOMATIC_ERROR_RECOVERY = 6
 
 
-def _zeros(n: int) -> Any:
-    return field(default_factory=lambda: [0.0] * n)
+def _zeros(n: int) -> Callable[[], list[float]]:
+    return lambda: [0.0] * n
+
+
+_two, _three, _six, _seven, _nine = _zeros(2), _zeros(3), _zeros(6), _zeros(7), _zeros(9)
 
 
 def identity16() -> list[float]:
     """Column-major identity transform, 16 floats."""
     return [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-
-
-def _identity() -> Any:
-    return field(default_factory=identity16)
 
 
 @dataclass(slots=True)
@@ -118,59 +117,60 @@ class RobotState:
         tick: counts the readings of the robot; what is computed from the state is valid for one tick. Not part of the message.
     """
 
-    cartesian_collision: list[float] = _zeros(6)
-    cartesian_contact: list[float] = _zeros(6)
-    q: list[float] = _zeros(7)
-    q_d: list[float] = _zeros(7)
-    dq: list[float] = _zeros(7)
-    dq_d: list[float] = _zeros(7)
-    ddq_d: list[float] = _zeros(7)
-    theta: list[float] = _zeros(7)
-    dtheta: list[float] = _zeros(7)
-    tau_J: list[float] = _zeros(7)
-    dtau_J: list[float] = _zeros(7)
-    tau_J_d: list[float] = _zeros(7)
-    K_F_ext_hat_K: list[float] = _zeros(6)
-    elbow: list[float] = _zeros(2)
-    elbow_d: list[float] = _zeros(2)
-    elbow_c: list[float] = _zeros(2)
-    delbow_c: list[float] = _zeros(2)
-    ddelbow_c: list[float] = _zeros(2)
-    joint_collision: list[float] = _zeros(7)
-    joint_contact: list[float] = _zeros(7)
-    O_F_ext_hat_K: list[float] = _zeros(6)
-    O_dP_EE_d: list[float] = _zeros(6)
-    O_ddP_O: list[float] = _zeros(3)
-    O_dP_EE_c: list[float] = _zeros(6)
-    O_ddP_EE_c: list[float] = _zeros(6)
-    tau_ext_hat_filtered: list[float] = _zeros(7)
+    tick: int = 0
+    cartesian_collision: list[float] = field(default_factory=_six)
+    cartesian_contact: list[float] = field(default_factory=_six)
+    q: list[float] = field(default_factory=_seven)
+    q_d: list[float] = field(default_factory=_seven)
+    dq: list[float] = field(default_factory=_seven)
+    dq_d: list[float] = field(default_factory=_seven)
+    ddq_d: list[float] = field(default_factory=_seven)
+    theta: list[float] = field(default_factory=_seven)
+    dtheta: list[float] = field(default_factory=_seven)
+    tau_J: list[float] = field(default_factory=_seven)
+    dtau_J: list[float] = field(default_factory=_seven)
+    tau_J_d: list[float] = field(default_factory=_seven)
+    K_F_ext_hat_K: list[float] = field(default_factory=_six)
+    elbow: list[float] = field(default_factory=_two)
+    elbow_d: list[float] = field(default_factory=_two)
+    elbow_c: list[float] = field(default_factory=_two)
+    delbow_c: list[float] = field(default_factory=_two)
+    ddelbow_c: list[float] = field(default_factory=_two)
+    joint_collision: list[float] = field(default_factory=_seven)
+    joint_contact: list[float] = field(default_factory=_seven)
+    O_F_ext_hat_K: list[float] = field(default_factory=_six)
+    O_dP_EE_d: list[float] = field(default_factory=_six)
+    O_ddP_O: list[float] = field(default_factory=_three)
+    O_dP_EE_c: list[float] = field(default_factory=_six)
+    O_ddP_EE_c: list[float] = field(default_factory=_six)
+    tau_ext_hat_filtered: list[float] = field(default_factory=_seven)
     m_ee: float = 0.0
-    F_x_Cee: list[float] = _zeros(3)
-    I_ee: list[float] = _zeros(9)
+    F_x_Cee: list[float] = field(default_factory=_three)
+    I_ee: list[float] = field(default_factory=_nine)
     m_load: float = 0.0
-    F_x_Cload: list[float] = _zeros(3)
-    I_load: list[float] = _zeros(9)
+    F_x_Cload: list[float] = field(default_factory=_three)
+    I_load: list[float] = field(default_factory=_nine)
     m_total: float = 0.0
-    F_x_Ctotal: list[float] = _zeros(3)
-    I_total: list[float] = _zeros(9)
-    O_T_EE: list[float] = _identity()
-    O_T_EE_d: list[float] = _identity()
-    O_T_EE_c: list[float] = _identity()
-    F_T_EE: list[float] = _identity()
-    F_T_NE: list[float] = _identity()
-    NE_T_EE: list[float] = _identity()
-    EE_T_K: list[float] = _identity()
+    F_x_Ctotal: list[float] = field(default_factory=_three)
+    I_total: list[float] = field(default_factory=_nine)
+    O_T_EE: list[float] = field(default_factory=identity16)
+    O_T_EE_d: list[float] = field(default_factory=identity16)
+    O_T_EE_c: list[float] = field(default_factory=identity16)
+    F_T_EE: list[float] = field(default_factory=identity16)
+    F_T_NE: list[float] = field(default_factory=identity16)
+    NE_T_EE: list[float] = field(default_factory=identity16)
+    EE_T_K: list[float] = field(default_factory=identity16)
     time: float = 0.0
     control_command_success_rate: float = 0.0
     robot_mode: RobotMode = RobotMode.OTHER
     current_errors: Errors = NO_ERRORS
     last_motion_errors: Errors = NO_ERRORS
-    tick: int = 0
 
     def snapshot(self) -> RobotState:
         """A copy that later cycles do not change; fields computed on demand are computed now."""
         values = {name: getattr(self, name) for name in FIELD_NAMES}
-        return RobotState(tick=self.tick, **{name: value[:] if isinstance(value, list) else value for name, value in values.items()})
+        kept: dict[str, Any] = {name: value[:] if isinstance(value, list) else value for name, value in values.items()}
+        return RobotState(tick=self.tick, **kept)
 
 
 FIELD_NAMES: tuple[str, ...] = tuple(item.name for item in fields(RobotState) if item.name != "tick")

@@ -18,7 +18,7 @@ ORTHONORMAL_TOLERANCE = 1e-5
 
 def column_major(matrix: FloatArray) -> list[float]:
     """Elements of a matrix column by column, as libfranka and franka_msgs order them."""
-    return matrix.T.ravel().tolist()  # type: ignore[no-any-return]
+    return list(map(float, matrix.T.ravel()))
 
 
 def _finite(values: Sequence[float] | FloatArray, n: int, what: str) -> FloatArray:

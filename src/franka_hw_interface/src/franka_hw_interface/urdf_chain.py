@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
+
 from hric_control import urdf
 from hric_control.errors import DescriptionError, UnknownNameError
 
