@@ -57,6 +57,17 @@ class Body:
         return self.links[frame.body_link], frame.T_body_frame
 
 
+@dataclass(frozen=True)
+class BodyState:
+    """Where a body is, as the engine tells it: the base by its centre of mass, quaternion (x, y, z, w); (q, dq) of each joint."""
+
+    position: tuple[float, ...]
+    orientation: tuple[float, ...]
+    linear: tuple[float, ...]
+    angular: tuple[float, ...]
+    joints: dict[str, tuple[float, float]]
+
+
 def _check_display() -> None:
     """The engine ends the whole process when there is no display: look first."""
     display = os.environ.get("DISPLAY", "")
@@ -136,17 +147,30 @@ class Engine:
         """The engine's hidden dampings off, its speed limit up, and the true principal moments, which it may have replaced."""
         assert body.model is not None
         for link, index in body.links.items():
-            extra = {"localInertiaDiagonal": body.model.moments[link]} if link in body.model.moments else {}
-            pybullet.changeDynamics(
-                body.id,
-                index,
-                linearDamping=0.0,
-                angularDamping=0.0,
-                jointDamping=0.0,
-                maxJointVelocity=_MAX_JOINT_VELOCITY,
-                physicsClientId=self.client,
-                **extra,
-            )
+            dampings = {"linearDamping": 0.0, "angularDamping": 0.0, "jointDamping": 0.0}
+            pybullet.changeDynamics(body.id, index, maxJointVelocity=_MAX_JOINT_VELOCITY, physicsClientId=self.client, **dampings)
+            moments = body.model.moments.get(link)
+            if moments is None:
+                continue
+            # In a call of its own: together with the settings above the engine ignores it.
+            pybullet.changeDynamics(body.id, index, localInertiaDiagonal=moments, physicsClientId=self.client)
+            info = pybullet.getDynamicsInfo(body.id, index, physicsClientId=self.client)
+            if info[0] != body.model.masses[link] or tuple(info[2]) != moments:
+                raise HricError(f"PyBullet did not take the mass of {body.name}::{link}: it has {info[0]} kg, {info[2]} kg m^2")
+
+    def state(self, body: Body) -> BodyState:
+        """Where a body is and how it moves."""
+        position, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
+        linear, angular = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
+        joints = {name: pybullet.getJointState(body.id, i, physicsClientId=self.client)[:2] for name, i in body.joints.items()}
+        return BodyState(position, orientation, linear, angular, joints)
+
+    def set_state(self, body: Body, state: BodyState) -> None:
+        """Put a body where another one of the same model was."""
+        pybullet.resetBasePositionAndOrientation(body.id, state.position, state.orientation, physicsClientId=self.client)
+        pybullet.resetBaseVelocity(body.id, state.linear, state.angular, physicsClientId=self.client)
+        for name, (q, dq) in state.joints.items():
+            pybullet.resetJointState(body.id, body.joints[name], q, dq, physicsClientId=self.client)
 
     def motors_off(self, body: Body) -> None:
         """The engine starts every joint with a motor that holds it; take the force out."""
@@ -187,9 +211,3 @@ class Engine:
             state = pybullet.getLinkState(body.id, index, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self.client)
             linear, angular, com = state[6], state[7], state[0]
         return np.array(linear), np.array(angular), np.array(com)
-
-    def place(self, body: Body, T_world_base: FloatArray) -> None:
-        """Put a base's link frame at T_world_base, shape (4, 4), at rest."""
-        T = T_world_base @ self._inertial_frame(body)
-        pybullet.resetBasePositionAndOrientation(body.id, T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), physicsClientId=self.client)
-        pybullet.resetBaseVelocity(body.id, [0.0] * 3, [0.0] * 3, physicsClientId=self.client)

@@ -12,7 +12,7 @@ import pybullet
 from hric_control.errors import CommandError, HricError, ParameterError
 from hric_control.plant import Contact, FloatArray, Load, Plant
 from pybullet_ros_control.config import PlantConfig
-from pybullet_ros_control.engine import Engine
+from pybullet_ros_control.engine import BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces, Wrench
 from pybullet_ros_control.masks import load_masks
 from pybullet_ros_control.motors import Mode
@@ -69,11 +69,14 @@ class PyBulletPlant(Plant):
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
         """Everything is built anew, so that nothing of the past (contact memory, warm starts) can reach the next run."""
         self._wrenches.clear()
+        self._build_again(None)
+        self._place(q, dq)
+
+    def _build_again(self, states: dict[str, BodyState] | None) -> None:
         self._engine.settings()
         self._robot.load_again()
         self._forces.robot = self._robot.body
-        self._world.build(self._robot.body)
-        self._place(q, dq)
+        self._world.build(self._robot.body, states)
 
     def set_configuration(self, q: Sequence[float]) -> None:
         """Put the robot at q at rest and leave the world as it is."""
@@ -148,7 +151,11 @@ class PyBulletPlant(Plant):
             raise CommandError(f"{what}: got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})")
 
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Fix a payload to `link` (default: the link behind the last joint); it replaces the one before."""
+        """Fix a payload to `link` (default: the link behind the last joint); it replaces the one before.
+
+        Everything is built anew where it is: the engine's inverse dynamics does not notice a changed mass, and may even take a new body for an old
+        one that stood at the same address.
+        """
         if load is None:
             self._robot.set_load(None)
         else:
@@ -156,8 +163,7 @@ class PyBulletPlant(Plant):
                 raise ParameterError(f"a load needs mass >= 0, com of 3 and inertia of 9 numbers; got {load}")
             properties = MassProperties(float(load.mass), np.array(load.com), np.array(load.inertia).reshape(3, 3))
             self._robot.set_load((link or self._robot.last_link, properties))
-        self._forces.robot = self._robot.body
-        self._world.replace_robot(self._robot.body)
+        self._build_again(self._world.states())
 
     # -- the world -----------------------------------------------------------------------------------------------------------------------
 

@@ -136,16 +136,9 @@ class Robot:
         self._stops.restore(self.body)
 
     def set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        """Payload on a link; the model is built anew, because the engine's inverse dynamics does not notice a changed mass."""
-        before, old = self._load, self.body
+        """Payload on a link, from the next `load_again` on."""
+        prepare(self._tree, loads=None if load is None else dict([load]))  # refuses a link that does not exist
         self._load = load
-        try:
-            prepare(self._tree, loads=None if load is None else dict([load]))
-        except HricError:
-            self._load = before
-            raise
-        self.engine.remove(old)
-        self.load_again()
 
     @property
     def last_link(self) -> str:

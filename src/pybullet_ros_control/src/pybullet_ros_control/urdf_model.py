@@ -1,8 +1,8 @@
 """Prepares a URDF for the engine: rigid clusters become one link, and masses are given so that the engine keeps them as they are.
 
 Why not load the description as it is: the engine gives a link without mass 1 kg, replaces a tensor that no real body has by zero, and pays for
-every fixed joint in every step. Here each cluster of links that are rigidly joined becomes one engine link with the exact sum of their masses; the tensor is
-written along its principal axes, so that its moments can be set afterwards by the engine's own call, whatever their sign.
+every fixed joint in every step. Here each cluster of links that are rigidly joined becomes one engine link with the exact sum of their masses; the
+tensor is written along its principal axes, so that its moments can be set afterwards by the engine's own call, whatever their sign.
 Members with a collision shape of their own stay engine links (massless), so that contacts name them.
 """
 

@@ -9,7 +9,7 @@ import pybullet
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.plant import Contact
 from pybullet_ros_control.contact import PenaltyContact, Surface, rigid_contacts
-from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.engine import Body, BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces
 from pybullet_ros_control.spatial import FloatArray, quaternion_from_rotation
 from pybullet_ros_control.urdf_model import EngineModel, prepare
@@ -54,21 +54,23 @@ class World:
         self.by_id: dict[int, Body] = {}
         self._robot = ""
 
-    def build(self, robot: Body) -> None:
-        """Fill an empty engine, which holds the robot only."""
+    def states(self) -> dict[str, BodyState]:
+        """Where everything but the robot is."""
+        return {name: self.engine.state(self.bodies[name]) for name in self.model_names()}
+
+    def build(self, robot: Body, states: dict[str, BodyState] | None = None) -> None:
+        """Fill an empty engine, which holds the robot only: the world as at its start, or only what `states` names, where it says."""
         self._robot = robot.name
         self.bodies, self.surfaces = {robot.name: robot}, {robot.name: _ROBOT_SURFACE}
         for item in self.objects:
-            if item.name in self.bodies:
+            if item.name == robot.name:
                 raise HricError(f"object {item.name}: the robot has this name; give the object another one")
-            self._add(item.name, self._load_object(item), item.surface)
+            if states is None or item.name in states:
+                self._add(item.name, self._load_object(item), item.surface)
         for name, what in self.spawned.items():
             self._add(name, self._load_spawned(name, what), Surface())
-        self._changed()
-
-    def replace_robot(self, robot: Body) -> None:
-        """The robot was loaded anew under its name."""
-        self.bodies[robot.name] = robot
+        for name, state in (states or {}).items():
+            self.engine.set_state(self.bodies[name], state)
         self._changed()
 
     def _add(self, name: str, body: Body, surface: Surface) -> None:

@@ -1,0 +1,126 @@
+"""The engine's dynamics against a second rigid-body library."""
+
+import numpy as np
+import pytest
+from rigid_body_oracle import Oracle, plant_pd_run
+
+import panda_description
+from hric_control.plant import Load
+
+GOAL = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+
+
+@pytest.mark.parametrize("inertials", ["barycentric", "thesis"])
+def test_mass_matrix_equals_the_second_library_for_both_inertial_sets(make_plant, rng, inertials):
+    urdf = panda_description.load(inertials=inertials, meshes=False)
+    plant, oracle = make_plant(urdf, collision=False), Oracle(urdf)
+    worst = 0.0
+    for q in rng.uniform(-2.8, 2.8, (200, 7)):
+        plant.set_configuration(q)
+        worst = max(worst, np.abs(plant.mass_matrix() - oracle.mass_matrix(q)).max())
+    print(inertials, worst)
+    assert worst < 1e-9
+
+
+@pytest.mark.parametrize("inertials", ["barycentric", "thesis"])
+def test_forward_dynamics_of_one_step_equals_the_second_library(make_plant, rng, inertials):
+    urdf = panda_description.load(inertials=inertials, meshes=False)
+    worst = 0.0
+    for rotor in (0.0, 0.1):
+        plant, oracle = make_plant(urdf, collision=False, rotor_inertia=rotor, half_step_readout=False), Oracle(urdf, rotor)
+        for _ in range(50):
+            q, dq, tau = rng.uniform(0.1, 1.5, 7) * [1, 1, 1, -1, 1, 1, 1], rng.uniform(-2, 2, 7), rng.uniform(-20, 20, 7)
+            plant.reset(q, dq)
+            plant.apply(tau)
+            plant.step()
+            expected = dq + 1e-3 * oracle.acceleration(q, dq, tau)
+            worst = max(worst, np.abs(np.array(plant.engine_state()[1]) - expected).max())
+    print(inertials, worst)
+    assert worst < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("rotor", "kp", "kd", "tolerance"), [(0.0, 50.0, 5.0, 2e-3), (0.1, 50.0, 10.0, 5e-4), (0.1, 200.0, 100.0, 1e-4)]
+)
+def test_raw_step_stays_near_a_fourth_order_integration(make_plant, wide_panda_urdf, rotor, kp, kd, tolerance):
+    oracle = Oracle(wide_panda_urdf, rotor)
+    plant = make_plant(wide_panda_urdf, rotor_inertia=rotor, self_collision=False)
+    expected = oracle.pd_run(GOAL, kp, kd, 4.0, np.zeros(7))
+    error = np.abs(plant_pd_run(plant, oracle.gravity, GOAL, kp, kd, 4.0) - expected).max()
+    print(rotor, kp, kd, error)
+    assert error < tolerance
+    assert np.abs(expected[-1] - GOAL).max() < 5e-3
+
+
+def test_link_states_equal_the_second_library(make_plant, panda_urdf, rng):
+    plant, oracle = make_plant(panda_urdf), Oracle(panda_urdf)
+    for _ in range(20):
+        q, dq = rng.uniform(-1.5, -0.1, 7) * [1, 1, 1, 1, 1, -1, 1], rng.uniform(-1, 1, 7)
+        plant.reset(q, dq)
+        raw = np.array(plant.engine_state()[0])
+        for link in ("world", "panda_link0", "panda_link4", "panda_link8", "panda_hand", "panda_hand_tcp"):
+            T, twist = plant.link_state(link)
+            assert np.abs(T - oracle.frame(raw, link)).max() < 1e-6
+            assert np.abs(twist - oracle.jacobian(raw, link) @ dq).max() < 1e-6
+
+
+def test_base_pose_of_the_description_is_kept(make_plant):
+    urdf = panda_description.load(xyz="0.3 -0.2 0.5", rpy="0.1 -0.2 0.3", meshes=False)
+    plant, oracle = make_plant(urdf), Oracle(urdf)
+    q = np.array([0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5])
+    plant.reset(q)
+    T, _ = plant.link_state("panda_hand_tcp")
+    assert np.abs(T - oracle.frame(q, "panda_hand_tcp")).max() < 1e-6
+    assert np.abs(plant.mass_matrix() - oracle.mass_matrix(q)).max() < 1e-9
+
+
+def test_payload_enters_the_mass_matrix_and_keeps_the_state(make_plant, panda_urdf):
+    import pinocchio
+
+    load = Load(1.2, (0.01, -0.02, 0.05), (2e-3, 1e-4, 0.0, 1e-4, 3e-3, 0.0, 0.0, 0.0, 1e-3))
+    plant, oracle = make_plant(panda_urdf), Oracle(panda_urdf)
+    q, dq = np.array([0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]), np.linspace(-1, 1, 7)
+    plant.reset(q, dq)
+    before = plant.engine_state()
+    plant.set_load(load, "panda_link8")
+    frame = oracle.model.frames[oracle.model.getFrameId("panda_link8")]
+    body = pinocchio.Inertia(load.mass, np.array(load.com), np.array(load.inertia).reshape(3, 3))
+    oracle.model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
+    raw = np.array(before[0])
+    assert plant.engine_state() == before
+    assert np.abs(plant.mass_matrix() - oracle.mass_matrix(raw)).max() < 1e-9
+    plant.set_load(None)
+    assert plant.engine_state() == before
+    assert np.abs(plant.mass_matrix() - Oracle(panda_urdf).mass_matrix(raw)).max() < 1e-9
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_a_change_of_load_in_motion_continues_as_with_that_load_from_there(make_plant, wide_panda_urdf, rotor):
+    load = Load(2.0, (0.0, 0.0, 0.1))
+    q = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]
+    changed = make_plant(wide_panda_urdf, q=q, rotor_inertia=rotor)
+    for _ in range(50):
+        changed.apply([1.0] * 7)
+        changed.step()
+    changed.set_load(load)
+    fresh = make_plant(wide_panda_urdf, rotor_inertia=rotor, half_step_readout=False)
+    fresh.set_load(load)
+    fresh.reset(*changed.engine_state())
+    for plant in (changed, fresh):
+        for _ in range(200):
+            plant.apply([1.0] * 7)
+            plant.step()
+    assert np.abs(np.array(changed.engine_state()) - np.array(fresh.engine_state())).max() < 1e-9
+
+
+def test_several_plants_live_in_one_process_without_seeing_each_other(make_plant, panda_urdf):
+    q = [0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.0]
+    alone = make_plant(panda_urdf, q=q)
+    states = []
+    for plant in (alone, make_plant(panda_urdf, q=q, gravity=[0.0, 0.0, 0.0], time_step=0.002), make_plant(panda_urdf, q=q)):
+        for _ in range(50):
+            plant.apply([0.0] * 7)
+            plant.step()
+        states.append(plant.engine_state())
+    assert states[0] == states[2]
+    assert states[0] != states[1]
