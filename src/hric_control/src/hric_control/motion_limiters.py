@@ -14,7 +14,7 @@ from hric_control.limit_values import INFINITY, JointLimits
 def stopping_speed(distance: float, acceleration: float, period: float) -> float:
     """Largest speed from which a joint, braked at `acceleration` in steps of `period`, still stops within `distance`.
 
-    With the distance in units of a dt^2, s (s + 1) / 2 steps are covered while braking from s a dt, hence the square root.
+    In units of a dt (speed) and a dt^2 (distance), braking from n + f covers n (n + 1) / 2 + (n + 1) f, with n whole and 0 <= f < 1.
     Without an acceleration limit the whole distance may be covered in one step.
 
     Args:
@@ -29,7 +29,11 @@ def stopping_speed(distance: float, acceleration: float, period: float) -> float
     if acceleration == INFINITY:
         return distance / period
     step = acceleration * period
-    return step * (math.sqrt(0.25 + 2.0 * distance / (step * period)) - 0.5) if step > 0.0 else 0.0
+    if step == 0.0:
+        return 0.0
+    units = distance / (step * period)
+    n = math.floor(math.sqrt(0.25 + 2.0 * units) - 0.5)
+    return step * (n + (units - 0.5 * n * (n + 1)) / (n + 1))
 
 
 def _speeds(limit: JointLimits, position: float, period: float) -> tuple[float, float]:

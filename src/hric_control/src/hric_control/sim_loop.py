@@ -26,7 +26,7 @@ from hric_control.loop_stats import LoopMeter, LoopStats
 T = TypeVar("T")
 
 Cycle = Callable[[float, float, bool], bool]
-"""(run time at the measuring instant [s], period [s], reset controllers) -> go on?"""
+"""(run time at the measuring instant [s], period [s], reset controllers) -> go on? The cycle that answers False counts, and is the last one."""
 
 LATE = 0.1
 """Lag of the wall clock after which the loop starts a new time base instead of catching up [s]."""
@@ -221,14 +221,15 @@ class SimLoop:
             begin = clock()
             reset, self._reset = self._reset, False
             now = self.time
-            if not cycle(now, period, reset):
-                return
+            going_on = cycle(now, period, reset)
             for hook in self.after_cycle:
                 hook(now)
             self.cycles += 1
             self.time = self.cycles * period
             end = clock()
             meter.cycle(begin, end)
+            if not going_on:
+                return
             if self._steps:
                 self._count_step()
             elif self._factor:

@@ -1,0 +1,77 @@
+"""Transmissions and what the description says of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from hric_control.errors import DescriptionError
+from hric_control.transmission import SimpleTransmission, Transmission, parse_transmissions, robot_sim_type
+
+ONE = """<transmission name="t1"><type>transmission_interface/SimpleTransmission</type>
+<joint name="j1"><hardwareInterface>hardware_interface/EffortJointInterface</hardwareInterface>
+<hardwareInterface>PositionJointInterface</hardwareInterface><offset>0.5</offset></joint>
+<actuator name="m1"><mechanicalReduction>-50</mechanicalReduction></actuator></transmission>"""
+
+
+def robot(content):
+    return f'<robot name="r"><link name="a"/><link name="b"/><joint name="j1" type="revolute"/><joint name="j2" type="revolute"/>{content}</robot>'
+
+
+def test_a_transmission_is_read_with_short_interface_names():
+    assert parse_transmissions(robot(ONE)) == [
+        Transmission("t1", "SimpleTransmission", "j1", ("EffortJointInterface", "PositionJointInterface"), "m1", -50.0, 0.5)
+    ]
+
+
+def test_reduction_and_offset_default_to_none_and_the_interface_may_stand_at_the_actuator():
+    text = """<transmission name="t2"><type>SimpleTransmission</type><joint name="j2"/>
+    <actuator name="m2"><hardwareInterface>VelocityJointInterface</hardwareInterface></actuator></transmission>"""
+    assert parse_transmissions(robot(text)) == [Transmission("t2", "SimpleTransmission", "j2", ("VelocityJointInterface",), "m2")]
+
+
+def test_the_gear_maps_power_onto_itself_and_positions_by_the_offset():
+    gear = SimpleTransmission(reduction=-50.0, offset=0.5)
+    assert gear.joint_to_actuator_effort(100.0) * gear.joint_to_actuator_velocity(2.0) == pytest.approx(100.0 * 2.0)
+    assert gear.joint_to_actuator_position(0.5) == 0.0
+    assert gear.joint_to_actuator_position(0.6) == pytest.approx(-5.0)
+
+
+@pytest.mark.parametrize("gear", [SimpleTransmission(), SimpleTransmission(3.0, -0.2), SimpleTransmission(-0.5, 1.0)])
+def test_going_to_the_actuator_and_back_changes_nothing(gear):
+    assert gear.actuator_to_joint_effort(gear.joint_to_actuator_effort(1.7)) == pytest.approx(1.7)
+    assert gear.actuator_to_joint_velocity(gear.joint_to_actuator_velocity(1.7)) == pytest.approx(1.7)
+    assert gear.actuator_to_joint_position(gear.joint_to_actuator_position(1.7)) == pytest.approx(1.7)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "says"),
+    [
+        (
+            "SimpleTransmission",
+            "DifferentialTransmission",
+            "transmission t1: type 'DifferentialTransmission' is not known; valid: transmission_interface/Simple",
+        ),
+        ("EffortJointInterface", "ForceInterface", "no hardware interface 'ForceInterface'; valid: hardware_interface/EffortJointInterface"),
+        ('joint name="j1"', 'joint name="j9"', "transmission t1: no joint 'j9'; valid: j1, j2"),
+        ("-50", "0", "transmission t1: mechanicalReduction must not be 0"),
+        ("-50", "big", "transmission t1: mechanicalReduction must be a finite number; got 'big'"),
+        ('<actuator name="m1">', '<actuator name="m0"/><actuator name="m1">', "a SimpleTransmission has one <actuator>; it has 2"),
+    ],
+)
+def test_what_is_not_known_is_refused_with_what_is(before, after, says):
+    with pytest.raises(DescriptionError) as caught:
+        parse_transmissions(robot(ONE.replace(before, after, 1) if before != 'joint name="j1"' else ONE.replace(before, after)))
+    assert says in str(caught.value)
+
+
+def test_a_joint_with_two_transmissions_is_refused_with_both_names():
+    with pytest.raises(DescriptionError, match="joint j1 has two transmissions: t1 and t3"):
+        parse_transmissions(robot(ONE + ONE.replace("t1", "t3")))
+
+
+def test_the_description_says_which_robot_hw_simulates_it():
+    text = '<gazebo><plugin name="{}" filename="{}"><robotSimType> franka_sim/FrankaHWSim </robotSimType></plugin></gazebo>'
+    assert robot_sim_type(robot(text.format("gazebo_ros_control", "x.so"))) == "franka_sim/FrankaHWSim"
+    assert robot_sim_type(robot(text.format("control", "libgazebo_ros_control.so"))) == "franka_sim/FrankaHWSim"
+    assert robot_sim_type(robot(text.format("camera", "libcamera.so"))) is None
+    assert robot_sim_type(robot("")) is None
