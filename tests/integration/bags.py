@@ -1,0 +1,33 @@
+"""What the tests read from a bag, with the rosbags library: no ROS is needed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from rosbags.highlevel import AnyReader
+
+
+def control_log(bag: Path, topic: str = "/control_log") -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """(index of each logged cycle in the order of the bag, its run time [s])."""
+    cycles: list[npt.NDArray[np.int64]] = []
+    times: list[npt.NDArray[np.float64]] = []
+    with AnyReader([bag]) as reader:
+        for connection, _, raw in reader.messages([item for item in reader.connections if item.topic == topic]):
+            message = reader.deserialize(raw, connection.msgtype)
+            cycles.append(message.first_cycle + np.arange(message.n_cycles))
+            times.append(message.time)
+    return np.concatenate(cycles), np.concatenate(times)
+
+
+def gaps_and_repeats(cycles: npt.NDArray[np.int64]) -> tuple[int, int]:
+    """(cycles missing, cycles that came twice or out of order)."""
+    steps = np.diff(cycles)
+    return int(np.sum(steps[steps > 1] - 1)), int(np.sum(steps < 1))
+
+
+def topics(bag: Path) -> set[str]:
+    """Topics in the bag."""
+    with AnyReader([bag]) as reader:
+        return {connection.topic for connection in reader.connections}

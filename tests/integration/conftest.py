@@ -1,0 +1,52 @@
+"""One bring-up for all tests that only look and talk; tests that need their own start one."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts/lib"))
+from live_system import LiveSystem  # noqa: E402
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests with a bring-up of their own go first, while the shared one does not yet load the machine."""
+    items.sort(key=lambda item: "live" in getattr(item, "fixturenames", ()))
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., LiveSystem]]:
+    """Start bring-ups that end with the test."""
+    systems: list[LiveSystem] = []
+
+    def started(*arguments: str, **environment: str) -> LiveSystem:
+        folder = tmp_path / f"system{len(systems)}"
+        folder.mkdir()
+        systems.append(LiveSystem(folder, *arguments, **environment))
+        return systems[-1]
+
+    yield started
+    for system in systems:
+        system.close()
+
+
+@pytest.fixture(scope="session")
+def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
+    """The default bring-up, with this process as a node beside it."""
+    system = LiveSystem(tmp_path_factory.mktemp("live"), "env:=sim", "rviz:=false")
+    try:
+        system.wait_running("joint_state_controller", "franka_state_controller", "joint_pd_controller")
+        os.environ.update({key: system.environment[key] for key in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME")})
+        warnings.simplefilter("ignore", ResourceWarning)
+        import rospy
+
+        rospy.init_node("integration_tests", disable_signals=True)
+        yield system
+        rospy.signal_shutdown("end of the tests")
+    finally:
+        system.close()

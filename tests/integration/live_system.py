@@ -1,0 +1,134 @@
+"""A bring-up as a user starts it, in a process of its own on a ROS master of its own; used by the integration tests."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+
+from bringup_master import free_port
+
+ROOT = Path(__file__).resolve().parents[2]
+MARK = "HRIC_TEST_SYSTEM"
+READY_TIMEOUT = 60.0
+"""For the first start on a busy machine [s of wall time]."""
+
+
+def wait_for(condition: Callable[[], object], timeout: float, what: str) -> float:
+    """Wait until `condition()` holds; answers how long it took [s of wall time].
+
+    Raises:
+        AssertionError: it did not in `timeout`.
+    """
+    started = time.monotonic()
+    while not condition():
+        assert time.monotonic() - started < timeout, f"after {timeout:g} s still not: {what}"
+        time.sleep(0.05)
+    return time.monotonic() - started
+
+
+class LiveSystem:
+    """`scripts/bringup` with arguments, its output in a file, its processes marked so that a leftover is found.
+
+    Args:
+        folder: for output and runs.
+        arguments: as on the command line.
+        environment: additional variables.
+    """
+
+    def __init__(self, folder: Path, *arguments: str, **environment: str) -> None:
+        self.mark = uuid.uuid4().hex
+        self.uri = f"http://localhost:{free_port()}"
+        self.runs = folder / "runs"
+        self.output_path = folder / "output.txt"
+        self.environment = {
+            **os.environ, "ROS_MASTER_URI": self.uri, "ROS_IP": "127.0.0.1", "HRIC_RUNS": str(self.runs), "ROS_HOME": str(folder / "ros"), MARK: self.mark, **environment,
+        }  # fmt: skip
+        self.environment.pop("DISPLAY", None)
+        self.environment.update({key: value for key, value in environment.items() if key == "DISPLAY"})
+        with self.output_path.open("w") as output:
+            self.process = subprocess.Popen(
+                [str(ROOT / "scripts/bringup"), *arguments], env=self.environment, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+            )
+
+    @property
+    def output(self) -> str:
+        """What was printed so far."""
+        return self.output_path.read_text(errors="replace")
+
+    def run(self, *command: str, timeout: float = 30.0) -> subprocess.CompletedProcess[str]:
+        """A command in another terminal, on this system's master."""
+        return subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=timeout, cwd=ROOT)
+
+    def wait_output(self, text: str, timeout: float = READY_TIMEOUT) -> None:
+        """Wait until `text` was printed."""
+
+        def seen() -> bool:
+            assert self.process.poll() is None or text in self.output, f"ended with {self.process.returncode} before saying {text!r}:\n{self.output}"
+            return text in self.output
+
+        wait_for(seen, timeout, f"output {text!r} in\n{self.output}")
+
+    def wait_running(self, *controllers: str, namespace: str = "") -> None:
+        """Wait until these controllers run."""
+
+        def running() -> bool:
+            assert self.process.poll() is None, f"ended with {self.process.returncode}:\n{self.output}"
+            listed = self.run("rosservice", "call", f"{namespace}/controller_manager/list_controllers").stdout
+            return all(_state(listed, name) == "running" for name in controllers)
+
+        wait_for(running, READY_TIMEOUT, f"running {controllers}; output:\n{self.output}")
+
+    def interrupt(self) -> float:
+        """Ctrl-C; answers how long the end took [s of wall time]."""
+        started = time.monotonic()
+        os.kill(self.process.pid, signal.SIGINT)
+        self.process.wait(timeout=30.0)
+        return time.monotonic() - started
+
+    def wait(self, timeout: float) -> int:
+        """Wait for the end; answers the exit code."""
+        try:
+            return self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f"still running after {timeout:g} s:\n{self.output}") from None
+
+    def processes(self) -> dict[int, str]:
+        """Processes of this system that are alive: pid -> command line."""
+        found = {}
+        for entry in Path("/proc").glob("[0-9]*"):
+            try:
+                environment, command = (entry / "environ").read_bytes(), (entry / "cmdline").read_bytes()
+            except OSError:
+                continue
+            if f"{MARK}={self.mark}".encode() in environment and command:
+                found[int(entry.name)] = command.replace(b"\0", b" ").decode(errors="replace")
+        return found
+
+    def close(self) -> None:
+        """End it, whatever state it is in."""
+        if self.process.poll() is None:
+            self.interrupt()
+        for pid in self.processes():
+            os.kill(pid, signal.SIGKILL)
+
+    @property
+    def run_folder(self) -> Path:
+        """Folder of the newest run."""
+        return (self.runs / "latest").resolve()
+
+
+def _state(listed: str, controller: str) -> str:
+    """State of a controller in the printed answer of list_controllers."""
+    name = ""
+    for line in listed.splitlines():
+        key, _, value = line.strip().lstrip("- ").partition(": ")
+        if key == "name":
+            name = value.strip('"')
+        if key == "state" and name == controller:
+            return value.strip('"')
+    return ""

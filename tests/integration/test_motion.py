@@ -1,0 +1,113 @@
+"""The arm moves on what a user sends, and stays where it is on what it cannot do."""
+
+from __future__ import annotations
+
+import actionlib
+import pytest
+import rospy
+from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryGoal, FollowJointTrajectoryResult, JointTrajectoryControllerState
+from live_system import LiveSystem, wait_for
+from sensor_msgs.msg import JointState
+from test_manager import EFFORT, PD, POSITION, pd_runs_afterwards, position, states, switch  # noqa: F401
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
+
+
+def goal(positions: list[float], seconds: float, joints: list[str] = JOINTS) -> FollowJointTrajectoryGoal:
+    request = FollowJointTrajectoryGoal()
+    request.trajectory.joint_names = joints
+    request.trajectory.points = [JointTrajectoryPoint(positions=positions, time_from_start=rospy.Duration(seconds))]
+    return request
+
+
+def client(controller: str) -> actionlib.SimpleActionClient:
+    made = actionlib.SimpleActionClient(f"/{controller}/follow_joint_trajectory", FollowJointTrajectoryAction)
+    assert made.wait_for_server(rospy.Duration(10.0))
+    return made
+
+
+def moved(by: float) -> list[float]:
+    """The present position with the first and the last joint moved [rad]."""
+    now = list(position())
+    return [now[0] + by, *now[1:6], now[6] - by]
+
+
+def test_rostopic_pub_of_a_set_point_moves_the_arm_there(live: LiveSystem) -> None:
+    target = moved(0.1)
+    text = f"{{data: {target}}}"
+    assert live.run("rostopic", "pub", "-1", f"/{PD}/command", "std_msgs/Float64MultiArray", text).returncode == 0
+    wait_for(lambda: max(abs(a - b) for a, b in zip(position(), target, strict=True)) < 2e-3, 15.0, f"arm at {target}")
+
+
+@pytest.mark.parametrize("controller", [EFFORT, POSITION])
+def test_an_actionlib_client_moves_the_arm_along_a_trajectory(live: LiveSystem, controller: str) -> None:
+    assert switch([controller], [PD])
+    target = moved(0.15)
+    talker = client(controller)
+    talker.send_goal(goal(target, 1.5))
+    assert talker.wait_for_result(rospy.Duration(10.0))
+    assert talker.get_state() == actionlib.GoalStatus.SUCCEEDED, talker.get_goal_status_text()
+    assert talker.get_result().error_code == FollowJointTrajectoryResult.SUCCESSFUL
+    assert position() == pytest.approx(target, abs=2e-2)
+
+
+def test_a_new_goal_replaces_the_one_in_motion(live: LiveSystem) -> None:
+    assert switch([EFFORT], [PD])
+    first, second = client(EFFORT), client(EFFORT)
+    begin = list(position())
+    first.send_goal(goal([begin[0] + 0.3, *begin[1:]], 4.0))
+    rospy.sleep(0.8)
+    second.send_goal(goal(begin, 1.5))
+    assert second.wait_for_result(rospy.Duration(10.0))
+    assert second.get_state() == actionlib.GoalStatus.SUCCEEDED
+    assert first.get_state() == actionlib.GoalStatus.PREEMPTED
+    assert position() == pytest.approx(begin, abs=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("joints", "positions"), [(JOINTS[:6], [0.0] * 6), ([*JOINTS[:6], "elbow"], [0.0] * 7), (JOINTS, [float("nan")] * 7), (JOINTS, [0.0] * 3)]
+)
+def test_a_goal_that_cannot_be_followed_is_rejected_with_the_reason_and_the_arm_stays(live: LiveSystem, joints: list[str], positions: list[float]) -> None:
+    assert switch([EFFORT], [PD])
+    rospy.sleep(0.3)
+    before = position()
+    talker = client(EFFORT)
+    talker.send_goal(goal(positions, 1.0, joints))
+    assert talker.wait_for_result(rospy.Duration(5.0))
+    assert talker.get_state() == actionlib.GoalStatus.REJECTED
+    assert len(talker.get_goal_status_text() + talker.get_result().error_string) > 10
+    assert position() == pytest.approx(before, abs=1e-3)
+
+
+@pytest.mark.parametrize(("data", "text"), [("[0, 0, 0]", "7"), ("[.nan, 0, 0, -1.5, 0, 1.5, 0]", "finite")])
+def test_a_set_point_of_wrong_length_or_not_a_number_is_refused_and_the_arm_stays(live: LiveSystem, data: str, text: str) -> None:
+    before, printed = position(), len(live.output)
+    live.run("rostopic", "pub", "-1", f"/{PD}/command", "std_msgs/Float64MultiArray", f"{{data: {data}}}")
+    wait_for(lambda: text in live.output[printed:], 5.0, f"{text!r} in the log:\n{live.output[printed:]}")
+    assert "Traceback" not in live.output[printed:]
+    assert states()[PD] == "running"
+    assert position() == pytest.approx(before, abs=1e-4)
+
+
+def test_joint_states_and_controller_states_come_at_a_hundred_hertz_of_run_time(live: LiveSystem) -> None:
+    stamps: dict[str, list[float]] = {"joint": [], "pd": []}
+    subscribers = [
+        rospy.Subscriber("/joint_states", JointState, lambda message: stamps["joint"].append(message.header.stamp.to_sec()), queue_size=100),
+        rospy.Subscriber(f"/{PD}/state", JointTrajectoryControllerState, lambda message: stamps["pd"].append(message.header.stamp.to_sec()), queue_size=100),
+    ]
+    rospy.sleep(3.0)
+    for subscriber in subscribers:
+        subscriber.unregister()
+    for name, values in stamps.items():
+        rate = (len(values) - 1) / (values[-1] - values[0])
+        assert rate == pytest.approx(100.0, rel=0.03), name
+
+
+def test_gains_change_while_running_and_a_negative_one_is_refused(live: LiveSystem) -> None:
+    before = position()
+    tool = ("rosrun", "dynamic_reconfigure", "dynparam")
+    assert live.run(*tool, "list").stdout.count(f"/{PD}") == 1
+    values = live.run(*tool, "get", f"/{PD}").stdout
+    assert "kp" in values
+    assert position() == pytest.approx(before, abs=1e-3)

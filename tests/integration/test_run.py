@@ -1,0 +1,125 @@
+"""Bring-ups from start to end: an experiment that ends by itself, Ctrl-C, mistakes, and what is left on disk."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import pytest
+import yaml
+from bags import control_log, gaps_and_repeats, topics
+from live_system import ROOT, LiveSystem
+
+Start = Callable[..., LiveSystem]
+
+
+def test_pd_step_runs_reports_and_leaves_a_run_that_everybody_can_read(start: Start) -> None:
+    system = start("env:=sim", "rviz:=false", "experiment:=pd_step")
+    assert system.wait(timeout=90.0) == 0, system.output
+    assert system.processes() == {}
+    folder = system.run_folder
+    metrics = json.loads((folder / "metrics.json").read_text())
+    for joint in range(1, 8):
+        assert f"panda_joint{joint}" in system.output
+    assert "final error" in system.output and "settled" in system.output
+    assert metrics["moves"][0]["final_error_max"] < 1e-3
+    assert yaml.safe_load((folder / "run.yaml").read_text())["status"] == "completed"
+    bag = next(folder.glob("*.bag"))
+    info = system.run("rosbag", "info", str(bag))
+    assert info.returncode == 0 and "hric_msgs/ControlLog" in info.stdout
+    assert {"/joint_states", "/control_log", "/joint_pd_controller/command", "/clock"} <= topics(bag)
+    cycles, times = control_log(bag)
+    assert gaps_and_repeats(cycles) == (0, 0)
+    assert len(cycles) >= 6000
+    assert times[-1] - times[0] == pytest.approx(0.001 * (len(times) - 1), abs=1e-6)
+
+
+def test_ctrl_c_ends_everything_within_three_seconds_with_the_bag_closed(start: Start) -> None:
+    system = start("env:=sim", "rviz:=false")
+    system.wait_running("joint_pd_controller")
+    system.wait_output("recording into")
+    assert system.interrupt() < 3.0
+    assert system.process.returncode == 0, system.output
+    assert system.processes() == {}
+    assert "escalating" not in system.output and "Traceback" not in system.output
+    bag = next(system.run_folder.glob("*.bag"))
+    assert not list(system.run_folder.glob("*.active"))
+    assert system.run("rosbag", "info", str(bag)).returncode == 0
+    assert gaps_and_repeats(control_log(bag)[0]) == (0, 0)
+
+
+def test_ctrl_c_during_an_experiment_ends_it_with_the_code_of_an_interrupt(start: Start) -> None:
+    system = start("env:=sim", "rviz:=false", "experiment:=pd_step")
+    system.wait_output("set points")
+    assert system.interrupt() < 3.0
+    assert system.process.returncode == 130
+    assert yaml.safe_load((system.run_folder / "run.yaml").read_text())["status"] == "interrupted"
+    assert not list(system.run_folder.glob("*.active"))
+
+
+def test_ctrl_c_while_it_still_starts_leaves_nothing_behind(start: Start) -> None:
+    system = start("env:=sim", "rviz:=false")
+    system.wait_output("started core service")
+    assert system.interrupt() < 4.0
+    assert system.processes() == {}
+    assert "Traceback" not in system.output
+
+
+def test_a_namespace_holds_all_of_the_robot_and_a_second_bring_up_there_is_refused(start: Start) -> None:
+    system = start("env:=sim", "rviz:=false", "record:=false", "ns:=left", "arm_id:=left_arm", "controller:=effort_joint_trajectory_controller", "hand:=false")
+    system.wait_running("effort_joint_trajectory_controller", namespace="/left")
+    topics = system.run("rostopic", "list").stdout.split()
+    assert {"/left/joint_states", "/left/control_log", "/left/effort_joint_trajectory_controller/command"} <= set(topics)
+    outside = {topic for topic in topics if not topic.startswith("/left/")}
+    assert outside <= {"/clock", "/tf", "/tf_static", "/rosout", "/rosout_agg", "/diagnostics"}
+    joints = system.run("rostopic", "echo", "-n1", "/left/joint_states/name", timeout=60.0)
+    assert "left_arm_joint1" in joints.stdout
+    again = system.run("scripts/bringup", "ns:=left")
+    assert again.returncode == 1
+    assert "already runs" in again.stderr and "/left/robot" in again.stderr
+    assert not (system.runs / "latest").exists()
+
+
+def test_a_world_that_cannot_be_used_is_told_in_one_error_and_ends_the_run(start: Start, tmp_path) -> None:
+    world = tmp_path / "bad.yaml"
+    world.write_text("objects: [{name: box, shape: pyramid}]\n")
+    system = start("env:=sim", "rviz:=false", f"world:={world}")
+    assert system.wait(timeout=60.0) == 1
+    assert "bad.yaml" in system.output and "Traceback" not in system.output
+    assert system.processes() == {}
+
+
+def real_time_factor(system: LiveSystem, seconds: float) -> float:
+    """Run time per wall time over some seconds, as another process hears it on /clock."""
+    done = system.run("python3", str(ROOT / "tests/integration/clock_rate.py"), str(seconds), timeout=seconds + 30.0)
+    assert done.returncode == 0, done.stderr
+    return float(done.stdout)
+
+
+def test_at_real_time_ten_seconds_are_logged_cycle_by_cycle_and_paced_within_one_percent(start: Start) -> None:
+    _check_logged_and_paced(start("env:=sim", "rviz:=false"), 10.0)
+
+
+@pytest.mark.slow
+def test_at_real_time_a_minute_is_logged_cycle_by_cycle_and_paced_within_one_percent(start: Start) -> None:
+    _check_logged_and_paced(start("env:=sim", "rviz:=false"), 60.0)
+
+
+def _check_logged_and_paced(system: LiveSystem, seconds: float) -> None:
+    system.wait_running("joint_pd_controller")
+    system.wait_output("recording into")
+    assert real_time_factor(system, seconds) == pytest.approx(1.0, abs=0.01)
+    system.interrupt()
+    cycles, _ = control_log(next(system.run_folder.glob("*.bag")))
+    assert len(cycles) >= 990 * seconds
+    assert gaps_and_repeats(cycles) == (0, 0)
+
+
+@pytest.mark.slow
+def test_unpaced_the_same_bring_up_is_at_least_eight_times_faster_than_real_time_and_logs_every_cycle(start: Start) -> None:
+    system = start("env:=sim", "rviz:=false", "real_time_factor:=0")
+    system.wait_running("joint_pd_controller")
+    system.wait_output("recording into")
+    assert real_time_factor(system, 10.0) >= 8.0
+    system.interrupt()
+    assert gaps_and_repeats(control_log(next(system.run_folder.glob("*.bag")))[0]) == (0, 0)
