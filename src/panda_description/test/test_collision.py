@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pybullet
 import pytest
+from numpy.testing import assert_allclose
 
 import panda_description
 from panda_description import files, meshes
+
+PARTS = files.config("collision")["links"]
 
 
 def vertices(part: str) -> np.ndarray:
@@ -27,11 +31,28 @@ def distance(points: np.ndarray, capsule: dict) -> np.ndarray:
     return np.linalg.norm(points - start - along[:, None] * axis, axis=1) - capsule["radius"]
 
 
-@pytest.mark.parametrize("part", files.config("collision")["links"])
+@pytest.mark.parametrize("part", PARTS)
 def test_the_capsules_of_a_link_lie_close_to_its_mesh(part: str) -> None:
-    gaps = np.min([distance(vertices(part), capsule) for capsule in files.config("collision")["links"][part]], axis=0)
+    gaps = np.min([distance(vertices(part), capsule) for capsule in PARTS[part]], axis=0)
     assert gaps.max() < 0.025
     assert np.median(gaps) < 0.0055
+
+
+def test_cylinders_of_the_urdf_run_from_one_end_of_the_capsule_to_the_other() -> None:
+    robot = ElementTree.fromstring(panda_description.load())
+    for name, part, turn in [*((part, part, 1) for part in PARTS if part != "finger"), ("leftfinger", "finger", 1), ("rightfinger", "finger", -1)]:
+        elements = robot.findall(f"link[@name='panda_{name}']/collision")
+        cylinders = [element for element in elements if element.find("geometry/cylinder") is not None]
+        capsules = [capsule for capsule in PARTS[part] if capsule["from"] != capsule["to"]]
+        assert len(elements) == len(PARTS[part]) + 2 * len(capsules)
+        for cylinder, capsule in zip(cylinders, capsules, strict=True):
+            roll, pitch, yaw = map(float, cylinder.find("origin").attrib["rpy"].split())
+            axis = np.array([np.sin(pitch) * np.cos(yaw), np.sin(pitch) * np.sin(yaw), np.cos(pitch)])
+            middle = np.array(cylinder.find("origin").attrib["xyz"].split(), dtype=float)
+            half = float(cylinder.find("geometry/cylinder").attrib["length"]) / 2
+            assert roll == 0.0
+            for sign, end in ((-1, "from"), (1, "to")):
+                assert_allclose(middle + sign * half * axis, np.array(capsule[end]) * [turn, turn, 1], rtol=0, atol=1e-12)
 
 
 def overlapping(count: int, urdf: Path) -> Counter[tuple[str, str]]:

@@ -10,8 +10,9 @@ import threading
 import types
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import wraps
 from math import isfinite
-from typing import Any
+from typing import Any, ParamSpec
 from xml.dom import Node, minidom
 
 from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
@@ -20,6 +21,7 @@ from panda_description.files import PACKAGE, find_package, share
 from panda_description.parameters import INERTIAL_SETS, unphysical
 
 LOG = logging.getLogger("hric.panda_description")
+P = ParamSpec("P")
 INTERFACES = ("EffortJointInterface", "PositionJointInterface", "VelocityJointInterface")
 _XACRO_LOCK = threading.Lock()  # xacro keeps its state in module variables
 
@@ -49,6 +51,20 @@ _DOCS = {
 }
 
 
+def _known_arguments(function: Callable[P, str]) -> Callable[P, str]:
+    """Arguments come from files and command lines: one that does not exist gets an error that lists those that do."""
+
+    @wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> str:
+        for name in kwargs:
+            if name not in _DOCS:
+                raise UnknownNameError("argument", name, _DOCS, PACKAGE)
+        return function(*args, **kwargs)
+
+    return checked
+
+
+@_known_arguments
 def load(
     *,
     arm_id: str = "panda",
@@ -63,7 +79,6 @@ def load(
     meshes: bool = True,
     collision: bool = True,
     hardware_interface: str = "EffortJointInterface",
-    **unknown: object,
 ) -> str:
     """The robot as pure URDF; `arguments()` says what each argument does and accepts.
 
@@ -72,8 +87,6 @@ def load(
         ParameterError: a value that is not valid; names the argument and the valid values.
     """
     given = dict(locals())
-    for name in given.pop("unknown"):
-        raise UnknownNameError("argument", name, arguments(), PACKAGE)
     for name, value in given.items():
         _check(name, value)
     if hand is False and fingers == "prismatic":
@@ -86,7 +99,7 @@ def load(
 
 def arguments() -> dict[str, Argument]:
     """The arguments of `load` in order."""
-    return {name: Argument(parameter.default, *_DOCS[name]) for name, parameter in inspect.signature(load).parameters.items() if name in _DOCS}
+    return {name: Argument(parameter.default, *_DOCS[name]) for name, parameter in inspect.signature(load).parameters.items()}
 
 
 def _vector(value: Any) -> bool:
