@@ -54,6 +54,7 @@ class Follower:
         self._joints, self._stop_duration = list(joints), stop_duration
         self._continuous = list(continuous) if continuous is not None else [False] * len(self._joints)
         self._tracks: list[Track] = []
+        self._settled = False  # every track has ended: the desired state does not change any more
         self._pending: Order | None = None
         self._goal: object | None = None
         self._goal_end = 0.0
@@ -63,7 +64,7 @@ class Follower:
 
     def rest(self, time: float, position: Sequence[float]) -> None:
         """Forget everything and rest at `position` [rad] from `time` [s] on."""
-        self._tracks = [hold(time, value) for value in position]
+        self._take([hold(time, value) for value in position])
         self._pending = self._goal = self._tolerances = None
 
     def order(self, order: Order) -> None:
@@ -95,6 +96,9 @@ class Follower:
         return self._judge(time, self._tolerances) if self._tolerances is not None else None
 
     def _sample(self, time: float) -> None:
+        if self._settled:
+            return
+        self._settled = time >= max(track.end for track in self._tracks)
         samples = [track.sample(time) for track in self._tracks]
         self.position = [sample[0] for sample in samples]
         self.velocity = [sample[1] for sample in samples]
@@ -113,8 +117,11 @@ class Follower:
                 turn = self._turn(index, state[0], points[0].position)
                 tracks[index] = follow(time, state, [point.shifted(start, turn) for point in points])
                 self._goal_end = max(self._goal_end, tracks[index].end)
-        self._tracks = tracks
+        self._take(tracks)
         self._goal, self._tolerances = order.goal, order.tolerances
+
+    def _take(self, tracks: list[Track]) -> None:
+        self._tracks, self._settled = tracks, False
 
     def _turn(self, index: int, here: float, there: float) -> float:
         if not self._continuous[index]:
@@ -124,7 +131,7 @@ class Follower:
     def _stop(self, time: float) -> None:
         """Bring every joint to rest from its desired state."""
         states = [track.sample(time) for track in self._tracks]
-        self._tracks = [stop(time, position, velocity, self._stop_duration) for position, velocity, _ in states]
+        self._take([stop(time, position, velocity, self._stop_duration) for position, velocity, _ in states])
 
     def _judge(self, time: float, tolerances: GoalTolerances) -> Outcome | None:
         if time < self._goal_end:
