@@ -62,4 +62,4 @@ def franka_limits() -> FrankaLimits:
     joints = list(panda_description.joint_limits().values())
     names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
     values: dict[str, Any] = {name: tuple(float(getattr(joint, name)) for joint in joints) for name in names}
-    return FrankaLimits(**values, **panda_description.cartesian_limits())
+    return FrankaLimits(**(values | panda_description.cartesian_limits()))

@@ -66,7 +66,7 @@ class FrankaHWSim(RobotHW):
         self.plant: Plant = plugins.find(plugins.PLANT, node.param("plant_type", DEFAULT_PLANT))(self.description, names, plant_config)
         try:
             self.loop = SimLoop(self.plant.time_step, node.param("real_time_factor", 1.0))
-            rotors = settings.read_rotor_inertia(plant_config, names)
+            self.rotor_inertia = rotors = settings.read_rotor_inertia(plant_config, names)
             self.impedance = settings.read_impedance(node, self.description, self.model, rotors, self.plant.time_step)
             self._make_storage(limits)
             self._register()
@@ -210,10 +210,12 @@ class FrankaHWSim(RobotHW):
     def reset(self, q: Sequence[float] | None = None) -> None:
         """Robot to q (its start pose by default) at rest, the world to its start; run time goes on, controllers restart. Inside the loop."""
         self._place(self.q_start if q is None else q, self.plant.reset)
+        self.loop.restart_controllers()
 
     def set_configuration(self, q: Sequence[float]) -> None:
         """Robot to q at rest, the world left as it is, controllers restart. Inside the loop."""
         self._place(q, self.plant.set_configuration)
+        self.loop.restart_controllers()
 
     def _place(self, q: Sequence[float], put: Callable[[Sequence[float]], None]) -> None:
         if len(q) != len(self.joint_names) or not all(map(math.isfinite, q)):
@@ -223,7 +225,6 @@ class FrankaHWSim(RobotHW):
         self.robot_state.tick += 1
         self._enter(self.mode)
         self._effort_limiter.check_start()
-        self.loop.restart_controllers()
 
     def tell(self, change: Callable[[KdlFrankaModel], None]) -> None:
         """Change what the arm was told of payload and frames. Inside the loop."""

@@ -40,7 +40,8 @@ def claimed_mode(controller: ControllerInfo, joint_names: Sequence[str]) -> Mode
     interface, joints = next(iter(claims.items()))
     missing = [name for name in joint_names if name not in joints]
     if missing:
-        raise HricError(f"{controller.name} claims {len(joints)} of the arm's {len(joint_names)} joints; it must claim all: missing {', '.join(missing)}")
+        some = f"{len(joints)} of the arm's {len(joint_names)} joints"
+        raise HricError(f"{controller.name} claims {some}; it must claim all of them: missing {', '.join(missing)}")
     if interface not in _BY_INTERFACE:
         raise HricError(f"{controller.name} claims the arm through {interface}; valid: {', '.join(sorted(_BY_INTERFACE))}")
     return _BY_INTERFACE[interface]

@@ -162,6 +162,8 @@ class PositionLimiter(Limiter):
         wanted, value = value, clamp(value, limit.lower, limit.upper)
         if limit.has_soft_range:
             low, high = limit.soft_speeds(last)
+            # Where they leave the whole speed, it is the velocity limit below that cuts, and that counts.
+            low, high = low if low > -limit.velocity else -INFINITY, high if high < limit.velocity else INFINITY
             value = clamp(value, last + min(low, 0.0) * period, last + max(high, 0.0) * period)
         if abs(value - wanted) > TOUCHED:
             counts.position[i] += 1
