@@ -149,7 +149,7 @@ class TestEffort:
         assert limiter.counts.cycles == 1
 
     def test_a_start_outside_the_range_is_said_once_with_joint_value_and_range(self, caplog):
-        states, commands, limiter = make(EffortLimiter, JointLimits("j3", lower=-1.0, upper=1.0), JointLimits("j4", lower=-3.0718, upper=-0.0698))
+        states, _, limiter = make(EffortLimiter, JointLimits("j3", lower=-1.0, upper=1.0), JointLimits("j4", lower=-3.0718, upper=-0.0698))
         states.position[1] = 0.0
         with caplog.at_level(logging.WARNING, logger="hric"):
             for _ in range(3):

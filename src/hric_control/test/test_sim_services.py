@@ -10,6 +10,9 @@ import time
 from pathlib import Path
 
 import pytest
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3, Wrench
+from std_srvs.srv import EmptyRequest
+
 from gazebo_msgs.msg import ContactsState, ModelStates
 from gazebo_msgs.srv import (
     ApplyBodyWrenchRequest,
@@ -19,13 +22,10 @@ from gazebo_msgs.srv import (
     SetModelConfigurationRequest,
     SpawnModelRequest,
 )
-from geometry_msgs.msg import Point, Pose, Quaternion, Vector3, Wrench
-from hric_msgs.srv import StepSimulationRequest
-from std_srvs.srv import EmptyRequest
-
 from hric_control import sim_services, stamps
 from hric_control.local_node import LocalNode
 from hric_control.plant import Contact
+from hric_msgs.srv import StepSimulationRequest
 
 sys.path.append(str(Path(__file__).parent))
 toy = importlib.import_module("double_integrator_robot")

@@ -49,7 +49,7 @@ def test_going_to_the_actuator_and_back_changes_nothing(gear):
         (
             "SimpleTransmission",
             "DifferentialTransmission",
-            "transmission t1: type 'DifferentialTransmission' is not known; valid: transmission_interface/Simple",
+            "t1: type 'DifferentialTransmission' is not known; valid: transmission_interface/Simple",
         ),
         ("EffortJointInterface", "ForceInterface", "no hardware interface 'ForceInterface'; valid: hardware_interface/EffortJointInterface"),
         ('joint name="j1"', 'joint name="j9"', "transmission t1: no joint 'j9'; valid: j1, j2"),

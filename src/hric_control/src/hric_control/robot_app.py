@@ -71,7 +71,8 @@ class RobotApp:
         root_node: the robot's namespace.
         robot_hw_node: where the RobotHW and this class find their parameters (`robot_hw`, `control_log`, and the robot's own).
         hw: a robot that is made already (not yet initialised); None: the plugin that the parameters name.
-        diagnostics: publish `/diagnostics` at 1 Hz of wall time from a thread; for a run with a master.
+        live: a process with a master: `/diagnostics` come at 1 Hz of wall time from a thread, and a switch always waits for the loop. Otherwise
+            nothing happens but in the caller's thread, and a switch between two runs acts at once.
 
     Attributes:
         hw: the robot.
@@ -85,23 +86,24 @@ class RobotApp:
         HricError: the robot cannot be used.
     """
 
-    def __init__(self, root_node: Node, robot_hw_node: Node, *, hw: RobotHW | None = None, diagnostics: bool = False) -> None:
+    def __init__(self, root_node: Node, robot_hw_node: Node, *, hw: RobotHW | None = None, live: bool = False) -> None:
         self.root_node, self.robot_hw_node = root_node, robot_hw_node
         self.name = type(hw).__name__ if hw is not None else robot_hw_type(root_node, robot_hw_node)
         self.hw: RobotHW = hw if hw is not None else plugins.find(plugins.ROBOT_HW, self.name)()
         self.cycles = 0
+        self._live = live
         self._end: float | None = None
         self._hook: Callable[[float], None] | None = None
         self._closers: list[Callable[[], None]] = []
         self.hw.init(root_node, robot_hw_node)
         self._closers.append(self.hw.shutdown)
         try:
-            self._wire(diagnostics)
+            self._wire()
         except BaseException:
             self.shutdown()
             raise
 
-    def _wire(self, diagnostics: bool) -> None:
+    def _wire(self) -> None:
         root = self.root_node
         self.loop: SimLoop | None = getattr(self.hw, "loop", None)
         if self.loop is not None:
@@ -117,12 +119,12 @@ class RobotApp:
         period = self.loop.time_step if self.loop is not None else 0.001
         self._clock_cycles, self._counts_cycles = max(1, round(CLOCK_EVERY / period)), max(1, round(COUNTS_EVERY / period))
         self.manager = ControllerManager(self.hw, root)
-        self.manager.loop_running = False
+        self.manager.loop_running = self._live
         self._closers.append(self.manager.shutdown)
         self._closers.append(manager_services.serve(self.manager, root).unregister)
         if self.simulated:
             self._closers.append(sim_services.serve(self.hw, root).unregister)  # type: ignore[arg-type]  # has a loop and a plant
-        if diagnostics:
+        if self._live:
             status = Diagnostics(root, self.name, self.loop, self.limit_counts if counted else None)
             status.start()
             self._closers.append(status.stop)
@@ -201,7 +203,7 @@ class RobotApp:
         try:
             self.hw.run(self.on_cycle)
         finally:
-            self.manager.loop_running = False
+            self.manager.loop_running = self._live
             self._end = self._hook = None
             if paced:
                 gc.set_threshold(*thresholds)

@@ -1,0 +1,218 @@
+"""The robot with manager, log, clock and counts, without a master."""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from hric_control.controller import Controller
+from hric_control.diagnostics import Diagnostics
+from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
+from hric_control.hardware_interface import EffortJointInterface
+from hric_control.local_node import LocalNode
+from hric_control.robot_app import RobotApp, import_controllers, robot_hw_type
+
+sys.path.append(str(Path(__file__).parent))
+toy = importlib.import_module("double_integrator_robot")
+
+
+class Push(Controller):
+    """A constant effort on both joints."""
+
+    def init(self, robot_hw, root_node, controller_node):
+        self.joints = robot_hw.get(EffortJointInterface).group()
+        self.effort = controller_node.param("effort", 1.0)
+        self.starts = []
+
+    def starting(self, time):
+        self.starts.append(time)
+
+    def update(self, time, period):
+        self.joints.set_command([self.effort, -self.effort])
+
+
+class Run:
+    """A headless app on the toy robot; every message is kept by topic."""
+
+    def __init__(self, parameters=None, effort=1.0, start=True):
+        self.node = LocalNode({"robot_description": toy.URDF, "push": {"type": "test/Push", "effort": effort}})
+        self.hw_node = LocalNode({"real_time_factor": 0.0, **(parameters or {})})
+        self.messages = {}
+        self.node.tap(lambda topic, message, time: self.messages.setdefault(topic, []).append((time, message)))
+        self.app = RobotApp(self.node, self.hw_node, hw=toy.ToyRobot())
+        self.app.manager._classes["test/Push"] = Push
+        if start:
+            self.app.manager.load("push")
+            self.app.manager.switch(["push"], [])
+
+    def of(self, topic):
+        return [message for _, message in self.messages.get(topic, [])]
+
+
+@pytest.fixture
+def run():
+    runs = []
+
+    def make(*args, **options):
+        runs.append(Run(*args, **options))
+        return runs[-1]
+
+    yield make
+    for one in runs:
+        one.app.shutdown()
+        assert one.app.hw.plant.closed
+        assert not one.node.services()
+
+
+def test_a_duration_is_run_exactly_and_runs_follow_each_other(run):
+    one = run()
+    one.app.run(0.5)
+    assert (one.app.loop.cycles, one.app.loop.time, one.app.hw.plant.steps) == (500, 0.5, 500)
+    one.app.run(0.001)
+    assert one.app.loop.time == 0.501
+    one.app.run(0.0)
+    assert one.app.loop.time == 0.501
+
+
+def test_the_log_has_every_cycle_with_what_was_read_and_sent(run):
+    one = run(effort=12.0)  # above the limit of 10 N m
+    one.app.run(0.533)
+    rows = one.of("/control_log")
+    assert [message.first_cycle for message in rows] == list(range(0, 533, 20))
+    times = [time for message in rows for time in message.time]
+    assert times == pytest.approx([0.001 * k for k in range(533)])
+    positions = [x for message in rows for x in message.position[::2]]
+    assert positions[0] == 0.0
+    # Semi-implicit Euler under 10 N m on 1 kg m^2: after k steps q = 10 dt^2 k (k + 1) / 2, until the velocity limit of 3 rad/s.
+    assert positions[200] == pytest.approx(10.0 * 1e-6 * 200 * 201 / 2)
+    assert {x for message in rows for x in message.command_raw[::2]} == {12.0}
+    assert rows[0].command[0] == 10.0
+    assert rows[0].command_interface == ["effort", "effort"]
+    assert rows[0].header.stamp.to_sec() == 0.0
+
+
+def test_the_clock_ticks_at_100_hz_of_run_time_and_the_counts_come_each_second_and_at_the_end(run):
+    one = run(effort=12.0)
+    one.app.run(2.005)
+    clock = [message.clock.to_nsec() for message in one.of("/clock")]
+    assert clock == [10_000_000 * k for k in range(201)]
+    counts = one.of("/limit_counts")
+    assert [message.cycles for message in counts] == [0, 1000, 2000, 2005]
+    assert counts[-1].effort[0] > 0
+    assert counts[-1].velocity_ratio_max[0] >= 1.0
+    assert one.of("/controller_manager/statistics")
+
+
+def test_the_log_can_be_switched_off_by_parameter(run):
+    one = run({"control_log": False})
+    one.app.run(0.1)
+    assert not one.of("/control_log")
+    with pytest.raises(ParameterError, match="control_log must be true or false; got 'no'"):
+        Run({"control_log": "no"})
+
+
+def test_the_hook_sees_every_cycle_before_the_controllers_and_may_stop_the_run(run):
+    one, seen = run(), []
+
+    def hook(time):
+        seen.append(time)
+        if len(seen) == 30:
+            one.app.stop()
+
+    one.app.run(None, hook)
+    assert seen == pytest.approx([0.001 * k for k in range(30)])
+    assert sum(message.n_cycles for message in one.of("/control_log")) == 30
+
+
+def test_a_reset_between_two_runs_keeps_time_and_restarts_the_controllers(run):
+    one = run()
+    one.app.run(0.1)
+    one.app.hw.reset()
+    one.app.run(0.1)
+    controller = one.app.manager._loaded["push"].controller
+    assert controller.starts == pytest.approx([0.0, 0.1])
+    assert one.app.loop.time == 0.2
+    rows = one.of("/control_log")
+    assert [message.first_cycle for message in rows] == list(range(0, 200, 20))
+
+
+def test_two_runs_are_bit_identical(run):
+    logs = []
+    for _ in range(2):
+        one = run(effort=3.0)
+        one.app.run(0.3)
+        logs.append([(topic, message) for topic in sorted(one.messages) for message in one.of(topic) if "statistics" not in topic])
+    assert len(logs[0]) > 40
+    assert logs[0] == logs[1]
+
+
+def test_a_controller_started_by_a_request_from_the_hook_time_on_moves_the_robot(run):
+    one = run(start=False)
+    one.app.run(0.05)
+    assert one.app.hw.plant.q.tolist() == [0.0, 0.0]
+    one.app.manager.load("push")
+    one.app.manager.switch(["push"], [])
+    one.app.run(0.05)
+    assert one.app.hw.plant.q[0] > 0.0
+
+
+def test_a_paced_run_gives_the_collector_back_as_it_was(run):
+    before = gc.get_threshold()
+    run({"real_time_factor": 5.0}).app.run(0.05)
+    assert gc.get_threshold() == before
+    assert gc.get_freeze_count() == 0
+
+
+def test_an_error_of_the_robot_ends_the_run_and_the_log_is_complete_up_to_it(run):
+    one = run()
+
+    def broken():
+        if one.app.loop.cycles == 33:
+            raise RuntimeError("engine failed")
+
+    one.app.hw.plant.step = broken
+    with pytest.raises(RuntimeError, match="engine failed"):
+        one.app.run(1.0)
+    assert sum(message.n_cycles for message in one.of("/control_log")) == 34
+
+
+def test_the_robot_type_is_the_parameter_or_else_the_descriptions():
+    described = LocalNode({"robot_description": toy.URDF})
+    assert robot_hw_type(described, LocalNode()) == "toy/Toy"
+    assert robot_hw_type(described, LocalNode({"robot_hw": "other/Robot"})) == "other/Robot"
+    with pytest.raises(DescriptionError, match="robot_hw is not set and robot_description has no robotSimType; valid: "):
+        robot_hw_type(LocalNode(), LocalNode())
+    with pytest.raises(UnknownNameError, match="toy/Toy"):
+        RobotApp(described, LocalNode())
+
+
+def test_a_failing_start_releases_the_robot():
+    robot = toy.ToyRobot()
+    node = LocalNode({"robot_description": toy.URDF})
+    with pytest.raises(ParameterError):
+        RobotApp(node, LocalNode({"control_log": 1}), hw=robot)
+    assert robot.plant.closed
+
+
+def test_modules_of_configured_controllers_are_imported_and_unknown_types_left_alone():
+    node = LocalNode({"a": {"type": "nobody/Knows"}, "b": {"type": 3}, "c": 1})
+    assert import_controllers(node) == []
+
+
+def test_diagnostics_tell_the_loop_and_what_was_limited(run):
+    one = run(effort=12.0)
+    one.app.run(0.4)
+    status = Diagnostics(one.node, "toy", one.app.loop, one.app.limit_counts)
+    loop, limits = status.message().status
+    values = {item.key: item.value for item in loop.values}
+    assert (loop.name, loop.hardware_id, loop.message) == ("robot: control loop", "toy", "not running")
+    assert values["cycles"] == "400"
+    assert values["run time [s]"] == "0.400"
+    assert limits.level == DiagnosticStatus.WARN
+    assert "j1: " in {item.key: item.value for item in limits.values}["effort"]
+    assert status.message().status[1].level == DiagnosticStatus.OK  # nothing since the last one

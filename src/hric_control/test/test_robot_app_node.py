@@ -1,0 +1,167 @@
+"""The robot node as a process under a real master, with a toy robot from a package of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+NODE = HERE.parent / "nodes" / "robot"
+sys.path.append(str(HERE))
+toy = importlib.import_module("double_integrator_robot")
+
+PACKAGE = '<package format="3"><name>toy_robot</name><export><hric_control plugin="${prefix}/plugins.xml"/></export></package>'
+PLUGINS = f"""<library path="{HERE}">
+<class name="toy/Toy" type="double_integrator_robot:ToyRobot" base_class_type="hric_control::RobotHW"/></library>"""
+
+
+@pytest.fixture
+def start(ros, tmp_path):
+    import rospy
+
+    rospy.set_param("/toy/robot_description", toy.URDF)
+    (tmp_path / "package.xml").write_text(PACKAGE)
+    (tmp_path / "plugins.xml").write_text(PLUGINS)
+    environment = os.environ | {"ROS_PACKAGE_PATH": f"{tmp_path}:{os.environ.get('ROS_PACKAGE_PATH', '')}", "ROS_NAMESPACE": "/toy"}
+    processes = []
+
+    def launch(*arguments):
+        processes.append(
+            subprocess.Popen([sys.executable, str(NODE), *arguments], env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        )
+        return processes[-1]
+
+    yield launch
+    for process in processes:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+    rospy.delete_param("/toy")  # private parameters of a command line stay on the server
+
+
+@contextlib.contextmanager
+def listening(topic, kind):
+    import rospy
+
+    seen = []
+    subscriber = rospy.Subscriber(topic, kind, lambda message: seen.append((time.monotonic(), message)), queue_size=None)
+    yield seen
+    subscriber.unregister()
+
+
+def caller(name, kind):
+    import rospy
+
+    rospy.wait_for_service(name, 15.0)
+    return rospy.ServiceProxy(name, kind)
+
+
+def wait(condition, timeout=5.0):
+    end = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.005)
+
+
+def test_a_running_robot_serves_logs_pauses_steps_and_ends(start):
+    from diagnostic_msgs.msg import DiagnosticArray
+    from rosgraph_msgs.msg import Clock
+    from std_srvs.srv import Empty
+
+    from hric_msgs.msg import ControlLog, JointLimitCounts
+    from hric_msgs.srv import StepSimulation
+
+    with (
+        listening("/clock", Clock) as clock,
+        listening("/toy/control_log", ControlLog) as log,
+        listening("/toy/limit_counts", JointLimitCounts) as counts,
+        listening("/diagnostics", DiagnosticArray) as diagnostics,
+    ):
+        process = start()
+        pause, step = caller("/toy/sim/pause_physics", Empty), caller("/toy/sim/step", StepSimulation)
+        wait(lambda: log, 15.0)
+        begin = len(clock)
+        time.sleep(3.0)
+        pause()
+        ticks = len(clock) - begin
+        time.sleep(0.1)
+        before = clock[-1][1].clock
+        time.sleep(0.2)
+        assert clock[-1][1].clock == before  # time stands
+        answer = step(50)
+        assert answer.success
+        assert step(1).time == pytest.approx(answer.time + 0.001)
+        assert 290 <= ticks <= 310
+        caller("/toy/sim/unpause_physics", Empty)()
+        wait(lambda: clock[-1][1].clock.to_sec() > answer.time + 0.2)
+        refused = step(1)
+        assert (refused.success, "not paused" in refused.status_message) == (False, True)
+        wait(lambda: counts and diagnostics)
+        process.send_signal(signal.SIGINT)
+        ended = time.monotonic()
+        assert process.wait(3.0) == 0
+        assert time.monotonic() - ended < 1.5
+        time.sleep(0.1)
+    messages = [message for _, message in log]
+    cycles = [message.first_cycle + i for message in messages for i in range(message.n_cycles)]
+    assert cycles == list(range(cycles[0], cycles[0] + len(cycles)))
+    assert cycles[-1] * 0.001 == pytest.approx(messages[-1].time[-1])
+    assert len(cycles) > 3000
+    names = {status.name for _, array in diagnostics for status in array.status}
+    assert {"toy: control loop", "toy: joint limits"} <= names
+
+
+def test_an_unpaced_robot_is_fast_and_loses_no_row(start):
+    from hric_msgs.msg import ControlLog
+
+    with listening("/toy/control_log", ControlLog) as log:
+        process = start("_real_time_factor:=0")
+        wait(lambda: len(log) > 20, 15.0)
+        begin, first = time.monotonic(), log[-1][1].first_cycle
+        time.sleep(1.0)
+        factor = (log[-1][1].first_cycle - first) * 0.001 / (time.monotonic() - begin)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(3.0) == 0
+        time.sleep(0.2)
+    messages = [message for _, message in log]
+    cycles = [message.first_cycle + i for message in messages for i in range(message.n_cycles)]
+    assert cycles == list(range(cycles[0], cycles[0] + len(cycles)))
+    assert factor > 5.0
+
+
+def test_a_mistake_at_the_start_is_one_fatal_line_and_exit_code_1(start):
+    process = start("_robot_hw:=nobody/Knows")
+    output, _ = process.communicate(timeout=20.0)
+    assert process.returncode == 1
+    assert "no hric_control::RobotHW 'nobody/Knows'" in output
+    assert "toy/Toy" in output
+    assert "Traceback" not in output
+    assert output.count("FATAL") == 1
+
+
+def test_ctrl_c_during_a_pause_ends_the_robot(start):
+    from std_srvs.srv import Empty
+
+    process = start()
+    caller("/toy/sim/pause_physics", Empty)()
+    time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    begin = time.monotonic()
+    assert process.wait(3.0) == 0
+    assert time.monotonic() - begin < 1.5
+    assert not [line for line in process.stdout.read().splitlines() if "Traceback" in line or "ERROR" in line]
+
+
+def test_help_works_without_a_master():
+    environment = os.environ | {"ROS_MASTER_URI": "http://127.0.0.1:1"}
+    result = subprocess.run([sys.executable, str(NODE), "--help"], env=environment, capture_output=True, text=True, timeout=20.0)
+    assert result.returncode == 0
+    assert "rosrun hric_control robot" in result.stdout
