@@ -1,15 +1,18 @@
+import itertools
 import logging
 import math
 
 import pytest
-from control_msgs.msg import JointTrajectoryControllerState
 from controllers_rig import DT, Lab
-from hric_control.errors import HricError
 from std_msgs.msg import Float64MultiArray
 
+from control_msgs.msg import JointTrajectoryControllerState
+from hric_control.errors import HricError
+
 URDF = """<robot name="two"><link name="base"/>
-<link name="upper"><inertial><origin xyz="0 0 0"/><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="lower"><inertial><origin xyz="0.5 0 0"/><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="upper"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="lower"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
 <limit lower="-1" upper="1.5" velocity="2" effort="50"/></joint>
 <joint name="b" type="revolute"><parent link="upper"/><child link="lower"/><axis xyz="0 1 0"/>
@@ -65,7 +68,7 @@ def test_the_rate_of_torque_is_limited_from_the_first_cycle_on():
     command(bench, 1.0, -1.0)
     bench.run(0.5)
     torques = [[0.0, 0.0], *(row[2] for row in bench.history)]
-    rates = [abs(now - before) / DT for one, two in zip(torques, torques[1:], strict=False) for before, now in zip(one, two, strict=True)]
+    rates = [abs(now - before) / DT for one, two in itertools.pairwise(torques) for before, now in zip(one, two, strict=True)]
     assert max(rates) == pytest.approx(1000.0)
 
 
@@ -92,7 +95,7 @@ def test_a_new_set_point_in_motion_leaves_the_desired_state_continuous():
     command(bench, -1.0, 0.7)
     bench.run(1.0)
     points = [message.desired for message in bench.published("/pd/state")]
-    for before, now in zip(points, points[1:], strict=False):
+    for before, now in itertools.pairwise(points):
         for i in range(2):
             assert abs(now.velocities[i] - before.velocities[i]) <= 5.0 * DT + 1e-9
             assert abs(now.positions[i] - before.positions[i]) <= 1.0 * DT + 1e-9

@@ -1,14 +1,16 @@
+import itertools
 import logging
 import math
 
 import pytest
 import yaml
-from control_msgs.msg import FollowJointTrajectoryGoal, FollowJointTrajectoryResult, JointTolerance
-from control_msgs.srv import QueryTrajectoryStateRequest
 from controllers_rig import DT, Lab
 from genpy import Duration, Time
-from hric_control.errors import HricError
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from control_msgs.msg import FollowJointTrajectoryGoal, FollowJointTrajectoryResult, JointTolerance
+from control_msgs.srv import QueryTrajectoryStateRequest
+from hric_control.errors import HricError
 
 GAINS = {"a": {"p": 400.0, "d": 40.0}, "b": {"p": 400.0, "d": 40.0}}
 KINDS = {"effort": "effort_controllers/JointTrajectoryController", "position": "position_controllers/JointTrajectoryController"}
@@ -128,7 +130,7 @@ def test_a_new_goal_in_motion_replaces_the_old_one_without_a_jump():
     bench.run(1.2)
     assert second.status == "SUCCEEDED"
     points = [message.desired for message in bench.published("/jt/state")]
-    for before, now in zip(points, points[1:], strict=False):
+    for before, now in itertools.pairwise(points):
         for i in range(2):
             assert abs(now.positions[i] - before.positions[i]) < 3.0 * DT
             assert abs(now.velocities[i] - before.velocities[i]) < 20.0 * DT
@@ -394,3 +396,21 @@ def test_a_bad_parameter_is_refused_at_load_by_name(extra, words):
 def test_integral_action_without_a_clamp_is_warned_of(caplog):
     lab(gains={**GAINS, "b": {"p": 1.0, "i": 3.0}})
     assert "i without i_clamp has no effect (b)" in caplog.text
+
+
+PENDULUM = """<robot name="p"><link name="base"/><link name="x"/>
+<link name="y"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="a" type="continuous"><parent link="base"/><child link="x"/><axis xyz="0 0 1"/></joint>
+<joint name="b" type="continuous"><parent link="x"/><child link="y"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+def test_the_effort_version_adds_gravity_where_the_robot_does_not():
+    params = {"jt": {"type": KINDS["effort"], "joints": ["a", "b"], "gains": GAINS, "gravity": True}, "robot_description": PENDULUM}
+    bench = Lab(params, compensates_gravity=False).load("jt").run(DT)
+    assert bench.history[-1][2] == pytest.approx([0.0, -2 * 9.81 * 0.5])
+
+
+def test_the_effort_version_refuses_gravity_on_an_arm_that_adds_it_itself():
+    with pytest.raises(HricError, match="both the arm Rig and the controller jt would add g"):
+        lab(gravity=True, description=PENDULUM)

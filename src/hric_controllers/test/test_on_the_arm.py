@@ -1,20 +1,22 @@
 """The controllers as they come configured, on the simulated arm."""
 
+import itertools
 import logging
 import math
 from pathlib import Path
 
-import panda_description
 import pytest
 import yaml
-from control_msgs.msg import FollowJointTrajectoryGoal
 from genpy import Duration
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+import panda_description
+from control_msgs.msg import FollowJointTrajectoryGoal
 from hric_control import plugins
 from hric_control.controller_manager import ControllerManager
 from hric_control.errors import HricError
 from hric_control.local_node import LocalNode
-from std_msgs.msg import Float64MultiArray
-from trajectory_msgs.msg import JointTrajectoryPoint
 
 YAML = Path(__file__).parents[2] / "hric_bringup" / "config" / "controllers.yaml"
 ARM = [f"panda_joint{i}" for i in range(1, 8)]
@@ -65,7 +67,7 @@ class ArmLab:
     def chatter(self):
         """Largest change of torque between two cycles in the last half second [N m]."""
         last = self.torques[-500:]
-        return max(abs(b - a) for one, two in zip(last, last[1:], strict=False) for a, b in zip(one, two, strict=True))
+        return max(abs(b - a) for one, two in itertools.pairwise(last) for a, b in zip(one, two, strict=True))
 
     def goal(self, controller, seconds):
         point = JointTrajectoryPoint(positions=GOAL, velocities=[0.0] * 7, accelerations=[0.0] * 7, time_from_start=Duration.from_sec(seconds))

@@ -1,4 +1,5 @@
 import pytest
+
 from hric_controllers.spline import Segment, Track, Waypoint, follow, hold, stop
 
 

@@ -1,5 +1,6 @@
 import pytest
 from controllers_rig import DT, Lab, Rig
+
 from franka_hw_interface.interfaces import FrankaStateInterface
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotMode, RobotState, errors
 from franka_msgs.msg import Errors, FrankaState

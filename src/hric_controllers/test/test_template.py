@@ -7,6 +7,7 @@ import pytest
 import rospkg
 import yaml
 from controllers_rig import Lab
+
 from hric_control import plugins
 
 PACKAGE = Path(__file__).parents[1]

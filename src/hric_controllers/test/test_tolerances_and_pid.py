@@ -1,6 +1,7 @@
 from types import SimpleNamespace
 
 import pytest
+
 from hric_control.errors import CommandError, ParameterError
 from hric_controllers.pid import Pid, PidGains
 from hric_controllers.tolerances import GoalTolerances, Tolerance, first_violation

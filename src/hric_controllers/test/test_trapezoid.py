@@ -1,6 +1,7 @@
 import random
 
 import pytest
+
 from hric_control.errors import HricError
 from hric_controllers.trapezoid import TrapezoidProfile, cruise_velocity, shortest_duration
 

@@ -11,10 +11,11 @@ import numpy.typing as npt
 from franka_hw_interface.interfaces import FrankaModelInterface
 from franka_hw_interface.kdl_chain import KdlChain
 from hric_control import urdf
-from hric_control.errors import DescriptionError
+from hric_control.errors import DescriptionError, HricError
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.node import Node
 from hric_control.robot_hw import RobotHW
+from hric_controllers.parameters import flag
 from hric_controllers.pd_law import Gravity
 
 FloatArray = npt.NDArray[np.float64]
@@ -41,6 +42,24 @@ class ChainDynamics:
         """Mass matrix at the present position, shape (n, n) [kg m^2]."""
         full: FloatArray = self._chain.mass(self._states.positions())
         return full[np.ix_(self._order, self._order)]
+
+
+def wanted_gravity(robot_hw: RobotHW, root_node: Node, node: Node, joints: Sequence[str]) -> Gravity | None:
+    """The gravity torque that a controller with the parameter `gravity` adds; None if it does not.
+
+    Raises:
+        HricError: wanted, but the arm adds it itself; or where it should come from is missing.
+    """
+    if not flag(node, "gravity", False):
+        return None
+    if robot_hw.compensates_gravity:
+        raise HricError(
+            f"{node.resolve('gravity')} is true, but both the arm {type(robot_hw).__name__} and the controller "
+            f"{node.namespace.rsplit('/', 1)[-1]} would add g(q); valid with this arm: gravity: false"
+        )
+    gravity, source = gravity_source(robot_hw, root_node, joints)
+    node.log_info(f"adds g(q) from {source}")
+    return gravity
 
 
 def gravity_source(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) -> tuple[Gravity, str]:

@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from franka_msgs.msg import Errors, FrankaState
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3, Wrench, WrenchStamped
 from std_msgs.msg import Header
 
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotState
+from franka_msgs.msg import Errors, FrankaState
 
 _PLAIN = tuple(name for name in FIELD_NAMES if name not in ("current_errors", "last_motion_errors", "robot_mode"))
 
@@ -34,9 +34,7 @@ def external_wrench(state: RobotState, arm_id: str, stamp: Any) -> WrenchStamped
 def end_effector_frames(state: RobotState, arm_id: str, stamp: Any) -> list[TransformStamped]:
     """Flange to nominal end effector, that to the end effector, that to the stiffness frame."""
     chain = (("link8", "NE", state.F_T_NE), ("NE", "EE", state.NE_T_EE), ("EE", "K", state.EE_T_K))
-    return [
-        TransformStamped(Header(stamp=stamp, frame_id=f"{arm_id}_{parent}"), f"{arm_id}_{child}", to_transform(T)) for parent, child, T in chain
-    ]
+    return [TransformStamped(Header(stamp=stamp, frame_id=f"{arm_id}_{parent}"), f"{arm_id}_{child}", to_transform(T)) for parent, child, T in chain]
 
 
 def to_transform(T: Sequence[float]) -> Transform:
@@ -45,7 +43,7 @@ def to_transform(T: Sequence[float]) -> Transform:
 
 
 def to_quaternion(T: Sequence[float]) -> tuple[float, float, float, float]:
-    """Unit quaternion (x, y, z, w) of a column-major transform's rotation; the largest component comes from the diagonal, so none is lost to rounding."""
+    """Unit quaternion (x, y, z, w) of a column-major transform's rotation, by its largest component, so that none is lost to rounding."""
     r00, r10, r20, _, r01, r11, r21, _, r02, r12, r22 = T[:11]
     diagonal = (1.0 + r00 - r11 - r22, 1.0 - r00 + r11 - r22, 1.0 - r00 - r11 + r22, 1.0 + r00 + r11 + r22)
     rows = (

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from franka_msgs.msg import FrankaState
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -12,6 +11,7 @@ from tf2_msgs.msg import TFMessage
 
 from franka_hw_interface.interfaces import FrankaStateInterface
 from franka_hw_interface.robot_state import RobotState
+from franka_msgs.msg import FrankaState
 from hric_control import realtime
 from hric_control.controller import Controller
 from hric_control.errors import ParameterError

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from control_msgs.msg import JointTrajectoryControllerState
 from std_msgs.msg import Float64MultiArray
 
+from control_msgs.msg import JointTrajectoryControllerState
 from hric_control import realtime
 from hric_control.controller import Controller
-from hric_control.errors import CommandError, HricError, ParameterError
+from hric_control.errors import CommandError, ParameterError
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.node import Node
 from hric_control.realtime import LatestValue
 from hric_control.robot_hw import RobotHW
-from hric_controllers.dynamics import gravity_source
+from hric_controllers.dynamics import wanted_gravity
 from hric_controllers.parameters import Every, flag, joint_names, number, per_joint, position_ranges
 from hric_controllers.pd_gains import LiveGains, read_gains
-from hric_controllers.pd_law import Gravity, PdLaw
+from hric_controllers.pd_law import PdLaw
 from hric_controllers.setpoint import check_setpoint
 from hric_controllers.stability import make_check
 from hric_controllers.state_message import build_state
@@ -35,7 +35,7 @@ class JointPDController(Controller):
         gains = read_gains(node, self.joints)
         self._live = LiveGains(node, self.joints, gains)
         self._law = PdLaw(gains.kp, gains.kd, number(node, "rotatum_limit", 1000.0, minimum=0.0), number(node, "gain_ramp", 1.0, minimum=0.0))
-        self._gravity = self._read_gravity(robot_hw, root_node)
+        self._gravity = wanted_gravity(robot_hw, root_node, node, self.joints)
         self._check_kd = make_check(robot_hw, root_node, node, self.joints, flag(node, "strict_gains", False))
         self._warn(self._check_kd(gains.kd))
         self._profile = self._read_profile()
@@ -57,18 +57,6 @@ class JointPDController(Controller):
             node.subscribe("command", Float64MultiArray, self._on_command, queue_size=1),
             self._state,
         ]
-
-    def _read_gravity(self, robot_hw: RobotHW, root_node: Node) -> Gravity | None:
-        if not flag(self._node, "gravity", False):
-            return None
-        if robot_hw.compensates_gravity:
-            raise HricError(
-                f"{self._node.resolve('gravity')} is true, but both the arm {type(robot_hw).__name__} and the controller "
-                f"{self._node.namespace.rsplit('/', 1)[-1]} would add g(q); valid with this arm: gravity: false"
-            )
-        gravity, source = gravity_source(robot_hw, root_node, self.joints)
-        self._node.log_info(f"adds g(q) from {source}")
-        return gravity
 
     def _warn(self, text: str) -> None:
         if text:
@@ -142,9 +130,7 @@ class JointPDController(Controller):
 
     def _publish(self, q: list[float], dq: list[float], q_d: list[float], dq_d: list[float], tau: list[float]) -> None:
         stamp, efforts = self._node.now(), self._group.efforts()
-        self._state.publish(
-            lambda: build_state(JointTrajectoryControllerState, stamp, self.joints, (q_d, dq_d, [], tau), (q, dq, [], efforts))
-        )
+        self._state.publish(lambda: build_state(JointTrajectoryControllerState, stamp, self.joints, (q_d, dq_d, [], tau), (q, dq, [], efforts)))
 
     def stopping(self, time: float) -> None:
         """From here on set points are refused."""

@@ -26,7 +26,7 @@ class JointStateController(Controller):
         self._time = Every(number(controller_node, "publish_rate", above=0.0))
         extra = [_extra(item, controller_node.resolve("extra_joints"), self._group.names) for item in _list(controller_node)]
         self._names = [*self._group.names, *(name for name, *_ in extra)]
-        self._extra: tuple[list[float], ...] = tuple([item[k] for item in extra] for k in (1, 2, 3))
+        self._extra = [item[1] for item in extra], [item[2] for item in extra], [item[3] for item in extra]
         self._publisher = realtime.publisher(root_node, "joint_states", JointState)
 
     def starting(self, time: float) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import threading
 from typing import Any, ClassVar
 
-from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryFeedback, JointTrajectoryControllerState
-from control_msgs.srv import QueryTrajectoryState, QueryTrajectoryStateResponse
 from trajectory_msgs.msg import JointTrajectory
 
+from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryFeedback, JointTrajectoryControllerState
+from control_msgs.srv import QueryTrajectoryState, QueryTrajectoryStateResponse
 from hric_control import realtime
 from hric_control.controller import Controller
 from hric_control.errors import HricError
@@ -16,11 +16,12 @@ from hric_control.hardware_interface import EffortJointInterface, JointCommandIn
 from hric_control.node import GoalHandle, Node
 from hric_control.realtime import LatestValue
 from hric_control.robot_hw import RobotHW
+from hric_controllers.dynamics import wanted_gravity
 from hric_controllers.follower import Follower, Order, Outcome
 from hric_controllers.parameters import Every, flag, joint_names, number, per_joint
 from hric_controllers.pid import Pid
 from hric_controllers.stability import make_check
-from hric_controllers.state_message import build_state
+from hric_controllers.state_message import Point, build_state
 from hric_controllers.trajectory_config import continuous_joints, read_gains, read_tolerances
 from hric_controllers.trajectory_goal import RunningGoal, result
 from hric_controllers.trajectory_message import (
@@ -74,8 +75,8 @@ class JointTrajectoryController(Controller):
     def _start_law(self, q: list[float]) -> None:
         """The joints are held at q, n floats [rad], from this cycle on."""
 
-    def _command(self, period: float) -> list[float]:
-        """Command of this cycle from the follower's desired state and errors, n floats."""
+    def _command(self, q: list[float], period: float) -> list[float]:
+        """Command of this cycle from the follower's desired state and errors, n floats; q: measured position, n floats [rad]."""
         raise NotImplementedError
 
     # From ROS, outside the loop.
@@ -183,7 +184,7 @@ class JointTrajectoryController(Controller):
         group, follower = self._group, self._follower
         q, dq = group.positions(), group.velocities()
         outcome = follower.update(time, q, dq)
-        group.set_command(self._command(period))
+        group.set_command(self._command(q, period))
         if outcome is not None:
             self._report(outcome)
         if self._state_time.due(time):
@@ -206,15 +207,13 @@ class JointTrajectoryController(Controller):
 
     def _publish(self, q: list[float], dq: list[float]) -> None:
         stamp, f, efforts = self._node.now(), self._follower, self._group.efforts()
-        desired = (f.position, f.velocity, f.acceleration, [])
+        desired: Point = (f.position, f.velocity, f.acceleration, [])
         self._state.publish(lambda: build_state(JointTrajectoryControllerState, stamp, self.joints, desired, (q, dq, [], efforts)))
 
     def _send_feedback(self, goal: RunningGoal, q: list[float], dq: list[float]) -> None:
         stamp, f = self._node.now(), self._follower
-        desired = (f.position, f.velocity, f.acceleration, [])
-        realtime.defer(
-            self._node, lambda: goal.feedback(build_state(FollowJointTrajectoryFeedback, stamp, self.joints, desired, (q, dq, [], [])))
-        )
+        desired: Point = (f.position, f.velocity, f.acceleration, [])
+        realtime.defer(self._node, lambda: goal.feedback(build_state(FollowJointTrajectoryFeedback, stamp, self.joints, desired, (q, dq, [], []))))
 
     def stopping(self, time: float) -> None:
         """The running goal, if any, is given up."""
@@ -233,13 +232,14 @@ class JointTrajectoryController(Controller):
 
 
 class EffortJointTrajectoryController(JointTrajectoryController):
-    """effort = PID(desired - measured) + velocity_ff * desired velocity; the arm compensates gravity itself."""
+    """effort = PID(desired - measured) + velocity_ff * desired velocity [+ g(q)]"""
 
     interface = EffortJointInterface
 
     def _read_law(self, robot_hw: RobotHW, root_node: Node) -> None:
         gains = read_gains(self._node, self.joints)
         self._pid = Pid(gains)
+        self._gravity = wanted_gravity(robot_hw, root_node, self._node, self.joints)
         self._forward = per_joint(self._node, "velocity_ff", self.joints, 0.0)
         text = make_check(robot_hw, root_node, self._node, self.joints, flag(self._node, "strict_gains", False))([item.d for item in gains])
         if text:
@@ -248,10 +248,11 @@ class EffortJointTrajectoryController(JointTrajectoryController):
     def _start_law(self, q: list[float]) -> None:
         self._pid.reset()
 
-    def _command(self, period: float) -> list[float]:
+    def _command(self, q: list[float], period: float) -> list[float]:
         follower = self._follower
         effort = self._pid.update(follower.position_error, follower.velocity_error, period)
-        return [u + k * v for u, k, v in zip(effort, self._forward, follower.velocity, strict=True)]
+        effort = [u + k * v for u, k, v in zip(effort, self._forward, follower.velocity, strict=True)]
+        return effort if self._gravity is None else [u + g for u, g in zip(effort, self._gravity(q), strict=True)]
 
 
 class PositionJointTrajectoryController(JointTrajectoryController):
@@ -259,5 +260,5 @@ class PositionJointTrajectoryController(JointTrajectoryController):
 
     interface = PositionJointInterface
 
-    def _command(self, period: float) -> list[float]:
+    def _command(self, q: list[float], period: float) -> list[float]:
         return self._follower.position

@@ -1,6 +1,6 @@
 """Joint PD law with a ramp for the gains and a limit on the rate of torque; no ROS, plain floats.
 
-    tau = Kp (q_d - q) - Kd dq  [+ g(q), added by the caller's function]      thesis, eq. 3
+tau = Kp (q_d - q) - Kd dq  [+ g(q), added by the caller's function]      thesis, eq. 3
 """
 
 from __future__ import annotations

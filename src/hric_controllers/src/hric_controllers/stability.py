@@ -1,7 +1,7 @@
 """The largest derivative gain that a sampled torque loop tolerates.
 
-A torque -Kd_i dq_i, held over one period dt, changes the velocity of joint i by dt ((M + B)^-1)_ii Kd_i dq_i; beyond twice the velocity itself the loop
-diverges:  Kd_i <= 2 / (dt ((M + B)^-1)_ii), with M the mass matrix at the present pose and B the rotor inertia.
+A torque -Kd_i dq_i, held over one period dt, changes the velocity of joint i by dt ((M + B)^-1)_ii Kd_i dq_i; beyond twice the velocity itself
+the loop diverges:  Kd_i <= 2 / (dt ((M + B)^-1)_ii), with M the mass matrix at the present pose and B the rotor inertia.
 """
 
 from __future__ import annotations

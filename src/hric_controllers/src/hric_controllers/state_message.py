@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectoryPoint
-
-M = TypeVar("M")
 
 Point = tuple[Sequence[float], Sequence[float], Sequence[float], Sequence[float]]
 """Positions [rad or m], velocities, accelerations, efforts [N m or N]; empty where there is nothing to say."""
 
 
-def build_state(message_type: type[M], stamp: Any, joints: Sequence[str], desired: Point, actual: Point) -> M:
+def build_state(message_type: Any, stamp: Any, joints: Sequence[str], desired: Point, actual: Point) -> Any:
     """The message; error = desired - actual in position and velocity.
 
     Args:

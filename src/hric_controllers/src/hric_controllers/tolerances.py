@@ -69,9 +69,7 @@ class GoalTolerances:
 
     def only(self, named: Sequence[bool]) -> GoalTolerances:
         """These, without limits for the joints that a goal does not name."""
-        path, goal = (
-            tuple(item if wanted else Tolerance() for item, wanted in zip(items, named, strict=True)) for items in (self.path, self.goal)
-        )
+        path, goal = (tuple(item if wanted else Tolerance() for item, wanted in zip(items, named, strict=True)) for items in (self.path, self.goal))
         return GoalTolerances(path, goal, self.goal_time)
 
 

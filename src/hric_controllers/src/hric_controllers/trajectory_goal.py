@@ -6,7 +6,6 @@ import threading
 from typing import Any
 
 from control_msgs.msg import FollowJointTrajectoryResult
-
 from hric_control.node import GoalHandle
 from hric_controllers.trajectory_message import SUCCESSFUL
 

@@ -1,7 +1,7 @@
 """Synchronised trapezoidal velocity profiles: every joint leaves its present position and velocity and arrives at rest at the same instant.
 
-Per joint the velocity goes from w to a cruise velocity c at constant acceleration, stays there, and returns to zero. With x the way to go, counted in the
-direction of travel (so that x is at least the way w|w|/(2a) on which the joint stops), and T the common duration:
+Per joint the velocity goes from w to a cruise velocity c at constant acceleration, stays there, and returns to zero. With x the way to go,
+counted in the direction of travel (so that x is at least the way w|w|/(2a) on which the joint stops), and T the common duration:
 
     way(c) = (c|c| - w|w|) / (2a) + c (T - |c - w|/a - c/a) + c^2 / (2a)   grows with c, so c follows from x in closed form.
 
@@ -108,9 +108,7 @@ class TrapezoidProfile:
         self.duration = max(shortest_duration(x, w, v, a) for x, w, v, a in limits)
         self._start, self._goal = time, list(goal)
         accelerations = self._accelerations(way, velocity)
-        self._phases = [
-            _phases(begin, x, w, a, self.duration) for begin, x, w, a in zip(position, way, velocity, accelerations, strict=True)
-        ]
+        self._phases = [_phases(begin, x, w, a, self.duration) for begin, x, w, a in zip(position, way, velocity, accelerations, strict=True)]
 
     def _accelerations(self, way: Sequence[float], velocity: Sequence[float]) -> list[float]:
         """From rest all joints share the phases of the slowest, which makes the path a straight line; in motion each uses its limit."""
