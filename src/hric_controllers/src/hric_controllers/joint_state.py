@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 
 from hric_control import realtime
 from hric_control.controller import Controller
@@ -41,8 +40,10 @@ class JointStateController(Controller):
             self._publisher.publish(lambda: self._build(stamp, position, velocity, effort))
 
     def _build(self, stamp: Any, position: list[float], velocity: list[float], effort: list[float]) -> JointState:
-        more = self._extra
-        return JointState(Header(stamp=stamp), self._names, position + more[0], velocity + more[1], effort + more[2])
+        message, more = JointState(), self._extra
+        message.header.stamp, message.name = stamp, self._names
+        message.position, message.velocity, message.effort = position + more[0], velocity + more[1], effort + more[2]
+        return message
 
     def shutdown(self) -> None:
         """Stop advertising."""

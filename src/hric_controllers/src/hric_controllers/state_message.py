@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from std_msgs.msg import Header
-from trajectory_msgs.msg import JointTrajectoryPoint
-
 Point = tuple[Sequence[float], Sequence[float], Sequence[float], Sequence[float]]
 """Positions [rad or m], velocities, accelerations, efforts [N m or N]; empty where there is nothing to say."""
 
@@ -18,16 +15,19 @@ def build_state(message_type: Any, stamp: Any, joints: Sequence[str], desired: P
     Args:
         message_type: JointTrajectoryControllerState or FollowJointTrajectoryFeedback.
         stamp: time of measurement (genpy.Time).
+        joints: names.
+        desired, actual: n values in each part that is not empty.
     """
-    error = tuple([d - a for d, a in zip(wanted, measured, strict=True)] for wanted, measured in zip(desired[:2], actual[:2], strict=True))
-    return message_type(
-        header=Header(stamp=stamp),
-        joint_names=list(joints),
-        desired=_point(*desired),
-        actual=_point(*actual),
-        error=JointTrajectoryPoint(positions=error[0], velocities=error[1]),
-    )
+    # Fields are set one by one: constructors with arguments check them all and cost four times as much.
+    message = message_type()
+    message.header.stamp = stamp
+    message.joint_names = list(joints)
+    _fill(message.desired, desired)
+    _fill(message.actual, actual)
+    message.error.positions = [d - a for d, a in zip(desired[0], actual[0], strict=True)]
+    message.error.velocities = [d - a for d, a in zip(desired[1], actual[1], strict=True)]
+    return message
 
 
-def _point(positions: Sequence[float], velocities: Sequence[float], accelerations: Sequence[float], effort: Sequence[float]) -> Any:
-    return JointTrajectoryPoint(positions=positions, velocities=velocities, accelerations=accelerations, effort=effort)
+def _fill(point: Any, values: Point) -> None:
+    point.positions, point.velocities, point.accelerations, point.effort = values
