@@ -1,4 +1,4 @@
-"""Command line: run, list and report."""
+"""Command line: run, list, report and describe."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import argparse
 import logging
 import sys
 from collections.abc import Callable, Sequence
+
+import yaml
 
 from hric_control.errors import HricError
 from hric_experiments import experiment, overrides
@@ -58,7 +60,8 @@ def list_experiments(arguments: Sequence[str]) -> int:
 
 def report(arguments: Sequence[str]) -> int:
     """Compute metrics and figures of a run again."""
-    parser = argparse.ArgumentParser("rosrun hric_experiments report", description="Compute metrics, figures and report of a run again, from its bag.")
+    what = "Compute metrics, figures and report of a run again, from its bag."
+    parser = argparse.ArgumentParser("rosrun hric_experiments report", description=what)
     parser.add_argument("run", nargs="?", default="latest", help="run folder, its name, or latest (default)")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
     given = parser.parse_args(list(arguments))
@@ -69,7 +72,28 @@ def report(arguments: Sequence[str]) -> int:
     return 0
 
 
-COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {"run": run, "list": list_experiments, "report": report}
+def describe(arguments: Sequence[str]) -> int:
+    """Print what an experiment puts on the parameter server; launch files read it."""
+    parser = argparse.ArgumentParser("rosrun hric_experiments describe", description="Print what an experiment puts on the parameter server.")
+    parser.add_argument("what", choices=["urdf", "robot", "controllers"], help="the robot description; parameters of robot or controllers")
+    parser.add_argument("experiment", help=f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or a YAML file")
+    parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes, as for run")
+    given = parser.parse_args(list(arguments))
+    _log_to_terminal(quiet=False)
+    definition = experiment.load(given.experiment, given.overrides)
+    if given.what == "urdf":
+        from hric_experiments import description
+
+        print(description.load(definition.robot))
+        return 0
+    from hric_experiments import parameters
+
+    values = parameters.robot(definition, seed=0) if given.what == "robot" else parameters.controllers(definition)
+    print(yaml.safe_dump(values, sort_keys=False), end="")
+    return 0
+
+
+COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {"run": run, "list": list_experiments, "report": report, "describe": describe}
 
 
 def main(arguments: Sequence[str]) -> int:

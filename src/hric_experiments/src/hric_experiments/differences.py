@@ -135,6 +135,11 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def _self_collision(setup: Setup) -> Difference | None:
+    why = "at q = 0 the hand stands in the forearm; with self-collision the arm is pushed out of the start"
+    return _value(setup, "self-collision", "self_collision", setup.plant("self_collision", True), why)
+
+
 def _gains(setup: Setup) -> Difference | None:
     used = {key: setup.controller.get(key) for key in ("kp", "kd")}
     sets: Sequence[Mapping[str, float]] = setup.reference["gains"]
@@ -217,6 +222,7 @@ CHECKS: tuple[Callable[[Setup], Difference | None], ...] = (
     _damping,
     _friction,
     _rotor_inertia,
+    _self_collision,
     _gains,
     _rotatum,
     _profile,

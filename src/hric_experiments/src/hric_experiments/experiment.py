@@ -96,6 +96,8 @@ class Experiment:
     metrics: MetricsSpec
 
 
+NONE = "none"
+"""Name of the run that is no experiment: what the bring-up starts by itself."""
 EXPERIMENT_KEYS = ("controllers", "description", "duration", "metrics", "parameters", "robot", "setpoints")
 ROBOT_KEYS = ("arm_id", "description", "hw", "parameters", "plant", "plant_type", "q_start", "urdf")
 SETPOINT_KEYS = ("controller", "positions", "time")
@@ -108,11 +110,13 @@ def names() -> list[str]:
 
 
 def find(name: str) -> Path:
-    """File of an experiment, by name or by the path of a YAML file.
+    """File of an experiment, by name or by the path of a YAML file; "none" is the bring-up without an experiment.
 
     Raises:
         UnknownNameError: neither; lists the names.
     """
+    if name == NONE:
+        return config.package_path() / "config" / "bringup.yaml"
     if name.endswith((".yaml", ".yml")):
         path = Path(name).expanduser()
         if path.is_file():

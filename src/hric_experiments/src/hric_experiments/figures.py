@@ -76,18 +76,21 @@ def _save(figure: Figure, path: Path) -> Path:
 def _panels(log: ControlRecord, title: str, unit: str) -> tuple[Figure, list[Axes]]:
     count = len(log.joint_names)
     rows = -(-count // COLUMNS)
-    figure, grid = plt.subplots(rows, COLUMNS, figsize=(11, 1.0 + 2.05 * rows), sharex=True, layout="constrained", squeeze=False)
-    figure.suptitle(title, fontsize=12)
+    width, height = 11.0, 1.3 + 2.0 * rows
+    # Fixed margins in inches: matplotlib's own layout engines take longer than all the drawing.
+    margins = {"left": 0.85 / width, "right": 1 - 0.2 / width, "bottom": 0.75 / height, "top": 1 - 0.75 / height, "wspace": 0.2, "hspace": 0.32}
+    figure, grid = plt.subplots(rows, COLUMNS, figsize=(width, height), sharex=True, squeeze=False, gridspec_kw=margins)
+    figure.suptitle(title, fontsize=12, y=1 - 0.25 / height)
     axes = list(grid.flat)
     for i, ax in enumerate(axes):
-        if i < count:
-            ax.set_title(log.joint_names[i], loc="left")
-            ax.set_ylabel(unit)
-        else:
+        if i >= count:
             ax.set_axis_off()
+            continue
+        ax.set_title(log.joint_names[i], loc="left", y=1.0)
+        ax.set_ylabel(unit)
         if i + COLUMNS >= count:
             ax.tick_params(labelbottom=True)
-            ax.set_xlabel("time [s]" if i < count else "")
+            ax.set_xlabel("time [s]")
     axes[0].set_xlim(log.time[0], log.time[-1])
     return figure, axes
 
@@ -99,9 +102,9 @@ def _legend(figure: Figure, axes: list[Axes], count: int) -> None:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     if len(axes) > count:
-        axes[count].legend(entries.values(), entries.keys(), loc="center", fontsize=10)
+        axes[count].legend(list(entries.values()), list(entries), loc="center", fontsize=10)
     else:
-        figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=len(entries))
+        figure.legend(list(entries.values()), list(entries), loc="lower center", ncols=len(entries))
 
 
 def _bound(ax: Axes, value: float | None, label: str) -> None:
@@ -198,7 +201,7 @@ def _rotatum(log: ControlRecord, limits: Limits, title: str) -> Figure:
 
 def _errors(log: ControlRecord, moves: list[Move], title: str, tolerances: tuple[float, ...]) -> Figure:
     figure: Figure
-    figure, ax = plt.subplots(figsize=(11, 5.2), layout="constrained")
+    figure, ax = plt.subplots(figsize=(11, 5.2), gridspec_kw={"left": 0.08, "right": 0.86, "bottom": 0.1, "top": 0.9})
     figure.suptitle(f"{title}: distance from the set point", fontsize=12)
     colors = plt.colormaps["viridis"](np.linspace(0.0, 0.92, len(log.joint_names)))
     for j, name in enumerate(log.joint_names):
@@ -213,5 +216,5 @@ def _errors(log: ControlRecord, moves: list[Move], title: str, tolerances: tuple
     ax.set_ylim(bottom=1e-8)
     ax.set_xlabel("time [s]")
     ax.set_ylabel("|set point - position| [rad]")
-    figure.legend(loc="outside right center")
+    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure

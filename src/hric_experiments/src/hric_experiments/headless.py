@@ -46,6 +46,8 @@ class Result:
 class Timeline:
     """Sends the set points at their run times and moves the progress bar; called in the loop before each update.
 
+    The first cycle starts the controllers, so the earliest set point goes out in the second one, 1 ms later.
+
     Args:
         node: the robot's namespace.
         setpoints: in order of time.
@@ -55,10 +57,13 @@ class Timeline:
     def __init__(self, node: LocalNode, setpoints: Sequence[SetPoint], bar: Any) -> None:
         self._waiting = list(setpoints)
         self._publishers = {p.controller: node.advertise(f"{p.controller}/command", Float64MultiArray) for p in setpoints}
-        self._bar, self._shown = bar, 0.0
+        self._bar, self._shown, self._started = bar, 0.0, False
 
     def __call__(self, now: float) -> None:
         """Do what is due at run time `now` [s]."""
+        if not self._started:
+            self._started = True
+            return
         while self._waiting and now >= self._waiting[0].time - 1e-9:
             setpoint = self._waiting.pop(0)
             self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
@@ -93,7 +98,7 @@ def run(
     tree = {
         "robot_description": urdf,
         **parameters.controllers(definition),
-        parameters.ROBOT: parameters.robot(definition, seed) | {"robot_hw": definition.robot.hw, "real_time_factor": 0.0},
+        parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},
     }
     node = LocalNode(tree)
     folder = RunFolder.create(root, definition.name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,16 +14,16 @@ from std_srvs.srv import Trigger
 from controller_manager_msgs.srv import ListControllers
 from hric_control.errors import HricError
 from hric_experiments import experiment as experiments
+from hric_experiments import overrides
 from hric_experiments.analysis import analyse
 from hric_experiments.experiment import Experiment
-from hric_experiments.live_recorder import RECORDING_TOPIC, STOP_SERVICE, wait_for_master
+from hric_experiments.live_recorder import RECORDING_TOPIC, STOP_SERVICE
 from hric_experiments.run_folder import RunFolder
 
 POLL = 0.01
 """Between two looks at the clock [s of wall time]."""
 RECORDER_GRACE = 5.0
 """rosbag record looks for new topics once a second; beyond this it does not record the command topic [s of wall time]."""
-INTERRUPTED_CODE = 130
 
 
 class NotReady(HricError):
@@ -38,7 +37,9 @@ class LiveExperiment:
     """
 
     def __init__(self) -> None:
-        self.experiment: Experiment = experiments.load(str(rospy.get_param("~experiment")), str(rospy.get_param("~overrides", "")).split())
+        self.experiment: Experiment = experiments.load(
+            str(rospy.get_param("~experiment")), overrides.separate(str(rospy.get_param("~overrides", "")))
+        )
         self._recorded = bool(rospy.get_param("~record", True))
         self._timeout = float(rospy.get_param("~ready_timeout", 60.0))
         controllers = dict.fromkeys(setpoint.controller for setpoint in self.experiment.setpoints)
@@ -126,27 +127,8 @@ class LiveExperiment:
         return RunFolder(Path(answer.message).parent)
 
 
-def _interrupt(*_: Any) -> None:
-    raise KeyboardInterrupt
-
-
-def main() -> int:
-    """The node; answers the exit code: 0 done, 1 failed, 130 interrupted."""
-    # Raised in the main thread wherever it waits or computes, so that the node ends at once.
-    signal.signal(signal.SIGINT, _interrupt)
-    signal.signal(signal.SIGTERM, _interrupt)
-    try:
-        wait_for_master()
-        rospy.init_node("experiment", disable_signals=True)
-        report = LiveExperiment().run()
-        print(f"\n{report}" if report else "", flush=True)
-        return 0
-    except HricError as error:
-        rospy.logfatal("%s", error)
-        return 1
-    except KeyboardInterrupt:
-        return INTERRUPTED_CODE
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        rospy.signal_shutdown("end")
+def run() -> None:
+    """Run the experiment that the parameters name and print the report."""
+    report = LiveExperiment().run()
+    if report:
+        print(f"\n{report}", flush=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import threading
 import time
 from pathlib import Path
@@ -17,7 +15,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 from hric_control.errors import HricError
 from hric_control.ros_node import RosNode
 from hric_experiments import experiment as experiments
-from hric_experiments import limits, provenance, rosbag_process
+from hric_experiments import limits, overrides, provenance, rosbag_process
 from hric_experiments.rosbag_process import RosbagProcess
 from hric_experiments.run_folder import COMPLETED, INTERRUPTED, RUNNING, RunFolder, iso_now, runs_root
 
@@ -27,7 +25,6 @@ SHUTDOWN_TIMEOUT = 1.8
 """A node must end within 2 s of Ctrl-C; the bag is closed by then [s]."""
 FREE_RUN = "bringup"
 """Name of a run that is no experiment."""
-NO_EXPERIMENT = ("", "none")
 
 
 class Recorder:
@@ -39,10 +36,10 @@ class Recorder:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._stopped = False
-        self._experiment = str(rospy.get_param("~experiment", "") or "")
-        self._overrides = [str(text) for text in rospy.get_param("~overrides", "").split()]
-        definition = self._definition()
-        name = definition.name if definition else FREE_RUN
+        self._overrides = overrides.separate(str(rospy.get_param("~overrides", "")))
+        definition = experiments.load(str(rospy.get_param("~experiment", "") or experiments.NONE), self._overrides)
+        self._free = definition.name == experiments.NONE
+        name = FREE_RUN if self._free else definition.name
         self.folder = RunFolder.create(runs_root(rospy.get_param("~runs", "") or None), name)
         self.folder.write(self._run(definition, name))
         self._topics = [rospy.resolve_name(str(topic)) for topic in rospy.get_param("~topics", [])]
@@ -51,20 +48,17 @@ class Recorder:
         self._publisher = rospy.Publisher(RECORDING_TOPIC, String, queue_size=1, latch=True)
         self._service = rospy.Service(STOP_SERVICE, Trigger, self._on_stop)
 
-    def _definition(self) -> experiments.Experiment | None:
-        return None if self._experiment in NO_EXPERIMENT else experiments.load(self._experiment, self._overrides)
-
-    def _run(self, definition: experiments.Experiment | None, name: str) -> dict[str, Any]:
+    def _run(self, definition: experiments.Experiment, name: str) -> dict[str, Any]:
         return {
             "experiment": name,
-            "description": definition.description if definition else "no experiment",
+            "description": definition.description,
             "status": RUNNING,
             "mode": "live",
             "started": iso_now(),
             "finished": None,
             "arguments": provenance.neutral(self._overrides),
             "bag": self.folder.bag_path.name,
-            "definition": provenance.neutral(experiments.to_dict(definition)) if definition else {},
+            "definition": provenance.neutral(experiments.to_dict(definition)),
             "parameters": provenance.parameters(rospy.get_param(rospy.get_namespace().rstrip("/") or "/", {}) or {}),
             "limits": self._limits(),
             "versions": provenance.versions(),
@@ -85,6 +79,8 @@ class Recorder:
     def announce(self, timeout: float = 20.0) -> None:
         """Wait until the bag is open and the recorder hears what is published now; then say so on `hric/experiment/recording`."""
         self._process.wait_open(timeout, rospy.is_shutdown)
+        if rospy.is_shutdown():
+            return
         deadline = time.monotonic() + timeout
         name = rospy.resolve_name(self._node_name)
         while not rospy.is_shutdown() and not subscribed(name, self._expected()):
@@ -132,7 +128,7 @@ class Recorder:
 
     def close(self) -> None:
         """At shutdown: an experiment that is still being recorded was interrupted."""
-        self.stop(COMPLETED if self._experiment in NO_EXPERIMENT else INTERRUPTED, SHUTDOWN_TIMEOUT)
+        self.stop(COMPLETED if self._free else INTERRUPTED, SHUTDOWN_TIMEOUT)
 
 
 def subscribed(node: str, topics: set[str]) -> bool:
@@ -142,35 +138,11 @@ def subscribed(node: str, topics: set[str]) -> bool:
     return topics <= heard
 
 
-def wait_for_master(timeout: float = 30.0) -> None:
-    """Wait until a master answers.
-
-    Raises:
-        HricError: none does.
-    """
-    deadline = time.monotonic() + timeout
-    while not rosgraph.is_master_online():
-        if time.monotonic() > deadline:
-            raise HricError(f"no ROS master at {os.environ.get('ROS_MASTER_URI', '(ROS_MASTER_URI is not set)')}")
-        time.sleep(0.1)
-
-
-def main() -> int:
-    """The node; answers the exit code."""
-    recorder = None
+def run() -> None:
+    """Record until the shutdown; the bag is closed whatever happens."""
+    recorder = Recorder()
     try:
-        wait_for_master()
-        rospy.init_node("recorder", disable_signals=True)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: rospy.signal_shutdown("signal"))
-        recorder = Recorder()
         recorder.announce()
         recorder.watch()
-        return 0
-    except HricError as error:
-        rospy.logfatal("recorder: %s", error)
-        return 1
     finally:
-        if recorder is not None:
-            recorder.close()
-        rospy.signal_shutdown("end")
+        recorder.close()

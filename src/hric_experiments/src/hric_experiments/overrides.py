@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import shlex
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any
@@ -58,6 +59,18 @@ def apply(raw: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
         key, value = split(text)
         _assign(result, resolve(key, result), value, text)
     return result
+
+
+def separate(text: str) -> list[str]:
+    """The overrides in one text, separated by spaces; a value with spaces stands in quotes, as in a shell.
+
+    Raises:
+        ExperimentError: a quote is not closed.
+    """
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise ExperimentError(f"cannot read the overrides {text!r}: {error}") from error
 
 
 def split(text: str) -> tuple[str, Any]:

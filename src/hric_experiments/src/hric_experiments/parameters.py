@@ -38,14 +38,14 @@ def defaults(arm_id: str) -> dict[str, dict[str, Any]]:
     return dict(data or {})
 
 
-def controllers(experiment: Experiment) -> dict[str, Any]:
+def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
     """Parameters of the instances that the experiment starts.
 
     Raises:
         ExperimentError: an instance without a type; lists those that come configured.
     """
     known = defaults(experiment.robot.arm_id)
-    result = {}
+    result: dict[str, dict[str, Any]] = {}
     for name in experiment.controllers:
         values = overlay(known.get(name, {}), experiment.parameters.get(name, {}))
         if "type" not in values:
@@ -60,7 +60,7 @@ def controllers(experiment: Experiment) -> dict[str, Any]:
 def robot(experiment: Experiment, seed: int) -> dict[str, Any]:
     """Private parameters of the RobotHW."""
     spec = experiment.robot
-    values: dict[str, Any] = {**spec.parameters, "arm_id": spec.arm_id, "plant": {"seed": seed, **spec.plant}}
+    values: dict[str, Any] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": {"seed": seed, **spec.plant}}
     if spec.plant_type:
         values["plant_type"] = spec.plant_type
     if spec.q_start is not None:

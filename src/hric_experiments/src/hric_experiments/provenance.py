@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import platform
 import subprocess
 import sys
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
@@ -14,7 +16,7 @@ from typing import Any
 from hric_experiments import config
 
 DISTRIBUTIONS = ("numpy", "pybullet", "scipy", "xacro", "rosbags", "matplotlib")
-ROS_PACKAGES = ("roscpp", "rospy", "rosbag", "orocos_kdl")
+ROS_PACKAGES = ("rospy", "rosbag", "roslaunch", "kdl_parser")
 HRIC_PACKAGES = (
     "hric_control",
     "hric_controllers",
@@ -44,8 +46,11 @@ def _ros_versions() -> dict[str, str]:
     import rospkg
 
     pack = rospkg.RosPack()
-    found = [name for name in (*ROS_PACKAGES, *HRIC_PACKAGES) if name in pack.list()]
-    return {name: str(pack.get_manifest(name).version) for name in found}
+    result = {}
+    for name in (*ROS_PACKAGES, *HRIC_PACKAGES):
+        with contextlib.suppress(rospkg.ResourceNotFound):
+            result[name] = ElementTree.parse(Path(pack.get_path(name)) / "package.xml").findtext("version", "").strip()
+    return result
 
 
 def revision(folder: Path | None = None) -> dict[str, Any] | None:

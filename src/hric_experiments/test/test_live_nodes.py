@@ -1,0 +1,197 @@
+"""Recorder and experiment node with a master of their own and a robot made of topics."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from xmlrpc.client import ServerProxy
+
+import pytest
+import rosgraph
+
+from hric_experiments import bag_reader
+from hric_experiments.rosbag_process import RecordError, RosbagProcess
+from hric_experiments.run_folder import RunFolder
+
+HERE = Path(__file__).parent
+pytestmark = pytest.mark.rostest
+
+OWN = """
+description: three joints that move at once
+robot: {hw: fake/Robot}
+controllers: [pd]
+setpoints:
+  - {time: 0.2, controller: pd, positions: [1.0, 0.0, -0.5]}
+duration: 2.0
+"""
+
+
+class System:
+    """Processes on a master, all ended by their own process ids."""
+
+    def __init__(self, folder: Path, uri: str) -> None:
+        self.runs = folder / "runs"
+        self.master = ServerProxy(uri)
+        self.environment = os.environ | {
+            "ROS_MASTER_URI": uri,
+            "ROS_IP": "127.0.0.1",
+            "ROS_LOG_DIR": str(folder / "log"),
+            "HRIC_RUNS": str(self.runs),
+            "PYTHONUNBUFFERED": "1",
+        }
+        self.processes: list[subprocess.Popen[str]] = []
+
+    def until(self, what: Callable[[], bool], timeout: float = 10.0) -> None:
+        """Wait for something."""
+        deadline = time.monotonic() + timeout
+        while not what():
+            assert time.monotonic() < deadline, f"not within {timeout} s"
+            time.sleep(0.05)
+
+    def knows(self, node: str) -> bool:
+        """Whether a node of this test is registered with the master."""
+        return self.master.lookupNode("/test", f"/{node}_{self.runs.parent.name}")[0] == 1  # type: ignore[index]
+
+    def start(self, *command: str) -> subprocess.Popen[str]:
+        """Start a process."""
+        process = subprocess.Popen(
+            command, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+        )
+        self.processes.append(process)
+        return process
+
+    def node(self, name: str, *parameters: str) -> subprocess.Popen[str]:
+        """Start a node of this package under a name of its own: parameters and registrations of another test do not reach it."""
+        return self.start("rosrun", "hric_experiments", name, f"__name:={name}_{self.runs.parent.name}", *parameters)
+
+    def robot(self) -> subprocess.Popen[str]:
+        """Start the made-up robot."""
+        return self.start(sys.executable, str(HERE / "fake_robot.py"))
+
+    def folder(self) -> RunFolder:
+        """The run folder, as soon as its bag is being written."""
+        self.until(lambda: bool(list(self.runs.glob("latest/*.bag.active"))), 15.0)
+        return RunFolder.open("latest", self.runs)
+
+    def close(self) -> None:
+        """End everything, the newest first."""
+        for process in reversed(self.processes):
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGINT)
+                try:
+                    process.wait(5)
+                except subprocess.TimeoutExpired:
+                    os.killpg(process.pid, signal.SIGKILL)
+                    process.wait(5)
+            if process.stdout is not None:
+                process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def uri(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    uri = f"http://127.0.0.1:{port}"
+    system = System(tmp_path_factory.mktemp("master"), uri)
+    try:
+        system.start("roscore", "-p", str(port))
+        system.until(rosgraph.Master("/test", uri).is_online)
+        system.master.setParam("/test", "/use_sim_time", True)
+        yield uri
+    finally:
+        system.close()
+
+
+@pytest.fixture
+def system(tmp_path: Path, uri: str) -> Iterator[System]:
+    running = System(tmp_path, uri)
+    try:
+        yield running
+    finally:
+        running.close()
+
+
+def ended(process: subprocess.Popen[str], timeout: float) -> tuple[int, str, float]:
+    """Exit code, output and the time it took."""
+    begin = time.monotonic()
+    output, _ = process.communicate(timeout=timeout)
+    return process.returncode, output, time.monotonic() - begin
+
+
+def test_a_live_experiment_records_reports_and_ends_by_itself(system: System, tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(OWN)
+    system.node("recorder", f"_experiment:={path}")
+    system.robot()
+    code, output, _ = ended(system.node("experiment", f"_experiment:={path}"), 40.0)
+    assert code == 0, output
+    assert "final error" in output and "run folder: " in output
+    folder = RunFolder.open("latest", system.runs)
+    run = folder.read()
+    assert (run["status"], run["mode"], run["experiment"]) == ("completed", "live", "own")
+    assert 3.0 < run["real_time_factor"] < 5.0
+    record = bag_reader.read(folder.bag_path)
+    assert (record.log.gaps, record.log.repeats) == ((), ())
+    assert len(record.setpoints) == 1 and record.log.time[0] < record.setpoints[0].time - 0.15
+    assert record.log.time[-1] - record.setpoints[0].time > 1.7
+    assert (folder.path / "positions.png").is_file() and folder.metrics_path.is_file()
+
+
+def test_ctrl_c_closes_the_bag_within_two_seconds_and_leaves_no_process(system: System) -> None:
+    recorder = system.node("recorder")
+    system.robot()
+    folder = system.folder()
+    time.sleep(2.0)
+    children = [int(pid) for pid in subprocess.run(["pgrep", "-P", str(recorder.pid)], capture_output=True, text=True, check=False).stdout.split()]
+    os.kill(recorder.pid, signal.SIGINT)
+    code, output, seconds = ended(recorder, 10.0)
+    assert code == 0 and "Traceback" not in output, output
+    assert seconds < 2.0
+    assert folder.bag_path.is_file() and folder.read()["status"] == "completed"
+    assert bag_reader.read(folder.bag_path).log.cycles > 1000
+    assert all(not Path(f"/proc/{pid}").exists() for pid in children) and children
+
+
+def test_an_experiment_without_robot_ends_on_ctrl_c_within_a_second_without_traceback(system: System) -> None:
+    experiment = system.node("experiment", "_experiment:=pd_step")
+    system.until(lambda: system.knows("experiment"))
+    time.sleep(0.3)
+    os.kill(experiment.pid, signal.SIGINT)
+    code, output, seconds = ended(experiment, 10.0)
+    assert code == 130 and "Traceback" not in output, output
+    assert seconds < 1.0
+
+
+def test_an_experiment_that_never_becomes_ready_says_what_is_missing(system: System) -> None:
+    code, output, _ = ended(system.node("experiment", "_experiment:=pd_step", "_ready_timeout:=0.5"), 20.0)
+    assert code == 1 and "Traceback" not in output, output
+    assert "controllers that do not run: controller_manager/list_controllers" in output
+
+
+def test_an_unknown_experiment_is_one_line_with_the_valid_names(system: System) -> None:
+    for name in ("recorder", "experiment"):
+        code, output, _ = ended(system.node(name, "_experiment:=pdstep"), 20.0)
+        assert code == 1 and "Traceback" not in output, output
+        assert "no experiment 'pdstep'" in output and "valid: pd_step, thesis_step" in output
+
+
+@pytest.mark.parametrize("script", ["exit 3", "sleep 0.1; exit 0"])
+def test_a_recording_that_ends_by_itself_is_told(tmp_path: Path, script: str) -> None:
+    process = RosbagProcess(tmp_path / "a.bag", ["sh", "-c", script])
+    with pytest.raises(RecordError, match="ended with code"):
+        process.wait_open(5.0)
+
+
+def test_a_recorder_that_does_not_end_is_killed_and_told(tmp_path: Path) -> None:
+    process = RosbagProcess(tmp_path / "a.bag", ["sh", "-c", f"trap '' INT; touch {tmp_path}/a.bag.active; while :; do sleep 0.05; done"])
+    process.wait_open(5.0)
+    with pytest.raises(RecordError, match=r"not closed within 0\.5 s; what was recorded is in a\.bag\.active"):
+        process.stop(0.5)
+    assert not process.running
