@@ -18,8 +18,9 @@ class Oracle:
         return pinocchio.aba(self.model, self.data, q, dq, tau - self.damping * dq)
 
     def mass_matrix(self, q):
+        """Of the links alone; crba adds the rotors to its diagonal."""
         upper = np.triu(pinocchio.crba(self.model, self.data, q))
-        return upper + np.triu(upper, 1).T
+        return upper + np.triu(upper, 1).T - np.diag(self.model.armature)
 
     def bias(self, q, dq):
         return pinocchio.nonLinearEffects(self.model, self.data, q, dq).copy()

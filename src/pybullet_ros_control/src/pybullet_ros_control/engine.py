@@ -29,7 +29,8 @@ class Body:
         id: the engine's number of it.
         model: what was loaded; None for a plain shape.
         links: engine index by link name; the base is -1.
-        joints: engine index by joint name.
+        joints: engine index by name of the moving joints.
+        parents: engine index of each link's parent, the base left out.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Body:
     model: EngineModel | None
     links: dict[str, int]
     joints: dict[str, int]
+    parents: dict[int, int]
 
     def __post_init__(self) -> None:
         self.link_names = {index: name for name, index in self.links.items()}
@@ -135,13 +137,14 @@ class Engine:
         return body
 
     def _index(self, name: str, body_id: int, model: EngineModel) -> Body:
-        links, joints = {model.base: -1}, {}
+        links, joints, parents = {model.base: -1}, {}, {}
         for index in range(pybullet.getNumJoints(body_id, physicsClientId=self.client)):
             info = pybullet.getJointInfo(body_id, index, physicsClientId=self.client)
             links[info[12].decode()] = index
+            parents[index] = info[16]
             if info[2] != pybullet.JOINT_FIXED:
                 joints[info[1].decode()] = index
-        return Body(name, body_id, model, links, joints)
+        return Body(name, body_id, model, links, joints, parents)
 
     def _set_dynamics(self, body: Body) -> None:
         """The engine's hidden dampings off, its speed limit up, and the true principal moments, which it may have replaced."""

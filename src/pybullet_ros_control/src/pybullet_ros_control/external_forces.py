@@ -31,22 +31,34 @@ class Wrench:
 
 
 class ExternalForces:
-    """Sends forces to the engine for the next step and sums the robot's joint efforts that they amount to.
+    """Sends forces to the engine for the next step and sums the robot's joint efforts that they amount to."""
 
-    Args:
-        robot: the body whose efforts are summed.
-        n: its number of moving joints.
-    """
+    def __init__(self, engine: Engine, robot: Body) -> None:
+        self._engine = engine
+        self.set_robot(robot)
 
-    def __init__(self, engine: Engine, robot: Body, n: int) -> None:
-        self._engine, self.robot = engine, robot
-        self._zeros = [0.0] * n
-        self.wanted = False
-        self.efforts: list[float] | None = None
+    def set_robot(self, robot: Body) -> None:
+        """The body whose efforts are summed; again after it was loaded anew."""
+        assert robot.model is not None
+        self._robot = robot
+        self._joints = sorted(robot.joints.values())
+        names = {index: name for name, index in robot.joints.items()}
+        joints = [robot.model.joints[names[index]] for index in self._joints]
+        self._axes = np.array([joint.axis for joint in joints])
+        self._slides = np.array([joint.type == "prismatic" for joint in joints])
+        self._carries: dict[int, FloatArray] = {}
+        self._wanted = False
+        self._frames: tuple[FloatArray, FloatArray] | None = None
 
-    def begin(self, q: list[float], wanted: bool) -> None:
-        """Start a step at q; `wanted`: sum up efforts."""
-        self._q, self.wanted, self.efforts = q, wanted, None
+    def begin(self, wanted: bool) -> None:
+        """Start a step; `wanted`: sum up efforts."""
+        self._wanted, self._frames = wanted, None
+        self._efforts: FloatArray | None = None
+
+    @property
+    def efforts(self) -> list[float] | None:
+        """J'F of this step's forces for all moving joints [N m or N]; None when none acts on the robot."""
+        return None if self._efforts is None else self._efforts.tolist()
 
     def apply(self, body: Body, index: int, force: Sequence[float], torque: Sequence[float] | None, point: Sequence[float]) -> None:
         """A force [N] at `point` [m] and a torque [N m] on a link, all in the world frame, for the next step."""
@@ -54,19 +66,33 @@ class ExternalForces:
         pybullet.applyExternalForce(body.id, index, force, point, pybullet.WORLD_FRAME, physicsClientId=client)
         if torque is not None:
             pybullet.applyExternalTorque(body.id, index, torque, pybullet.WORLD_FRAME, physicsClientId=client)
-        if self.wanted and body is self.robot and index >= 0:
-            self._add_efforts(index, force, torque, point)
+        if self._wanted and body is self._robot and index >= 0:
+            self._add_efforts(index, np.array(force), torque, np.array(point))
 
-    def _add_efforts(self, index: int, force: Sequence[float], torque: Sequence[float] | None, point: Sequence[float]) -> None:
-        client = self._engine.client
-        com, orientation = pybullet.getLinkState(self.robot.id, index, computeForwardKinematics=1, physicsClientId=client)[:2]
-        # The engine wants the point relative to the centre of mass, along the inertial axes.
-        local = rotation_from_quaternion(orientation).T @ (np.array(point) - com)
-        linear, angular = pybullet.calculateJacobian(
-            self.robot.id, index, local.tolist(), self._q, self._zeros, self._zeros, physicsClientId=client
-        )
-        efforts = np.array(force) @ np.array(linear)
+    def _joint_frames(self) -> tuple[FloatArray, FloatArray]:
+        """(axes, origins) of all moving joints in the world, shape (n, 3) each; asked once per step."""
+        if self._frames is None:
+            states = pybullet.getLinkStates(self._robot.id, self._joints, computeForwardKinematics=1, physicsClientId=self._engine.client)
+            rotations = np.array([rotation_from_quaternion(state[5]) for state in states])
+            self._frames = np.einsum("nij,nj->ni", rotations, self._axes), np.array([state[4] for state in states])
+        return self._frames
+
+    def _carried_by(self, index: int) -> FloatArray:
+        """1 for each moving joint between the base and a link, else 0."""
+        if index not in self._carries:
+            chain, link = set(), index
+            while link >= 0:
+                chain.add(link)
+                link = self._robot.parents[link]
+            self._carries[index] = np.array([float(joint in chain) for joint in self._joints])
+        return self._carries[index]
+
+    def _add_efforts(self, index: int, force: FloatArray, torque: Sequence[float] | None, point: FloatArray) -> None:
+        """tau_i = a_i . ((p - o_i) x F + T) for a turning joint, a_i . F for a sliding one. (The engine's own Jacobian is not that of the point.)"""
+        axes, origins = self._joint_frames()
+        moments = np.cross(point - origins, force)
         if torque is not None:
-            efforts += np.array(torque) @ np.array(angular)
-        before = self.efforts or self._zeros
-        self.efforts = [a + b for a, b in zip(before, efforts.tolist(), strict=True)]
+            moments += torque
+        moments[self._slides] = force
+        efforts = self._carried_by(index) * np.einsum("ni,ni->n", axes, moments)
+        self._efforts = efforts if self._efforts is None else self._efforts + efforts

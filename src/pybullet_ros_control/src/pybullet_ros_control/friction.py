@@ -1,7 +1,6 @@
 """Joint friction as efforts: viscous damping, and the sigmoid that was identified on the Panda.
 
-Coulomb friction, which can hold a joint still, is not a function of the velocity: the engine's own motors carry it (`motors.py`), or with rotor
-inertia `rotor_inertia.py`.
+Coulomb friction, which can hold a joint still, is not a function of the velocity: it stands in the balance of `rotor_inertia.py`.
 """
 
 from __future__ import annotations

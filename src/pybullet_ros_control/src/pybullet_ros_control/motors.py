@@ -1,4 +1,4 @@
-"""The engine's joint motors: velocity and position drives, brakes, and Coulomb friction without rotor inertia."""
+"""The engine's joint motors: velocity and position drives, and brakes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,6 @@ class JointMotors:
 
     Args:
         joints: engine indices.
-        friction: Coulomb friction that the engine shall carry in effort mode, n floats [N m].
         max_effort: what a drive may take, n floats [N m or N].
         max_velocity: how fast a position drive goes, n floats [rad/s or m/s].
     """
@@ -38,12 +37,10 @@ class JointMotors:
         engine: Engine,
         body: Body,
         joints: Sequence[int],
-        friction: Sequence[float],
         max_effort: Sequence[float],
         max_velocity: Sequence[float],
     ) -> None:
         self._engine, self._body, self._joints = engine, body, list(joints)
-        self._friction = list(friction)
         self._max_effort = [min(effort, BRAKE_FORCE) for effort in max_effort]
         self._max_velocity = list(max_velocity)
         self.modes = [Mode.EFFORT] * len(self._joints)
@@ -91,7 +88,7 @@ class JointMotors:
                     **common,
                 )
             else:
-                force = self._friction[i] if self.modes[i] is Mode.EFFORT else self._max_effort[i]
+                force = 0.0 if self.modes[i] is Mode.EFFORT else self._max_effort[i]
                 pybullet.setJointMotorControl2(body.id, joint, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=force, **common)
 
     def target_velocities(self, q: Sequence[float], values: Sequence[float]) -> list[float]:

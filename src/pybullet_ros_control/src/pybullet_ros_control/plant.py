@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from operator import sub
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +39,14 @@ class PyBulletPlant(Plant):
         tree = parse_urdf(urdf_xml)
         masks = load_masks(self._mask_file())
         objects = load_world(self.config.world, self.config.contact_stiffness)
-        self._half = 0.5 * self.time_step if self.config.half_step_readout else 0.0
+        self._times_half_step = (0.5 * self.time_step if self.config.half_step_readout else 0.0).__mul__
         self._wrenches: list[Wrench] = []
         self._engine = Engine(self.config.gui, self.time_step, self.config.gravity)
         try:
             self._robot = Robot(self._engine, tree, self.joint_names, self.config, masks)
             self._world = World(self._engine, objects)
             self._world.build(self._robot.body)
-            self._forces = ExternalForces(self._engine, self._robot.body, len(self._robot.zeros))
+            self._forces = ExternalForces(self._engine, self._robot.body)
             self._place([0.0] * len(self.joint_names), None)
         except BaseException:
             self._engine.close()
@@ -75,7 +76,7 @@ class PyBulletPlant(Plant):
     def _build_again(self, states: dict[str, BodyState] | None) -> None:
         self._engine.settings()
         self._robot.load_again()
-        self._forces.robot = self._robot.body
+        self._forces.set_robot(self._robot.body)
         self._world.build(self._robot.body, states)
 
     def set_configuration(self, q: Sequence[float]) -> None:
@@ -84,13 +85,13 @@ class PyBulletPlant(Plant):
 
     def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
         """The engine's position belongs to the end of the step, its velocity to the middle; q - dt dq/2 brings both together."""
-        robot, half = self._robot, self._half
+        robot = self._robot
         if robot.straight:
-            q[:] = [x - half * v for x, v in zip(robot.q, robot.dq, strict=True)]
+            q[:] = map(sub, robot.q, map(self._times_half_step, robot.dq))
             dq[:] = robot.dq
             tau[:] = robot.effort
         else:
-            q[:] = [robot.q[i] - half * robot.dq[i] for i in robot.user]
+            q[:] = [robot.q[i] - self._times_half_step(robot.dq[i]) for i in robot.user]
             dq[:] = [robot.dq[i] for i in robot.user]
             tau[:] = [robot.effort[i] for i in robot.user]
 
@@ -122,7 +123,7 @@ class PyBulletPlant(Plant):
     def _push(self) -> list[float] | None:
         """Apply wrenches and penalty contact; returns the robot's joint efforts that they amount to."""
         forces, robot = self._forces, self._robot
-        forces.begin(robot.q, robot.rotor is not None)
+        forces.begin(robot.rotor is not None)
         for wrench in self._wrenches:
             body, link = self._world.find(wrench.body)
             index, T_body_frame = body.frame(link)

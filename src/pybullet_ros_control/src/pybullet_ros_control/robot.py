@@ -14,7 +14,7 @@ from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.friction import JointLosses, sigmoid_parameters
 from pybullet_ros_control.masks import apply_masks
 from pybullet_ros_control.motors import JointMotors, Mode
-from pybullet_ros_control.rotor_inertia import Matrix, RotorInertia
+from pybullet_ros_control.rotor_inertia import Matrix, RotorInertia, Vector
 from pybullet_ros_control.spatial import MassProperties
 from pybullet_ros_control.stops import JointStops
 from pybullet_ros_control.urdf_model import prepare
@@ -53,7 +53,9 @@ class Robot:
         self.user = [names.index(name) for name in self.joint_names]
         self.straight = self.user == list(range(len(names)))
         self.zeros = [0.0] * len(names)
-        self.q, self.dq, self.effort = list(self.zeros), list(self.zeros), list(self.zeros)
+        self.q: Vector = self.zeros
+        self.dq: Vector = self.zeros
+        self.effort = list(self.zeros)
         self._set_up([moving[name] for name in names])
 
     def _load_body(self) -> None:
@@ -74,15 +76,10 @@ class Robot:
         losses = JointLosses([joint.damping for joint in joints], sigmoid if config.friction == "identified" else None)
         self._losses = losses if losses.any else None
         coulomb = [joint.friction if config.friction == "coulomb" else 0.0 for joint in joints]
-        self.rotor = RotorInertia(inertia, coulomb, config.time_step, self.mass_matrix, self._bias) if any(inertia) else None
+        balanced = any(inertia) or any(coulomb)
+        self.rotor = RotorInertia(inertia, coulomb, config.time_step, self.mass_matrix, self._bias) if balanced else None
         self._motors = JointMotors(
-            self.engine,
-            self.body,
-            self._joints,
-            # With rotor inertia, Coulomb friction stands in its balance; without it, the engine's motors carry it.
-            coulomb if self.rotor is None else self.zeros,
-            [joint.effort for joint in joints],
-            [joint.velocity for joint in joints],
+            self.engine, self.body, self._joints, [joint.effort for joint in joints], [joint.velocity for joint in joints]
         )
         self._stops = JointStops(self.engine, self.body, self._joints, [(joint.lower, joint.upper) for joint in joints])
         self._half = 0.5 * config.time_step if config.half_step_readout else 0.0
@@ -99,13 +96,13 @@ class Robot:
             full[i] = float(value)
         return full
 
-    def mass_matrix(self, q: list[float]) -> Matrix:
+    def mass_matrix(self, q: Vector) -> Matrix:
         """The engine's joint-space mass matrix [kg m^2]."""
         result: Matrix = pybullet.calculateMassMatrix(self.body.id, q, physicsClientId=self.engine.client)
         return result
 
-    def _bias(self, q: list[float], dq: list[float]) -> Sequence[float]:
-        result: Sequence[float] = pybullet.calculateInverseDynamics(self.body.id, q, dq, self.zeros, physicsClientId=self.engine.client)
+    def _bias(self, q: Vector, dq: Vector) -> Vector:
+        result: Vector = pybullet.calculateInverseDynamics(self.body.id, q, dq, self.zeros, physicsClientId=self.engine.client)
         return result
 
     # -- putting the robot somewhere -----------------------------------------------------------------------------------------------------
@@ -123,7 +120,7 @@ class Robot:
         if self.rotor is not None:
             self.rotor.forget()
 
-    def _set_state(self, q: list[float], dq: list[float]) -> None:
+    def _set_state(self, q: Vector, dq: Vector) -> None:
         for joint, x, v in zip(self._joints, q, dq, strict=True):
             pybullet.resetJointState(self.body.id, joint, x, v, physicsClientId=self.engine.client)
         self._read_joints()
@@ -202,20 +199,18 @@ class Robot:
         motors.drive(targets)
         self.effort = list(values)
 
-    def _read_joints(self) -> list[tuple[float, ...]]:
-        states: list[tuple[float, ...]] = pybullet.getJointStates(self.body.id, self._joints, physicsClientId=self.engine.client)
-        self.q = [state[0] for state in states]
-        self.dq = [state[1] for state in states]
-        return states
+    def _read_joints(self) -> None:
+        states = pybullet.getJointStates(self.body.id, self._joints, physicsClientId=self.engine.client)
+        self.q, self.dq, _, self._motor_effort = zip(*states, strict=True)
 
     def after_step(self) -> None:
         """Read the state that the step led to."""
-        states = self._read_joints()
+        self._read_joints()
         if not math.isfinite(sum(self.dq)):
             raise HricError(f"the simulation diverged: joint velocities {self.dq} rad/s")
         if not self._motors.all_effort:
             for i, mode in enumerate(self._motors.modes):
                 if mode is not Mode.EFFORT:
-                    self.effort[i] = states[i][3]
+                    self.effort[i] = self._motor_effort[i]
         if self._stops.waiting:
             self._stops.check(self.q)

@@ -7,8 +7,9 @@ Here tau_ext are the efforts of forces that the plant applies itself (known befo
 contact, joint stops). The latter show only afterwards, in a velocity that differs from the predicted one:
     tau_eng(k) = tau_eng(k-1) + M (v - v_predicted) / dt.
 Joints whose acceleration is prescribed (brakes, drives) leave the balance: the engine's motor supplies what they need. Coulomb friction is the effort
-within its bounds that comes nearest to stopping each joint in this step.
-So a static press is exact, and an impact passes on the full momentum of M + B within the few steps in which the sum of corrections converges.
+within its bounds that comes nearest to stopping each joint in this step; the balance serves for it even where B is zero.
+So a static press is exact, and at a joint stop or a fixed rigid object the impulse converges to that of M + B within a few steps. Against a free
+rigid object it does not: the engine parts them after the impulse of the bare links. Penalty contact is known beforehand and exact in both cases.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 Matrix = Sequence[Sequence[float]]
-Solver = Callable[[Matrix, Sequence[float], Sequence[float]], list[float]]
+Vector = Sequence[float]
+Balance = Callable[[Matrix, Vector, Vector, Vector, Vector, float], tuple[list[float], list[float]]]
 
 _NOTICEABLE_VELOCITY = 1e-9
 """Below this a difference between predicted and engine velocity is rounding [rad/s]."""
@@ -32,31 +34,38 @@ _NEGLIGIBLE_EFFORT = 1e-7
 """Below this, with no difference left, the engine is taken to add nothing [N m]."""
 
 
-def _solver_lines(n: int) -> list[str]:
+def _balance_lines(n: int) -> list[str]:
+    """(M + B) = L D L' with d_i = 1 / D_i and c_ij = l_ij D_j, then L y = t - h and D L' x = y."""
     lines = []
     for i in range(n):
-        for j in range(i + 1):
-            entry = f"m{i}[{j}]" + (f" + b[{i}]" if i == j else "")
-            entry += "".join(f" - l{i}_{k} * l{j}_{k}" for k in range(j))
-            lines.append(f"l{i}_{i} = 1.0 / sqrt({entry})" if i == j else f"l{i}_{j} = ({entry}) * l{j}_{j}")
+        for j in range(i):
+            lines.append(f"c{i}_{j} = m{i}_{j}" + "".join(f" - c{i}_{k} * l{j}_{k}" for k in range(j)))
+        lines += [f"l{i}_{j} = c{i}_{j} * d{j}" for j in range(i)]
+        lines.append(f"d{i} = 1.0 / (m{i}_{i} + b{i}" + "".join(f" - c{i}_{k} * l{i}_{k}" for k in range(i)) + ")")
     for i in range(n):
-        lines.append(f"y{i} = (r[{i}]" + "".join(f" - l{i}_{k} * y{k}" for k in range(i)) + f") * l{i}_{i}")
+        lines.append(f"y{i} = t{i} - h{i}" + "".join(f" - l{i}_{k} * y{k}" for k in range(i)))
     for i in reversed(range(n)):
-        lines.append(f"x{i} = (y{i}" + "".join(f" - l{k}_{i} * x{k}" for k in range(i + 1, n)) + f") * l{i}_{i}")
+        lines.append(f"x{i} = y{i} * d{i}" + "".join(f" - l{k}_{i} * x{k}" for k in range(i + 1, n)))
     return lines
 
 
-def make_solver(n: int) -> Solver:
-    """A function (M, b, r) -> x with (M + diag(b)) x = r, for symmetric positive definite n x n matrices, on plain floats.
+def make_balance(n: int) -> Balance:
+    """A function (M, h, t, b, v, dt) -> (t - b x, v + dt x) with x solving (M + diag(b)) x = t - h, on plain floats, for n x n matrices.
 
-    It is Cholesky's method written out line by line for this n: for seven joints 6 us, where numpy and LAPACK need 15 us, most of it for
-    turning tuples into arrays and back. Only the lower triangle of M is read; a matrix that is not positive definite raises ValueError.
+    It is the square-root-free Cholesky method written out line by line for this n: for seven joints 7 us, where numpy and LAPACK need over 20 us,
+    most of it for turning tuples into arrays and back. Only the lower triangle of the symmetric positive definite M is read.
     """
-    names = ", ".join(f"m{i}" for i in range(n))
-    body = "\n    ".join([f"{names}, = M", *_solver_lines(n), "return [" + ", ".join(f"x{i}" for i in range(n)) + "]"])
-    scope: dict[str, Solver] = {}
-    exec(f"def solve(M, b, r, sqrt=sqrt):\n    {body}", {"sqrt": math.sqrt}, scope)
-    return scope["solve"]
+
+    def row(letter: str) -> str:
+        return "(" + "".join(f"{letter}{i}, " for i in range(n)) + ")"
+
+    matrix = "(" + "".join("(" + "".join(f"m{i}_{j}, " if j <= i else "_, " for j in range(n)) + "), " for i in range(n)) + ")"
+    torque = "[" + ", ".join(f"t{i} - b{i} * x{i}" for i in range(n)) + "]"
+    velocity = "[" + ", ".join(f"v{i} + dt * x{i}" for i in range(n)) + "]"
+    lines = [f"{matrix} = M", *(f"{row(x)} = {x}" for x in "htbv"), *_balance_lines(n), f"return {torque}, {velocity}"]
+    scope: dict[str, Balance] = {}
+    exec("def balance(M, h, t, b, v, dt):\n    " + "\n    ".join(lines), {}, scope)
+    return scope["balance"]
 
 
 class RotorInertia:
@@ -75,13 +84,13 @@ class RotorInertia:
         inertia: Sequence[float],
         friction: Sequence[float],
         time_step: float,
-        mass_matrix: Callable[[list[float]], Matrix],
-        bias: Callable[[list[float], list[float]], Sequence[float]],
+        mass_matrix: Callable[[Vector], Matrix],
+        bias: Callable[[Vector, Vector], Vector],
     ) -> None:
         self.inertia = list(inertia)
         self._friction = list(friction) if any(friction) else None
         self._dt, self._mass_matrix, self._bias = time_step, mass_matrix, bias
-        self._solve = make_solver(len(self.inertia))
+        self._balance = make_balance(len(self.inertia))
         self.forget()
 
     def forget(self) -> None:
@@ -89,28 +98,21 @@ class RotorInertia:
         self._predicted: list[float] | None = None
         self._engine_effort: list[float] | None = None
         self._M: Matrix = ()
+        self._driven: list[bool] | None = None
         self._stuck = [0.0] * len(self.inertia)
 
-    def _update_engine_effort(self, dq: list[float], predicted: list[float]) -> None:
-        surprise = [v - w for v, w in zip(dq, predicted, strict=True)]
-        quiet = max(surprise) < _NOTICEABLE_VELOCITY and min(surprise) > -_NOTICEABLE_VELOCITY
-        before = self._engine_effort
-        if quiet and before is None:
-            return
-        if before is None:
-            before = [0.0] * len(dq)
-        scaled = [d / self._dt for d in surprise]
+    def _update_engine_effort(self, dq: Vector, predicted: Vector, quiet: bool) -> None:
+        scaled = [(v - w) / self._dt for v, w in zip(dq, predicted, strict=True)]
+        before = self._engine_effort or [0.0] * len(dq)
         effort = [e + sum(map(float.__mul__, row, scaled)) for e, row in zip(before, self._M, strict=True)]
+        if self._driven is not None:
+            # What the engine added there was its motor.
+            effort = [0.0 if driven else e for driven, e in zip(self._driven, effort, strict=True)]
         gone = quiet and max(effort) < _NEGLIGIBLE_EFFORT and min(effort) > -_NEGLIGIBLE_EFFORT
         self._engine_effort = None if gone else effort
 
     def torque(
-        self,
-        q: list[float],
-        dq: list[float],
-        tau: Sequence[float],
-        external: Sequence[float] | None,
-        prescribed: Sequence[float | None] | None = None,
+        self, q: Vector, dq: Vector, tau: Vector, external: Vector | None, prescribed: Sequence[float | None] | None = None
     ) -> list[float]:
         """Efforts tau' for the engine [N m].
 
@@ -121,34 +123,33 @@ class RotorInertia:
             prescribed: acceleration that a motor of the engine enforces, None for the other joints, n values [rad/s^2].
         """
         if self._predicted is not None:
-            self._update_engine_effort(dq, self._predicted)
+            quiet = math.dist(dq, self._predicted) < _NOTICEABLE_VELOCITY
+            if not quiet or self._engine_effort is not None:
+                self._update_engine_effort(dq, self._predicted, quiet)
         M = self._M = self._mass_matrix(q)
-        drive = [t - h for t, h in zip(tau, self._bias(q, dq), strict=True)]
+        h = self._bias(q, dq)
         if external is not None:
-            drive = [d + e for d, e in zip(drive, external, strict=True)]
+            h = [a - e for a, e in zip(h, external, strict=True)]
         if self._engine_effort is not None:
-            drive = [d + e for d, e in zip(drive, self._engine_effort, strict=True)]
+            h = [a - e for a, e in zip(h, self._engine_effort, strict=True)]
         inertia = self.inertia
+        self._driven = None
         if prescribed is not None:
-            inertia, drive = self._prescribe(drive, prescribed)
+            inertia, h = self._prescribe(h, tau, prescribed)
         if self._friction is not None:
-            friction = self._coulomb(M, inertia, drive, dq)
-            drive = [d + f for d, f in zip(drive, friction, strict=True)]
+            friction = self._coulomb(M, inertia, [t - a for t, a in zip(tau, h, strict=True)], dq)
             tau = [t + f for t, f in zip(tau, friction, strict=True)]
-        acceleration = self._solve(M, inertia, drive)
-        dt = self._dt
-        self._predicted = [v + dt * a for v, a in zip(dq, acceleration, strict=True)]
-        return [t - b * a for t, b, a in zip(tau, self.inertia, acceleration, strict=True)]
+        effort, self._predicted = self._balance(M, h, tau, inertia, dq, self._dt)
+        return effort
 
-    def _prescribe(self, drive: list[float], prescribed: Sequence[float | None]) -> tuple[list[float], list[float]]:
-        """(inertia, drive) with which the solver gives the prescribed accelerations; what the engine adds there is its motor, not a contact."""
+    def _prescribe(self, h: Vector, tau: Vector, prescribed: Sequence[float | None]) -> tuple[list[float], list[float]]:
+        """(inertia, h) with which the balance gives the prescribed accelerations."""
+        self._driven = [a is not None for a in prescribed]
         inertia = [b if a is None else _LOCKED for a, b in zip(prescribed, self.inertia, strict=True)]
-        drive = [d if a is None else _LOCKED * a for a, d in zip(prescribed, drive, strict=True)]
-        if self._engine_effort is not None:
-            self._engine_effort = [e if a is None else 0.0 for a, e in zip(prescribed, self._engine_effort, strict=True)]
-        return inertia, drive
+        h = [x if a is None else t - _LOCKED * a for a, x, t in zip(prescribed, h, tau, strict=True)]
+        return inertia, h
 
-    def _coulomb(self, M: Matrix, inertia: Sequence[float], drive: Sequence[float], dq: Sequence[float]) -> list[float]:
+    def _coulomb(self, M: Matrix, inertia: Vector, drive: Vector, dq: Vector) -> list[float]:
         """Friction f with |f_i| <= F_i that brings v = dq + dt (M+B)^-1 (drive + f) to zero where it can (projected Gauss-Seidel)."""
         assert self._friction is not None
         limits = [F if b < _LOCKED else 0.0 for F, b in zip(self._friction, inertia, strict=True)]

@@ -100,7 +100,7 @@ class World:
             item.mass, shape, -1, T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), physicsClientId=client
         )
         pybullet.changeDynamics(body_id, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=client)
-        return Body(item.name, body_id, None, {"link": -1}, {})
+        return Body(item.name, body_id, None, {"link": -1}, {}, {})
 
     def _load_spawned(self, name: str, what: _Spawned) -> Body:
         return self.engine.load(name, what.model, what.T_world_model, fixed_base=what.fixed, self_collision=False)

@@ -1,0 +1,154 @@
+"""Contact forces against closed formulas."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from rigid_body_oracle import Oracle
+
+STIFFNESS, MASS, SPEED = 75000.0, 5.0, 0.25
+PRESS_POSE = [0.0, 0.2, 0.0, -2.2, 0.0, 2.4, 0.785]
+
+
+def write_world(folder, *objects):
+    path = folder / "world.yaml"
+    path.write_text(yaml.safe_dump({"objects": list(objects)}))
+    return str(path)
+
+
+def sphere_against_wall(folder, gap, **wall):
+    ball = {"name": "ball", "shape": "sphere", "size": 0.05, "mass": MASS, "friction": 0.0, "velocity": {"linear": [SPEED, 0, 0]}}
+    place = {"xyz": [2.0 - 0.05 - gap, 0.0, 1.0]}
+    block = {"name": "wall", "shape": "box", "size": [1.0, 1.0, 1.0], "pose": {"xyz": [2.5, 0.0, 1.0]}, "friction": 0.0, **wall}
+    return write_world(folder, {**ball, "pose": place}, block)
+
+
+def peak_force(plant, steps):
+    peak = 0.0
+    for _ in range(steps):
+        plant.apply([0.0] * 7)
+        plant.step()
+        peak = max([peak, *(contact.force for contact in plant.contacts())])
+    return peak
+
+
+@pytest.mark.parametrize("gap", [0.001, 0.00113])
+def test_a_sphere_on_a_stiff_wall_gives_the_analytic_peak_within_two_percent_at_one_millisecond(make_plant, panda_urdf, tmp_path, gap):
+    world = sphere_against_wall(tmp_path, gap, contact="penalty", stiffness=STIFFNESS)
+    plant = make_plant(panda_urdf, world=world, gravity=[0.0, 0.0, 0.0], q=PRESS_POSE)
+    peak = peak_force(plant, 60)
+    expected = SPEED * math.sqrt(MASS * STIFFNESS)
+    print(gap, peak, peak / expected - 1)
+    assert expected == pytest.approx(153.1, abs=0.05)
+    assert peak == pytest.approx(expected, rel=0.02)
+    leaving = plant.link_state("ball::link")[1]
+    assert leaving[0] == pytest.approx(-SPEED, rel=0.02)
+
+
+def test_damping_of_a_penalty_contact_takes_energy_and_never_pulls(make_plant, panda_urdf, tmp_path):
+    world = sphere_against_wall(tmp_path, 0.001, contact="penalty", stiffness=STIFFNESS, damping=300.0)
+    plant = make_plant(panda_urdf, world=world, gravity=[0.0, 0.0, 0.0], q=PRESS_POSE)
+    for _ in range(60):
+        plant.apply([0.0] * 7)
+        plant.step()
+        assert all(contact.force > 0.0 for contact in plant.contacts())
+    zeta = 300.0 / (2 * math.sqrt(MASS * STIFFNESS))
+    restitution = -plant.link_state("ball::link")[1][0] / SPEED
+    # Closed form for a force that may pull, e = exp(-pi zeta / sqrt(1 - zeta^2)); one that may not keeps a little more.
+    assert math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2)) * 0.97 < restitution < 0.85
+
+
+def test_two_springs_act_in_series(make_plant, panda_urdf, tmp_path):
+    world = sphere_against_wall(tmp_path, 0.001, contact="penalty", stiffness=2 * STIFFNESS)
+    data = yaml.safe_load(Path(world).read_text())
+    data["objects"][0].update(contact="penalty", stiffness=2 * STIFFNESS)
+    plant = make_plant(panda_urdf, world=write_world(tmp_path, *data["objects"]), gravity=[0.0, 0.0, 0.0], q=PRESS_POSE)
+    assert peak_force(plant, 60) == pytest.approx(SPEED * math.sqrt(MASS * STIFFNESS), rel=0.02)
+
+
+def press(plant, oracle, force, seconds):
+    """Joint torques J'F of a downward force at the tip, over gravity, with a little damping; the last contact forces, summed over 0.1 s."""
+    q, dq, tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
+    readings, normals = [], []
+    for k in range(round(seconds / 1e-3)):
+        plant.read_state(q, dq, tau)
+        x, v = np.array(q), np.array(dq)
+        J = oracle.jacobian(x, "panda_hand_tcp")[:3]
+        twist = oracle.jacobian(x, "panda_hand_tcp")
+        hold = -(twist.T @ (np.array([400.0, 400.0, 0.0, 30.0, 30.0, 30.0]) * error(oracle, x)))
+        plant.apply(oracle.gravity(x) + J.T @ [0.0, 0.0, -force] - 4.0 * v + hold)
+        plant.step()
+        if k >= round(seconds / 1e-3) - 100:
+            touching = [c for c in plant.contacts() if c.force > 0.0]
+            readings.append(sum(c.force for c in touching))
+            normals.append([abs(c.normal[2]) for c in touching])
+    return np.array(readings), normals, np.abs(v).max()
+
+
+def error(oracle, q):
+    T = oracle.frame(q, "panda_hand_tcp")
+    if not hasattr(oracle, "start"):
+        oracle.start = T
+    dR = T[:3, :3] @ oracle.start[:3, :3].T
+    rotation = 0.5 * np.array([dR[2, 1] - dR[1, 2], dR[0, 2] - dR[2, 0], dR[1, 0] - dR[0, 1]])
+    return np.concatenate([T[:3, 3] - oracle.start[:3, 3], rotation])
+
+
+@pytest.mark.parametrize("contact", [{"contact": "rigid"}, {"contact": "penalty", "stiffness": 20000.0}])
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_a_static_press_of_ten_newtons_reads_ten_newtons(make_plant, panda_urdf, tmp_path, contact, rotor):
+    oracle = Oracle(panda_urdf)
+    T = oracle.frame(np.array(PRESS_POSE), "panda_hand_tcp")
+    top = T[2, 3] - 0.02
+    place = {"xyz": [float(T[0, 3]), 0.0, float(top) - 0.05]}
+    box = {"name": "box", "shape": "box", "size": [0.4, 0.4, 0.1], "pose": place, "friction": 0.3, **contact}
+    plant = make_plant(panda_urdf, world=write_world(tmp_path, box), rotor_inertia=rotor, q=PRESS_POSE)
+    readings, normals, speed = press(plant, oracle, 10.0, 3.0)
+    print(contact, rotor, readings.mean(), np.ptp(readings), speed)
+    assert readings.mean() == pytest.approx(10.0, rel=0.01)
+    assert readings.std() < 0.2
+    assert min(min(n) for n in normals) > 0.99
+
+
+def test_resting_weight_is_read_exactly(make_plant, panda_urdf, tmp_path):
+    floor = {"name": "floor", "shape": "plane", "pose": {"xyz": [0.0, 0.0, -0.5]}}
+    block = {"name": "block", "shape": "box", "size": [0.1, 0.1, 0.1], "mass": 5.0, "pose": {"xyz": [1.0, 0.0, -0.45]}}
+    plant = make_plant(panda_urdf, world=write_world(tmp_path, floor, block), q=PRESS_POSE)
+    plant.set_brakes([True] * 7)
+    for _ in range(1000):
+        plant.apply([0.0] * 7)
+        plant.step()
+    forces = [c.force for c in plant.contacts() if "block::link" in (c.body_a, c.body_b)]
+    assert sum(forces) == pytest.approx(5.0 * 9.81, rel=1e-6)
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_an_impact_on_the_arm_passes_on_the_momentum_of_links_and_rotors(make_plant, panda_urdf, tmp_path, rotor):
+    """A ball hits the hand; the joint momentum (M + B) dq after it equals the time integral of J'F, with F from the contact itself."""
+    oracle = Oracle(panda_urdf)
+    q0 = np.array(PRESS_POSE)
+    T = oracle.frame(q0, "panda_hand_tcp")
+    x, z = float(T[0, 3]), float(T[2, 3]) - 0.04
+    ball = {"name": "ball", "shape": "sphere", "size": 0.03, "mass": 1.0, "friction": 0.0, "pose": {"xyz": [x - 0.03, 0.0, z]}}
+    ball |= {"velocity": {"linear": [0.5, 0.0, 0.0]}, "contact": "penalty", "stiffness": 20000.0}
+    plant = make_plant(panda_urdf, world=write_world(tmp_path, ball), rotor_inertia=rotor, gravity=[0, 0, 0], q=PRESS_POSE)
+    impulse = np.zeros(7)
+    for k in range(300):
+        plant.apply([0.0] * 7)
+        q = np.array(plant.engine_state()[0])
+        plant.step()
+        for c in plant.contacts():
+            sign = 1.0 if c.body_a.startswith("panda") else -1.0
+            hand, J = oracle.frame(q, "panda_hand"), oracle.jacobian(q, "panda_hand")
+            F = sign * c.force * np.array(c.normal)
+            impulse += 1e-3 * J.T @ np.concatenate([F, np.cross(np.array(c.position) - hand[:3, 3], F)])
+        if k > 60 and not plant.contacts():
+            break
+    q, dq = map(np.array, plant.engine_state())
+    scale = np.abs(impulse).max()
+    assert scale > 0.03
+    assert np.abs(oracle.mass_matrix(q) @ dq + rotor * dq - impulse).max() < 0.01 * scale
+    if rotor:
+        assert np.abs(oracle.mass_matrix(q) @ dq - impulse).max() > 0.04 * scale

@@ -1,0 +1,237 @@
+"""What acts in the joints: brakes, friction, stops, drives, wrenches."""
+
+import numpy as np
+import pytest
+from rigid_body_oracle import Oracle
+from two_link import two_link_urdf
+
+import panda_description
+from hric_control.errors import HricError
+from hric_control.plant import Load
+from pybullet_ros_control.motors import Mode
+
+POSE = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]
+JOINTS = ["joint1", "joint2"]
+STILL = [0.0, 0.0, 0.0]
+
+
+def steps(plant, n, tau=None):
+    tau = [0.0] * len(plant.joint_names) if tau is None else tau
+    for _ in range(n):
+        plant.apply(tau)
+        plant.step()
+    return [np.array(part) for part in plant.engine_state()]
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_brakes_hold_a_loaded_arm_and_free_it_exactly(make_plant, panda_urdf, rotor):
+    plant = make_plant(panda_urdf, rotor_inertia=rotor, q=POSE, self_collision=False)
+    plant.set_load(Load(3.0, (0.0, 0.0, 0.1)))
+    plant.set_brakes([True] * 7)
+    for _ in range(20):
+        q, _dq = steps(plant, 100, [5.0] * 7)
+        assert np.abs(q - POSE).max() < 2e-6
+    tau = [0.0] * 7
+    plant.read_state([0.0] * 7, [0.0] * 7, tau)
+    assert tau[3] > 15.0
+    plant.set_brakes([False] * 7)
+    fresh = make_plant(panda_urdf, rotor_inertia=rotor, half_step_readout=False, self_collision=False)
+    fresh.set_load(Load(3.0, (0.0, 0.0, 0.1)))
+    fresh.reset(*plant.engine_state())
+    for robot in (plant, fresh):
+        steps(robot, 100)
+    assert np.abs(np.array(plant.engine_state()) - np.array(fresh.engine_state())).max() < 1e-9
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_a_partly_braked_arm_moves_as_an_arm_without_the_braked_joints(make_plant, rotor):
+    plant = make_plant(two_link_urdf(), JOINTS, rotor_inertia=rotor, half_step_readout=False)
+    plant.reset([0.3, 0.2])
+    plant.set_brakes([True, False])
+    q, dq = np.array([0.3, 0.2]), np.zeros(2)
+    oracle = Oracle(two_link_urdf(), rotor)
+    for _ in range(300):
+        M, h = oracle.mass_matrix(q) + rotor * np.eye(2), oracle.bias(q, dq)
+        dq[1] += 1e-3 * (-h[1] / M[1, 1])
+        q[1] += 1e-3 * dq[1]
+        plant.apply([0.0, 0.0])
+        plant.step()
+    assert np.abs(np.array(plant.engine_state()) - [q, dq]).max() < 1e-4
+
+
+def test_brakes_stay_with_a_new_load_and_a_reset(make_plant, panda_urdf):
+    plant = make_plant(panda_urdf, q=POSE)
+    plant.set_brakes([True] * 7)
+    steps(plant, 10)
+    plant.set_load(Load(1.0))
+    assert np.abs(steps(plant, 200)[0] - POSE).max() < 2e-6
+    plant.reset([x + 0.1 for x in POSE])
+    assert np.abs(steps(plant, 200)[0] - POSE - 0.1).max() < 2e-6
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_coulomb_friction_holds_below_its_value_and_slides_above(make_plant, rotor):
+    urdf = two_link_urdf(friction=0.5)
+    plant = make_plant(urdf, JOINTS, friction="coulomb", rotor_inertia=rotor, gravity=STILL)
+    plant.reset([0.0, 0.0])
+    q, dq = steps(plant, 1000, [0.45, 0.0])
+    assert np.abs(q).max() < 1e-6
+    # Joint 2 is held by its friction: it moves with joint 1 as one body.
+    q, dq = steps(plant, 1000, [0.55, 0.0])
+    whole = Oracle(urdf).mass_matrix(np.zeros(2))[0, 0] + rotor
+    assert dq[0] == pytest.approx(0.05 / whole, rel=2e-3)
+    assert abs(dq[1]) < 1e-6
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_coulomb_friction_brakes_a_sliding_joint_by_its_value(make_plant, rotor):
+    urdf = two_link_urdf(friction=0.5)
+    plant = make_plant(urdf, JOINTS, friction="coulomb", rotor_inertia=rotor, gravity=STILL, half_step_readout=False)
+    plant.reset([0.0, 0.0], [1.0, 0.0])
+    _q, dq = steps(plant, 100)
+    whole = Oracle(urdf).mass_matrix(np.zeros(2))[0, 0] + rotor
+    assert dq[0] == pytest.approx(1.0 - 0.1 * 0.5 / whole, abs=1e-3)
+
+
+def test_urdf_friction_does_nothing_unless_asked_for(make_plant):
+    plant = make_plant(two_link_urdf(friction=0.5), JOINTS, rotor_inertia=0.0, gravity=STILL)
+    plant.reset([0.0, 0.0])
+    assert steps(plant, 100, [0.1, 0.0])[1][0] > 1e-3
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_urdf_damping_acts(make_plant, rotor):
+    plant = make_plant(two_link_urdf(damping=0.8), JOINTS, rotor_inertia=rotor, half_step_readout=False)
+    plant.reset([0.3, 0.2], [1.0, -2.0])
+    oracle = Oracle(two_link_urdf(), rotor, damping=0.8)
+    expected = np.array([1.0, -2.0]) + 1e-3 * oracle.acceleration(np.array([0.3, 0.2]), np.array([1.0, -2.0]), np.zeros(2))
+    assert np.abs(steps(plant, 1)[1] - expected).max() < 1e-9
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_identified_friction_is_the_published_sigmoid(make_plant, panda_urdf, rotor):
+    parameters = panda_description.friction_parameters()
+    config = {"rotor_inertia": rotor, "half_step_readout": False, "friction": "identified", "friction_parameters": parameters}
+    plant, oracle = make_plant(panda_urdf, **config), Oracle(panda_urdf, rotor)
+    q, dq = np.array(POSE), np.linspace(-2.0, 2.0, 7)
+    phi1, phi2, phi3 = (np.array([parameters[f"panda_joint{i}"][f"phi{k}"] for i in range(1, 8)]) for k in (1, 2, 3))
+    tau_f = phi1 / (1 + np.exp(-phi2 * (dq + phi3))) - phi1 / (1 + np.exp(-phi2 * phi3))
+    plant.reset(q, dq)
+    expected = dq + 1e-3 * oracle.acceleration(q, dq, -tau_f)
+    assert np.abs(steps(plant, 1)[1] - expected).max() < 1e-9
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_a_stop_holds_a_pushing_joint(make_plant, rotor):
+    plant = make_plant(two_link_urdf(), JOINTS, rotor_inertia=rotor, gravity=STILL)
+    plant.reset([1.9, 0.0])
+    top = 0.0
+    for _ in range(150):
+        top = max(top, steps(plant, 10, [20.0, 0.0])[0][0])
+    assert top < 2.02
+    q, _dq = steps(plant, 500, [20.0, 0.0])
+    assert q[0] == pytest.approx(2.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_a_stop_acts_only_once_the_joint_has_been_inside(make_plant, rotor):
+    plant = make_plant(two_link_urdf(), JOINTS, rotor_inertia=rotor, gravity=STILL)
+    plant.reset([2.3, 0.0])
+    acceleration = Oracle(two_link_urdf(axis="0 0 1"), rotor).acceleration(np.zeros(2), np.zeros(2), np.array([1.0, 0.0]))
+    q, dq = steps(plant, 100, [1.0, 0.0])
+    # Outside, nothing hinders it, in either direction.
+    assert q[0] == pytest.approx(2.3 + 0.5 * 0.1**2 * acceleration[0], abs=5e-4)
+    for _ in range(3000):
+        q, dq = steps(plant, 1, [-3.0 - 5.0 * dq[0], -5.0 * dq[1]])
+        if q[0] < 1.9:
+            break
+    assert q[0] < 1.9
+    for _ in range(300):
+        q, dq = steps(plant, 10, [5.0, 0.0])
+    assert q[0] == pytest.approx(2.0, abs=2e-3)
+
+
+def test_a_new_load_leaves_a_waiting_stop_open(make_plant):
+    plant = make_plant(two_link_urdf(), JOINTS, gravity=STILL)
+    plant.reset([2.3, 0.0])
+    plant.set_load(Load(0.5))
+    q, _dq = steps(plant, 300, [1.0, 0.0])
+    assert q[0] > 2.31
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_velocity_and_position_drives_follow_their_targets_under_gravity(make_plant, rotor):
+    urdf = two_link_urdf(limit='lower="-2" upper="2" effort="50000" velocity="50"')
+    plant = make_plant(urdf, JOINTS, rotor_inertia=rotor)
+    plant.reset([0.3, 0.2])
+    plant.set_modes([Mode.VELOCITY, Mode.POSITION])
+    q, dq = steps(plant, 200, [0.5, 0.4])
+    assert q == pytest.approx([0.4, 0.4], abs=2e-4)
+    assert dq == pytest.approx([0.5, 0.0], abs=1e-4)
+    tau = [0.0, 0.0]
+    plant.read_state([0.0, 0.0], [0.0, 0.0], tau)
+    assert abs(tau[0]) > 5.0
+    plant.set_modes([Mode.EFFORT, Mode.EFFORT])
+    fresh = make_plant(urdf, JOINTS, rotor_inertia=rotor, half_step_readout=False)
+    fresh.reset(*plant.engine_state())
+    assert np.abs(np.array(steps(plant, 50)) - np.array(steps(fresh, 50))).max() < 1e-9
+
+
+def test_a_drive_gives_no_more_than_the_urdf_allows(make_plant):
+    weak = two_link_urdf(limit='lower="-2" upper="2" effort="3" velocity="0.5"')
+    plant = make_plant(weak, JOINTS, rotor_inertia=0.0, gravity=STILL)
+    plant.reset([0.0, 0.0])
+    plant.set_modes([Mode.POSITION, Mode.POSITION])
+    q, dq = steps(plant, 5, [1.0, 0.0])
+    assert dq[0] == pytest.approx(3.0 * 5e-3 / Oracle(weak).mass_matrix(np.zeros(2))[0, 0], rel=0.02)
+    _q, dq = steps(plant, 400, [1.0, 0.0])
+    assert dq[0] == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+@pytest.mark.parametrize("link", ["panda_link3", "panda_hand", "panda_hand_tcp"])
+def test_a_wrench_accelerates_the_arm_by_its_jacobian(make_plant, panda_urdf, rotor, link):
+    plant, oracle = make_plant(panda_urdf, rotor_inertia=rotor, half_step_readout=False), Oracle(panda_urdf, rotor)
+    q, dq = np.array(POSE), np.linspace(-0.5, 0.5, 7)
+    plant.reset(q, dq)
+    force, torque, point = np.array([3.0, -8.0, 5.0]), np.array([0.4, -0.3, 0.9]), np.array([0.02, -0.05, 0.1])
+    plant.apply_wrench(link, force, torque, point, 0.003)
+    T, J = oracle.frame(q, link), oracle.jacobian(q, link)
+    tau = J.T @ np.concatenate([force, torque + np.cross(T[:3, :3] @ point, force)])
+    expected = dq + 1e-3 * oracle.acceleration(q, dq, tau)
+    assert np.abs(steps(plant, 1)[1] - expected).max() < 1e-6
+
+
+def test_a_wrench_ends_with_its_duration_and_can_be_cleared(make_plant):
+    plant = make_plant(two_link_urdf(), JOINTS, rotor_inertia=0.0, gravity=STILL)
+    inertia = Oracle(two_link_urdf()).mass_matrix(np.zeros(2))
+    for clear in (False, True):
+        plant.reset([0.0, 0.0])
+        plant.apply_wrench("planar::link1", STILL, [0.0, 2.0, 0.0], STILL, -1.0 if clear else 0.010)
+        steps(plant, 10)
+        if clear:
+            plant.clear_wrenches("link1")
+        _q, dq = steps(plant, 20)
+        assert dq == pytest.approx(np.linalg.solve(inertia, [2.0, 0.0]) * 0.010, rel=1e-3)
+
+
+def test_a_wrench_on_a_free_model_gives_it_linear_and_angular_momentum(make_plant, tmp_path):
+    block = """<robot name="block"><link name="body"><inertial><origin xyz="0.1 0 0" rpy="0 0 0.4"/><mass value="2"/>
+      <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+    plant = make_plant(two_link_urdf(), JOINTS, gravity=STILL)
+    T = np.eye(4)
+    T[:3, 3] = [3.0, 0.0, 1.0]
+    plant.spawn("block", block, T)
+    plant.apply_wrench("block::body", [4.0, 0.0, 0.0], [0.0, 0.0, 0.1], [0.1, 0.05, 0.0], 0.005)
+    steps(plant, 5)
+    twist = plant.link_state("block::body")[1]
+    assert twist[5] == pytest.approx(0.005 * (0.1 - 0.05 * 4.0) / 0.04, rel=1e-3)
+    at_com = twist[:3] + np.cross(twist[3:], [0.1, 0.0, 0.0])
+    assert at_com == pytest.approx([0.005 * 4.0 / 2.0, 0.0, 0.0], abs=1e-5)
+
+
+def test_a_model_that_diverges_is_told_and_not_passed_on(make_plant):
+    plant = make_plant(two_link_urdf(), JOINTS)
+    plant.apply([float("nan"), 0.0])
+    with pytest.raises(HricError, match="diverged"):
+        plant.step()
