@@ -43,7 +43,6 @@ def run(argv: Sequence[str]) -> int:
     args = parser().parse_args(rospy.myargv(["tool", *argv])[1:])
 
     def work() -> None:
-        rospy.init_node("controller_manager_tool", anonymous=True)
         client = ManagerClient(args.namespace)
         client.wait(args.timeout, print)
         _COMMANDS[args.command](client, args)

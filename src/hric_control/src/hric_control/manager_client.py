@@ -1,4 +1,4 @@
-"""A client of a controller manager's services, for the command-line tools. Needs `rospy.init_node` only for waiting with log output."""
+"""A client of a controller manager's services, for the command-line tools. Needs no `rospy.init_node`."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -117,8 +118,8 @@ def _statistics(snapshot: Sequence[UpdateStatistics], time: float) -> Any:
             running=entry.running,
             max_time=stamps.to_duration(entry.max_time),
             mean_time=stamps.to_duration(entry.mean_time),
-            # The type is a duration, the quantity is in s^2: its number is given as seconds, as upstream's field asks for.
-            variance_time=stamps.to_duration(entry.variance_time),
+            # A duration cannot hold a variance: like pr2_controller_manager, whose message this is, its root (the standard deviation) is given.
+            variance_time=stamps.to_duration(math.sqrt(entry.variance_time)),
             num_control_loop_overruns=entry.overruns,
             time_last_control_loop_overrun=stamps.to_time(max(entry.last_overrun, 0.0)),
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 from xmlrpc.client import Error as XmlRpcError
@@ -20,8 +22,10 @@ class RosPublisher:
     """Sends on a rospy topic."""
 
     def __init__(self, topic: str, message_type: type, queue_size: int, latch: bool) -> None:
-        # rospy: None sends in the calling thread, a number queues for a thread of rospy's own.
-        self._publisher = rospy.Publisher(topic, message_type, queue_size=queue_size or None, latch=latch)
+        # rospy: None sends in the calling thread, a number queues for a thread of rospy's own. It takes None for an oversight and warns.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)
+            self._publisher = rospy.Publisher(topic, message_type, queue_size=queue_size or None, latch=latch)
         self._what, self._type = f"topic {topic}", message_type
 
     def publish(self, message: Any) -> None:
@@ -132,12 +136,11 @@ class RosNode:
 
     def search_param(self, name: str, default: Any = REQUIRED) -> Any:
         """Value of the parameter in this namespace or the nearest one above it."""
-        try:
-            found = _ask(lambda: rosgraph.Master(self._namespace).searchParam(name))
-        except rosgraph.MasterError:
-            found = None
-        if found:
-            return self.param(found, default)
+        # Not by the master's searchParam, which cannot begin at the root.
+        for namespace in names.upwards(self._namespace):
+            full = names.resolve(namespace, name)
+            if _ask(functools.partial(rospy.has_param, full)):
+                return self.param(full, default)
         if default is REQUIRED:
             raise ParameterError(f"parameter {name} is set neither in {self._namespace} nor above it")
         return default

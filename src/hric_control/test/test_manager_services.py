@@ -1,0 +1,92 @@
+import logging
+
+import pytest
+
+from controller_manager_msgs.msg import ControllersStatistics
+from controller_manager_msgs.srv import (
+    ListControllersRequest,
+    ListControllerTypesRequest,
+    LoadControllerRequest,
+    ReloadControllerLibrariesRequest,
+    SwitchControllerRequest,
+    UnloadControllerRequest,
+)
+from hric_control import manager_services, plugins
+
+SERVICES = {
+    "list_controllers": "ListControllers",
+    "list_controller_types": "ListControllerTypes",
+    "load_controller": "LoadController",
+    "unload_controller": "UnloadController",
+    "switch_controller": "SwitchController",
+    "reload_controller_libraries": "ReloadControllerLibraries",
+}
+
+
+def test_the_six_services_have_upstreams_names_and_types(rig) -> None:
+    manager_services.serve(rig.manager, rig.node)
+    assert rig.node.services() == {f"/controller_manager/{name}": f"controller_manager_msgs/{kind}" for name, kind in SERVICES.items()}
+
+
+def test_a_controller_goes_through_its_life_by_service_calls(rig) -> None:
+    manager_services.serve(rig.manager, rig.node)
+    call = rig.node.child("controller_manager").call
+    assert call("load_controller", LoadControllerRequest("left")).ok
+    assert call("switch_controller", SwitchControllerRequest(start_controllers=["left"], strictness=2)).ok
+    (state,) = call("list_controllers", ListControllersRequest()).controller
+    assert (state.name, state.state, state.type) == ("left", "running", "fake/Controller")
+    (claim,) = state.claimed_resources
+    assert (claim.hardware_interface, claim.resources) == ("hardware_interface::EffortJointInterface", ["joint1"])
+    assert call("switch_controller", SwitchControllerRequest(stop_controllers=["left"], strictness=2)).ok
+    assert call("unload_controller", UnloadControllerRequest("left")).ok
+    assert call("list_controllers", ListControllersRequest()).controller == []
+
+
+def test_the_types_come_with_their_base_class(rig) -> None:
+    manager_services.serve(rig.manager, rig.node)
+    response = rig.node.call("controller_manager/list_controller_types", ListControllerTypesRequest())
+    assert dict(zip(response.types, response.base_classes, strict=True))["fake/Controller"] == "hric_control::Controller"
+
+
+@pytest.mark.parametrize(
+    ("service", "request_", "reason"),
+    [
+        ("load_controller", LoadControllerRequest("absent"), "loading 'absent' refused: controller absent has no type"),
+        ("unload_controller", UnloadControllerRequest("absent"), "no controller 'absent' in the manager, to unload; valid: left"),
+        ("switch_controller", SwitchControllerRequest(start_controllers=["absent"], strictness=2), "no controller 'absent'"),
+        ("reload_controller_libraries", ReloadControllerLibrariesRequest(False), "controllers are loaded (left)"),
+    ],
+)
+def test_a_refusal_is_false_and_one_error_with_the_reason(rig, caplog: pytest.LogCaptureFixture, service: str, request_: object, reason: str) -> None:
+    manager_services.serve(rig.manager, rig.node)
+    rig.load("left")
+    with caplog.at_level(logging.ERROR, "hric"):
+        assert not rig.node.call(f"controller_manager/{service}", request_).ok
+    assert len(caplog.records) == 1 and reason in caplog.text
+
+
+def test_reloading_with_force_kill_is_granted(rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugins, "reload", lambda base: [])
+    manager_services.serve(rig.manager, rig.node)
+    rig.load("left")
+    assert rig.node.call("controller_manager/reload_controller_libraries", ReloadControllerLibrariesRequest(True)).ok
+    assert rig.states() == {}
+
+
+def test_statistics_come_once_a_second_of_run_time(rig) -> None:
+    manager_services.serve(rig.manager, rig.node)
+    heard: list[ControllersStatistics] = []
+    rig.node.subscribe("controller_manager/statistics", ControllersStatistics, heard.append)
+    rig.start("left")
+    rig.cycle(2500)
+    assert [message.header.stamp.to_sec() for message in heard] == pytest.approx([0.0, 1.0, 2.0], abs=2e-3)
+    (entry,) = heard[-1].controller
+    assert entry.variance_time.to_sec() == pytest.approx(rig.manager.statistics()[0].variance_time ** 0.5, rel=0.5)
+    assert entry.name == "left" and entry.running and entry.max_time.to_sec() > entry.mean_time.to_sec() >= 0.0
+
+
+def test_taken_back_the_services_are_gone(rig) -> None:
+    services = manager_services.serve(rig.manager, rig.node)
+    services.unregister()
+    rig.cycle(10)
+    assert rig.node.services() == {} and rig.node.topics() == {}
