@@ -33,7 +33,7 @@ def test_shortcuts_reach_the_keys_they_stand_for() -> None:
     assert run.parameters["joint_pd_controller"]["kp"] == 200
     assert run.parameters["joint_pd_controller"]["kd"] == [1, 2]
     assert run.robot.description["inertials"] == "thesis"
-    assert run.robot.plant == {"rotor_inertia": 0}
+    assert run.robot.plant["rotor_inertia"] == 0
     assert run.duration == 0.1
     assert run.robot.plant_type == "pybullet_ros_control/PyBulletPlant"
     assert run.robot.q_start == (math.pi, 0.0)

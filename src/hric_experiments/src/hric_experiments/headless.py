@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -137,7 +138,10 @@ def _simulate(node: LocalNode, definition: Experiment, folder: RunFolder, progre
     app = RobotApp(node, node.child(parameters.ROBOT))
     try:
         names = app.hw.get(JointStateInterface).names
-        folder.update(limits=limits.table(node.param("robot_description"), node, names))
+        bounds = limits.table(node.param("robot_description"), node, definition.robot.arm_id, names)
+        folder.update(limits=bounds)
+        for setpoint in definition.setpoints:
+            parameters.check_setpoint(setpoint, node.param(setpoint.controller, {}).get("joints", names), bounds)
         with BagWriter(folder.bag_path) as bag:
             bag.write("/robot_description", String(node.param("robot_description")), 0.0)
             node.tap(bag.write)
@@ -176,8 +180,11 @@ class _Interrupt:
 
 @contextlib.contextmanager
 def _interruptible(app: RobotApp) -> Iterator[_Interrupt]:
-    """Ctrl-C and SIGTERM end the run after the present cycle, so that log and bag stay whole."""
+    """Ctrl-C and SIGTERM end the run after the present cycle, so that log and bag stay whole. Only the main thread gets signals."""
     interrupt = _Interrupt()
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupt
+        return
 
     def stop(_: int, __: FrameType | None) -> None:
         interrupt.came = True

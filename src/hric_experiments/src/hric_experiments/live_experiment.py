@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from controller_manager_msgs.srv import ListControllers
 from hric_control.errors import HricError
 from hric_experiments import experiment as experiments
-from hric_experiments import overrides
+from hric_experiments import live_node, overrides, parameters
 from hric_experiments.analysis import analyse
 from hric_experiments.experiment import Experiment
 from hric_experiments.live_recorder import RECORDING_TOPIC, STOP_SERVICE
@@ -72,13 +72,17 @@ class LiveExperiment:
         if self._recorded:
             self._wait(lambda: [] if self._folder else [RECORDING_TOPIC], "no recorder: nothing on {}")
         self._wait(lambda: self._unheard(1), "controllers that do not hear their command topic: {}")
+        limits = RunFolder(Path(self._folder)).read().get("limits", {}) if self._recorded else {}
+        for setpoint in self.experiment.setpoints:
+            joints = rospy.get_param(f"{setpoint.controller}/joints", None)
+            parameters.check_setpoint(setpoint, joints or [""] * len(setpoint.positions), limits)
         self._wait(lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "run time does not move: nothing on {}")
         deadline = time.monotonic() + RECORDER_GRACE
         while self._recorded and self._unheard(2):
             if time.monotonic() > deadline:
                 rospy.logwarn("the recorder does not hear the command topic; the report will lack the set point")
                 return
-            time.sleep(POLL)
+            live_node.sleep(POLL)
 
     def _unheard(self, listeners: int) -> list[str]:
         return [name for name, publisher in self._publishers.items() if publisher.get_num_connections() < listeners]
@@ -88,7 +92,7 @@ class LiveExperiment:
         while left := missing():
             if time.monotonic() > deadline:
                 raise NotReady(f"experiment {self.experiment.name}: after {self._timeout:g} s {text.format(', '.join(left))}")
-            time.sleep(5 * POLL)
+            live_node.sleep(5 * POLL)
 
     def _missing_controllers(self) -> list[str]:
         service = rospy.ServiceProxy("controller_manager/list_controllers", ListControllers)
@@ -115,7 +119,7 @@ class LiveExperiment:
                 last = (now, time.monotonic())
             elif time.monotonic() - last[1] > 5.0 and self._missing_controllers():
                 raise HricError(f"experiment {self.experiment.name}: run time stands at {now:.3f} s and the robot does not answer")
-            time.sleep(POLL)
+            live_node.sleep(POLL)
 
     def _stop_recording(self) -> RunFolder:
         try:

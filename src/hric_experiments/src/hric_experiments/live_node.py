@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -18,19 +19,23 @@ MASTER_TIMEOUT = 30.0
 """How long to wait for a master [s]."""
 
 
+_stop = threading.Event()
+
+
 class Interrupted(BaseException):
     """Ctrl-C or SIGTERM, raised in the main thread wherever it waits or computes."""
 
 
-def main(name: str, work: Callable[[], None]) -> int:
+def main(name: str, work: Callable[[], None], interrupted: int = INTERRUPTED_CODE) -> int:
     """Run a node.
 
     Args:
         name: its default name.
         work: what it does; may return, raise HricError for a failure that a user can understand, and is left at once on Ctrl-C.
+        interrupted: exit code after Ctrl-C; 0 for a node that ends in no other way.
 
     Returns:
-        exit code: 0 done, 1 failed, 130 interrupted.
+        exit code: 0 done, 1 failed.
     """
     _on_signals(_interrupt)
     try:
@@ -42,7 +47,7 @@ def main(name: str, work: Callable[[], None]) -> int:
         rospy.logfatal("%s", error)
         return 1
     except Interrupted:
-        return INTERRUPTED_CODE
+        return interrupted
     finally:
         _on_signals(signal.SIG_IGN)
         rospy.signal_shutdown("end")
@@ -58,12 +63,27 @@ def wait_for_master(timeout: float = MASTER_TIMEOUT) -> None:
     while not rosgraph.is_master_online():
         if time.monotonic() > deadline:
             raise HricError(f"no ROS master at {os.environ.get('ROS_MASTER_URI', '(ROS_MASTER_URI is not set)')}")
-        time.sleep(0.1)
+        sleep(0.1)
+
+
+def sleep(seconds: float) -> None:
+    """Wait [s of wall time].
+
+    Raises:
+        Interrupted: a signal came, now or earlier.
+    """
+    if not _stop.is_set():
+        time.sleep(seconds)
+    if _stop.is_set():
+        raise Interrupted
 
 
 def _interrupt(*_: Any) -> None:
-    _on_signals(signal.SIG_IGN)  # once is enough; what is being closed is not to be left half done
-    raise Interrupted
+    # The first signal alone raises: what is being closed is not to be left half done. rospy has places that catch everything, hence the flag too.
+    first = not _stop.is_set()
+    _stop.set()
+    if first:
+        raise Interrupted
 
 
 def _on_signals(handler: Any) -> None:

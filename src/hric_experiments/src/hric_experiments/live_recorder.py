@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 from hric_control.errors import HricError
 from hric_control.ros_node import RosNode
 from hric_experiments import experiment as experiments
-from hric_experiments import limits, overrides, provenance, rosbag_process
+from hric_experiments import limits, live_node, overrides, provenance, rosbag_process
 from hric_experiments.rosbag_process import RosbagProcess
 from hric_experiments.run_folder import COMPLETED, INTERRUPTED, RUNNING, RunFolder, iso_now, runs_root
 
@@ -70,7 +70,7 @@ class Recorder:
     def _limits() -> dict[str, dict[str, float]]:
         namespace = rospy.get_namespace()
         description = rospy.get_param(rospy.search_param("robot_description") or "robot_description", "")
-        return limits.table(description, RosNode(namespace)) if description else {}
+        return limits.table(description, RosNode(namespace), str(rospy.get_param("robot/arm_id", ""))) if description else {}
 
     def _start(self) -> RosbagProcess:
         command = rosbag_process.arguments(self.folder.bag_path, self._topics, str(rospy.get_param("~exclude", "")), self._node_name)
@@ -86,7 +86,7 @@ class Recorder:
         while not rospy.is_shutdown() and not subscribed(name, self._expected()):
             if time.monotonic() > deadline:
                 raise HricError(f"rosbag record did not subscribe to {', '.join(sorted(self._expected()))} within {timeout:g} s")
-            time.sleep(0.05)
+            live_node.sleep(0.05)
         self._publisher.publish(String(str(self.folder.path)))
         rospy.loginfo("recording into %s", self.folder.path)
 
@@ -103,7 +103,7 @@ class Recorder:
         while not rospy.is_shutdown():
             if not self._stopped and not self._process.running:
                 raise HricError(f"rosbag record (pid {self._process.pid}) ended by itself; see {self.folder.path}")
-            time.sleep(0.05)
+            live_node.sleep(0.05)
 
     def _on_stop(self, _: Any) -> Any:
         try:

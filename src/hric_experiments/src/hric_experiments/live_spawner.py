@@ -10,7 +10,7 @@ import rospy
 from controller_manager_msgs.srv import ListControllers, LoadController, SwitchController, SwitchControllerRequest
 from hric_control.errors import HricError
 from hric_experiments import experiment as experiments
-from hric_experiments import overrides, parameters
+from hric_experiments import live_node, overrides, parameters
 from hric_experiments.experiment import Experiment
 
 READY_TIMEOUT = 60.0
@@ -74,4 +74,4 @@ def run() -> None:
     start(definition)
     rospy.loginfo("started %s", ", ".join(definition.controllers))
     while not rospy.is_shutdown():
-        time.sleep(0.05)
+        live_node.sleep(0.05)

@@ -46,7 +46,7 @@ def moves(record: RunRecord, joints_of: Mapping[str, Sequence[str]]) -> list[Mov
             continue
         usable.append((setpoint, setpoint.positions[[names.index(joint) for joint in log.joint_names]]))
     starts = [int(np.searchsorted(log.time, setpoint.time)) for setpoint, _ in usable]
-    ends = [*starts[1:], log.cycles]
+    ends = [*starts[1:], log.cycles][: len(starts)]
     rows = zip(usable, starts, ends, strict=True)
     return [Move(setpoint, target, first, last) for (setpoint, target), first, last in rows if first < last]
 

@@ -101,7 +101,7 @@ def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
         return path
     if path[0] == "setpoints" and len(path) == 3 and path[1].isdigit() and int(path[1]) < len(raw.get("setpoints") or []):
         return path
-    if key in ("controllers", "description", "duration"):
+    if key in ("controllers", "description", "duration", "setpoints"):
         return path
     raise ExperimentError(_unknown(key))
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import yaml
 
 from hric_control.errors import HricError
 from hric_experiments import config
-from hric_experiments.experiment import Experiment, ExperimentError
+from hric_experiments.experiment import Experiment, ExperimentError, SetPoint
 
 ROBOT = "robot"
 """Namespace of the robot's own parameters, below the robot's namespace."""
@@ -66,6 +67,27 @@ def robot(experiment: Experiment, seed: int) -> dict[str, Any]:
     if spec.q_start is not None:
         values["q_start"] = dict(spec.q_start) if isinstance(spec.q_start, Mapping) else list(spec.q_start)
     return values
+
+
+def check_setpoint(setpoint: SetPoint, joints: Sequence[str], limits: Mapping[str, Mapping[str, float]]) -> None:
+    """Refuse a set point that the controller would refuse, before anything moves.
+
+    Args:
+        setpoint: what is to be sent.
+        joints: the controller's joints.
+        limits: per joint, lower and upper if there are any [rad].
+
+    Raises:
+        ExperimentError: wrong length, or outside the range of a joint.
+    """
+    where = f"set point at {setpoint.time:g} s for {setpoint.controller}"
+    if len(setpoint.positions) != len(joints):
+        raise ExperimentError(f"{where} has {len(setpoint.positions)} positions; valid: {len(joints)}, for {', '.join(joints)}")
+    for joint, position in zip(joints, setpoint.positions, strict=True):
+        bounds = limits.get(joint, {})
+        low, high = bounds.get("lower", -math.inf), bounds.get("upper", math.inf)
+        if not low <= position <= high:
+            raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}")
 
 
 def overlay(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -66,7 +66,11 @@ class RosbagProcess:
         # Looked up before the fork: only async-safe work may happen between fork and exec.
         prctl = ctypes.CDLL(None, use_errno=True).prctl
         self._child = subprocess.Popen(
-            list(command), stdin=subprocess.DEVNULL, start_new_session=True, preexec_fn=lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
+            list(command),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,  # one line per topic; errors come on stderr
+            start_new_session=True,
+            preexec_fn=lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGINT),
         )
 
     @property

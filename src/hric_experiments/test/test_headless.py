@@ -1,0 +1,117 @@
+"""The headless runner end to end, with the real robot, plant and controllers."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from hric_control.errors import HricError
+from hric_experiments import experiment, headless
+from hric_experiments.run_folder import RunFolder
+
+JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
+
+
+def run(folder: Path, name: str, *overrides: str) -> headless.Result:
+    definition = experiment.load(name, overrides)
+    return headless.run(definition, overrides, root=folder, progress=False, figures=False)
+
+
+def rosrun(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    command = ["rosrun", "hric_experiments", "run", *arguments, "--runs", str(folder), "--quiet", "--no-figures"]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ)
+
+
+@pytest.mark.parametrize(("kp", "kd"), [(200, 100), (50, 10), (10, 5)])
+def test_pd_step_ends_within_a_milliradian_and_touches_no_limit(tmp_path: Path, kp: int, kd: int) -> None:
+    result = run(tmp_path, "pd_step", f"kp:={kp}", f"kd:={kd}")
+    metrics = result.metrics
+    (move,) = metrics["setpoints"]
+    assert move["final_error_max"] < 1e-3
+    assert move["settling_time_max"]["0.001"] < 6.0
+    assert metrics["limits_touched"] == {"position": 0, "velocity": 0, "effort": 0, "effort_rate": 0}
+    assert metrics["control_log"]["limited_cycles"] == 0
+    assert max(joint["velocity_ratio"] for joint in metrics["joints"].values()) < 0.5
+    assert (metrics["control_log"]["cycles"], metrics["control_log"]["gaps"], metrics["control_log"]["repeats"]) == (6000, [], [])
+    assert not result.interrupted and result.folder.read()["status"] == "completed"
+
+
+def test_run_yaml_tells_what_ran(tmp_path: Path) -> None:
+    result = run(tmp_path, "pd_step", "duration:=0.05", "kp:=20")
+    data = result.folder.read()
+    assert data["arguments"] == ["duration:=0.05", "kp:=20"] and data["seed"] == 0 and data["mode"] == "headless"
+    assert data["parameters"]["joint_pd_controller"]["kp"] == 20
+    assert data["parameters"]["joint_pd_controller"]["joints"] == JOINTS
+    assert data["limits"]["panda_joint4"]["upper"] == pytest.approx(-0.0698)
+    assert data["limits"]["panda_joint1"]["effort_rate"] == 1000.0
+    assert data["state_sha256"] == result.metrics["state_sha256"]
+    assert {"robot_description", "roslaunch"}.isdisjoint(data["parameters"])
+    text = (result.folder.path / "run.yaml").read_text()
+    assert str(Path(__file__).parents[3]) not in text
+    assert os.uname().nodename not in text
+
+
+def test_two_processes_with_one_seed_are_bit_identical(tmp_path: Path) -> None:
+    runs = [rosrun(tmp_path / str(i), "pd_step", "duration:=0.5", "robot.plant.friction:=identified", "--seed", "7") for i in range(2)]
+    hashes = []
+    for process in runs:
+        output, error = process.communicate(timeout=60)
+        assert process.returncode == 0, error
+        hashes += re.findall(r"state_sha256: ([0-9a-f]{64})", output)
+    assert len(hashes) == 2 and hashes[0] == hashes[1]
+
+
+def test_ctrl_c_leaves_a_whole_bag_and_a_run_marked_interrupted(tmp_path: Path) -> None:
+    process = rosrun(tmp_path, "pd_step", "duration:=600")
+    deadline = time.monotonic() + 30.0
+    while not any(bag.stat().st_size > 100_000 for bag in tmp_path.glob("*/*.bag.active")):
+        assert time.monotonic() < deadline and process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    output, error = process.communicate(timeout=30)
+    assert process.returncode == 130 and "Traceback" not in error, error
+    folder = RunFolder.open("latest", tmp_path)
+    assert folder.read()["status"] == "interrupted"
+    assert folder.bag_path.is_file() and not list(folder.path.glob("*.active"))
+    assert "run folder:" in output and folder.metrics_path.is_file()
+
+
+def test_a_robot_that_refuses_its_parameters_is_one_line_and_a_failed_run(tmp_path: Path) -> None:
+    process = rosrun(tmp_path, "pd_step", "robot.plant.colour:=red")
+    output, error = process.communicate(timeout=30)
+    assert process.returncode == 1 and "Traceback" not in error + output, error
+    assert "colour" in error and "rotor_inertia" in error
+    data = RunFolder.open("latest", tmp_path).read()
+    assert data["status"] == "failed" and "colour" in data["error"]
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("robot.description.colour:=red", "unknown key robot.description.colour; valid: hand, inertials"),
+        ("inertials:=guessed", "valid: barycentric, thesis"),
+        ("hw:=no/Robot", "no hric_control::RobotHW 'no/Robot'"),
+        ("parameters.joint_pd_controller.type:=no/Controller", "no/Controller"),
+        ("kp:=-1", "kp"),
+        ("setpoints.0.positions:=[0, 0, 0]", "has 3 positions; valid: 7, for panda_joint1"),
+        ("setpoints.0.positions:=[0, 0, 0, 0.5, 0, 1, 0]", "panda_joint4 0.5 rad is outside -3.0718 to -0.0698"),
+        ("robot.urdf:=/nowhere.urdf", "cannot read the robot description"),
+    ],
+)
+def test_a_mistake_is_told_before_anything_moves(tmp_path: Path, override: str, told: str) -> None:
+    with pytest.raises(HricError) as caught:
+        run(tmp_path, "pd_step", override)
+    assert told in str(caught.value)
+    assert not list(tmp_path.glob("*/*.bag"))
+
+
+def test_an_experiment_without_set_point_holds_the_arm_where_it_is(tmp_path: Path) -> None:
+    result = run(tmp_path, "pd_step", "setpoints:=[]", "duration:=0.2")
+    assert result.metrics["setpoints"] == [] and "no set point was recorded" in result.metrics["report"]
+    assert max(abs(joint["velocity_peak"]) for joint in result.metrics["joints"].values()) < 1e-6
