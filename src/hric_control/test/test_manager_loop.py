@@ -3,6 +3,7 @@ import time
 import pytest
 
 from hric_control.errors import CommandError
+from hric_control.switching import SwitchPlan, SwitchRequest
 
 
 def test_running_controllers_are_updated_every_cycle_in_the_order_of_their_start(rig) -> None:
@@ -137,3 +138,25 @@ def test_an_update_with_two_controllers_costs_the_loop_a_few_microseconds(rig) -
             update(i * 1e-3, 1e-3, False)
         best = min(best, (time.thread_time() - begin) / 1000)
     assert best < 8e-6  # about 1.5 us; the bound leaves room for a slow and busy machine
+
+
+def test_a_request_is_carried_out_or_cancelled_and_never_both(rig) -> None:
+    rig.load("left")
+    loop, entry = rig.manager._loop, rig.manager._loaded["left"]
+    for lock in ("begin", "finish"):
+        request = SwitchRequest(SwitchPlan((entry,), (), ()))
+        getattr(request, lock).acquire()
+        loop.hand_over(request)
+        rig.cycle(2)
+        assert rig.made["left"].calls == ["init"] and not entry.running
+        assert request.done.is_set() == (lock == "finish")
+
+
+def test_a_controller_aborted_between_the_request_and_the_switch_is_not_stopped_again(rig) -> None:
+    rig.fail = {"update": CommandError("no")}
+    rig.start("left")
+    request = SwitchRequest(SwitchPlan((), (rig.manager._loaded["left"],), ()))
+    rig.cycle()
+    rig.manager._loop.hand_over(request)
+    rig.cycle()
+    assert rig.states() == {"left": "aborted"} and rig.made["left"].calls.count("stopping") == 1 and request.done.is_set()

@@ -152,9 +152,10 @@ class ManagerLoop:
             except Exception as error:  # told to the caller of the switch
                 self._give_up(request, group, f"the robot could not switch: {describe(error)}")
                 continue
-            if request.finish.locked():
-                self._give_up(request, group, "the request was cancelled")
-            elif ready:
+            if ready:
+                if len(group) == len(waiting) and not request.finish.acquire(blocking=False):
+                    self._give_up(request, group, "the request was cancelled")
+                    continue
                 for entry in group:
                     waiting.remove(entry)
                     self._start(entry, time, request.failures)
