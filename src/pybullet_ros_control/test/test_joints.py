@@ -8,7 +8,7 @@ from two_link import two_link_urdf
 import panda_description
 from hric_control.errors import HricError
 from hric_control.plant import Load
-from pybullet_ros_control.motors import Mode
+from pybullet_ros_control.modes import Mode
 
 POSE = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]
 JOINTS = ["joint1", "joint2"]
@@ -182,7 +182,7 @@ def test_a_drive_gives_no_more_than_the_urdf_allows(make_plant):
     plant = make_plant(weak, JOINTS, rotor_inertia=0.0, gravity=STILL)
     plant.reset([0.0, 0.0])
     plant.set_modes([Mode.POSITION, Mode.POSITION])
-    q, dq = steps(plant, 5, [1.0, 0.0])
+    _q, dq = steps(plant, 5, [1.0, 0.0])
     assert dq[0] == pytest.approx(3.0 * 5e-3 / Oracle(weak).mass_matrix(np.zeros(2))[0, 0], rel=0.02)
     _q, dq = steps(plant, 400, [1.0, 0.0])
     assert dq[0] == pytest.approx(0.5, abs=1e-6)

@@ -4,23 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from enum import Enum
 
 import pybullet
 
 from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.modes import Mode
 
 BRAKE_FORCE = 1e6
 """What a brake or a drive without effort limit may take [N m]: a constraint of the engine, so size does not make it stiff."""
-
-
-class Mode(Enum):
-    """What the value given to a joint means."""
-
-    EFFORT = "effort"
-    VELOCITY = "velocity"
-    POSITION = "position"
-    BRAKE = "brake"
 
 
 class JointMotors:

@@ -16,7 +16,7 @@ from pybullet_ros_control.config import PlantConfig
 from pybullet_ros_control.engine import BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces, Wrench
 from pybullet_ros_control.masks import load_masks
-from pybullet_ros_control.motors import Mode
+from pybullet_ros_control.modes import Mode
 from pybullet_ros_control.resources import package_path, resolve
 from pybullet_ros_control.robot import Robot
 from pybullet_ros_control.spatial import MassProperties

@@ -13,7 +13,8 @@ from pybullet_ros_control.config import PlantConfig
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.friction import JointLosses, sigmoid_parameters
 from pybullet_ros_control.masks import apply_masks
-from pybullet_ros_control.motors import JointMotors, Mode
+from pybullet_ros_control.modes import Mode
+from pybullet_ros_control.motors import JointMotors
 from pybullet_ros_control.rotor_inertia import Matrix, RotorInertia, Vector
 from pybullet_ros_control.spatial import MassProperties
 from pybullet_ros_control.stops import JointStops
