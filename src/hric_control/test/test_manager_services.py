@@ -12,6 +12,7 @@ from controller_manager_msgs.srv import (
     UnloadControllerRequest,
 )
 from hric_control import manager_services, plugins
+from hric_control.loaded_controller import UpdateStatistics
 
 SERVICES = {
     "list_controllers": "ListControllers",
@@ -81,8 +82,14 @@ def test_statistics_come_once_a_second_of_run_time(rig) -> None:
     rig.cycle(2500)
     assert [message.header.stamp.to_sec() for message in heard] == pytest.approx([0.0, 1.0, 2.0], abs=2e-3)
     (entry,) = heard[-1].controller
-    assert entry.variance_time.to_sec() == pytest.approx(rig.manager.statistics()[0].variance_time ** 0.5, rel=0.5)
     assert entry.name == "left" and entry.running and entry.max_time.to_sec() > entry.mean_time.to_sec() >= 0.0
+
+
+def test_the_field_for_the_variance_carries_its_root() -> None:
+    snapshot = UpdateStatistics("a", "t", True, 10, max_time=9e-6, mean_time=5e-6, variance_time=4e-12, overruns=1, last_overrun=0.5)
+    (entry,) = manager_services._statistics([snapshot], 1.5).controller
+    assert (entry.max_time.to_nsec(), entry.mean_time.to_nsec(), entry.variance_time.to_nsec()) == (9000, 5000, 2000)
+    assert (entry.timestamp.to_sec(), entry.num_control_loop_overruns, entry.time_last_control_loop_overrun.to_sec()) == (1.5, 1, 0.5)
 
 
 def test_taken_back_the_services_are_gone(rig) -> None:
