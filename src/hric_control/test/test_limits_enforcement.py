@@ -112,6 +112,17 @@ class TestEffort:
         states.position[0], states.velocity[0] = -1.2, 5.0
         assert send(limiter, commands, -50.0) == 0.0
 
+    def test_a_start_outside_is_not_pushed_in_and_soft_limits_act_once_it_has_been_inside(self):
+        states, commands, limiter = one(EffortLimiter, lower=-1.0, upper=1.0, velocity=2.0, effort=100.0, k_position=10.0, k_velocity=20.0,
+                                        soft_lower=-1.0, soft_upper=1.0)  # fmt: skip
+        states.position[0] = 1.2
+        assert send(limiter, commands, -3.0) == -3.0
+        assert send(limiter, commands, 3.0) == 0.0
+        states.position[0] = 0.99
+        send(limiter, commands, 0.0)
+        states.position[0] = 1.2
+        assert send(limiter, commands, -3.0) == pytest.approx(-40.0)  # 20 * -10 (1.2 - 1.0)
+
     @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
     @pytest.mark.parametrize("values", [{}, {"effort": 10.0, "effort_rate": 1000.0, "velocity": 1.0, "lower": -1.0, "upper": 1.0}])
     def test_a_command_that_is_no_number_is_replaced_by_the_one_before(self, bad, values):

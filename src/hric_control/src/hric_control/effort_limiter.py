@@ -125,7 +125,8 @@ class EffortLimiter(Limiter):
     """Limits effort commands: position, then velocity, then effort, and the rate of effort last, so that what is sent is always continuous.
 
     Position: outside the range only inward effort passes. With soft limits (k_position, k_velocity) the velocity bound shrinks with the distance to
-    the soft limit, v_max(q) = -k_position (q - soft), and the effort bound with the speed that is left, -k_velocity (v - v_max(q)).
+    the soft limit, v_max(q) = -k_position (q - soft), and the effort bound with the speed that is left, -k_velocity (v - v_max(q)). A joint that
+    started outside its range is not pushed in: its soft limits act once it has been inside.
     Velocity: above the limit only braking effort passes; with k_velocity the bound is -k_velocity (v - v_max).
     """
 
@@ -133,6 +134,7 @@ class EffortLimiter(Limiter):
         super().__init__(states, commands, limits, counts)
         self._tau_quick = [0.0] * len(self.limits)
         self._rows: list[tuple[int, float, float, float]] = []
+        self._been_inside = [False] * len(self.limits)
 
     def enforce(self, period: float) -> None:
         """Limit the commands in place. About 2 us for seven joints when no limit is near.
@@ -152,6 +154,11 @@ class EffortLimiter(Limiter):
                 continue
             value[i] = self._limit(i, q, v, tau, last, change)
         self._previous[:] = value
+
+    def check_start(self) -> None:
+        """Say once which joints begin outside their range."""
+        super().check_start()
+        self._been_inside[:] = [False] * len(self._been_inside)
 
     def _prepare(self, period: float) -> None:
         self._rows = []
@@ -182,7 +189,7 @@ class EffortLimiter(Limiter):
         if not self._selected[i] or self._is_free(i, q, speed, tau, last):
             return tau
         self._note_position(i, q)
-        wanted, tau = tau, self._position_stage(limit, q, v, tau)
+        wanted, tau = tau, self._position_stage(limit, q, v, tau, self._soft_acts(i, q))
         if abs(tau - wanted) > TOUCHED:
             counts.position[i] += 1
         wanted, tau = tau, self._velocity_stage(limit, q, v, tau)
@@ -207,10 +214,16 @@ class EffortLimiter(Limiter):
             and (limit.k_velocity == 0.0 or abs(tau) <= limit.k_velocity * left)
         )  # fmt: skip
 
+    def _soft_acts(self, i: int, q: float) -> bool:
+        """Whether the soft range counts: not yet for a joint that started outside, which it would push in with all its might."""
+        if self.limits[i].lower <= q <= self.limits[i].upper:
+            self._been_inside[i] = True
+        return self._been_inside[i] or not self.counts.started_outside[i]
+
     @staticmethod
-    def _position_stage(limit: JointLimits, q: float, v: float, tau: float) -> float:
+    def _position_stage(limit: JointLimits, q: float, v: float, tau: float, soft: bool = True) -> float:
         low, high = -INFINITY, INFINITY
-        if limit.has_soft_range and limit.k_velocity > 0.0:
+        if soft and limit.has_soft_range and limit.k_velocity > 0.0:
             v_low, v_high = limit.soft_speeds(q)
             low = -limit.k_velocity * (v - v_low) if v_low > -limit.velocity else low
             high = -limit.k_velocity * (v - v_high) if v_high < limit.velocity else high
