@@ -75,7 +75,7 @@ def report(arguments: Sequence[str]) -> int:
 def describe(arguments: Sequence[str]) -> int:
     """Print what an experiment puts on the parameter server; launch files read it."""
     parser = argparse.ArgumentParser("rosrun hric_experiments describe", description="Print what an experiment puts on the parameter server.")
-    parser.add_argument("what", choices=["urdf", "robot", "controllers"], help="the robot description; parameters of robot or controllers")
+    parser.add_argument("what", choices=["urdf", "robot", "limits", "controllers"], help="robot_description; parameters (YAML)")
     parser.add_argument("experiment", help=f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or a YAML file")
     parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes, as for run")
     given = parser.parse_args(list(arguments))
@@ -88,8 +88,8 @@ def describe(arguments: Sequence[str]) -> int:
         return 0
     from hric_experiments import parameters
 
-    values = parameters.robot(definition, seed=0) if given.what == "robot" else parameters.controllers(definition)
-    print(yaml.safe_dump(values, sort_keys=False), end="")
+    printed = {"robot": parameters.robot, "limits": parameters.joint_limits, "controllers": parameters.controllers}
+    print(yaml.safe_dump(printed[given.what](definition), sort_keys=False), end="")
     return 0
 
 

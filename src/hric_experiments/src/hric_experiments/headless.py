@@ -98,6 +98,7 @@ def run(
     urdf = description.load(definition.robot)
     tree = {
         "robot_description": urdf,
+        "joint_limits": parameters.joint_limits(definition),
         **parameters.controllers(definition),
         parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},
     }
@@ -138,7 +139,7 @@ def _simulate(node: LocalNode, definition: Experiment, folder: RunFolder, progre
     app = RobotApp(node, node.child(parameters.ROBOT))
     try:
         names = app.hw.get(JointStateInterface).names
-        bounds = limits.table(node.param("robot_description"), node, definition.robot.arm_id, names)
+        bounds = limits.table(node.param("robot_description"), node, names)
         folder.update(limits=bounds)
         for setpoint in definition.setpoints:
             parameters.check_setpoint(setpoint, node.param(setpoint.controller, {}).get("joints", names), bounds)

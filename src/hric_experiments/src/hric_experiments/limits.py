@@ -6,7 +6,6 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 
-import panda_description
 from hric_control.joint_limits import load_limits
 from hric_control.node import Node
 
@@ -14,13 +13,12 @@ MOVING = ("revolute", "prismatic", "continuous")
 FIELDS = ("lower", "upper", "velocity", "effort", "effort_rate")
 
 
-def table(urdf_xml: str, node: Node | None, arm_id: str = "", joint_names: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
+def table(urdf_xml: str, node: Node | None, joint_names: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
     """Limits per joint, from the description and the `joint_limits` parameters of the robot.
 
     Args:
         urdf_xml: robot description.
         node: the robot's namespace; None: the description alone.
-        arm_id: prefix of a Panda's joints, whose largest rate of torque no description can carry.
         joint_names: which joints; None: all that move by themselves.
 
     Returns:
@@ -35,7 +33,4 @@ def table(urdf_xml: str, node: Node | None, arm_id: str = "", joint_names: Seque
     for limits in load_limits(urdf_xml, node, joint_names):
         values = {field: float(getattr(limits, field)) for field in FIELDS}
         result[limits.name] = {field: value for field, value in values.items() if math.isfinite(value)}
-    for name, own in panda_description.joint_limits(arm_id).items() if arm_id else ():
-        if name in result:
-            result[name].setdefault("effort_rate", own.effort_rate)
     return result

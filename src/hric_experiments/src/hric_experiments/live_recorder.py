@@ -70,7 +70,7 @@ class Recorder:
     def _limits() -> dict[str, dict[str, float]]:
         namespace = rospy.get_namespace()
         description = rospy.get_param(rospy.search_param("robot_description") or "robot_description", "")
-        return limits.table(description, RosNode(namespace), str(rospy.get_param("robot/arm_id", ""))) if description else {}
+        return limits.table(description, RosNode(namespace)) if description else {}
 
     def _start(self) -> RosbagProcess:
         command = rosbag_process.arguments(self.folder.bag_path, self._topics, str(rospy.get_param("~exclude", "")), self._node_name)

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+import panda_description
 from hric_control.errors import HricError
 from hric_experiments import config
 from hric_experiments.experiment import Experiment, ExperimentError, SetPoint
@@ -58,7 +59,7 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
     return result
 
 
-def robot(experiment: Experiment, seed: int) -> dict[str, Any]:
+def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
     """Private parameters of the RobotHW."""
     spec = experiment.robot
     values: dict[str, Any] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": {"seed": seed, **spec.plant}}
@@ -67,6 +68,12 @@ def robot(experiment: Experiment, seed: int) -> dict[str, Any]:
     if spec.q_start is not None:
         values["q_start"] = dict(spec.q_start) if isinstance(spec.q_start, Mapping) else list(spec.q_start)
     return values
+
+
+def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:
+    """What stands below `joint_limits/` in the robot's namespace: the Panda's limits under ros_control's names, the rate of torque among them,
+    which a URDF cannot carry. Empty for another robot."""
+    return {} if experiment.robot.urdf else panda_description.joint_limit_parameters(experiment.robot.arm_id)
 
 
 def check_setpoint(setpoint: SetPoint, joints: Sequence[str], limits: Mapping[str, Mapping[str, float]]) -> None:
