@@ -24,6 +24,7 @@ from hric_control.robot_hw import ControllerInfo, OnCycle, RobotHW
 from hric_control.sim_loop import SimLoop
 from hric_control.transmission import parse_transmissions
 from pybullet_ros_control import robot_settings
+from pybullet_ros_control.config import DEFAULTS, rotor_inertia
 from pybullet_ros_control.modes import DrivenPlant, Mode
 from pybullet_ros_control.pid import Pid, PidGains
 
@@ -55,6 +56,7 @@ class RobotHWSim(RobotHW):
         plant, loop: physics and clock.
         states: joint states at the measuring instant.
         modes: what each joint is commanded by now.
+        rotor_inertia: of each joint, which a controller needs to judge its gains [kg m^2].
     """
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
@@ -70,6 +72,7 @@ class RobotHWSim(RobotHW):
         brakes = robot_settings.flag(node, "brake_unclaimed", True)
         config = robot_settings.mapping(node, "plant")
         self._brakes = [brakes and set(t.interfaces) != {"JointStateInterface"} for t in self.transmissions]
+        self.rotor_inertia = rotor_inertia(config.get("rotor_inertia", DEFAULTS["rotor_inertia"]), names)
         self._pids = self._read_pids(root_node, names)
         self.plant: Plant = plugins.find(plugins.PLANT, node.param("plant_type", DEFAULT_PLANT))(self.description, names, config)
         try:
