@@ -8,11 +8,13 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from hric_control.errors import HricError
-from hric_experiments import experiment, headless
+from hric_experiments import bag_reader, experiment, headless
 from hric_experiments.run_folder import RunFolder
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
@@ -115,3 +117,51 @@ def test_an_experiment_without_set_point_holds_the_arm_where_it_is(tmp_path: Pat
     result = run(tmp_path, "pd_step", "setpoints:=[]", "duration:=0.2")
     assert result.metrics["setpoints"] == [] and "no set point was recorded" in result.metrics["report"]
     assert max(abs(joint["velocity_peak"]) for joint in result.metrics["joints"].values()) < 1e-6
+
+
+@pytest.fixture(scope="module")
+def metrics(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    return run(tmp_path_factory.mktemp("runs"), "thesis_step", "inertials:=thesis", "rotor_inertia:=0").metrics
+
+
+class TestThesisStep:
+    def test_the_start_outside_joint_4_is_said_once_and_counted(self, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+        metrics = run(tmp_path, "thesis_step", "duration:=0.1").metrics
+        said = [record.getMessage() for record in caplog.records if "starts at" in record.getMessage()]
+        assert len(said) == 1 and said[0].startswith("panda_joint4 starts at 0.0000 rad, outside its range [-3.0718, -0.0698]")
+        outside = {name: joint["position_excess_max"] for name, joint in metrics["joints"].items() if joint["started_outside"]}
+        assert outside == {"panda_joint4": pytest.approx(0.0698)}
+
+    def test_while_outside_only_inward_effort_passes_and_the_controller_leads(self, tmp_path: Path) -> None:
+        folder = run(tmp_path, "thesis_step", "duration:=0.3").folder
+        log = bag_reader.read(folder.bag_path).log
+        position, command, raw = (values[:, 3] for values in (log.position, log.command, log.command_raw))
+        outside = position > -0.0698
+        assert 10 < np.count_nonzero(outside) < 250 and not outside[-1]
+        assert (command[outside] <= 0.0).all()
+        assert (np.abs(command[outside]) <= np.abs(raw[outside]) + 1e-9).all()
+
+    def test_what_was_clamped_and_how_far_the_speed_overshot_stands_in_the_report(self, metrics: dict[str, Any]) -> None:
+        assert metrics["limits_touched"]["velocity"] > 100 and metrics["limits_touched"]["effort_rate"] > 0
+        joint = metrics["joints"]["panda_joint4"]
+        assert 1.2 < joint["velocity_ratio"] < 2.2
+        assert joint["velocity_ratio_max"] == pytest.approx(joint["velocity_ratio"], rel=0.05)
+        assert "limits acted (cycles, summed over the joints)" in metrics["report"]
+        assert f"panda_joint4 {joint['velocity_ratio']:.2f} times" in metrics["report"]
+
+    def test_the_rate_of_torque_holds_behind_all_other_clamps(self, metrics: dict[str, Any]) -> None:
+        assert max(joint["rotatum_peak"] for joint in metrics["joints"].values()) <= 1000.0 * (1 + 1e-6)
+
+    def test_the_thesis_set_up_reaches_its_set_point_and_the_report_says_what_differs(self, metrics: dict[str, Any]) -> None:
+        assert metrics["setpoints"][0]["final_error_max"] < 2e-2
+        told = {item["what"]: item for item in metrics["differences"]}
+        assert {"physics engine", "position read-out", "inertia tensors", "limits that acted", "velocity limit"} <= set(told)
+        assert {"rotor inertia [kg m^2]", "joint damping [N m s/rad]", "gains", "self-collision"}.isdisjoint(told)
+        assert "not positive definite" in told["inertia tensors"]["why"]
+        assert all(item["reference"] and item["here"] and item["why"] for item in metrics["differences"])
+
+    def test_other_choices_are_told_as_differences(self, tmp_path: Path) -> None:
+        metrics = run(tmp_path, "thesis_step", "duration:=0.1", "kp:=10", "kd:=5", "damping:=0", "profile:=true", "q_start:=[0,0,0,-1,0,1,0]").metrics
+        told = {item["what"]: item["here"] for item in metrics["differences"]}
+        assert told["gains"] == "Kp 10 Kd 5" and told["rotor inertia [kg m^2]"] == "0.1" and told["joint damping [N m s/rad]"] == "0"
+        assert told["set point"] == "led through a trapezoid" and "start" in told and "joint limits at the start" not in told
