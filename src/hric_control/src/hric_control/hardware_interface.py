@@ -249,6 +249,7 @@ class JointStateInterface(HardwareInterface):
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
         return self.states.names
 
     def handle(self, name: str) -> JointStateHandle:
@@ -278,6 +279,7 @@ class JointCommandInterface(HardwareInterface):
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Names of the joints that offer this command."""
         return self._names
 
     def handle(self, name: str) -> JointHandle:

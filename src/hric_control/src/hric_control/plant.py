@@ -136,7 +136,7 @@ class Plant(ABC):
     def mass_matrix(self) -> FloatArray:
         """The engine's own joint-space mass matrix at the present q, without rotor inertia, shape (n, n) [kg m^2]; for checks."""
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027  (an engine that holds nothing need not say so)
         """Release the engine."""
 
 

@@ -73,7 +73,7 @@ class RobotHW(InterfaceManager):
         """Enforce the limits, then send the commands to the robot."""
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Own the clock: each cycle `read`, `on_cycle`, `write`, until `stop` was called. Returns then; raises HricError on a failure of the robot."""
+        """Own the clock: each cycle `read`, `on_cycle`, `write`, until `stop` was called. Raises HricError on a failure of the robot."""
         raise NotImplementedError(f"{type(self).__name__} has no run")
 
     def stop(self) -> None:

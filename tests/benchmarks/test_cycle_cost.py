@@ -1,0 +1,16 @@
+"""Bounds on the cost of the control cycle, as ratios to the engine's bare step in the same run."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from cycle_cost import measure
+
+
+@pytest.mark.parametrize(("rotor_inertia", "bound"), [(0.0, 4.0), (0.1, 6.0)])
+def test_a_whole_headless_cycle_costs_at_most_a_few_bare_engine_steps(rotor_inertia: float, bound: float, tmp_path: Path) -> None:
+    cost = measure(rotor_inertia, tmp_path)
+    print(f"rotor inertia {rotor_inertia}: {cost}, real-time factor {cost.real_time_factor:.1f}")
+    assert cost.ratio <= bound, cost
