@@ -152,3 +152,25 @@ def test_an_impact_on_the_arm_passes_on_the_momentum_of_links_and_rotors(make_pl
     assert np.abs(oracle.mass_matrix(q) @ dq + rotor * dq - impulse).max() < 0.01 * scale
     if rotor:
         assert np.abs(oracle.mass_matrix(q) @ dq - impulse).max() > 0.04 * scale
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_the_arm_on_a_stiff_wall_gives_the_peak_of_its_effective_mass(make_plant, panda_urdf, tmp_path, rotor):
+    """F = v sqrt(m k) with m = 1 / (n' J (M + B)^-1 J' n), ISO/TS 15066 with the reflected mass of the pose in place of its rule of thumb."""
+    oracle, n, speed = Oracle(panda_urdf), np.array([1.0, 0.0, 0.0]), 0.25
+    q = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+    T = oracle.frame(q, "panda_hand")
+    # The hand's capsule: 0.035 m thick, its axis along y of the hand, 0.03 m before the hand's frame.
+    touch = T[:3, 3] + 0.03 * T[:3, 2] + 0.035 * n
+    J = oracle.jacobian(q, "panda_hand")
+    row = n @ J[:3] + np.cross(touch - T[:3, 3], n) @ J[3:]
+    inverse = np.linalg.inv(oracle.mass_matrix(q) + rotor * np.eye(7))
+    mass = 1.0 / (row @ inverse @ row)
+    # A ball in the place of the wall: it touches the hand's capsule in one known point.
+    wall = {"name": "wall", "shape": "sphere", "size": 0.03, "pose": {"xyz": (touch + 0.0305 * n).tolist()}}
+    wall |= {"contact": "penalty", "stiffness": STIFFNESS, "friction": 0.0}
+    plant = make_plant(panda_urdf, world=write_world(tmp_path, wall), rotor_inertia=rotor, gravity=[0, 0, 0])
+    plant.reset(q, mass * speed * inverse @ row)
+    peak = peak_force(plant, 40)
+    print(rotor, mass, peak, peak / (speed * math.sqrt(mass * STIFFNESS)) - 1)
+    assert peak == pytest.approx(speed * math.sqrt(mass * STIFFNESS), rel=0.02)

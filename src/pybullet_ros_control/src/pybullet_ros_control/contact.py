@@ -88,9 +88,14 @@ class PenaltyContact:
         """Push every overlapping pair apart in the coming step."""
         self.last = []
         for pair in self.pairs:
+            deepest: dict[tuple[int, int], tuple[Any, ...]] = {}
             for point in pybullet.getClosestPoints(pair.a.id, pair.b.id, 0.0, physicsClientId=self.engine.client):
-                if point[8] < 0.0:
-                    self._push(pair, point, forces)
+                links = point[3:5]
+                if point[8] < 0.0 and (links not in deepest or point[8] < deepest[links][8]):
+                    deepest[links] = point
+            # One spring per pair of links: a link of several shapes is not stiffer for it.
+            for point in deepest.values():
+                self._push(pair, point, forces)
 
     def _push(self, pair: PenaltyPair, point: tuple[Any, ...], forces: ExternalForces) -> None:
         index_a, index_b, depth, normal = point[3], point[4], -point[8], point[7]

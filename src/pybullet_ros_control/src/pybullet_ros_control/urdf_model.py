@@ -18,6 +18,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from hric_control.errors import DescriptionError, HricError, UnknownNameError
+from pybullet_ros_control.capsules import join_capsules
 from pybullet_ros_control.resources import resolve
 from pybullet_ros_control.spatial import FloatArray, MassProperties, inverse, rpy_from_rotation
 from pybullet_ros_control.urdf_tree import Joint, Link, UrdfTree, origin
@@ -112,9 +113,9 @@ def _write_inertial(parent: Element, mass: MassProperties, moments: FloatArray, 
 
 def _write_shapes(parent: Element, link: Link, T: FloatArray, tag: str) -> None:
     """Copies the shapes of a member into `parent`, with mesh addresses resolved to files."""
-    for shape in link.collisions if tag == "collision" else link.visuals:
+    where = f"{tag} of link {link.name}"
+    for shape in join_capsules(link.collisions, where) if tag == "collision" else link.visuals:
         copy = deepcopy(shape)
-        where = f"{tag} of link {link.name}"
         T_shape = T @ origin(copy.find("origin"), where)
         for old in copy.findall("origin"):
             copy.remove(old)

@@ -1,0 +1,108 @@
+"""Preparing a description for the engine."""
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import panda_description
+from pybullet_ros_control.pid import Pid, PidGains
+from pybullet_ros_control.resources import resolve
+from pybullet_ros_control.rotor_inertia import make_balance
+from pybullet_ros_control.spatial import (
+    MassProperties,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_from_rpy,
+    rpy_from_rotation,
+)
+from pybullet_ros_control.urdf_model import prepare
+from pybullet_ros_control.urdf_tree import parse_urdf
+
+
+def test_rotations_survive_every_writing(rng):
+    for rpy in [*rng.uniform(-3.1, 3.1, (100, 3)), [0.3, np.pi / 2, 0.2], [0.1, -np.pi / 2, -0.4], [np.pi, 0, 0], [0, 0, np.pi]]:
+        R = rotation_from_rpy(rpy)
+        assert np.abs(rotation_from_rpy(rpy_from_rotation(R)) - R).max() < 1e-9
+        assert np.abs(rotation_from_quaternion(quaternion_from_rotation(R)) - R).max() < 1e-12
+
+
+def test_two_bodies_add_up_by_the_parallel_axis_theorem():
+    # Two balls on a rod of length 2 a: I = 2 (I0 + m a^2) across, 2 I0 along.
+    ball = MassProperties(1.5, np.zeros(3), 0.01 * np.eye(3))
+    ends = [ball.moved(np.block([[np.eye(3), np.array([[s * 0.3], [0], [0]])], [np.zeros((1, 3)), np.ones((1, 1))]])) for s in (-1, 1)]
+    both = ends[0] + ends[1]
+    assert both.mass == 3.0
+    assert both.inertia == pytest.approx(np.diag([0.02, 0.02 + 3 * 0.09, 0.02 + 3 * 0.09]))
+
+
+def test_principal_moments_rebuild_the_tensor_also_where_it_is_not_physical(rng):
+    for _ in range(50):
+        half = rng.uniform(-1, 1, (3, 3))
+        tensor = half + half.T
+        moments, R = MassProperties(1.0, np.zeros(3), tensor).principal()
+        assert np.linalg.det(R) == pytest.approx(1.0)
+        again = rotation_from_rpy(rpy_from_rotation(R))
+        assert np.abs(again @ np.diag(moments) @ again.T - tensor).max() < 1e-13
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 9])
+def test_the_written_out_solver_solves(rng, n):
+    half = rng.uniform(-1, 1, (n, n))
+    M, b = half @ half.T + 0.1 * np.eye(n), rng.uniform(0, 1, n)
+    h, t, v = rng.uniform(-5, 5, (3, n))
+    effort, velocity = make_balance(n)(tuple(map(tuple, M.tolist())), tuple(h), tuple(t), tuple(b), tuple(v), 1e-3)
+    x = np.linalg.solve(M + np.diag(b), t - h)
+    assert effort == pytest.approx((t - b * x).tolist(), abs=1e-9)
+    assert velocity == pytest.approx((v + 1e-3 * x).tolist(), abs=1e-12)
+
+
+def test_rigid_clusters_become_one_link_and_keep_every_frame():
+    model = prepare(parse_urdf(panda_description.load(meshes=False)), collision=False)
+    links = [link.get("name") for link in ElementTree.fromstring(model.xml).findall("link")]
+    assert links == ["world", *(f"panda_link{i}" for i in range(1, 8))]
+    assert model.frames["panda_hand_tcp"].body_link == "panda_link7"
+    assert model.frames["panda_hand_tcp"].T_body_frame[2, 3] == pytest.approx(0.107 + 0.1034)
+    with_shapes = prepare(parse_urdf(panda_description.load(meshes=False)))
+    assert with_shapes.base == "panda_link0"
+    assert with_shapes.frames["panda_hand"].body_link == "panda_hand"
+    assert with_shapes.group["panda_hand"] == "panda_link7"
+
+
+def test_a_cylinder_with_a_ball_at_each_end_is_one_capsule():
+    model = prepare(parse_urdf(panda_description.load(meshes=False)))
+    shapes = [shape.find("geometry")[0] for shape in ElementTree.fromstring(model.xml).iter("collision")]
+    kinds = [shape.tag for shape in shapes]
+    assert "cylinder" not in kinds
+    assert kinds.count("capsule") >= 14
+    base = next(shape for shape in shapes if shape.tag == "capsule")
+    assert (float(base.get("radius")), float(base.get("length"))) == pytest.approx((0.09, 0.095))
+
+
+def test_visual_shapes_are_kept_for_a_window_only(tmp_path):
+    urdf = panda_description.load(meshes=False)
+    assert "<visual" not in prepare(parse_urdf(urdf)).xml
+    assert "<visual" in prepare(parse_urdf(urdf), visual=True).xml
+
+
+def test_files_are_found_by_path_and_by_address(tmp_path, monkeypatch):
+    package = tmp_path / "space" / "some_package"
+    package.mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>some_package</name></package>")
+    (package / "a b.yaml").write_text("x: 1")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "space"))
+    for address in ("package://some_package/a b.yaml", f"file://{package}/a%20b.yaml", str(package / "a b.yaml")):
+        assert resolve(address) == package / "a b.yaml"
+    assert resolve("a b.yaml", package) == package / "a b.yaml"
+
+
+def test_a_pid_has_clamped_integral_and_effort():
+    pid = Pid(PidGains.from_parameter({"p": 2.0, "i": 10.0, "d": 0.5, "i_clamp": 1.0}, "gains"), effort_limit=4.0)
+    assert pid.effort(1.0, 0.01) == pytest.approx(2.0 + 0.1)
+    assert pid.effort(0.9, 0.01) == pytest.approx(1.8 + 0.19 - 4.0, abs=1e-9) or pid.effort(0.9, 0.01) >= -4.0
+    for _ in range(100):
+        effort = pid.effort(0.9, 0.01)
+    assert effort == pytest.approx(1.8 + 1.0)
+    assert pid.effort(50.0, 0.01) == 4.0
+    pid.reset()
+    assert pid.effort(1.0, 0.01) == pytest.approx(2.1)
