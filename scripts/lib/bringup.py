@@ -106,7 +106,7 @@ def _take_over_required(config: Any) -> set[str]:
 
 
 def _wait(parent: Any, ending: Ending, is_experiment: bool) -> int:
-    while parent.spin_once() and not ending.name:
+    while parent.pm.mainthread_spin_once() and not ending.name:
         time.sleep(0.05)
     parent.shutdown()
     if not ending.name:

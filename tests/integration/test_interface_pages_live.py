@@ -1,0 +1,90 @@
+"""The pages against the running system: nothing undocumented, nothing documented that is not there."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+import rosgraph
+import rosservice
+import rostopic
+from live_system import LiveSystem
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from interface_pages import Row, pages, rows  # noqa: E402
+
+STANDARD_TOPICS = {"/rosout", "/rosout_agg", "/tf", "/tf_static", "/clock", "/diagnostics"}
+STANDARD_SERVICES = ("/get_loggers", "/set_logger_level")
+ACTION_PARTS = ("/goal", "/cancel", "/status", "/feedback", "/result")
+TESTER = "/integration_tests"
+
+
+def documented(section: str) -> list[Row]:
+    return [row for page in pages() for row in rows(page) if row.section == section]
+
+
+@pytest.fixture(scope="module")
+def graph(live: LiveSystem) -> tuple[dict[str, list[str]], dict[str, list[str]], list[str]]:
+    """Topics with publishers and with subscribers, and services, but for those of this process and of short-lived tools."""
+    publishers, subscribers, services = rosgraph.Master("/pages").getSystemState()
+
+    def own(nodes: list[str]) -> list[str]:
+        return [node for node in nodes if node != TESTER and not node.startswith(("/rosout", "/rostopic", "/recorder"))]
+
+    kept = [{topic: own(nodes) for topic, nodes in side if own(nodes)} for side in (publishers, subscribers)]
+    return kept[0], kept[1], [name for name, nodes in services if own(nodes)]
+
+
+def test_every_topic_of_the_running_system_is_documented(graph) -> None:
+    publishers, subscribers, _ = graph
+    topics, actions = documented("Topics"), documented("Actions")
+    unknown = []
+    for direction, side in (("pub", publishers), ("sub", subscribers)):
+        for topic in side:
+            if topic in STANDARD_TOPICS or any(row.cells["direction"] == direction and row.matches(topic) for row in topics):
+                continue
+            part = next((part for part in ACTION_PARTS if topic.endswith(part)), None)
+            if part and any(row.matches(topic.removesuffix(part)) for row in actions):
+                continue
+            # A topic that one of our nodes offers may be heard by another without a row of its own.
+            if direction == "sub" and any(row.matches(topic) for row in topics):
+                continue
+            unknown.append((direction, topic, side[topic]))
+    assert unknown == []
+
+
+def test_every_service_of_the_running_system_is_documented(graph) -> None:
+    services = documented("Services")
+    assert [name for name in graph[2] if not name.endswith(STANDARD_SERVICES) and not any(row.matches(name) for row in services)] == []
+
+
+def test_the_types_on_the_wire_are_those_of_the_pages(graph) -> None:
+    wrong = []
+    for row in documented("Topics"):
+        for topic in graph[0]:
+            if row.matches(topic) and rostopic.get_topic_type(topic)[0] != row.cells["type"]:
+                wrong.append((topic, rostopic.get_topic_type(topic)[0], row.cells["type"]))
+    for row in documented("Services"):
+        for service in graph[2]:
+            if row.matches(service) and rosservice.get_service_type(service) != row.cells["type"]:
+                wrong.append((service, rosservice.get_service_type(service), row.cells["type"]))
+    assert wrong == []
+
+
+def test_everything_documented_for_the_default_bring_up_is_there(live: LiveSystem, graph) -> None:
+    publishers, _, services = graph
+    absent = [row.name for row in documented("Topics") if row.cells["direction"] == "pub" and not any(row.matches(topic) for topic in all_topics(publishers))]
+    absent += [row.name for row in documented("Services") if not any(row.matches(name) for name in all_services())]
+    absent += [row.name for row in documented("Actions") if not any(row.matches(topic.removesuffix("/status")) for topic in publishers)]
+    assert absent == []
+
+
+def all_topics(publishers: dict[str, list[str]]) -> set[str]:
+    """Topics with a publisher, the recorder's too."""
+    return set(publishers) | {topic for topic, _ in rosgraph.Master("/pages").getPublishedTopics("")}
+
+
+def all_services() -> list[str]:
+    """All services."""
+    return [name for name, _ in rosgraph.Master("/pages").getSystemState()[2]]

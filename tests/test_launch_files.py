@@ -1,0 +1,109 @@
+"""The launch files, without a master: which nodes start, which parameters they get, and that every argument is explained."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+
+import pytest
+import roslaunch.arg_dump
+import roslaunch.config
+import yaml
+from roslaunch.core import RLException
+
+PACKAGE, FILE = "hric_bringup", "bringup.launch"
+
+
+def launch_file() -> str:
+    return roslaunch.rlutil.resolve_launch_arguments([PACKAGE, FILE])[0]
+
+
+def loaded(*arguments: str) -> roslaunch.config.ROSLaunchConfig:
+    return roslaunch.config.load_config_default([(launch_file(), list(arguments))], None, verbose=False, assign_machines=False)
+
+
+def nodes(config: roslaunch.config.ROSLaunchConfig) -> dict[str, str]:
+    return {node.namespace + node.name: f"{node.package}/{node.type}" for node in config.nodes}
+
+
+def parameters(config: roslaunch.config.ROSLaunchConfig) -> dict[str, object]:
+    return {name: parameter.value for name, parameter in config.params.items()}
+
+
+@pytest.fixture(autouse=True)
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+
+
+def test_the_default_brings_up_the_robot_its_controllers_a_recorder_and_no_experiment() -> None:
+    config = loaded()
+    assert nodes(config) == {
+        "/robot": "hric_control/robot",
+        "/spawner": "hric_experiments/spawn",
+        "/robot_state_publisher": "robot_state_publisher/robot_state_publisher",
+        "/recorder": "hric_experiments/recorder",
+    }
+    values = parameters(config)
+    assert values["/use_sim_time"] is True
+    assert values["/joint_pd_controller/type"] == "hric_controllers/JointPDController"
+    assert "panda_joint7" in str(values["/robot_description"]) and "panda_hand" in str(values["/robot_description"])
+    assert values["/robot"]["real_time_factor"] == 1.0
+    assert "controllers:=[joint_state_controller,franka_state_controller,joint_pd_controller]" in str(values["/spawner/overrides"])
+
+
+def test_an_experiment_adds_its_node_and_brings_its_own_start() -> None:
+    config = loaded("experiment:=pd_step", "kp:=200")
+    assert nodes(config)["/experiment"] == "hric_experiments/experiment"
+    values = parameters(config)
+    assert values["/robot"]["q_start"][3] == -0.08
+    assert "kp:=200" in str(values["/experiment/overrides"])
+    assert "controllers:=" not in str(values["/spawner/overrides"])
+
+
+def test_every_argument_reaches_the_robot() -> None:
+    config = loaded(
+        "ns:=/left", "arm_id:=left_arm", "hand:=false", "xyz:=0 0.5 0", "damping:=0.5", "rotor_inertia:=0.2", "gui:=true", "record:=false", "controller:=none",
+        "q_start:=[0,-pi/4,0,-2.0,0,pi/2,0]", "real_time_factor:=0",
+    )  # fmt: skip
+    values = parameters(config)
+    description = str(values["/left/robot_description"])
+    assert "left_arm_joint1" in description and "left_arm_hand" not in description and 'xyz="0 0.5 0"' in description and 'damping="0.5"' in description
+    assert values["/left/robot"]["plant"]["rotor_inertia"] == 0.2
+    assert values["/left/joint_pd_controller/joints"][0] == "left_arm_joint1"
+    assert "/left/recorder" not in nodes(config)
+    assert "controllers:=[joint_state_controller,franka_state_controller]" in str(values["/left/spawner/overrides"])
+
+
+def test_rviz_starts_when_asked_for_and_by_default_where_a_display_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "/rviz" in nodes(loaded("rviz:=true"))
+    assert "/rviz" not in nodes(loaded("rviz:=auto"))
+    monkeypatch.setenv("DISPLAY", ":9")
+    assert "/rviz" in nodes(loaded())
+    assert "/rviz" not in nodes(loaded("rviz:=false"))
+
+
+@pytest.mark.parametrize("environment", ["real", "gazebo"])
+def test_an_environment_that_is_not_there_fails_loudly(environment: str) -> None:
+    with pytest.raises(RLException):
+        loaded(f"env:={environment}")
+
+
+def test_a_wrong_value_stops_the_launch_with_the_reason() -> None:
+    done = subprocess.run(["roslaunch", "--nodes", PACKAGE, FILE, "inertials:=heavy"], capture_output=True, text=True, timeout=60, env=dict(os.environ))
+    assert done.returncode != 0
+    assert "barycentric" in done.stdout + done.stderr
+
+
+def test_every_argument_is_explained_and_numbers_have_a_unit() -> None:
+    documented = roslaunch.arg_dump.get_args([launch_file()])
+    for name, (doc, default) in documented.items():
+        assert doc and len(doc) > 15, name
+        assert default, f"{name} has no default; roslaunch --ros-args would call it required"
+    for name in ("xyz", "rpy", "damping", "rotor_inertia", "q_start", "kp", "kd", "real_time_factor"):
+        assert "[" in documented[name][0], name
+
+
+def test_the_controllers_yaml_configures_every_named_instance() -> None:
+    values = yaml.safe_load(open(os.path.join(os.path.dirname(launch_file()), "../config/controllers.yaml")).read())
+    expected = {"joint_state_controller", "franka_state_controller", "joint_pd_controller", "effort_joint_trajectory_controller", "position_joint_trajectory_controller"}
+    assert expected <= {name for name, value in values.items() if "type" in value}
