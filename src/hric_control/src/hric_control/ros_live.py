@@ -7,12 +7,16 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import roslib.launcher
 import rospy
-from dynamic_reconfigure.server import Server
 
 from hric_control.errors import HricError
 from hric_control.live import LiveValues
 from hric_control.node import LiveParameter
+
+# Importing dynamic_reconfigure asks rospack for Python paths, which only packages older than catkin need, and rospack complains about rosdep.
+roslib.launcher._bootstrapped.append("dynamic_reconfigure")
+from dynamic_reconfigure.server import Server  # noqa: E402
 
 _WIRE_TYPE = {bool: "bool", int: "int", float: "double", str: "str"}
 _INT_RANGE = (-(2**31), 2**31 - 1)

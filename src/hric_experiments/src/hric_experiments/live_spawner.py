@@ -48,6 +48,17 @@ def start(definition: Experiment, timeout: float = READY_TIMEOUT) -> None:
         raise SpawnError(f"controllers {', '.join(waiting)} could not be started; the robot said why")
 
 
+def load_others(definition: Experiment) -> None:
+    """Load the other configured instances, so that a switch to one of them takes one call.
+
+    Raises:
+        SpawnError: the manager refuses.
+    """
+    for name in parameters.defaults(definition.robot.arm_id):
+        if name not in definition.controllers and not _call("load_controller", LoadController, name=name).ok:
+            raise SpawnError(f"controller {name} could not be loaded; the robot said why")
+
+
 def _wait_for_manager(timeout: float) -> None:
     deadline = time.monotonic() + timeout
     while not rospy.is_shutdown():
@@ -73,5 +84,7 @@ def run() -> None:
     configure(definition)
     start(definition)
     rospy.loginfo("started %s", ", ".join(definition.controllers))
+    if definition.name == experiments.NONE:
+        load_others(definition)
     while not rospy.is_shutdown():
         live_node.sleep(0.05)
