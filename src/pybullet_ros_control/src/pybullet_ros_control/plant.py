@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet
 
 from hric_control.errors import CommandError, HricError, ParameterError
 from hric_control.plant import Contact, FloatArray, Load, Plant
@@ -44,6 +43,7 @@ class PyBulletPlant(Plant):
         self._engine = Engine(self.config.gui, self.time_step, self.config.gravity)
         try:
             self._robot = Robot(self._engine, tree, self.joint_names, self.config, masks)
+            self._straight_length = len(self.joint_names) if self._robot.straight else -1
             self._world = World(self._engine, objects)
             self._world.build(self._robot.body)
             self._forces = ExternalForces(self._engine, self._robot.body)
@@ -110,15 +110,12 @@ class PyBulletPlant(Plant):
     def apply(self, tau: Sequence[float]) -> None:
         """Commands for the next step: efforts [N m], or what `set_modes` made of them."""
         values: list[float] = tau.tolist() if isinstance(tau, np.ndarray) else list(tau)
-        robot = self._robot
-        self._values = values if robot.straight and len(values) == len(robot.zeros) else robot.spread(values, robot.zeros)
+        self._values = values if len(values) == self._straight_length else self._robot.spread(values, self._robot.zeros)
 
     def step(self) -> None:
         """Advance by `time_step`."""
         external = self._push() if self._wrenches or self._world.penalty.pairs else None
-        self._robot.actuate(self._values, external)
-        pybullet.stepSimulation(physicsClientId=self._engine.client)
-        self._robot.after_step()
+        self._robot.step(self._values, external)
 
     def _push(self) -> list[float] | None:
         """Apply wrenches and penalty contact; returns the robot's joint efforts that they amount to."""

@@ -21,6 +21,9 @@ from pybullet_ros_control.stops import JointStops
 from pybullet_ros_control.urdf_model import prepare
 from pybullet_ros_control.urdf_tree import Joint, UrdfTree
 
+_DIVERGED = 1e9
+"""A joint velocity beyond any [rad/s]."""
+
 
 class Robot:
     """One robot with a fixed base.
@@ -42,6 +45,7 @@ class Robot:
         self, engine: Engine, tree: UrdfTree, joint_names: Sequence[str], config: PlantConfig, masks: list[tuple[str, str]]
     ) -> None:
         self.engine, self.joint_names = engine, tuple(joint_names)
+        self._client = engine.client
         self._tree, self._config, self._masks = tree, config, masks
         moving = {joint.name: joint for joint in tree.joints if joint.type != "fixed"}
         for name in self.joint_names:
@@ -78,15 +82,20 @@ class Robot:
         self._losses = losses if losses.any else None
         coulomb = [joint.friction if config.friction == "coulomb" else 0.0 for joint in joints]
         balanced = any(inertia) or any(coulomb)
-        self.rotor = RotorInertia(inertia, coulomb, config.time_step, self.mass_matrix, self._bias) if balanced else None
+        self.rotor = RotorInertia(inertia, coulomb, config.time_step, self.engine.client) if balanced else None
         self._motors = JointMotors(
             self.engine, self.body, self._joints, [joint.effort for joint in joints], [joint.velocity for joint in joints]
         )
+        self._bind()
         self._stops = JointStops(self.engine, self.body, self._joints, [(joint.lower, joint.upper) for joint in joints])
         self._half = 0.5 * config.time_step if config.half_step_readout else 0.0
         self._modes = [Mode.EFFORT] * len(self.joint_names)
         self._brakes = [False] * len(self.joint_names)
         self._send_modes()
+
+    def _bind(self) -> None:
+        if self.rotor is not None:
+            self.rotor.body_id = self.body.id
 
     def spread(self, values: Sequence[float], rest: Sequence[float]) -> list[float]:
         """Values of the actuated joints among all moving ones; `rest` fills the others."""
@@ -100,10 +109,6 @@ class Robot:
     def mass_matrix(self, q: Vector) -> Matrix:
         """The engine's joint-space mass matrix [kg m^2]."""
         result: Matrix = pybullet.calculateMassMatrix(self.body.id, q, physicsClientId=self.engine.client)
-        return result
-
-    def _bias(self, q: Vector, dq: Vector) -> Vector:
-        result: Vector = pybullet.calculateInverseDynamics(self.body.id, q, dq, self.zeros, physicsClientId=self.engine.client)
         return result
 
     # -- putting the robot somewhere -----------------------------------------------------------------------------------------------------
@@ -124,7 +129,8 @@ class Robot:
     def _set_state(self, q: Vector, dq: Vector) -> None:
         for joint, x, v in zip(self._joints, q, dq, strict=True):
             pybullet.resetJointState(self.body.id, joint, x, v, physicsClientId=self.engine.client)
-        self._read_joints()
+        states = pybullet.getJointStates(self.body.id, self._joints, self._client)
+        self.q, self.dq, _, self._motor_effort = zip(*states, strict=True)
 
     def load_again(self) -> None:
         """After the engine was emptied: the robot anew, in the state of its joints; modes, brakes and stops as they were."""
@@ -132,6 +138,7 @@ class Robot:
         self._set_state(self.q, self.dq)
         self._motors.restore(self.body)
         self._stops.restore(self.body)
+        self._bind()
 
     def set_load(self, load: tuple[str, MassProperties] | None) -> None:
         """Payload on a link, from the next `load_again` on."""
@@ -164,23 +171,33 @@ class Robot:
 
     # -- one step ------------------------------------------------------------------------------------------------------------------------
 
-    def actuate(self, values: list[float], external: list[float] | None) -> None:
-        """Send to the engine what acts in the joints in the coming step.
+    def step(self, values: list[float], external: list[float] | None) -> None:
+        """Act in the joints, advance the engine, read the state that this leads to. Bare positional calls of the engine: this runs every millisecond.
 
         Args:
             values: commands of all moving joints, in the meaning of their modes.
             external: joint efforts of the forces that the plant applies in this step [N m]; None for none.
         """
+        client, body, joints, motors = self._client, self.body.id, self._joints, self._motors
         tau = values if self._losses is None else self._losses.subtract(values, self.dq)
-        self.effort = values
-        if not self._motors.all_effort:
+        if motors.all_effort:
+            self.effort = values
+            if self.rotor is not None:
+                tau = self.rotor.torque(self.q, self.dq, tau, external)
+            pybullet.setJointMotorControlArray(body, joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=client)
+        else:
             self._drive(values, tau, external)
-            return
-        if self.rotor is not None:
-            tau = self.rotor.torque(self.q, self.dq, tau, external)
-        pybullet.setJointMotorControlArray(
-            self.body.id, self._joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=self.engine.client
-        )
+        pybullet.stepSimulation(client)
+        self.q, self.dq, _, self._motor_effort = zip(*pybullet.getJointStates(body, joints, client), strict=True)
+        # The dynamics couples all joints, so one that is not finite spoils the first.
+        if not -_DIVERGED < self.dq[0] < _DIVERGED:
+            raise HricError(f"the simulation diverged: joint velocities {self.dq} rad/s")
+        if not motors.all_effort:
+            for i, mode in enumerate(motors.modes):
+                if mode is not Mode.EFFORT:
+                    self.effort[i] = self._motor_effort[i]
+        if self._stops.waiting:
+            self._stops.check(self.q)
 
     def _drive(self, values: list[float], tau: list[float], external: list[float] | None) -> None:
         """A step in which some joints are braked, or driven by velocity or position."""
@@ -199,19 +216,3 @@ class Robot:
             )
         motors.drive(targets)
         self.effort = list(values)
-
-    def _read_joints(self) -> None:
-        states = pybullet.getJointStates(self.body.id, self._joints, physicsClientId=self.engine.client)
-        self.q, self.dq, _, self._motor_effort = zip(*states, strict=True)
-
-    def after_step(self) -> None:
-        """Read the state that the step led to."""
-        self._read_joints()
-        if not math.isfinite(sum(self.dq)):
-            raise HricError(f"the simulation diverged: joint velocities {self.dq} rad/s")
-        if not self._motors.all_effort:
-            for i, mode in enumerate(self._motors.modes):
-                if mode is not Mode.EFFORT:
-                    self.effort[i] = self._motor_effort[i]
-        if self._stops.waiting:
-            self._stops.check(self.q)

@@ -18,6 +18,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import pybullet
 
 Matrix = Sequence[Sequence[float]]
 Vector = Sequence[float]
@@ -69,27 +70,24 @@ def make_balance(n: int) -> Balance:
 
 
 class RotorInertia:
-    """The correction for one robot; remembers one step.
+    """The correction for one robot, by the engine's own M and h; remembers one step.
 
     Args:
         inertia: b, n floats [kg m^2].
         friction: Coulomb friction, n floats [N m].
         time_step: [s].
-        mass_matrix: the engine's M at q.
-        bias: the engine's h (gravity, Coriolis) at q, dq.
+        client: the engine's client.
+
+    Attributes:
+        body_id: the engine's number of the robot; to be set whenever it was loaded.
     """
 
-    def __init__(
-        self,
-        inertia: Sequence[float],
-        friction: Sequence[float],
-        time_step: float,
-        mass_matrix: Callable[[Vector], Matrix],
-        bias: Callable[[Vector, Vector], Vector],
-    ) -> None:
+    def __init__(self, inertia: Sequence[float], friction: Sequence[float], time_step: float, client: int) -> None:
         self.inertia = list(inertia)
         self._friction = list(friction) if any(friction) else None
-        self._dt, self._mass_matrix, self._bias = time_step, mass_matrix, bias
+        self._dt, self._client = time_step, client
+        self._zeros = [0.0] * len(self.inertia)
+        self.body_id = -1
         self._balance = make_balance(len(self.inertia))
         self.forget()
 
@@ -126,8 +124,11 @@ class RotorInertia:
             quiet = math.dist(dq, self._predicted) < _NOTICEABLE_VELOCITY
             if not quiet or self._engine_effort is not None:
                 self._update_engine_effort(dq, self._predicted, quiet)
-        M = self._M = self._mass_matrix(q)
-        h = self._bias(q, dq)
+        # Bare positional calls: this is the dearest part of a step.
+        client, body = self._client, self.body_id
+        M: Matrix = pybullet.calculateMassMatrix(body, q, 0, client)
+        h: Vector = pybullet.calculateInverseDynamics(body, q, dq, self._zeros, 0, client)
+        self._M = M
         if external is not None:
             h = [a - e for a, e in zip(h, external, strict=True)]
         if self._engine_effort is not None:
