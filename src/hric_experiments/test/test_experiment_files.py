@@ -51,6 +51,7 @@ def test_dotted_paths_reach_any_key_of_the_file() -> None:
     [
         ("kpp:=1", "did you mean kp"),
         ("speed:=1", "valid: arm_id, damping, duration"),
+        ("friction:=dry", "valid: none, coulomb, identified"),
         ("kp=1", "write key:=value"),
         ("duration:=0", "duration must be above 0"),
         ("duration:=soon", "duration must be a finite number"),

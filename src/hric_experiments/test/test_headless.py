@@ -59,8 +59,45 @@ def test_run_yaml_tells_what_ran(tmp_path: Path) -> None:
     assert os.uname().nodename not in text
 
 
+def test_friction_acts_in_the_plant_and_only_dry_friction_leaves_an_error(tmp_path: Path) -> None:
+    for friction, least, most in (("identified", 0.0, 1e-3), ("coulomb", 1e-3, 5e-2)):
+        result = run(tmp_path, "pd_step", f"friction:={friction}")
+        assert result.folder.read()["parameters"]["robot"]["plant"]["friction"] == friction
+        assert least < result.metrics["setpoints"][0]["final_error_max"] < most
+        assert result.metrics["joints"]["panda_joint7"]["effort_peak"] > 0.2
+
+
+XACRO = """<robot name="one" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="m" value="1.0"/>
+<link name="base"/>
+<link name="arm"><inertial>
+<origin xyz="0.1 0 0"/><mass value="${m}"/><inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" effort="30" velocity="20"/></joint>
+<transmission name="t"><type>transmission_interface/SimpleTransmission</type><joint name="j">
+<hardwareInterface>EffortJointInterface</hardwareInterface>
+</joint><actuator name="a"><mechanicalReduction>1</mechanicalReduction></actuator></transmission></robot>"""
+
+OWN = """
+robot: {hw: pybullet_ros_control/RobotHWSim, urdf: %s, plant: {rotor_inertia: 0}}
+controllers: [pd]
+parameters: {pd: {type: hric_controllers/JointPDController, joints: [j], kp: 100, kd: 3}}
+setpoints: [{time: 0.1, controller: pd, positions: [1.0]}, {time: 2.0, controller: pd, positions: [-0.5]}]
+duration: 4
+"""
+
+
+def test_a_robot_and_an_experiment_of_ones_own_run_too(tmp_path: Path) -> None:
+    (tmp_path / "one.urdf.xacro").write_text(XACRO)
+    path = tmp_path / "own.yaml"
+    path.write_text(OWN % (tmp_path / "one.urdf.xacro"))
+    result = run(tmp_path / "runs", str(path))
+    assert [move["joints"]["j"]["target"] for move in result.metrics["setpoints"]] == [1.0, -0.5]
+    assert all(move["final_error_max"] < 1e-3 for move in result.metrics["setpoints"])
+    assert result.folder.path.name.startswith("own_")
+
+
 def test_two_processes_with_one_seed_are_bit_identical(tmp_path: Path) -> None:
-    runs = [rosrun(tmp_path / str(i), "pd_step", "duration:=0.5", "robot.plant.friction:=identified", "--seed", "7") for i in range(2)]
+    runs = [rosrun(tmp_path / str(i), "pd_step", "duration:=0.5", "friction:=identified", "--seed", "7") for i in range(2)]
     hashes = []
     for process in runs:
         output, error = process.communicate(timeout=60)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import inspect
-import subprocess
-import sys
 from pathlib import Path
 
+import panda_description
 from hric_control.errors import HricError
 from hric_experiments import config
 from hric_experiments.experiment import ExperimentError, RobotSpec
@@ -20,8 +19,6 @@ def load(spec: RobotSpec) -> str:
     """
     if spec.urdf:
         return _from_file(resolve(spec.urdf))
-    import panda_description
-
     valid = [name for name in inspect.signature(panda_description.load).parameters if name not in ("arm_id", "robot_sim_type")]
     unknown = sorted(set(spec.description) - set(valid))
     if unknown:
@@ -40,11 +37,10 @@ def resolve(address: str) -> Path:
 
 def _from_file(path: Path) -> str:
     try:
-        if path.suffix == ".xacro":
-            done = subprocess.run([sys.executable, "-m", "xacro", str(path)], capture_output=True, text=True, timeout=60, check=False)
-            if done.returncode:
-                raise HricError(f"{path.name}: xacro says: {(done.stderr.strip().splitlines() or ['nothing'])[-1]}")
-            return done.stdout
-        return path.read_text()
+        text = path.read_text()
     except OSError as error:
         raise HricError(f"cannot read the robot description {path}: {error.strerror}") from error
+    if path.suffix != ".xacro":
+        return text
+    document: str = panda_description.process_xacro(path, {}).toxml()
+    return document

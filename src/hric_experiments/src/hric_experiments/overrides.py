@@ -35,6 +35,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
 }
 """Short names for the keys that are changed most; {controller} is the controller of the first set point."""
 
+FRICTIONS = ("none", "coulomb", "identified")
 SIMULATORS = {"pybullet": "pybullet_ros_control/PyBulletPlant"}
 
 
@@ -57,8 +58,18 @@ def apply(raw: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
     result: dict[str, Any] = copy.deepcopy(dict(raw))
     for text in overrides:
         key, value = split(text)
+        if key == "friction":
+            value = _friction(result, value, text)
         _assign(result, resolve(key, result), value, text)
     return result
+
+
+def _friction(raw: dict[str, Any], value: Any, text: str) -> str:
+    """Tell the plant which friction acts; answers what the description needs for it, which knows Coulomb's values as part of the identified ones."""
+    if value not in FRICTIONS:
+        raise ExperimentError(f"cannot apply {text!r}; valid: {', '.join(FRICTIONS)}")
+    _assign(raw, ["robot", "plant", "friction"], value, text)
+    return "none" if value == "none" else "identified"
 
 
 def separate(text: str) -> list[str]:

@@ -13,7 +13,7 @@ import yaml
 import panda_description
 from hric_control.errors import HricError
 from hric_experiments import config
-from hric_experiments.experiment import Experiment, ExperimentError, SetPoint
+from hric_experiments.experiment import Experiment, ExperimentError, RobotSpec, SetPoint
 
 ROBOT = "robot"
 """Namespace of the robot's own parameters, below the robot's namespace."""
@@ -62,12 +62,21 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
 def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
     """Private parameters of the RobotHW."""
     spec = experiment.robot
-    values: dict[str, Any] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": {"seed": seed, **spec.plant}}
+    values: dict[str, Any] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": {"seed": seed, **_friction(spec), **spec.plant}}
     if spec.plant_type:
         values["plant_type"] = spec.plant_type
     if spec.q_start is not None:
         values["q_start"] = dict(spec.q_start) if isinstance(spec.q_start, Mapping) else list(spec.q_start)
     return values
+
+
+def _friction(spec: RobotSpec) -> dict[str, Any]:
+    """What the plant needs for the friction of the Panda's description."""
+    wanted = spec.plant.get("friction", spec.description.get("friction", "none"))
+    if spec.urdf or wanted == "none":
+        return {}
+    published = panda_description.friction_parameters(spec.arm_id)
+    return {"friction": wanted} | ({"friction_parameters": published} if wanted == "identified" else {})
 
 
 def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:

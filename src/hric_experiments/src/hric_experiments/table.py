@@ -36,7 +36,7 @@ def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
 def _head(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     arguments = " ".join(run.get("arguments") or []) or "none"
     rtf = run.get("real_time_factor")
-    pace = f", {rtf:.3g} times real time" if isinstance(rtf, int | float) else ""
+    pace = f", {rtf:.2f} times real time" if isinstance(rtf, int | float) else ""
     cycles = metrics["control_log"]
     return (
         f"{run.get('experiment', 'run')}: {run.get('description', '')}\n"

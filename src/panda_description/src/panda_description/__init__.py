@@ -3,6 +3,7 @@
 from panda_description.description import Argument as Argument
 from panda_description.description import arguments as arguments
 from panda_description.description import load as load
+from panda_description.description import process_xacro as process_xacro
 from panda_description.parameters import CartesianLimit as CartesianLimit
 from panda_description.parameters import JointLimit as JointLimit
 from panda_description.parameters import cartesian_limits as cartesian_limits

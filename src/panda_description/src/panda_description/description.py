@@ -12,8 +12,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from math import isfinite
+from pathlib import Path
 from typing import Any, ParamSpec
 from xml.dom import Node, minidom
+from xml.parsers.expat import ExpatError
 
 from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
 from panda_description import meshes as mesh_files
@@ -94,7 +96,7 @@ def load(
     _warn_unphysical(inertials)
     del given["meshes"]
     mappings = {name: _text(value) for name, value in given.items()} | {"mesh_folder": mesh_files.folder_uri() if meshes else ""}
-    return _pure(_process(mappings), arm_id)
+    return _pure(process_xacro(share() / "urdf" / "panda.urdf.xacro", mappings), arm_id)
 
 
 def arguments() -> dict[str, Argument]:
@@ -161,13 +163,22 @@ def _xacro() -> Any:
     return xacro
 
 
-def _process(mappings: dict[str, str]) -> minidom.Document:
+def process_xacro(path: Path, mappings: dict[str, str]) -> minidom.Document:
+    """Any xacro file, in process; its $(find) knows ROS 1's packages.
+
+    Args:
+        path: the file.
+        mappings: its arguments.
+
+    Raises:
+        DescriptionError: what xacro says, with the name of the file.
+    """
     with _XACRO_LOCK:
         xacro = _xacro()
         try:
-            document: minidom.Document = xacro.process_file(str(share() / "urdf" / "panda.urdf.xacro"), mappings=mappings)
-        except xacro.XacroException as error:
-            raise DescriptionError(f"panda.urdf.xacro: {error}") from error
+            document: minidom.Document = xacro.process_file(str(path), mappings=mappings)
+        except (xacro.XacroException, ExpatError) as error:
+            raise DescriptionError(f"{path.name}: {error}") from error
     return document
 
 
