@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pybullet
 
 from hric_control.errors import CommandError, HricError, ParameterError
 from hric_control.plant import Contact, FloatArray, Load, Plant
@@ -114,8 +115,11 @@ class PyBulletPlant(Plant):
 
     def step(self) -> None:
         """Advance by `time_step`."""
-        external = self._push() if self._wrenches or self._world.penalty.pairs else None
-        self._robot.step(self._values, external)
+        try:
+            external = self._push() if self._wrenches or self._world.penalty.pairs else None
+            self._robot.step(self._values, external)
+        except pybullet.error as error:
+            raise HricError(f"PyBullet stopped ({error})" + ("; was its window closed?" if self.config.gui else "")) from error
 
     def _push(self) -> list[float] | None:
         """Apply wrenches and penalty contact; returns the robot's joint efforts that they amount to."""

@@ -18,7 +18,7 @@ from pybullet_ros_control.motors import JointMotors
 from pybullet_ros_control.rotor_inertia import Matrix, RotorInertia, Vector
 from pybullet_ros_control.spatial import MassProperties
 from pybullet_ros_control.stops import JointStops
-from pybullet_ros_control.urdf_model import prepare
+from pybullet_ros_control.urdf_model import EngineModel, prepare
 from pybullet_ros_control.urdf_tree import Joint, UrdfTree
 
 _DIVERGED = 1e9
@@ -51,7 +51,7 @@ class Robot:
         for name in self.joint_names:
             if name not in moving:
                 raise UnknownNameError("moving joint", name, moving, f"robot {tree.name}")
-        self._load: tuple[str, MassProperties] | None = None
+        self._model = self._prepare(None)
         self._load_body()
         names = sorted(self.body.joints, key=self.body.joints.__getitem__)
         self._joints = [self.body.joints[name] for name in names]
@@ -63,12 +63,14 @@ class Robot:
         self.effort = list(self.zeros)
         self._set_up([moving[name] for name in names])
 
+    def _prepare(self, load: tuple[str, MassProperties] | None) -> EngineModel:
+        loads = None if load is None else dict([load])
+        return prepare(self._tree, loads=loads, collision=self._config.collision, visual=self._config.gui)
+
     def _load_body(self) -> None:
-        config = self._config
-        loads = None if self._load is None else dict([self._load])
-        model = prepare(self._tree, loads=loads, collision=config.collision, visual=config.gui)
-        self.body: Body = self.engine.load(model.name, model, np.eye(4), fixed_base=True, self_collision=config.self_collision)
-        if config.self_collision:
+        model, touching = self._model, self._config.self_collision
+        self.body: Body = self.engine.load(model.name, model, np.eye(4), fixed_base=True, self_collision=touching)
+        if touching:
             apply_masks(self.engine, self.body, self._masks)
 
     def _set_up(self, joints: list[Joint]) -> None:
@@ -142,8 +144,7 @@ class Robot:
 
     def set_load(self, load: tuple[str, MassProperties] | None) -> None:
         """Payload on a link, from the next `load_again` on."""
-        prepare(self._tree, loads=None if load is None else dict([load]))  # refuses a link that does not exist
-        self._load = load
+        self._model = self._prepare(load)
 
     @property
     def last_link(self) -> str:
