@@ -61,7 +61,7 @@ def test_run_yaml_tells_what_ran(tmp_path: Path) -> None:
 
 def test_friction_acts_in_the_plant_and_only_dry_friction_leaves_an_error(tmp_path: Path) -> None:
     for friction, least, most in (("identified", 0.0, 1e-3), ("coulomb", 1e-3, 5e-2)):
-        result = run(tmp_path, "pd_step", f"friction:={friction}")
+        result = run(tmp_path, "pd_step", f"friction:={friction}", "duration:=4")
         assert result.folder.read()["parameters"]["robot"]["plant"]["friction"] == friction
         assert least < result.metrics["setpoints"][0]["final_error_max"] < most
         assert result.metrics["joints"]["panda_joint7"]["effort_peak"] > 0.2
@@ -190,12 +190,17 @@ class TestThesisStep:
         assert max(joint["rotatum_peak"] for joint in metrics["joints"].values()) <= 1000.0 * (1 + 1e-6)
 
     def test_the_thesis_set_up_reaches_its_set_point_and_the_report_says_what_differs(self, metrics: dict[str, Any]) -> None:
-        assert metrics["setpoints"][0]["final_error_max"] < 2e-2
+        assert metrics["setpoints"][0]["final_error_max"] < 1e-3
         told = {item["what"]: item for item in metrics["differences"]}
         assert {"physics engine", "position read-out", "inertia tensors", "limits that acted", "velocity limit"} <= set(told)
         assert {"rotor inertia [kg m^2]", "joint damping [N m s/rad]", "gains", "self-collision"}.isdisjoint(told)
         assert "not positive definite" in told["inertia tensors"]["why"]
         assert all(item["reference"] and item["here"] and item["why"] for item in metrics["differences"])
+
+    def test_gains_beyond_what_the_loop_carries_are_told_as_chatter(self, tmp_path: Path) -> None:
+        metrics = run(tmp_path, "thesis_step", "kp:=200", "kd:=100", "inertials:=thesis", "rotor_inertia:=0", "duration:=1").metrics
+        told = {item["what"]: item["here"] for item in metrics["differences"]}
+        assert "panda_joint7" in told["torque at the end of the run"] and "gains" not in told
 
     def test_other_choices_are_told_as_differences(self, tmp_path: Path) -> None:
         metrics = run(tmp_path, "thesis_step", "duration:=0.1", "kp:=10", "kd:=5", "damping:=0", "profile:=true", "q_start:=[0,0,0,-1,0,1,0]").metrics

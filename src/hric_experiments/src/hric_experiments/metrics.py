@@ -12,6 +12,8 @@ import numpy.typing as npt
 from hric_experiments.bag_reader import ControlRecord, RunRecord, SentSetPoint
 
 FloatArray = npt.NDArray[np.float64]
+RIPPLE_WINDOW = 0.1
+"""The end of the run over which the torque's ripple is taken: at rest a loop that chatters still shows it [s]."""
 LIMIT_KINDS = ("position", "velocity", "effort", "effort_rate")
 
 
@@ -132,6 +134,7 @@ def joint_metrics(log: ControlRecord, limits: Mapping[str, Mapping[str, float]],
         peaks["effort_peak"] = np.abs(log.command).max(axis=0)
         peaks["effort_raw_peak"] = np.abs(log.command_raw).max(axis=0)
         peaks["rotatum_peak"] = np.abs(rate(log.command, log.time)).max(axis=0)
+        peaks["effort_ripple"] = np.ptp(log.command[log.time >= log.time[-1] - RIPPLE_WINDOW], axis=0)
         peaks["rotatum_raw_peak"] = np.abs(rate(log.command_raw, log.time)).max(axis=0)
     result = {}
     for j, name in enumerate(log.joint_names):
