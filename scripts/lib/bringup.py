@@ -136,4 +136,7 @@ def main(argv: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    code = main(sys.argv[1:])
+    sys.stdout.flush()
+    # All processes have ended; roslaunch's own threads need not be waited for.
+    os._exit(code)

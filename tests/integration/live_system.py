@@ -7,7 +7,8 @@ import signal
 import subprocess
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from bringup_master import free_port
@@ -63,6 +64,18 @@ class LiveSystem:
     def run(self, *command: str, timeout: float = 30.0) -> subprocess.CompletedProcess[str]:
         """A command in another terminal, on this system's master."""
         return subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=timeout, cwd=ROOT)
+
+    @contextmanager
+    def started(self, *command: str) -> Iterator[subprocess.Popen[bytes]]:
+        """A command that stays, in another terminal; its program is ended at the latest with the block."""
+        # rosrun replaces itself by the program, so the signal reaches it.
+        process = subprocess.Popen(command, env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, cwd=ROOT)
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
 
     def wait_output(self, text: str, timeout: float = READY_TIMEOUT) -> None:
         """Wait until `text` was printed."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+from pathlib import Path
+
 import pytest
 import rospy
 from controller_manager_msgs.srv import ListControllers, ListControllerTypes, LoadController, SwitchController, SwitchControllerRequest, UnloadController
@@ -96,9 +99,24 @@ def test_the_command_line_tool_lists_stops_and_starts(live: LiveSystem) -> None:
     assert states()[PD] == "running"
 
 
-def test_unspawner_and_spawner_take_a_controller_down_and_up(live: LiveSystem) -> None:
-    assert live.run("rosrun", "controller_manager", "unspawner", EFFORT).returncode == 0
-    assert EFFORT not in states() or states()[EFFORT] == "stopped"
-    refused = live.run("rosrun", "controller_manager", "spawner", "--timeout", "5", "no_such_controller", timeout=60.0)
-    assert refused.returncode != 0
-    assert "Traceback" not in refused.stdout + refused.stderr
+def test_unspawner_keeps_a_controller_stopped_and_starts_it_again_at_its_end(live: LiveSystem) -> None:
+    with live.started("rosrun", "controller_manager", "unspawner", PD) as tool:
+        wait_for(lambda: states()[PD] == "stopped", 20.0, "stopped by the unspawner")
+        tool.send_signal(signal.SIGINT)
+        tool.wait(timeout=10.0)
+    assert states()[PD] == "running"
+
+
+def test_spawner_loads_a_controller_from_a_yaml_file_and_unloads_it_at_its_end(live: LiveSystem, tmp_path: Path) -> None:
+    (tmp_path / "more.yaml").write_text("more_states: {type: joint_state_controller/JointStateController, publish_rate: 20}\n")
+    with live.started("rosrun", "controller_manager", "spawner", str(tmp_path / "more.yaml")) as tool:
+        wait_for(lambda: states().get("more_states") == "running", 20.0, "started by the spawner")
+        tool.send_signal(signal.SIGINT)
+        tool.wait(timeout=10.0)
+    assert "more_states" not in states()
+
+
+def test_spawner_says_that_there_is_no_such_controller(live: LiveSystem) -> None:
+    refused = live.run("rosrun", "controller_manager", "spawner", "no_such_controller")
+    assert refused.returncode == 1
+    assert "no_such_controller" in refused.stderr and "Traceback" not in refused.stdout + refused.stderr

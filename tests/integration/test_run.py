@@ -22,7 +22,7 @@ def test_pd_step_runs_reports_and_leaves_a_run_that_everybody_can_read(start: St
     for joint in range(1, 8):
         assert f"panda_joint{joint}" in system.output
     assert "final error" in system.output and "settled" in system.output
-    assert metrics["moves"][0]["final_error_max"] < 1e-3
+    assert metrics["setpoints"][0]["final_error_max"] < 1e-3
     assert yaml.safe_load((folder / "run.yaml").read_text())["status"] == "completed"
     bag = next(folder.glob("*.bag"))
     info = system.run("rosbag", "info", str(bag))
