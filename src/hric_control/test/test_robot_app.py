@@ -216,3 +216,17 @@ def test_diagnostics_tell_the_loop_and_what_was_limited(run):
     assert limits.level == DiagnosticStatus.WARN
     assert "j1: " in {item.key: item.value for item in limits.values}["effort"]
     assert status.message().status[1].level == DiagnosticStatus.OK  # nothing since the last one
+
+
+@pytest.mark.parametrize("value", [-1.0, "long", True, float("nan")])
+def test_a_wait_for_a_listener_that_is_no_time_is_refused(value):
+    run = Run({"wait_for_log_listener": value})
+    with pytest.raises(ParameterError, match="wait_for_log_listener must be a time"):
+        run.app.wait_for_log_listener()
+
+
+def test_nobody_listening_is_told_and_the_robot_goes_on(caplog):
+    node = LocalNode({"robot_description": toy.URDF})  # without a tap
+    app = RobotApp(node, LocalNode({"real_time_factor": 0.0, "wait_for_log_listener": 0.02}), hw=toy.ToyRobot())
+    app.wait_for_log_listener()
+    assert "nobody listens to control_log after 0.02 s" in caplog.text

@@ -119,6 +119,29 @@ def test_a_running_robot_serves_logs_pauses_steps_and_ends(start):
     assert {"toy: control loop", "toy: joint limits"} <= names
 
 
+def test_a_listener_that_comes_late_gets_the_first_cycle_when_the_robot_is_told_to_wait_for_it(start):
+    from hric_msgs.msg import ControlLog
+    from hric_msgs.srv import StepSimulation
+
+    process = start("_wait_for_log_listener:=20")
+    caller("/toy/sim/step", StepSimulation)  # the robot is there
+    time.sleep(0.3)
+    with listening("/toy/control_log", ControlLog) as log:
+        wait(lambda: log, 15.0)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(3.0) == 0
+    assert log[0][1].first_cycle == 0
+
+
+def test_a_robot_that_waits_for_a_listener_ends_at_once_when_asked_to(start):
+    from hric_msgs.srv import StepSimulation
+
+    process = start("_wait_for_log_listener:=60")
+    caller("/toy/sim/step", StepSimulation)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(3.0) == 0
+
+
 def test_an_unpaced_robot_is_fast_and_loses_no_row(start):
     from hric_msgs.msg import ControlLog
 
@@ -134,7 +157,7 @@ def test_an_unpaced_robot_is_fast_and_loses_no_row(start):
     messages = [message for _, message in log]
     cycles = [message.first_cycle + i for message in messages for i in range(message.n_cycles)]
     assert cycles == list(range(cycles[0], cycles[0] + len(cycles)))
-    assert factor > 5.0
+    assert factor > 2.0  # far above real time, on any machine
 
 
 def test_a_mistake_at_the_start_is_one_fatal_line_and_exit_code_1(start):

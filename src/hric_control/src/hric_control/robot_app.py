@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import math
 from collections.abc import Callable
+from time import perf_counter, sleep
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
@@ -25,6 +27,8 @@ CLOCK_EVERY = 0.01
 """[s of run time]"""
 COUNTS_EVERY = 1.0
 """[s of run time]"""
+LISTENER_POLL = 0.01
+"""[s of wall time]"""
 DRAIN_TIMEOUT = 0.5
 """Longest wait of an unpaced loop for queued messages [s of wall time]."""
 
@@ -93,6 +97,8 @@ class RobotApp:
         self.cycles = 0
         self._live = live
         self._end: float | None = None
+        self._log_publisher: realtime.RealtimePublisher | None = None
+        self._stopping = False
         self._hook: Callable[[float], None] | None = None
         self._closers: list[Callable[[], None]] = []
         self.hw.init(root_node, robot_hw_node)
@@ -135,7 +141,7 @@ class RobotApp:
             raise ParameterError(f"{self.robot_hw_node.resolve('control_log')} must be true or false; got {wanted!r}")
         if not (wanted and hasattr(self.hw, "log_row")):
             return None
-        publisher = realtime.publisher(self.root_node, "control_log", ControlLogMessage, lossless=True)
+        publisher = self._log_publisher = realtime.publisher(self.root_node, "control_log", ControlLogMessage, lossless=True)
         states = self.hw.get(JointStateInterface).states
         return ControlLog(states, self.hw.log_row, publisher.publish, stamps.to_time)
 
@@ -181,6 +187,29 @@ class RobotApp:
         if self._counts is not None:
             counts = self.limit_counts()
             self._counts.publish(lambda: counts.message(stamps.to_time(time)))
+
+    def wait_for_log_listener(self) -> None:
+        """Hold run time at its start until somebody listens to the control log, so that a recording has every cycle from the first one on.
+
+        Before `run`. The parameter `wait_for_log_listener` is the longest wait [s of wall time], 0 by default. Without a log, or when `stop` was
+        called, returns at once; when nobody came in time, warns and goes on.
+        """
+        timeout = self.robot_hw_node.param("wait_for_log_listener", 0.0)
+        if isinstance(timeout, bool) or not isinstance(timeout, int | float) or not 0.0 <= timeout < math.inf:
+            raise ParameterError(f"{self.robot_hw_node.resolve('wait_for_log_listener')} must be a time of 0 s or more; got {timeout!r}")
+        if timeout == 0.0 or self._log_publisher is None:
+            return
+        # A switch that is asked for meanwhile waits for the loop as well.
+        patience, self.manager.loop_timeout = self.manager.loop_timeout, self.manager.loop_timeout + timeout
+        deadline = perf_counter() + timeout
+        try:
+            while not self._log_publisher.subscribers() and not self._stopping:
+                if perf_counter() > deadline:
+                    self.root_node.log_warn(f"nobody listens to control_log after {timeout:g} s: run time begins without a recording of it")
+                    return
+                sleep(LISTENER_POLL)
+        finally:
+            self.manager.loop_timeout = patience
 
     def run(self, duration: float | None = None, on_cycle_hook: Callable[[float], None] | None = None) -> None:
         """Run the robot until `stop`, or for `duration`. What is left of the log and the last limit counts are published at the end.
@@ -233,6 +262,7 @@ class RobotApp:
 
     def stop(self) -> None:
         """Let `run` return after this cycle; from any thread or a signal handler."""
+        self._stopping = True
         self.hw.stop()
 
     def shutdown(self) -> None:
