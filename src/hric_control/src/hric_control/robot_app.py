@@ -178,7 +178,7 @@ class RobotApp:
         return self.loop is not None or not self.manager.switch_pending
 
     def _tick(self, time: float, cycle: int) -> None:
-        if self._clock is not None:
+        if self._clock is not None and time > 0.0:  # 0 would mean that there is no time yet
             self._clock.publish(lambda: Clock(stamps.to_time(time)))
         if self._counts is not None and cycle % self._counts_cycles == 0:
             self._publish_counts(time)
@@ -207,6 +207,8 @@ class RobotApp:
                 if perf_counter() > deadline:
                     self.root_node.log_warn(f"nobody listens to control_log after {timeout:g} s: run time begins without a recording of it")
                     return
+                if self._clock is not None:
+                    self._clock.publish(lambda: Clock(stamps.FIRST))
                 sleep(LISTENER_POLL)
         finally:
             self.manager.loop_timeout = patience

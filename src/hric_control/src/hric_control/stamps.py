@@ -6,6 +6,9 @@ import genpy
 
 _NS = 1_000_000_000
 
+FIRST = genpy.Time(0, 1)
+"""The earliest time that ROS takes for one: to ROS, 0 means that nobody has told the time yet, and tools such as rosbag record wait."""
+
 
 def to_time(seconds: float) -> genpy.Time:
     """Stamp for a run time.
