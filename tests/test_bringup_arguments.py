@@ -64,10 +64,15 @@ def test_an_argument_given_twice_is_refused() -> None:
 def test_good_values_pass_and_are_brought_into_one_form(tmp_path: Path) -> None:
     world = tmp_path / "w.yaml"
     world.write_text("{}")
-    got = checked("rviz:=False", "ns:=left", "xyz:=0, 0, 1", "q_start:=[0, -pi/4, 0, -3*pi/4, 0, pi/2, pi/4]", "kp:=[1,2,3,4,5,6,7]", f"world:={world}", "experiment:=pd_step")
-    assert got == {
-        "rviz": "false", "ns": "/left", "xyz": "0 0 1", "q_start": "[0,-pi/4,0,-3*pi/4,0,pi/2,pi/4]", "kp": "[1,2,3,4,5,6,7]", "world": str(world), "experiment": "pd_step",
-    }  # fmt: skip
+    assert checked("rviz:=False", "ns:=left", "xyz:=0, 0, 1", "experiment:=pd_step", f"world:={world}") == {
+        "rviz": "false",
+        "ns": "/left",
+        "xyz": "0 0 1",
+        "experiment": "pd_step",
+        "world": str(world),
+    }
+    angles = "[0, -pi/4, 0, -3*pi/4, 0, pi/2, pi/4]"
+    assert checked(f"q_start:={angles}", "kp:=[1,2,3,4,5,6,7]") == {"q_start": angles.replace(" ", ""), "kp": "[1,2,3,4,5,6,7]"}
 
 
 def bringup(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:

@@ -9,7 +9,7 @@ import pytest
 import roslib.message
 
 sys.path.insert(0, str(Path(__file__).parent))
-from interface_pages import COLUMNS, pages, rows  # noqa: E402
+from interface_pages import COLUMNS, pages, rows
 
 
 @pytest.fixture(params=pages(), ids=lambda page: page.parent.name)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
+from pathlib import Path
 
 import pytest
 import roslaunch.arg_dump
@@ -61,13 +61,13 @@ def test_an_experiment_adds_its_node_and_brings_its_own_start() -> None:
 
 
 def test_every_argument_reaches_the_robot() -> None:
-    config = loaded(
-        "ns:=/left", "arm_id:=left_arm", "hand:=false", "xyz:=0 0.5 0", "damping:=0.5", "rotor_inertia:=0.2", "gui:=true", "record:=false", "controller:=none",
-        "q_start:=[0,-pi/4,0,-2.0,0,pi/2,0]", "real_time_factor:=0",
-    )  # fmt: skip
+    given = "ns:=/left arm_id:=left_arm hand:=false damping:=0.5 rotor_inertia:=0.2 gui:=true record:=false controller:=none real_time_factor:=0"
+    config = loaded(*given.split(), "xyz:=0 0.5 0", "q_start:=[0,-pi/4,0,-2.0,0,pi/2,0]")
     values = parameters(config)
     description = str(values["/left/robot_description"])
-    assert "left_arm_joint1" in description and "left_arm_hand" not in description and 'xyz="0 0.5 0"' in description and 'damping="0.5"' in description
+    assert (
+        "left_arm_joint1" in description and "left_arm_hand" not in description and 'xyz="0 0.5 0"' in description and 'damping="0.5"' in description
+    )
     assert values["/left/robot"]["plant"]["rotor_inertia"] == 0.2
     assert values["/left/joint_pd_controller/joints"][0] == "left_arm_joint1"
     assert "/left/recorder" not in nodes(config)
@@ -89,7 +89,9 @@ def test_an_environment_that_is_not_there_fails_loudly(environment: str) -> None
 
 
 def test_a_wrong_value_stops_the_launch_with_the_reason() -> None:
-    done = subprocess.run(["roslaunch", "--nodes", PACKAGE, FILE, "inertials:=heavy"], capture_output=True, text=True, timeout=60, env=dict(os.environ))
+    done = subprocess.run(
+        ["roslaunch", "--nodes", PACKAGE, FILE, "inertials:=heavy"], capture_output=True, text=True, timeout=60
+    )
     assert done.returncode != 0
     assert "barycentric" in done.stdout + done.stderr
 
@@ -104,6 +106,6 @@ def test_every_argument_is_explained_and_numbers_have_a_unit() -> None:
 
 
 def test_the_controllers_yaml_configures_every_named_instance() -> None:
-    values = yaml.safe_load(open(os.path.join(os.path.dirname(launch_file()), "../config/controllers.yaml")).read())
-    expected = {"joint_state_controller", "franka_state_controller", "joint_pd_controller", "effort_joint_trajectory_controller", "position_joint_trajectory_controller"}
-    assert expected <= {name for name, value in values.items() if "type" in value}
+    values = yaml.safe_load((Path(launch_file()).parents[1] / "config/controllers.yaml").read_text())
+    motion = {"joint_pd_controller", "effort_joint_trajectory_controller", "position_joint_trajectory_controller"}
+    assert motion | {"joint_state_controller", "franka_state_controller"} <= {name for name, value in values.items() if "type" in value}

@@ -43,7 +43,11 @@ def test_rosdep_asks_for_nothing_that_the_setup_does_not_install(rosdep) -> None
     needed = {name for line in resolved.stdout.splitlines() if not line.startswith("#") for name in line.split()}
     implied = needed - wanted_packages()
     # A key may name a package that comes as a dependency of one in the list; then it must be there.
-    installed = subprocess.run(["dpkg-query", "-W", "-f", "${Package} ${db:Status-Status}\n", *implied], capture_output=True, text=True).stdout if implied else ""
+    installed = (
+        subprocess.run(["dpkg-query", "-W", "-f", "${Package} ${db:Status-Status}\n", *implied], capture_output=True, text=True).stdout
+        if implied
+        else ""
+    )
     assert {line.split()[0] for line in installed.splitlines() if line.endswith(" installed")} == implied
 
 

@@ -1,4 +1,4 @@
-"""Bring the system up: check the arguments, choose the master, run bringup.launch, answer with the exit code of the run. Called by scripts/bringup."""
+"""Bring the system up: check the arguments, choose the master, run bringup.launch, answer with its exit code. Called by scripts/bringup."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ EXPERIMENTS = WORKSPACE / "src/hric_experiments/config/experiments"
 SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 0.5
 """How long a node may take to end, before it is asked harder [s]."""
 INTERRUPTED = 130
+REAL = "env:=real comes with the package franka_real, which is not in this workspace yet; nothing was started. Use env:=sim."
 Documented = Mapping[str, tuple[str | None, str | None]]
 
 
@@ -53,7 +54,12 @@ def choices() -> Choices:
 
 def help_text(documented: Documented) -> str:
     """All arguments with default and meaning."""
-    lines = ["usage: scripts/bringup [NAME:=VALUE ...]", "", "Sets up what is missing, then runs the simulated arm until Ctrl-C or the end of the experiment.", ""]
+    lines = [
+        "usage: scripts/bringup [NAME:=VALUE ...]",
+        "",
+        "Sets up what is missing, then runs the simulated arm until Ctrl-C or the end of the experiment.",
+        "",
+    ]
     for name, (doc, default) in documented.items():
         lines.append(f"  {name}:={default}\n      {doc}")
     lines += ["", "examples:", "  scripts/bringup env:=sim", "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100"]
@@ -85,7 +91,12 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     roslaunch.configure_logging(uuid)
     mappings = [f"{name}:={value}" for name, value in arguments.items()]
     parent = roslaunch.parent.ROSLaunchParent(
-        uuid, [(str(LAUNCH), mappings)], process_listeners=[ending], show_summary=False, sigint_timeout=SIGINT_TIMEOUT, sigterm_timeout=SIGTERM_TIMEOUT
+        uuid,
+        [(str(LAUNCH), mappings)],
+        process_listeners=[ending],
+        show_summary=False,
+        sigint_timeout=SIGINT_TIMEOUT,
+        sigterm_timeout=SIGTERM_TIMEOUT,
     )
     try:
         parent._load_config()
@@ -125,7 +136,7 @@ def main(argv: list[str]) -> int:
     try:
         arguments = {name: default or "" for name, (_, default) in documented.items()} | check(split(argv), documented, choices())
         if arguments["env"] == "real":
-            raise ArgumentError("env:=real comes with the package franka_real, which is not in this workspace yet; nothing was started. Use env:=sim.")
+            raise ArgumentError(REAL)
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, arguments["ns"].rstrip("/") + "/robot")
     except (ArgumentError, MasterError) as error:

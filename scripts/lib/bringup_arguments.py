@@ -149,10 +149,11 @@ def _identifier(name: str, value: str) -> str:
 
 
 def _numbers(name: str, value: object, example: str) -> list[float]:
-    items = value if isinstance(value, list) else [value]
-    if not items or not all(isinstance(item, int | float) and not isinstance(item, bool) and math.isfinite(item) for item in items):
+    items: list[object] = value if isinstance(value, list) else [value]
+    numbers = [float(item) for item in items if isinstance(item, int | float) and not isinstance(item, bool) and math.isfinite(item)]
+    if not numbers or len(numbers) != len(items):
         raise ArgumentError(f"{name}:={value} is not a number or a list of {JOINTS} numbers; for example {name}:={example}")
-    return [float(item) for item in items]
+    return numbers
 
 
 def _loaded(name: str, value: str) -> object:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts/lib"))
-from live_system import LiveSystem  # noqa: E402
+from live_system import LiveSystem
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

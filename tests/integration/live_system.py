@@ -47,10 +47,14 @@ class LiveSystem:
         self.runs = folder / "runs"
         self.output_path = folder / "output.txt"
         self.environment = {
-            **os.environ, "ROS_MASTER_URI": self.uri, "ROS_IP": "127.0.0.1", "HRIC_RUNS": str(self.runs), "ROS_HOME": str(folder / "ros"), MARK: self.mark, **environment,
-        }  # fmt: skip
-        self.environment.pop("DISPLAY", None)
-        self.environment.update({key: value for key, value in environment.items() if key == "DISPLAY"})
+            **{key: value for key, value in os.environ.items() if key != "DISPLAY"},
+            "ROS_MASTER_URI": self.uri,
+            "ROS_IP": "127.0.0.1",
+            "HRIC_RUNS": str(self.runs),
+            "ROS_HOME": str(folder / "ros"),
+            MARK: self.mark,
+            **environment,
+        }
         with self.output_path.open("w") as output:
             self.process = subprocess.Popen(
                 [str(ROOT / "scripts/bringup"), *arguments], env=self.environment, stdout=output, stderr=subprocess.STDOUT, start_new_session=True

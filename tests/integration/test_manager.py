@@ -7,9 +7,17 @@ from pathlib import Path
 
 import pytest
 import rospy
-from controller_manager_msgs.srv import ListControllers, ListControllerTypes, LoadController, SwitchController, SwitchControllerRequest, UnloadController
 from live_system import LiveSystem, wait_for
 from sensor_msgs.msg import JointState
+
+from controller_manager_msgs.srv import (
+    ListControllers,
+    ListControllerTypes,
+    LoadController,
+    SwitchController,
+    SwitchControllerRequest,
+    UnloadController,
+)
 
 STRICT = SwitchControllerRequest.STRICT
 EFFORT, POSITION, PD = "effort_joint_trajectory_controller", "position_joint_trajectory_controller", "joint_pd_controller"
@@ -44,7 +52,11 @@ def test_rosservice_lists_the_controllers_with_their_claims(live: LiveSystem) ->
 
 def test_rosservice_lists_the_types_under_their_own_and_their_usual_names(live: LiveSystem) -> None:
     types = rospy.ServiceProxy("/controller_manager/list_controller_types", ListControllerTypes)().types
-    assert {"hric_controllers/JointPDController", "effort_controllers/JointTrajectoryController", "joint_state_controller/JointStateController"} <= set(types)
+    assert {
+        "hric_controllers/JointPDController",
+        "effort_controllers/JointTrajectoryController",
+        "joint_state_controller/JointStateController",
+    } <= set(types)
 
 
 def test_a_switch_by_rosservice_changes_the_running_controller_and_the_arm_stays(live: LiveSystem) -> None:
@@ -69,11 +81,17 @@ def test_a_switch_that_claims_a_joint_twice_is_refused_with_both_names(live: Liv
     [
         ("no_such_controller", {}, ("no_such_controller", "type")),
         ("wrong_type", {"type": "hric_controllers/JointPdController"}, ("hric_controllers/JointPdController", "hric_controllers/JointPDController")),
-        ("wrong_joints", {"type": "hric_controllers/JointPDController", "joints": ["panda_joint1", "elbow"], "kp": 1.0, "kd": 1.0}, ("elbow", "panda_joint2")),
+        (
+            "wrong_joints",
+            {"type": "hric_controllers/JointPDController", "joints": ["panda_joint1", "elbow"], "kp": 1.0, "kd": 1.0},
+            ("elbow", "panda_joint2"),
+        ),
         ("bad_gain", {"type": "hric_controllers/JointPDController", "joints": ["panda_joint1"], "kp": -1.0, "kd": 1.0}, ("bad_gain/kp", "-1")),
     ],
 )
-def test_a_controller_that_cannot_be_loaded_gives_one_clear_error(live: LiveSystem, name: str, parameters: dict[str, object], texts: tuple[str, ...]) -> None:
+def test_a_controller_that_cannot_be_loaded_gives_one_clear_error(
+    live: LiveSystem, name: str, parameters: dict[str, object], texts: tuple[str, ...]
+) -> None:
     before, printed = position(), len(live.output)
     for key, value in parameters.items():
         rospy.set_param(f"/{name}/{key}", value)

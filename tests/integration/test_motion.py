@@ -5,11 +5,12 @@ from __future__ import annotations
 import actionlib
 import pytest
 import rospy
-from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryGoal, FollowJointTrajectoryResult, JointTrajectoryControllerState
 from live_system import LiveSystem, wait_for
 from sensor_msgs.msg import JointState
 from test_manager import EFFORT, PD, POSITION, pd_runs_afterwards, position, states, switch  # noqa: F401
 from trajectory_msgs.msg import JointTrajectoryPoint
+
+from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryGoal, FollowJointTrajectoryResult, JointTrajectoryControllerState
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 
@@ -68,7 +69,9 @@ def test_a_new_goal_replaces_the_one_in_motion(live: LiveSystem) -> None:
 @pytest.mark.parametrize(
     ("joints", "positions"), [(JOINTS[:6], [0.0] * 6), ([*JOINTS[:6], "elbow"], [0.0] * 7), (JOINTS, [float("nan")] * 7), (JOINTS, [0.0] * 3)]
 )
-def test_a_goal_that_cannot_be_followed_is_rejected_with_the_reason_and_the_arm_stays(live: LiveSystem, joints: list[str], positions: list[float]) -> None:
+def test_a_goal_that_cannot_be_followed_is_rejected_with_the_reason_and_the_arm_stays(
+    live: LiveSystem, joints: list[str], positions: list[float]
+) -> None:
     assert switch([EFFORT], [PD])
     rospy.sleep(0.3)
     before = position()
@@ -94,7 +97,9 @@ def test_joint_states_and_controller_states_come_at_a_hundred_hertz_of_run_time(
     stamps: dict[str, list[float]] = {"joint": [], "pd": []}
     subscribers = [
         rospy.Subscriber("/joint_states", JointState, lambda message: stamps["joint"].append(message.header.stamp.to_sec()), queue_size=100),
-        rospy.Subscriber(f"/{PD}/state", JointTrajectoryControllerState, lambda message: stamps["pd"].append(message.header.stamp.to_sec()), queue_size=100),
+        rospy.Subscriber(
+            f"/{PD}/state", JointTrajectoryControllerState, lambda message: stamps["pd"].append(message.header.stamp.to_sec()), queue_size=100
+        ),
     ]
     rospy.sleep(3.0)
     for subscriber in subscribers:

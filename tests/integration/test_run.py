@@ -66,7 +66,9 @@ def test_ctrl_c_while_it_still_starts_leaves_nothing_behind(start: Start) -> Non
 
 
 def test_a_namespace_holds_all_of_the_robot_and_a_second_bring_up_there_is_refused(start: Start) -> None:
-    system = start("env:=sim", "rviz:=false", "record:=false", "ns:=left", "arm_id:=left_arm", "controller:=effort_joint_trajectory_controller", "hand:=false")
+    system = start(
+        "env:=sim", "rviz:=false", "record:=false", "ns:=left", "arm_id:=left_arm", "controller:=effort_joint_trajectory_controller", "hand:=false"
+    )
     system.wait_running("effort_joint_trajectory_controller", namespace="/left")
     topics = system.run("rostopic", "list").stdout.split()
     assert {"/left/joint_states", "/left/control_log", "/left/effort_joint_trajectory_controller/command"} <= set(topics)

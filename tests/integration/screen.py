@@ -1,0 +1,70 @@
+"""A virtual display, what is on it, and rviz on it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import numpy.typing as npt
+
+SIZE = (1300, 800)
+
+
+@contextmanager
+def virtual_display(log: Path) -> Iterator[str]:
+    """An X server without a screen; gives its DISPLAY."""
+    read, write = os.pipe()
+    width, height = SIZE
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", f"{width}x{height}x24", "+extension", "GLX", "-nolisten", "tcp"]
+    with log.open("w") as output:
+        server = subprocess.Popen(command, pass_fds=[write], stdout=output, stderr=subprocess.STDOUT)
+    os.close(write)
+    try:
+        number = os.read(read, 16).decode().strip()
+        assert number, f"Xvfb did not start: {log.read_text()}"
+        yield f":{number}"
+    finally:
+        os.close(read)
+        server.terminate()
+        server.wait(timeout=10.0)
+
+
+def environment(display: str) -> dict[str, str]:
+    """Variables for software rendering on a virtual display."""
+    return {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "QT_X11_NO_MITSHM": "1", "LANG": "C.UTF-8"}
+
+
+def shot(display: str, path: Path) -> npt.NDArray[np.float64]:
+    """Save what is on the display; gives the picture, shape (height, width, 3), values 0 to 1."""
+    subprocess.run(["import", "-window", "root", "-display", display, str(path)], check=True, timeout=30.0, capture_output=True)
+    picture: npt.NDArray[np.float64] = matplotlib.image.imread(path)[..., :3].astype(float)
+    return picture
+
+
+def wait_for_picture(display: str, path: Path, timeout: float) -> npt.NDArray[np.float64]:
+    """Wait until the arm is drawn: many pixels that are much brighter or darker than the background around them."""
+    deadline = time.monotonic() + timeout
+    while True:
+        picture = shot(display, path)
+        if arm_pixels(picture) > 5000:
+            return picture
+        assert time.monotonic() < deadline, f"no arm on the display after {timeout:g} s; see {path}"
+        time.sleep(1.0)
+
+
+def arm_pixels(picture: npt.NDArray[np.float64]) -> int:
+    """Pixels of the middle of the picture that are clearly not background."""
+    height, width, _ = picture.shape
+    middle = picture[height // 5 : -height // 5, width // 4 : -width // 4].mean(axis=2)
+    return int(np.sum(np.abs(middle - np.median(middle)) > 0.08))
+
+
+def changed_pixels(first: npt.NDArray[np.float64], second: npt.NDArray[np.float64]) -> int:
+    """Pixels that differ clearly between two pictures."""
+    return int(np.sum(np.abs(first - second).max(axis=2) > 0.1))
