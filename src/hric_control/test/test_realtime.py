@@ -114,7 +114,7 @@ def test_behind_a_slow_subscriber_the_newest_win_and_the_drops_are_counted_and_t
 
 def test_a_lossless_publisher_keeps_all(thread: PublishThread) -> None:
     sink = Sink()
-    publisher = realtime.RealtimePublisher(sink, "/x", lossless=True, thread=thread)
+    publisher = realtime.RealtimePublisher(sink, "/x", limit=realtime.LOSSLESS_LIMIT, thread=thread)
     sink.open.clear()
     for i in range(5000):
         publisher.publish(lambda i=i: i)
@@ -164,7 +164,7 @@ def test_unregistering_sends_what_waits(thread: PublishThread) -> None:
 
 
 def test_publishing_costs_the_loop_about_a_microsecond(thread: PublishThread) -> None:
-    publisher = realtime.RealtimePublisher(Sink(), "/x", lossless=True, thread=thread)
+    publisher = realtime.RealtimePublisher(Sink(), "/x", limit=realtime.LOSSLESS_LIMIT, thread=thread)
     best = float("inf")
     for _ in range(20):
         begin = time.thread_time()
@@ -172,3 +172,27 @@ def test_publishing_costs_the_loop_about_a_microsecond(thread: PublishThread) ->
             publisher.publish(time.monotonic)
         best = min(best, (time.thread_time() - begin) / 100)
     assert best < 5e-6  # about 0.4 us; the bound leaves room for a slow and busy machine
+
+
+def test_of_messages_that_only_matter_now_the_newest_alone_is_sent_and_nothing_is_told(thread):
+    told = []
+    sink = Sink()
+    thread.polling = False
+    time.sleep(0.02)  # the look that was under way is over
+    publisher = realtime.RealtimePublisher(sink, "/clock", limit=1, report=told.append, thread=thread)
+    for k in range(5):
+        publisher.publish(lambda k=k: k)
+    assert thread.drain(1.0)
+    assert (sink.sent, told) == ([4], [])
+
+
+def test_without_polling_messages_wait_for_the_drain(thread):
+    sink = Sink()
+    thread.polling = False
+    time.sleep(0.02)  # the look that was under way is over
+    publisher = realtime.RealtimePublisher(sink, "/x", thread=thread)
+    publisher.publish(lambda: 1)
+    time.sleep(0.02)  # ten times the period of polling
+    assert sink.sent == []
+    assert thread.drain(1.0)
+    assert sink.sent == [1]

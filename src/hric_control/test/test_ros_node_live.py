@@ -46,9 +46,7 @@ def owner(ros: str, request: pytest.FixtureRequest):
 
 
 def dynparam(*arguments: str) -> str:
-    return subprocess.run(
-        ["rosrun", "dynamic_reconfigure", "dynparam", *arguments], check=True, capture_output=True, text=True, timeout=30
-    ).stdout
+    return subprocess.run(["rosrun", "dynamic_reconfigure", "dynparam", *arguments], check=True, capture_output=True, text=True, timeout=30).stdout
 
 
 def values_at(client: dynamic_reconfigure.client.Client) -> dict:

@@ -100,9 +100,7 @@ class Plant(ABC):
         """Fix a physical payload to `link` (the last link of the chain by default), keeping q and dq; None takes it off."""
 
     @abstractmethod
-    def apply_wrench(
-        self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
-    ) -> None:
+    def apply_wrench(self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float) -> None:
         """Act on "link" or "model::link" for `duration` seconds (negative: until cleared).
 
         force [N], torque [N m]: world frame. point: where it acts, link frame [m].

@@ -195,6 +195,6 @@ def _plugin(entry: ET.Element, package: str, source: Path, folder: Path) -> Plug
     kind, base = entry.get("type", ""), entry.get("base_class_type", "")
     name = entry.get("name", kind)
     if ":" not in kind or base not in _BASES:
-        raise HricError(f"{source}: class {name!r} needs type=\"module:Class\" and base_class_type, one of {', '.join(_BASES)}")
+        raise HricError(f'{source}: class {name!r} needs type="module:Class" and base_class_type, one of {", ".join(_BASES)}')
     description = " ".join((entry.findtext("description") or "").split())
     return PluginInfo(name, kind, base, description, package, source, folder)

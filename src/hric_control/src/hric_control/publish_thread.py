@@ -15,7 +15,7 @@ class Outbox:
     Args:
         send: takes the built message.
         name: topic, for messages.
-        limit: how many may wait; the oldest give way.
+        limit: how many may wait; the oldest give way. That is worth a word, but for a limit of 1, where only the newest is wanted.
         report: takes one line of text, at the first failure and at the first drop.
     """
 
@@ -53,7 +53,7 @@ class Outbox:
             if not self._told_error:
                 self._told_error = True
                 self._tell(f"{self.name}: message could not be sent: {type(error).__name__}: {error} (told once)")
-        if self.dropped and not self._told_drop:
+        if self.dropped and self._limit > 1 and not self._told_drop:
             self._told_drop = True
             self._tell(f"{self.name}: messages were dropped, more than {self._limit} waited (told once)")
 
@@ -68,8 +68,16 @@ an event costs the loop 35 us for each message (the woken thread asks for the in
 of its cycles is the same, and the process spends no more (18 % of a core either way)."""
 
 
+DOZE = 0.1
+"""The same for a loop that drains by itself [s]: between two drains it shall have the interpreter for itself."""
+
+
 class PublishThread:
-    """Builds and sends what waits in its outboxes; daemon. The loop only appends; it takes no lock that is held while building or sending."""
+    """Builds and sends what waits in its outboxes; daemon. The loop only appends; it takes no lock that is held while building or sending.
+
+    Attributes:
+        polling: look for messages by itself (a paced loop, which sleeps), or only when `drain` asks (one that runs as fast as it can).
+    """
 
     def __init__(self) -> None:
         self._outboxes: tuple[Outbox, ...] = ()
@@ -77,6 +85,7 @@ class PublishThread:
         self._event = threading.Event()
         self._idle = threading.Event()
         self._stopped = False
+        self.polling = True
         self._sending: object | None = None
         self._hung: object | None = None
         self._thread = threading.Thread(target=self._work, name="publish", daemon=True)
@@ -116,7 +125,7 @@ class PublishThread:
 
     def _work(self) -> None:
         while not self._stopped:
-            self._event.wait(POLL_PERIOD)
+            self._event.wait(POLL_PERIOD if self.polling else DOZE)
             self._event.clear()
             for outbox in self._outboxes:
                 while len(outbox) and not self._stopped:

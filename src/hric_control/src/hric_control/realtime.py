@@ -53,7 +53,7 @@ class RealtimePublisher:
     Args:
         publisher: sends in the calling thread (advertised with `queue_size=0`).
         name: topic, for messages.
-        lossless: keep every message, not only the newest.
+        limit: how many messages may wait; the oldest give way.
         report: takes one line of text when something fails; from the publishing thread.
         thread: who sends; None builds and sends within `publish`.
     """
@@ -65,12 +65,12 @@ class RealtimePublisher:
         publisher: Publisher,
         name: str = "",
         *,
-        lossless: bool = False,
+        limit: int = LAGGING_LIMIT,
         report: Callable[[str], None] | None = None,
         thread: PublishThread | None = None,
     ) -> None:
         self._publisher = publisher
-        self._outbox = Outbox(publisher.publish, name, LOSSLESS_LIMIT if lossless else LAGGING_LIMIT, report)
+        self._outbox = Outbox(publisher.publish, name, limit, report)
         self._thread, self._inline = thread, thread is None
         self._append = self._outbox.append
         if thread is not None:
@@ -108,7 +108,9 @@ _thread: PublishThread | None = None
 _deferred: Outbox | None = None
 
 
-def publisher(node: Node, topic: str, message_type: type, latch: bool = False, lossless: bool = False) -> RealtimePublisher:
+def publisher(
+    node: Node, topic: str, message_type: type, latch: bool = False, lossless: bool = False, newest_only: bool = False
+) -> RealtimePublisher:
     """A publisher for the loop.
 
     Args:
@@ -117,10 +119,12 @@ def publisher(node: Node, topic: str, message_type: type, latch: bool = False, l
         message_type: message class.
         latch: give the last message to subscribers that come later.
         lossless: keep all messages when the thread lags (otherwise the newest ones).
+        newest_only: a message that was not sent yet gives way to the next, without a word: for what only matters now, as /clock.
     """
+    limit = LOSSLESS_LIMIT if lossless else 1 if newest_only else LAGGING_LIMIT
     raw = node.advertise(topic, message_type, queue_size=0, latch=latch)
     thread = None if _inline(node) else _the_thread()
-    made = RealtimePublisher(raw, node.resolve(topic), lossless=lossless, report=node.log_error, thread=thread)
+    made = RealtimePublisher(raw, node.resolve(topic), limit=limit, report=node.log_error, thread=thread)
     if isinstance(node, ScopedNode):
         node.keep(made)
     return made
@@ -144,6 +148,12 @@ def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
             node.log_error(f"{what} failed: {type(error).__name__}: {error}")
 
     _deferred_calls().append(lambda: run)
+
+
+def set_polling(on: bool) -> None:
+    """Whether messages are sent as they come (paced loops), or only in `drain` (loops that run as fast as they can, and drain by themselves)."""
+    if _thread is not None:
+        _thread.polling = on
 
 
 def drain(timeout: float) -> bool:

@@ -77,6 +77,7 @@ class RobotApp:
         hw: a robot that is made already (not yet initialised); None: the plugin that the parameters name.
         live: a process with a master: `/diagnostics` come at 1 Hz of wall time from a thread, and a switch always waits for the loop. Otherwise
             nothing happens but in the caller's thread, and a switch between two runs acts at once.
+        on_clock: called with each stamp that goes out on /clock, outside the loop.
 
     Attributes:
         hw: the robot.
@@ -90,12 +91,20 @@ class RobotApp:
         HricError: the robot cannot be used.
     """
 
-    def __init__(self, root_node: Node, robot_hw_node: Node, *, hw: RobotHW | None = None, live: bool = False) -> None:
+    def __init__(
+        self,
+        root_node: Node,
+        robot_hw_node: Node,
+        *,
+        hw: RobotHW | None = None,
+        live: bool = False,
+        on_clock: Callable[[Any], None] | None = None,
+    ) -> None:
         self.root_node, self.robot_hw_node = root_node, robot_hw_node
         self.name = type(hw).__name__ if hw is not None else robot_hw_type(root_node, robot_hw_node)
         self.hw: RobotHW = hw if hw is not None else plugins.find(plugins.ROBOT_HW, self.name)()
         self.cycles = 0
-        self._live = live
+        self._live, self._on_clock = live, on_clock
         self._end: float | None = None
         self._log_publisher: realtime.RealtimePublisher | None = None
         self._stopping = False
@@ -118,7 +127,7 @@ class RobotApp:
                 node.clock = lambda: loop.time  # type: ignore[attr-defined]  # LocalNode and RosNode have it
             loop.on_idle = self._drain
         self.simulated = self.loop is not None and hasattr(self.hw, "plant")
-        self._clock = realtime.publisher(root, "/clock", Clock) if self.simulated else None
+        self._clock = realtime.publisher(root, "/clock", Clock, newest_only=True) if self.simulated else None
         counted = hasattr(self.hw, "limiter_counts")
         self._counts = realtime.publisher(root, "limit_counts", JointLimitCounts) if counted else None
         self.log = self._make_log()
@@ -178,10 +187,21 @@ class RobotApp:
         return self.loop is not None or not self.manager.switch_pending
 
     def _tick(self, time: float, cycle: int) -> None:
-        if self._clock is not None and time > 0.0:  # 0 would mean that there is no time yet
-            self._clock.publish(lambda: Clock(stamps.to_time(time)))
+        if time > 0.0:  # 0 would mean that there is no time yet
+            self._publish_clock(stamps.to_time(time))
         if self._counts is not None and cycle % self._counts_cycles == 0:
             self._publish_counts(time)
+
+    def _publish_clock(self, stamp: Any) -> None:
+        if self._clock is None:
+            return
+
+        def build() -> Any:
+            if self._on_clock is not None:
+                self._on_clock(stamp)
+            return Clock(stamp)
+
+        self._clock.publish(build)
 
     def _publish_counts(self, time: float) -> None:
         if self._counts is not None:
@@ -207,8 +227,7 @@ class RobotApp:
                 if perf_counter() > deadline:
                     self.root_node.log_warn(f"nobody listens to control_log after {timeout:g} s: run time begins without a recording of it")
                     return
-                if self._clock is not None:
-                    self._clock.publish(lambda: Clock(stamps.FIRST))
+                self._publish_clock(stamps.FIRST)
                 sleep(LISTENER_POLL)
         finally:
             self.manager.loop_timeout = patience
@@ -229,6 +248,7 @@ class RobotApp:
         self.manager.loop_running = True
         paced = self.loop is None or self.loop.real_time_factor > 0.0
         thresholds = gc.get_threshold()
+        realtime.set_polling(paced)
         if paced:
             self._quiet_collector()
         try:
@@ -236,6 +256,7 @@ class RobotApp:
         finally:
             self.manager.loop_running = self._live
             self._end = self._hook = None
+            realtime.set_polling(True)
             if paced:
                 gc.set_threshold(*thresholds)
                 gc.unfreeze()

@@ -54,7 +54,7 @@ def _bounds(parameter: LiveParameter) -> tuple[Any, Any]:
     return _INT_RANGE if kind is int else (-math.inf, math.inf)
 
 
-class _Server(Server):  # type: ignore[misc]  # untyped base
+class _Server(Server):
     """dynamic_reconfigure's server, which refuses values out of range instead of moving them to the nearest bound."""
 
     def _clamp(self, config: Any) -> None:

@@ -20,9 +20,7 @@ from hric_control.manager_client import ManagerClient, check_master
 
 def spawner_parser() -> argparse.ArgumentParser:
     """Command line of `spawner`."""
-    parser = argparse.ArgumentParser(
-        prog="spawner", description="Load and start controllers; stop and unload them when this program ends."
-    )
+    parser = argparse.ArgumentParser(prog="spawner", description="Load and start controllers; stop and unload them when this program ends.")
     parser.add_argument("--stopped", action="store_true", help="load the controllers, but do not start them")
     parser.add_argument("--wait-for", metavar="TOPIC", default="", help="wait for True on this topic (std_msgs/Bool) first")
     _add_common(parser)
@@ -34,9 +32,7 @@ def spawner_parser() -> argparse.ArgumentParser:
 
 def unspawner_parser() -> argparse.ArgumentParser:
     """Command line of `unspawner`."""
-    parser = argparse.ArgumentParser(
-        prog="unspawner", description="Stop controllers and keep them stopped; start them again when this program ends."
-    )
+    parser = argparse.ArgumentParser(prog="unspawner", description="Stop controllers and keep them stopped; start them again when this program ends.")
     _add_common(parser)
     parser.add_argument("controllers", nargs="+", metavar="controller", help="a controller's name")
     return parser
