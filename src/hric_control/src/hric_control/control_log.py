@@ -33,6 +33,7 @@ class ControlLog:
         self._first = 0
         self._open = False
         self._kinds: list[str] = []
+        self._last_kinds: Sequence[str] | None = None
         self._clear()
 
     def _clear(self) -> None:
@@ -50,7 +51,10 @@ class ControlLog:
             time: run time of the cycle [s].
         """
         states = self._states
-        self._pending = (time, states.position[:], states.velocity[:], states.effort[:])
+        self._time.append(time)
+        self._position += states.position
+        self._velocity += states.velocity
+        self._effort += states.effort
         self._open = True
 
     def complete(self) -> None:
@@ -59,18 +63,32 @@ class ControlLog:
             return
         self._open = False
         kinds, raw, sent = self._row()
-        if kinds != self._kinds:
-            self.flush()
-            self._kinds = list(kinds)
-        time, position, velocity, effort = self._pending
-        self._time.append(time)
-        self._position += position
-        self._velocity += velocity
-        self._effort += effort
+        # The robot hands out the same list while nothing is switched: looking at its identity spares the comparison of seven names.
+        if kinds is not self._last_kinds and self._change_kinds(kinds):
+            self._split(raw, sent)
+            return
         self._raw += raw
         self._sent += sent
         if len(self._time) >= BATCH:
             self.flush()
+
+    def _change_kinds(self, kinds: Sequence[str]) -> bool:
+        self._last_kinds = kinds
+        if kinds == self._kinds:
+            return False
+        self._next_kinds = list(kinds)
+        return True
+
+    def _split(self, raw: Sequence[float], sent: Sequence[float]) -> None:
+        """The row at hand is the first one under other interfaces: what stands before it goes out, it begins a new message."""
+        n, states = len(self._names), (self._position, self._velocity, self._effort)
+        time, last = self._time.pop(), [values[-n:] for values in states]
+        for values in states:
+            del values[-n:]
+        self.flush()
+        self._kinds = self._next_kinds
+        self._time, self._raw, self._sent = [time], list(raw), list(sent)
+        self._position, self._velocity, self._effort = last
 
     def flush(self) -> None:
         """Hand over the rows collected so far."""
