@@ -89,9 +89,7 @@ def test_an_environment_that_is_not_there_fails_loudly(environment: str) -> None
 
 
 def test_a_wrong_value_stops_the_launch_with_the_reason() -> None:
-    done = subprocess.run(
-        ["roslaunch", "--nodes", PACKAGE, FILE, "inertials:=heavy"], capture_output=True, text=True, timeout=60
-    )
+    done = subprocess.run(["roslaunch", "--nodes", PACKAGE, FILE, "inertials:=heavy"], capture_output=True, text=True, timeout=60)
     assert done.returncode != 0
     assert "barycentric" in done.stdout + done.stderr
 

@@ -42,6 +42,7 @@ def managed(make_arm):
         manager.loop_running = False
         for name in controllers:
             manager.load(name)
+
         def run(duration):
             end = arm.hw.loop.time + duration
 

@@ -6,8 +6,9 @@ import unittest
 import rospy
 import rostest
 import tf2_ros
-from controller_manager_msgs.srv import ListControllers
 from sensor_msgs.msg import JointState
+
+from controller_manager_msgs.srv import ListControllers
 
 RUNNING = {"joint_state_controller", "franka_state_controller", "position_joint_trajectory_controller"}
 

@@ -39,9 +39,7 @@ def test_forward_dynamics_of_one_step_equals_the_second_library(make_plant, rng,
     assert worst < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("rotor", "kp", "kd", "tolerance"), [(0.0, 50.0, 5.0, 2e-3), (0.1, 50.0, 10.0, 5e-4), (0.1, 200.0, 100.0, 1e-4)]
-)
+@pytest.mark.parametrize(("rotor", "kp", "kd", "tolerance"), [(0.0, 50.0, 5.0, 2e-3), (0.1, 50.0, 10.0, 5e-4), (0.1, 200.0, 100.0, 1e-4)])
 def test_raw_step_stays_near_a_fourth_order_integration(make_plant, wide_panda_urdf, rotor, kp, kd, tolerance):
     oracle = Oracle(wide_panda_urdf, rotor)
     plant = make_plant(wide_panda_urdf, rotor_inertia=rotor, self_collision=False)

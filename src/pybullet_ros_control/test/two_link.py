@@ -30,5 +30,5 @@ def transmission(joint, *interfaces, reduction=1.0, offset=None, actuator=None):
   <transmission name="{joint}_transmission">
     <type>transmission_interface/SimpleTransmission</type>
     <joint name="{joint}">{tags}{shift}</joint>
-    <actuator name="{actuator or joint + '_motor'}"><mechanicalReduction>{reduction}</mechanicalReduction></actuator>
+    <actuator name="{actuator or joint + "_motor"}"><mechanicalReduction>{reduction}</mechanicalReduction></actuator>
   </transmission>"""

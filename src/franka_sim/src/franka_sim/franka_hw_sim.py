@@ -192,6 +192,7 @@ class FrankaHWSim(RobotHW):
 
     def run(self, on_cycle: OnCycle) -> None:
         """Read, controllers, write, step; what `on_cycle` answers does not matter to an arm that changes its mode within the cycle."""
+
         def cycle(time: float, period: float, reset_controllers: bool) -> bool:
             self.read(time, period)
             on_cycle(time, period, reset_controllers)

@@ -90,9 +90,7 @@ def move_metrics(log: ControlRecord, move: Move, tolerances: Sequence[float]) ->
             "final_error": float(error[-1]),
         }
     worst = max(abs(values["final_error"]) for values in joints.values())
-    times = {
-        f"{tolerance:g}": _slowest([values["settling_time"][f"{tolerance:g}"] for values in joints.values()]) for tolerance in tolerances
-    }
+    times = {f"{tolerance:g}": _slowest([values["settling_time"][f"{tolerance:g}"] for values in joints.values()]) for tolerance in tolerances}
     return {
         "time": float(time[0]),
         "duration": float(time[-1] - time[0]),

@@ -100,9 +100,7 @@ class Engine:
         pybullet.setGravity(*self.gravity, physicsClientId=client)
         pybullet.setTimeStep(self.time_step, physicsClientId=client)
         # No sub-steps: with them the engine's contact forces come out too small by their number.
-        pybullet.setPhysicsEngineParameter(
-            numSubSteps=0, enableFileCaching=0, deterministicOverlappingPairs=1, physicsClientId=client
-        )
+        pybullet.setPhysicsEngineParameter(numSubSteps=0, enableFileCaching=0, deterministicOverlappingPairs=1, physicsClientId=client)
         if self.gui:
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=client)
 
@@ -179,9 +177,7 @@ class Engine:
         """The engine starts every joint with a motor that holds it; take the force out."""
         indices = list(body.joints.values())
         if indices:
-            pybullet.setJointMotorControlArray(
-                body.id, indices, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(indices), physicsClientId=self.client
-            )
+            pybullet.setJointMotorControlArray(body.id, indices, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(indices), physicsClientId=self.client)
 
     def remove(self, body: Body) -> None:
         """Take a body out of the world."""

@@ -41,9 +41,7 @@ class Robot:
         effort: joint efforts applied in the last step [N m].
     """
 
-    def __init__(
-        self, engine: Engine, tree: UrdfTree, joint_names: Sequence[str], config: PlantConfig, masks: list[tuple[str, str]]
-    ) -> None:
+    def __init__(self, engine: Engine, tree: UrdfTree, joint_names: Sequence[str], config: PlantConfig, masks: list[tuple[str, str]]) -> None:
         self.engine, self.joint_names = engine, tuple(joint_names)
         self._client = engine.client
         self._tree, self._config, self._masks = tree, config, masks
@@ -85,9 +83,7 @@ class Robot:
         coulomb = [joint.friction if config.friction == "coulomb" else 0.0 for joint in joints]
         balanced = any(inertia) or any(coulomb)
         self.rotor = RotorInertia(inertia, coulomb, config.time_step, self.engine.client) if balanced else None
-        self._motors = JointMotors(
-            self.engine, self.body, self._joints, [joint.effort for joint in joints], [joint.velocity for joint in joints]
-        )
+        self._motors = JointMotors(self.engine, self.body, self._joints, [joint.effort for joint in joints], [joint.velocity for joint in joints])
         self._bind()
         self._stops = JointStops(self.engine, self.body, self._joints, [(joint.lower, joint.upper) for joint in joints])
         self._half = 0.5 * config.time_step if config.half_step_readout else 0.0

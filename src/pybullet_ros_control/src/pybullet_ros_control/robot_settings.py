@@ -66,9 +66,7 @@ def q_start(node: Node, names: Sequence[str], limits: Sequence[JointLimits]) -> 
                 raise UnknownNameError("joint", name, names, where)
         usual = [min(max(0.0, limit.lower), limit.upper) for limit in limits]
         value = [value.get(name, start) for name, start in zip(names, usual, strict=True)]
-    numbers = isinstance(value, (list, tuple)) and all(
-        isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in value
-    )
+    numbers = isinstance(value, (list, tuple)) and all(isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in value)
     if not numbers or len(value) != len(names):
         raise ParameterError(f"{where} must be {len(names)} finite numbers for {', '.join(names)}, or a mapping by joint; got {value!r}")
     return [float(x) for x in value]

@@ -109,9 +109,7 @@ class RotorInertia:
         gone = quiet and max(effort) < _NEGLIGIBLE_EFFORT and min(effort) > -_NEGLIGIBLE_EFFORT
         self._engine_effort = None if gone else effort
 
-    def torque(
-        self, q: Vector, dq: Vector, tau: Vector, external: Vector | None, prescribed: Sequence[float | None] | None = None
-    ) -> list[float]:
+    def torque(self, q: Vector, dq: Vector, tau: Vector, external: Vector | None, prescribed: Sequence[float | None] | None = None) -> list[float]:
         """Efforts tau' for the engine [N m].
 
         Args:

@@ -96,9 +96,7 @@ class World:
     def _load_shape(self, item: WorldObject) -> Body:
         client, T = self.engine.client, item.T_world_object
         shape = pybullet.createCollisionShape(**_GEOMETRY[item.shape](item.size), physicsClientId=client)
-        body_id = pybullet.createMultiBody(
-            item.mass, shape, -1, T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), physicsClientId=client
-        )
+        body_id = pybullet.createMultiBody(item.mass, shape, -1, T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), physicsClientId=client)
         pybullet.changeDynamics(body_id, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=client)
         return Body(item.name, body_id, None, {"link": -1}, {}, {})
 

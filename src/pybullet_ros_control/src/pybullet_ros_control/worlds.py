@@ -123,9 +123,7 @@ def _object(item: Any, folder: Path, default_stiffness: float, number: int, wher
         size,
         resolve(str(data["urdf"]), folder) if shape == "urdf" else None,
         mass,
-        transform(
-            _numbers(pose.get("xyz", [0.0] * 3), 3, f"{where}: pose xyz"), _numbers(pose.get("rpy", [0.0] * 3), 3, f"{where}: pose rpy")
-        ),
+        transform(_numbers(pose.get("xyz", [0.0] * 3), 3, f"{where}: pose xyz"), _numbers(pose.get("rpy", [0.0] * 3), 3, f"{where}: pose rpy")),
         _numbers(velocity.get("linear", [0.0] * 3), 3, f"{where}: velocity linear"),
         _numbers(velocity.get("angular", [0.0] * 3), 3, f"{where}: velocity angular"),
         _surface(data, default_stiffness, where),
