@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -161,10 +162,17 @@ def run_tool(work: Callable[[], None]) -> int:
 
 
 def _connect(name: str, args: argparse.Namespace) -> ManagerClient:
-    rospy.init_node(name, anonymous=True)
+    rospy.init_node(name, anonymous=True, disable_signals=True)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end)
     client = ManagerClient(args.namespace)
     client.wait(None if args.no_timeout else args.timeout, rospy.loginfo)
     return client
+
+
+def _end(*_: Any) -> None:
+    """Shut down in another thread: the handler of rospy does it on top of what the main thread is doing, and may wait for a lock held there."""
+    threading.Thread(target=rospy.signal_shutdown, args=("signal",)).start()
 
 
 def _wait_for_true(topic: str) -> None:
