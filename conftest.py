@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections import Counter
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent
+KINDS = ("unit", "integration", "rostest", "benchmark")
 # A helper file beside the tests of a package is imported by its name, which must be unique in the workspace.
 sys.path[:0] = [str(folder) for folder in sorted([*ROOT.glob("src/*/test"), ROOT / "tests" / "integration"]) if str(folder) not in sys.path]
 
@@ -37,8 +39,10 @@ class Tally:
             self.ran[self.kinds.get(report.nodeid, "unit")] += 1
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        counts = [f"{self.ran[name]} {name}" for name in ("unit", "integration", "rostest", "benchmark") if self.ran[name] or name != "benchmark"]
-        terminalreporter.write_line(f"ran: {', '.join(counts)}")
+        terminalreporter.write_line(f"ran: {', '.join(f'{self.ran[name]} {name}' for name in KINDS)}")
+        if path := os.environ.get("HRIC_TALLY"):
+            with Path(path).open("a") as file:
+                file.write(" ".join(str(self.ran[name]) for name in KINDS) + "\n")
 
 
 def pytest_configure(config: pytest.Config) -> None:
