@@ -42,5 +42,8 @@ def set_time(stamp: Any) -> None:
     Args:
         stamp: genpy.Time.
     """
-    # What rospy's own /clock callback calls; it has no public name.
-    rospy.rostime._set_rostime(rospy.Time(stamp.secs, stamp.nsecs))
+    # What rospy's own /clock callback does, which has no public name and spends most of its time on a warning of its own.
+    rostime = rospy.rostime
+    with rostime._rostime_cond:
+        rostime._rostime_current = rospy.Time(stamp.secs, stamp.nsecs)
+        rostime._rostime_cond.notify_all()
