@@ -1,5 +1,6 @@
 import sys
 import textwrap
+import threading
 import time
 from pathlib import Path
 
@@ -166,3 +167,21 @@ def test_looking_through_this_workspace_is_fast_and_needed_once(monkeypatch: pyt
     begin = time.process_time()
     plugins.names(plugins.CONTROLLER)
     assert time.process_time() - begin < 0.005
+
+
+def test_threads_that_look_for_plugins_at_the_same_time_import_one_module_after_the_other(workspace: Workspace) -> None:
+    slow = MODULE + """
+    import time
+    begin = time.monotonic()
+    time.sleep(0.1)
+    end = time.monotonic()
+"""
+    for name in ("aa", "bb"):
+        workspace.package(name, controller(f"{name}/Law", f"{name}_module:Law"), module=slow)
+    threads = [threading.Thread(target=plugins.find, args=(plugins.CONTROLLER, f"{name}/Law")) for name in ("aa", "bb")]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    first, second = sorted((sys.modules["aa_module"], sys.modules["bb_module"]), key=lambda module: module.begin)
+    assert first.end <= second.begin

@@ -6,6 +6,7 @@ import functools
 import importlib
 import os
 import sys
+import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -104,12 +105,17 @@ def _base_class(base: str) -> type:
     return base_class
 
 
+_importing = threading.RLock()
+"""Two threads that import from one package may each find the other's module half made (a controller that is loaded while the robot still starts)."""
+
+
 def _import(info: PluginInfo, module_name: str) -> ModuleType:
     library = str(info.library)
     if info.library != info.source.parent and info.library.is_dir() and library not in sys.path:
         sys.path.append(library)
     try:
-        return importlib.import_module(module_name)
+        with _importing:
+            return importlib.import_module(module_name)
     except Exception as error:
         raise HricError(f"plugin {info.name}: cannot import module {module_name} of package {info.package}: {_reason(error)}") from error
 
