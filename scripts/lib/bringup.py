@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+
+# Until the nodes start, Ctrl-C ends this at once and without a word.
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import os
 import sys
 import time
@@ -23,6 +28,8 @@ EXPERIMENTS = WORKSPACE / "src/hric_experiments/config/experiments"
 SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 0.5
 """How long a node may take to end, before it is asked harder [s]."""
 INTERRUPTED = 130
+STARTING = 10.0
+"""How long nodes may take to import what they need [s]."""
 REAL = "env:=real comes with the package franka_real, which is not in this workspace yet; nothing was started. Use env:=sim."
 Documented = Mapping[str, tuple[str | None, str | None]]
 
@@ -83,6 +90,22 @@ def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
     sys.stdout.flush()
 
 
+class Asked:
+    """Whether the user asked for the end (Ctrl-C, SIGTERM, SIGHUP).
+
+    roslaunch's own handlers would end the nodes in the middle of their start and could leave one behind; so the wish is remembered, and granted
+    when all have started.
+    """
+
+    def __init__(self) -> None:
+        self.end = False
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._remember)
+
+    def _remember(self, *_: object) -> None:
+        self.end = True
+
+
 def run(arguments: Mapping[str, str], master: str) -> int:
     """Run bringup.launch until a required node ends or Ctrl-C; answers the exit code."""
     os.environ["ROS_MASTER_URI"] = master
@@ -101,11 +124,14 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     try:
         parent._load_config()
         ending.required = _take_over_required(parent.config)
+        parent._start_infrastructure()
+        roslaunch.pmon._init_signal_handlers()
+        asked = Asked()
         parent.start()
     except roslaunch.core.RLException as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
         return 1
-    return _wait(parent, ending, arguments["experiment"] != "none")
+    return _wait(parent, ending, asked, arguments["experiment"] != "none")
 
 
 def _take_over_required(config: Any) -> set[str]:
@@ -116,15 +142,25 @@ def _take_over_required(config: Any) -> set[str]:
     return {node.namespace.strip("/").replace("/", "-") + "-" * (node.namespace != "/") + node.name for node in required}
 
 
-def _wait(parent: Any, ending: Ending, is_experiment: bool) -> int:
-    while parent.pm.mainthread_spin_once() and not ending.name:
-        time.sleep(0.05)
+def _wait(parent: Any, ending: Ending, asked: Asked, is_experiment: bool) -> int:
+    started = time.monotonic()
+    while not (asked.end or ending.name or parent.pm.done):
+        time.sleep(0.02)
+    if time.monotonic() - started < STARTING:
+        _terminate_nodes(parent.pm)
     parent.shutdown()
     if not ending.name:
         return INTERRUPTED if is_experiment else 0
     if ending.code:
         print(f"scripts/bringup: {ending.name} ended with code {ending.code}; its messages stand above", file=sys.stderr)
     return ending.code if ending.code >= 0 else 128 - ending.code
+
+
+def _terminate_nodes(monitor: Any) -> None:
+    """SIGTERM: a node that is still importing would answer the SIGINT of roslaunch with a traceback; those that run take both alike."""
+    for process in monitor.procs[:]:
+        if process not in monitor.core_procs and process.popen is not None and process.popen.poll() is None:
+            os.killpg(process.popen.pid, signal.SIGTERM)
 
 
 def main(argv: list[str]) -> int:
@@ -149,5 +185,5 @@ def main(argv: list[str]) -> int:
 if __name__ == "__main__":
     code = main(sys.argv[1:])
     sys.stdout.flush()
-    # All processes have ended; roslaunch's own threads need not be waited for.
+    # All processes have ended, and roslaunch's own threads need not be waited for.
     os._exit(code)
