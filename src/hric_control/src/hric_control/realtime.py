@@ -18,8 +18,8 @@ from hric_control.scoped_node import ScopedNode
 
 T = TypeVar("T")
 
-LAGGING_LIMIT = 16
-"""Messages of one topic that may wait when it is not lossless; the newest win. More than one, for a loop that is not paced and drains every 20 ms."""
+LAGGING_LIMIT = 100
+"""Messages of one topic that may wait when it is not lossless, a second's worth of most topics; beyond it the newest win."""
 LOSSLESS_LIMIT = 100_000
 """Messages that may wait on a lossless topic: half an hour of a 50 Hz log behind a subscriber that hangs. Beyond it the oldest are dropped."""
 

@@ -17,13 +17,13 @@ from hric_experiments import experiment as experiments
 from hric_experiments import live_node, overrides, parameters
 from hric_experiments.analysis import analyse
 from hric_experiments.experiment import Experiment
-from hric_experiments.live_recorder import RECORDING_TOPIC, STOP_SERVICE
+from hric_experiments.live_recorder import RECORDING_TOPIC, STOP_SERVICE, unrecorded
 from hric_experiments.run_folder import RunFolder
 
 POLL = 0.01
 """Between two looks at the clock [s of wall time]."""
 RECORDER_GRACE = 5.0
-"""rosbag record looks for new topics once a second; beyond this it does not record the command topic [s of wall time]."""
+"""rosbag record looks for new topics once a second; what it does not hear after this it is not waited for [s of wall time]."""
 
 
 class NotReady(HricError):
@@ -77,12 +77,19 @@ class LiveExperiment:
             joints = rospy.get_param(f"{setpoint.controller}/joints", None)
             parameters.check_setpoint(setpoint, joints or [""] * len(setpoint.positions), limits)
         self._wait(lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "run time does not move: nothing on {}")
+        if self._recorded:
+            self._wait_heard()
+
+    def _wait_heard(self) -> None:
+        """The move begins when the recorder hears all that the robot says, and the set points."""
+        recorder, robot = rospy.resolve_name("recorder"), rospy.resolve_name("robot")
+        commands = {publisher.resolved_name for publisher in self._publishers.values()}
         deadline = time.monotonic() + RECORDER_GRACE
-        while self._recorded and self._unheard(2):
+        while unheard := unrecorded(recorder, robot) | (commands if self._unheard(2) else set()):
             if time.monotonic() > deadline:
-                rospy.logwarn("the recorder does not hear the command topic; the report will lack the set point")
+                rospy.logwarn("the recorder does not hear %s yet: the bag will lack their beginning", ", ".join(sorted(unheard)))
                 return
-            live_node.sleep(POLL)
+            live_node.sleep(5 * POLL)
 
     def _unheard(self, listeners: int) -> list[str]:
         return [name for name, publisher in self._publishers.items() if publisher.get_num_connections() < listeners]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
+import xmlrpc.client
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import rosgraph
 import rospy
@@ -43,7 +45,7 @@ class Recorder:
         self.folder = RunFolder.create(runs_root(rospy.get_param("~runs", "") or None), name)
         self.folder.write(self._run(definition, name))
         self._topics = [rospy.resolve_name(str(topic)) for topic in rospy.get_param("~topics", [])]
-        self._node_name = f"{rospy.get_name().rpartition('/')[2]}_rosbag"
+        self._node_name = rosbag_node(rospy.get_name().rpartition("/")[2])
         self._process = self._start()
         self._publisher = rospy.Publisher(RECORDING_TOPIC, String, queue_size=1, latch=True)
         self._service = rospy.Service(STOP_SERVICE, Trigger, self._on_stop)
@@ -133,9 +135,37 @@ class Recorder:
 
 def subscribed(node: str, topics: set[str]) -> bool:
     """Whether the master knows `node` as a subscriber of each topic."""
-    _, subscribers, _ = rosgraph.Master(rospy.get_name()).getSystemState()
-    heard = {topic for topic, nodes in subscribers if node in nodes}
-    return topics <= heard
+    return topics <= _topics_of(node, subscribers=True)
+
+
+def unrecorded(recorder: str, robot: str) -> set[str]:
+    """Topics of the robot node that are to be recorded and that rosbag record does not hear yet: it looks for new ones once a second.
+
+    Args:
+        recorder, robot: absolute names of the two nodes.
+    """
+    wanted = {rospy.resolve_name(str(topic)) for topic in rospy.get_param(f"{recorder}/topics", [])}
+    excluded = str(rospy.get_param(f"{recorder}/exclude", ""))
+    published = _topics_of(robot, subscribers=False)
+    published = published & wanted if wanted else {topic for topic in published if not (excluded and re.search(excluded, topic))}
+    return published - _connected(robot, rosbag_node(recorder))
+
+
+def rosbag_node(recorder: str) -> str:
+    """Name of the rosbag record node of a recorder node."""
+    return f"{recorder}_rosbag"
+
+
+def _topics_of(node: str, subscribers: bool) -> set[str]:
+    state = rosgraph.Master(rospy.get_name()).getSystemState()
+    return {topic for topic, nodes in state[1 if subscribers else 0] if node in nodes}
+
+
+def _connected(publisher: str, subscriber: str) -> set[str]:
+    """Topics on which one node has a connection to the other; the master alone knows only who wants one."""
+    api = xmlrpc.client.ServerProxy(rosgraph.Master(rospy.get_name()).lookupNode(publisher))
+    _, _, connections = cast(tuple[int, str, list[list[Any]]], api.getBusInfo(rospy.get_name()))
+    return {topic for _, other, direction, _, topic, *_ in connections if direction == "o" and other == subscriber}
 
 
 def run() -> None:
