@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import actionlib
 import pytest
+import rosgraph
 import rospy
 from live_system import LiveSystem, wait_for
 from sensor_msgs.msg import JointState
@@ -116,3 +117,10 @@ def test_gains_change_while_running_and_a_negative_one_is_refused(live: LiveSyst
     values = live.run(*tool, "get", f"/{PD}").stdout
     assert "kp" in values
     assert position() == pytest.approx(before, abs=1e-3)
+
+
+def test_the_robot_makes_the_time_and_does_not_hear_it_late_from_its_own_topic(live: LiveSystem) -> None:
+    _, subscribers, _ = rosgraph.Master("/tests").getSystemState()
+    listeners = dict(subscribers)["/clock"]
+    assert "/robot_state_publisher" in listeners
+    assert "/robot" not in listeners

@@ -11,11 +11,9 @@ from typing import Any
 
 import rosgraph
 import rospy
+from rospy.impl import simtime
 
 from hric_control import stamps
-
-_NO_CLOCK = "/use_sim_time:=/use_sim_time_of_the_clock"
-"""Remapping under which rospy finds no `use_sim_time`, and does not subscribe to /clock."""
 
 
 def init_clock_node(name: str, argv: Sequence[str]) -> bool:
@@ -30,7 +28,9 @@ def init_clock_node(name: str, argv: Sequence[str]) -> bool:
     """
     master = rosgraph.Master(f"/{name}")
     simulated = master.hasParam("/use_sim_time") and master.getParam("/use_sim_time") is True
-    rospy.init_node(name, argv=[*argv, _NO_CLOCK], disable_signals=True)
+    # rospy asks the master by the absolute name, which no remapping reaches, and subscribes to /clock if the answer is yes.
+    simtime._is_use_simtime = lambda: False
+    rospy.init_node(name, argv=list(argv), disable_signals=True)
     if simulated:
         set_time(stamps.FIRST)
     return simulated
