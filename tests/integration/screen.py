@@ -14,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 SIZE = (1300, 800)
+STILL = 2000
+"""Pixels that may differ between two pictures of an arm that rests: clocks and frame rates in the window."""
 
 
 @contextmanager
@@ -48,14 +50,16 @@ def shot(display: str, path: Path) -> npt.NDArray[np.float64]:
 
 
 def wait_for_picture(display: str, path: Path, timeout: float) -> npt.NDArray[np.float64]:
-    """Wait until the arm is drawn: many pixels that are much brighter or darker than the background around them."""
+    """Wait until the arm is drawn and the window stands still: many pixels that are much brighter or darker than the background around them."""
     deadline = time.monotonic() + timeout
+    before = shot(display, path)
     while True:
+        time.sleep(2.0)
         picture = shot(display, path)
-        if arm_pixels(picture) > 5000:
+        if arm_pixels(picture) > 5000 and changed_pixels(before, picture) < STILL:
             return picture
         assert time.monotonic() < deadline, f"no arm on the display after {timeout:g} s; see {path}"
-        time.sleep(1.0)
+        before = picture
 
 
 def arm_pixels(picture: npt.NDArray[np.float64]) -> int:
