@@ -170,12 +170,15 @@ def test_looking_through_this_workspace_is_fast_and_needed_once(monkeypatch: pyt
 
 
 def test_threads_that_look_for_plugins_at_the_same_time_import_one_module_after_the_other(workspace: Workspace) -> None:
-    slow = MODULE + """
+    slow = (
+        MODULE
+        + """
     import time
     begin = time.monotonic()
     time.sleep(0.1)
     end = time.monotonic()
 """
+    )
     for name in ("aa", "bb"):
         workspace.package(name, controller(f"{name}/Law", f"{name}_module:Law"), module=slow)
     threads = [threading.Thread(target=plugins.find, args=(plugins.CONTROLLER, f"{name}/Law")) for name in ("aa", "bb")]
