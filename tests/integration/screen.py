@@ -44,7 +44,7 @@ def environment(display: str) -> dict[str, str]:
 
 def shot(display: str, path: Path) -> npt.NDArray[np.float64]:
     """Save what is on the display; gives the picture, shape (height, width, 3), values 0 to 1."""
-    subprocess.run(["import", "-window", "root", "-display", display, str(path)], check=True, timeout=30.0, capture_output=True)
+    subprocess.run(["import", "-window", "root", "-display", display, f"PNG24:{path}"], check=True, timeout=30.0, capture_output=True)
     picture: npt.NDArray[np.float64] = matplotlib.image.imread(path)[..., :3].astype(float)
     return picture
 

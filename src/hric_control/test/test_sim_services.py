@@ -247,13 +247,16 @@ def test_contacts_are_published_at_100_hz_grouped_by_pair_while_there_are_any(no
     assert seen[0].header.frame_id == "world"
 
 
-def test_empty_contacts_are_published_for_a_subscriber_only(node, robot):
+def test_the_end_of_all_contacts_is_told_once(node, robot):
     seen = []
-    cycles(robot, 20)
     node.subscribe("sim/contacts", ContactsState, seen.append)
     cycles(robot, 20)
-    assert len(seen) == 2
-    assert seen[0].states == []
+    assert [len(message.states) for message in seen] == [0]  # there is none at the start
+    robot.plant.touching = [Contact("toy::one", "floor::link", (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.0, 2.0)]
+    cycles(robot, 20)
+    robot.plant.touching = []
+    cycles(robot, 40)
+    assert [len(message.states) for message in seen] == [0, 1, 1, 0]
 
 
 def test_model_states_tell_the_robot_and_the_models_at_10_hz(node, robot):

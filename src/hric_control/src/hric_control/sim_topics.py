@@ -43,6 +43,7 @@ class SimTopics:
         self._contact_cycles = max(1, round(CONTACTS_EVERY / self._loop.time_step))
         self._model_cycles = max(1, round(MODELS_EVERY / self._loop.time_step))
         self._told = False
+        self._touching = True  # the first message says that there is none
         self._loop.after_cycle.append(self._publish)
 
     def unregister(self) -> None:
@@ -55,7 +56,8 @@ class SimTopics:
         cycle = self._loop.cycles
         if cycle % self._contact_cycles == 0:
             contacts = self._plant.contacts()
-            if contacts or self._contacts.subscribers():
+            if contacts or self._touching:
+                self._touching = bool(contacts)
                 self._contacts.publish(lambda: contacts_message(contacts, time))
         if cycle % self._model_cycles == 0 and self._models.subscribers():
             names = [self._robot, *self._plant.model_names()]
