@@ -12,7 +12,11 @@ import pytest
 ROOT = Path(__file__).parent
 KINDS = ("unit", "integration", "rostest", "benchmark")
 # A helper file beside the tests of a package is imported by its name, which must be unique in the workspace.
-sys.path[:0] = [str(folder) for folder in sorted([*ROOT.glob("src/*/test"), ROOT / "tests" / "integration"]) if str(folder) not in sys.path]
+sys.path[:0] = [
+    str(folder)
+    for folder in sorted([*ROOT.glob("src/*/test"), ROOT / "tests" / "integration", ROOT / "tests" / "benchmarks"])
+    if str(folder) not in sys.path
+]
 
 
 def kind(item: pytest.Item) -> str:

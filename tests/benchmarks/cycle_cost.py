@@ -123,6 +123,20 @@ def _seconds(work: Callable[[int], None]) -> float:
     return (time.thread_time() - begin) / BLOCK
 
 
+def bare_step(folder: Any, rounds: int = 40) -> float:
+    """Time of one bare step, median over the least disturbed quarter of the rounds [s of CPU time].
+
+    Args:
+        folder: where the bare engine's file may stand.
+        rounds: timed blocks.
+    """
+    bare = BareArm(arm_urdf(), folder)
+    bare.run(BLOCK)
+    times = sorted(_seconds(bare.run) for _ in range(rounds))[: rounds // 4]
+    pybullet.disconnect(bare.client)
+    return statistics.median(times)
+
+
 def measure(rotor_inertia: float, folder: Any, rounds: int = 60) -> Cost:
     """Compare a whole cycle with a bare step.
 

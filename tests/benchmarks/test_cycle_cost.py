@@ -1,11 +1,8 @@
 """Bounds on the cost of the control cycle, as ratios to the engine's bare step in the same run."""
 
-import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 from cycle_cost import measure
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 from bags import control_log, gaps_and_repeats, topics
+from cycle_cost import bare_step
 from live_system import ROOT, LiveSystem
 
 Start = Callable[..., LiveSystem]
@@ -130,11 +131,18 @@ def _check_logged_and_paced(system: LiveSystem, seconds: float, tolerance: float
     assert gaps_and_repeats(cycles) == (0, 0)
 
 
+REFERENCE_STEP = 6.4e-6
+"""A bare engine step on the machine for which 8 times real time is asked [s of CPU time]; the benchmarks tell how long it takes here."""
+
+
 @pytest.mark.slow
-def test_unpaced_the_same_bring_up_is_at_least_eight_times_faster_than_real_time_and_logs_every_cycle(start: Start) -> None:
+def test_unpaced_the_same_bring_up_is_eight_times_faster_than_real_time_for_the_speed_of_this_machine(start: Start, tmp_path: Path) -> None:
+    step = bare_step(tmp_path)
     system = start("env:=sim", "rviz:=false", "real_time_factor:=0")
     system.wait_running("joint_pd_controller")
     system.wait_output("recording into")
-    assert real_time_factor(system, 10.0) >= 8.0
+    factor = real_time_factor(system, 10.0)
     system.interrupt()
+    print(f"{factor:.2f} times real time; a bare step takes {step * 1e6:.1f} us here")
     assert gaps_and_repeats(control_log(next(system.run_folder.glob("*.bag")))[0]) == (0, 0)
+    assert factor >= 8.0 * REFERENCE_STEP / step
