@@ -4,8 +4,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,12 @@ import rospy
 import yaml
 from std_msgs.msg import Bool
 
-from controller_manager_msgs.msg import ControllersStatistics
+from controller_manager_msgs.msg import ControllersStatistics, ControllerState
 from controller_manager_msgs.srv import ListControllers, SwitchController
 from hric_control import manager_cli
 from hric_control.errors import HricError
 from hric_control.manager_client import ManagerClient
-from hric_control.spawner import Spawner, run_spawner, run_unspawner
+from hric_control.spawner import Spawner, Unspawner, run_spawner, run_unspawner
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
@@ -195,6 +196,62 @@ def test_an_unspawner_keeps_controllers_stopped_and_starts_them_again_at_its_end
     assert wait(lambda: states() == {"left": "stopped"})
     code, output = end(unspawner)
     assert code == 0 and "Traceback" not in output and states() == {"left": "running"}
+
+
+class SlowClient:
+    """A manager whose switches take effect at once and are answered late."""
+
+    def __init__(self) -> None:
+        self.running = {"left"}
+        self.switching = threading.Event()
+        self.answer = threading.Event()
+
+    def list(self) -> list[ControllerState]:
+        return [ControllerState(name="left", state="running" if "left" in self.running else "stopped")]
+
+    def load(self, name: str) -> None:
+        self.switching.set()
+        assert self.answer.wait(10)
+
+    def unload(self, name: str) -> None:
+        self.unloaded = name
+
+    def switch(self, start: Sequence[str], stop: Sequence[str], strictness: int = 0) -> None:
+        self.running = (self.running | set(start)) - set(stop)
+        self.switching.set()
+        assert self.answer.wait(10)
+
+
+def in_the_middle(client: SlowClient, work: Callable[[], None], end: Callable[[], None]) -> None:
+    """Begin `end` while `work` waits for an answer of the manager, then let it answer."""
+    working, ending = threading.Thread(target=work), threading.Thread(target=end)
+    working.start()
+    assert client.switching.wait(10)
+    ending.start()
+    ending.join(0.1)
+    client.answer.set()
+    for thread in (working, ending):
+        thread.join(10)
+        assert not thread.is_alive()
+
+
+def test_an_unspawner_ended_in_the_middle_of_a_stop_starts_the_controller_again() -> None:
+    client = SlowClient()
+    unspawner = Unspawner(client, ["left"])  # type: ignore[arg-type]
+    in_the_middle(client, unspawner.hold, unspawner.release)
+    assert client.running == {"left"}
+
+
+def test_a_spawner_ended_in_the_middle_of_a_load_leaves_nothing_loaded() -> None:
+    client = SlowClient()
+    spawner = Spawner(client)  # type: ignore[arg-type]
+
+    def up() -> None:
+        with pytest.raises(HricError, match="ended before"):
+            spawner.up(["more"], start=True)
+
+    in_the_middle(client, up, spawner.down)
+    assert client.unloaded == "more" and client.running == {"left"}
 
 
 def test_a_switch_while_the_loop_is_paused_is_refused_and_not_made_later(client: ManagerClient) -> None:

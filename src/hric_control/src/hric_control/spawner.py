@@ -6,7 +6,8 @@ import argparse
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -47,18 +48,21 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
 
 
 class Spawner:
-    """Loads and starts controllers, and takes them down again."""
+    """Loads and starts controllers, and takes them down again. `down` may come from another thread, at any moment of `up`."""
 
     def __init__(self, client: ManagerClient) -> None:
         self._client = client
         self._loaded: list[str] = []
         self._started: list[str] = []
+        # One request and the note of what it did belong together: an end between the two would leave a controller behind.
+        self._step = threading.Lock()
+        self._ended = False
 
     def up(self, names: Sequence[str], start: bool) -> None:
         """Load, and start in one STRICT switch. What is loaded already is used as it is and stays when the spawner ends.
 
         Raises:
-            HricError: one was refused; those loaded by this call are unloaded again.
+            HricError: one was refused, or `down` came in between; those loaded by this call are unloaded again.
         """
         states = {controller.name: controller.state for controller in self._client.list()}
         try:
@@ -66,46 +70,64 @@ class Spawner:
                 if name in states:
                     rospy.logwarn("%s is loaded already", name)
                     continue
-                self._client.load(name)
-                self._loaded.append(name)
+                with self._request():
+                    self._client.load(name)
+                    self._loaded.append(name)
             wanted = [name for name in names if states.get(name) != "running"] if start else []
             if wanted:
-                self._client.switch(wanted, [])
-                self._started.extend(wanted)
+                with self._request():
+                    self._client.switch(wanted, [])
+                    self._started.extend(wanted)
         except HricError:
             self.down()
             raise
         rospy.loginfo("loaded: %s; started: %s", ", ".join(self._loaded) or "none", ", ".join(self._started) or "none")
 
     def down(self) -> None:
-        """Stop what was started, unload what was loaded."""
-        if self._started:
-            self._client.switch([], self._started, SwitchControllerRequest.BEST_EFFORT)
-            self._started.clear()
-        while self._loaded:
-            self._client.unload(self._loaded.pop())
+        """Stop what was started, unload what was loaded; `up` asks for nothing more."""
+        with self._step:
+            self._ended = True
+            if self._started:
+                self._client.switch([], self._started, SwitchControllerRequest.BEST_EFFORT)
+                self._started.clear()
+            while self._loaded:
+                self._client.unload(self._loaded.pop())
+
+    @contextmanager
+    def _request(self) -> Iterator[None]:
+        with self._step:
+            if self._ended:
+                raise HricError("ended before all controllers were up")
+            yield
 
 
 class Unspawner:
-    """Keeps controllers stopped, and starts again those that it stopped."""
+    """Keeps controllers stopped, and starts again those that it stopped. `release` may come from another thread, at any moment of `hold`."""
 
     def __init__(self, client: ManagerClient, names: Sequence[str]) -> None:
         self._client, self._names = client, names
         self._stopped: list[str] = []
+        self._step = threading.Lock()  # a release in the middle of a switch must know what that switch stopped
+        self._ended = False
 
     def hold(self) -> None:
-        """Stop those of the names that run now."""
-        running = [controller.name for controller in self._client.list() if controller.name in self._names and controller.state == "running"]
-        if running:
-            self._client.switch([], running, SwitchControllerRequest.BEST_EFFORT)
-            rospy.loginfo("stopped: %s", ", ".join(running))
-            self._stopped.extend(name for name in running if name not in self._stopped)
+        """Stop those of the names that run now; nothing after `release`."""
+        with self._step:
+            if self._ended:
+                return
+            running = [controller.name for controller in self._client.list() if controller.name in self._names and controller.state == "running"]
+            if running:
+                self._client.switch([], running, SwitchControllerRequest.BEST_EFFORT)
+                rospy.loginfo("stopped: %s", ", ".join(running))
+                self._stopped.extend(name for name in running if name not in self._stopped)
 
     def release(self) -> None:
         """Start again what was stopped."""
-        if self._stopped:
-            self._client.switch(self._stopped, [], SwitchControllerRequest.BEST_EFFORT)
-            self._stopped.clear()
+        with self._step:
+            self._ended = True
+            if self._stopped:
+                self._client.switch(self._stopped, [], SwitchControllerRequest.BEST_EFFORT)
+                self._stopped.clear()
 
 
 def run_spawner(argv: Sequence[str]) -> int:
