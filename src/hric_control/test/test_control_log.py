@@ -14,7 +14,7 @@ class Recorder:
         self.messages = []
         self.states = JointStates(["a", "b"])
         self.row = ["effort", "effort"], [0.0, 0.0], [0.0, 0.0]
-        self.log = ControlLog(self.states, lambda: self.row, lambda build: self.messages.append(build()), stamps.to_time)
+        self.log = ControlLog(self.states, lambda: self.row, lambda build, *args: self.messages.append(build(*args)), stamps.to_time)
 
     def cycle(self, k):
         self.log.complete()

@@ -23,11 +23,11 @@ class ControlLog:
     Args:
         states: measured states; copied by `begin`.
         row: the robot's `log_row`.
-        publish: takes a function that builds the message (`RealtimePublisher.publish`).
+        publish: takes a function that builds the message, and its arguments (`RealtimePublisher.publish`).
         stamp: run time [s] -> stamp of the message.
     """
 
-    def __init__(self, states: JointStates, row: LogRow, publish: Callable[[Callable[[], Any]], None], stamp: Callable[[float], Any]) -> None:
+    def __init__(self, states: JointStates, row: LogRow, publish: Callable[..., None], stamp: Callable[[float], Any]) -> None:
         self._states, self._row, self._publish, self._stamp = states, row, publish, stamp
         self._names = list(states.names)
         self._first = 0
@@ -99,7 +99,7 @@ class ControlLog:
         values = (self._time, self._position, self._velocity, self._effort, self._raw, self._sent)
         names, kinds, stamp = self._names, self._kinds, self._stamp
         self._clear()
-        self._publish(lambda: _message(names, kinds, first, stamp(values[0][0]), values))
+        self._publish(_message, names, kinds, first, stamp(values[0][0]), values)
 
 
 def _message(names: list[str], kinds: list[str], first: int, stamp: Any, values: tuple[list[float], ...]) -> Any:

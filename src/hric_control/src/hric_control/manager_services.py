@@ -88,7 +88,7 @@ class ManagerServices:
 
     def _publish(self, time: float) -> None:
         snapshot = self._manager.statistics()
-        self._publisher.publish(lambda: _statistics(snapshot, time))
+        self._publisher.publish(_statistics, snapshot, time)
 
 
 def serve(manager: ControllerManager, node: Node) -> ManagerServices:

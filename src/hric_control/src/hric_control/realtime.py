@@ -1,8 +1,9 @@
 """Between callbacks and the control loop, without the loop ever waiting: newest values in, messages out.
 
-In: `LatestValue`. Out: `publisher(...)` gives a `RealtimePublisher`; the loop hands it a function that builds the message, and the process's one
-`PublishThread` builds and sends it while the loop sleeps. `defer(...)` does the same for any other call on ROS (the result of an action, a log line).
-On a LocalNode both happen within the call, so that a headless run is deterministic.
+In: `LatestValue`. Out: `publisher(...)` gives a `RealtimePublisher`; the loop hands it a function that builds the message and its arguments, and
+the process's one `PublishThread` builds and sends it while the loop sleeps. After `use_process` a process beside this one does, so that no publisher
+competes with the loop for the interpreter. `defer(...)` has any other call on ROS made by the thread (the result of an action, a log line).
+On a LocalNode all this happens within the call, so that a headless run is deterministic.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from hric_control.node import Node, Publisher
+from hric_control.publish_process import PublishProcess
 from hric_control.publish_thread import Outbox, PublishThread
+from hric_control.remote_publisher import RemotePublisher
 from hric_control.scoped_node import ScopedNode
 
 T = TypeVar("T")
@@ -51,7 +54,7 @@ class RealtimePublisher:
     """Publishes from the loop without blocking it. `publisher` below makes one for a topic of a node.
 
     Args:
-        publisher: sends in the calling thread (advertised with `queue_size=0`).
+        publisher: sends in the calling thread (advertised with `queue_size=0`), or hands over to the publishing process.
         name: topic, for messages.
         limit: how many messages may wait; the oldest give way.
         report: takes one line of text when something fails; from the publishing thread.
@@ -62,7 +65,7 @@ class RealtimePublisher:
 
     def __init__(
         self,
-        publisher: Publisher,
+        publisher: Publisher | RemotePublisher,
         name: str = "",
         *,
         limit: int = LAGGING_LIMIT,
@@ -70,18 +73,22 @@ class RealtimePublisher:
         thread: PublishThread | None = None,
     ) -> None:
         self._publisher = publisher
-        self._outbox = Outbox(publisher.publish, name, limit, report)
+        if isinstance(publisher, RemotePublisher):
+            self._outbox = Outbox(publisher.send, name, limit, report, publisher.process)
+        else:
+            self._outbox = Outbox(lambda build, args: publisher.publish(build(*args)), name, limit, report)
         self._thread, self._inline = thread, thread is None
         self._append = self._outbox.append
         if thread is not None:
             thread.add(self._outbox)
 
-    def publish(self, build: Callable[[], Any]) -> None:
-        """Have `build()` called and its message sent. Never blocks.
+    def publish(self, build: Callable[..., Any], *args: Any) -> None:
+        """Have `build(*args)` called and its message sent. Never blocks.
 
-        `build` runs later and in another thread: it must capture plain snapshots (lists of floats, the stamp), not live storage.
+        It is called later, and in another process where `build` is a function or class of a module (a closure or method is called in another
+        thread of this one, which costs the loop more): it must get plain snapshots (lists of floats, the stamp), not live storage.
         """
-        self._append(build)
+        self._append(build, args)
         if self._inline:
             self._outbox.send_inline()
 
@@ -92,7 +99,7 @@ class RealtimePublisher:
 
     def subscribers(self) -> int:
         """Number of listeners now."""
-        count: int = self._publisher.subscribers()  # type: ignore[attr-defined]  # both nodes' publishers tell it
+        count: int = self._publisher.subscribers()  # type: ignore[union-attr]  # both nodes' publishers tell it
         return count
 
     def unregister(self) -> None:
@@ -104,6 +111,7 @@ class RealtimePublisher:
 
 
 _lock = threading.Lock()
+_process: PublishProcess | None = None
 _thread: PublishThread | None = None
 _deferred: Outbox | None = None
 
@@ -122,12 +130,28 @@ def publisher(
         newest_only: a message that was not sent yet gives way to the next, without a word: for what only matters now, as /clock.
     """
     limit = LOSSLESS_LIMIT if lossless else 1 if newest_only else LAGGING_LIMIT
-    raw = node.advertise(topic, message_type, queue_size=0, latch=latch)
-    thread = None if _inline(node) else _the_thread()
-    made = RealtimePublisher(raw, node.resolve(topic), limit=limit, report=node.log_error, thread=thread)
+    name, thread = node.resolve(topic), None if _inline(node) else _the_thread()
+    raw: Publisher | RemotePublisher
+    if thread is not None and _process is not None:
+        raw = RemotePublisher(_process, name, message_type, latch, lambda text: node.log_error(f"{name}: {text} (told once)"))
+    else:
+        raw = node.advertise(topic, message_type, queue_size=0, latch=latch)
+    made = RealtimePublisher(raw, name, limit=limit, report=node.log_error, thread=thread)
     if isinstance(node, ScopedNode):
         node.keep(made)
     return made
+
+
+def use_process(name: str) -> None:
+    """From now on, publishers of rospy nodes send from a process of their own; until `shutdown`.
+
+    Args:
+        name: name of its node, in the namespace of this one.
+    """
+    global _process
+    with _lock:
+        if _process is None:
+            _process = PublishProcess(name)
 
 
 def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
@@ -147,7 +171,7 @@ def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
         except Exception as error:  # the thread serves the whole process
             node.log_error(f"{what} failed: {type(error).__name__}: {error}")
 
-    _deferred_calls().append(lambda: run)
+    _deferred_calls().append(run)
 
 
 def set_polling(on: bool) -> None:
@@ -169,16 +193,18 @@ def drain(timeout: float) -> bool:
 
 
 def shutdown(timeout: float = 1.0) -> None:
-    """Send what waits and end the thread; a later publisher starts a new one."""
-    global _thread, _deferred
+    """Send what waits, end the thread, and the process if there is one; a later publisher starts a new thread."""
+    global _process, _thread, _deferred
     with _lock:
-        thread, _thread, _deferred = _thread, None, None
+        process, thread, _process, _thread, _deferred = _process, _thread, None, None, None
     if thread is not None:
         thread.drain(timeout)
         thread.stop()
+    if process is not None:
+        process.close(timeout)
 
 
-def _run(call: Callable[[], None]) -> None:
+def _run(call: Callable[[], None], _: tuple[()]) -> None:
     call()
 
 

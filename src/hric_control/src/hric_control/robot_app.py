@@ -77,7 +77,7 @@ class RobotApp:
         hw: a robot that is made already (not yet initialised); None: the plugin that the parameters name.
         live: a process with a master: `/diagnostics` come at 1 Hz of wall time from a thread, and a switch always waits for the loop. Otherwise
             nothing happens but in the caller's thread, and a switch between two runs acts at once.
-        on_clock: called with each stamp that goes out on /clock, outside the loop.
+        on_clock: called with each stamp that goes out on /clock, in the loop.
 
     Attributes:
         hw: the robot.
@@ -196,17 +196,13 @@ class RobotApp:
         if self._clock is None:
             return
 
-        def build() -> Any:
-            if self._on_clock is not None:
-                self._on_clock(stamp)
-            return Clock(stamp)
-
-        self._clock.publish(build)
+        if self._on_clock is not None:
+            self._on_clock(stamp)
+        self._clock.publish(Clock, stamp)
 
     def _publish_counts(self, time: float) -> None:
         if self._counts is not None:
-            counts = self.limit_counts()
-            self._counts.publish(lambda: counts.message(stamps.to_time(time)))
+            self._counts.publish(LimitCounts.message, self.limit_counts(), stamps.to_time(time))
 
     def wait_for_log_listener(self) -> None:
         """Hold run time at its start until somebody listens to the control log, so that a recording has every cycle from the first one on.

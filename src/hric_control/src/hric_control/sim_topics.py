@@ -58,11 +58,11 @@ class SimTopics:
             contacts = self._plant.contacts()
             if contacts or self._touching:
                 self._touching = bool(contacts)
-                self._contacts.publish(lambda: contacts_message(contacts, time))
+                self._contacts.publish(contacts_message, contacts, time)
         if cycle % self._model_cycles == 0 and self._models.subscribers():
             names = [self._robot, *self._plant.model_names()]
             states = [self._state(name) for name in names]
-            self._models.publish(lambda: models_message(names, states))
+            self._models.publish(models_message, names, states)
 
     def _state(self, name: str) -> tuple[FloatArray, FloatArray]:
         """(T_world_base, twist) of a model; the origin if the plant cannot tell, said once."""

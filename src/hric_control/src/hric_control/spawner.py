@@ -85,8 +85,8 @@ class Spawner:
 
     def down(self) -> None:
         """Stop what was started, unload what was loaded; `up` asks for nothing more."""
+        self._ended = True  # before the lock is free: `up` might be the first to take it again
         with self._step:
-            self._ended = True
             if self._started:
                 self._client.switch([], self._started, SwitchControllerRequest.BEST_EFFORT)
                 self._started.clear()

@@ -8,6 +8,7 @@ from typing import Any
 
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3, Wrench, WrenchStamped
 from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotState
 from franka_msgs.msg import Errors, FrankaState
@@ -25,16 +26,18 @@ def franka_state(state: RobotState, stamp: Any) -> FrankaState:
     return message
 
 
-def external_wrench(state: RobotState, arm_id: str, stamp: Any) -> WrenchStamped:
-    """Estimated external wrench on the stiffness frame, expressed in it [N], [N m]."""
-    force, torque = state.K_F_ext_hat_K[:3], state.K_F_ext_hat_K[3:]
+def external_wrench(K_F_ext_hat_K: Sequence[float], arm_id: str, stamp: Any) -> WrenchStamped:
+    """Estimated external wrench on the stiffness frame, expressed in it, 6 floats [N], [N m]."""
+    force, torque = K_F_ext_hat_K[:3], K_F_ext_hat_K[3:]
     return WrenchStamped(Header(stamp=stamp, frame_id=f"{arm_id}_K"), Wrench(Vector3(*force), Vector3(*torque)))
 
 
-def end_effector_frames(state: RobotState, arm_id: str, stamp: Any) -> list[TransformStamped]:
-    """Flange to nominal end effector, that to the end effector, that to the stiffness frame."""
-    chain = (("link8", "NE", state.F_T_NE), ("NE", "EE", state.NE_T_EE), ("EE", "K", state.EE_T_K))
-    return [TransformStamped(Header(stamp=stamp, frame_id=f"{arm_id}_{parent}"), f"{arm_id}_{child}", to_transform(T)) for parent, child, T in chain]
+def end_effector_frames(F_T_NE: Sequence[float], NE_T_EE: Sequence[float], EE_T_K: Sequence[float], arm_id: str, stamp: Any) -> TFMessage:
+    """Flange to nominal end effector, that to the end effector, that to the stiffness frame; each 16 floats, column-major."""
+    chain = (("link8", "NE", F_T_NE), ("NE", "EE", NE_T_EE), ("EE", "K", EE_T_K))
+    return TFMessage(
+        [TransformStamped(Header(stamp=stamp, frame_id=f"{arm_id}_{parent}"), f"{arm_id}_{child}", to_transform(T)) for parent, child, T in chain]
+    )
 
 
 def to_transform(T: Sequence[float]) -> Transform:

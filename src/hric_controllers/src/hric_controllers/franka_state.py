@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from franka_hw_interface.interfaces import FrankaStateInterface
-from franka_hw_interface.robot_state import RobotState
 from franka_msgs.msg import FrankaState
 from hric_control import realtime
 from hric_control.controller import Controller
@@ -18,6 +14,7 @@ from hric_control.errors import ParameterError
 from hric_control.node import Node
 from hric_control.robot_hw import RobotHW
 from hric_controllers import franka_message
+from hric_controllers.joint_state import joint_state
 from hric_controllers.parameters import Every, joint_names, number
 
 
@@ -50,17 +47,11 @@ class FrankaStateController(Controller):
         if not self._time.due(time):
             return
         state, stamp = self._state.snapshot(), self._node.now()
-        self._states.publish(lambda: franka_message.franka_state(state, stamp))
-        self._measured.publish(lambda: self._joint_state(stamp, state.q, state.dq, state.tau_J))
-        self._desired.publish(lambda: self._joint_state(stamp, state.q_d, state.dq_d, state.tau_J_d))
-        self._wrench.publish(lambda: franka_message.external_wrench(state, self._arm_id, stamp))
-        self._tf.publish(lambda: self._frames(state, stamp))
-
-    def _joint_state(self, stamp: Any, position: list[float], velocity: list[float], effort: list[float]) -> JointState:
-        return JointState(Header(stamp=stamp), self._joints, position, velocity, effort)
-
-    def _frames(self, state: RobotState, stamp: Any) -> TFMessage:
-        return TFMessage(franka_message.end_effector_frames(state, self._arm_id, stamp))
+        self._states.publish(franka_message.franka_state, state, stamp)
+        self._measured.publish(joint_state, stamp, self._joints, state.q, state.dq, state.tau_J)
+        self._desired.publish(joint_state, stamp, self._joints, state.q_d, state.dq_d, state.tau_J_d)
+        self._wrench.publish(franka_message.external_wrench, state.K_F_ext_hat_K, self._arm_id, stamp)
+        self._tf.publish(franka_message.end_effector_frames, state.F_T_NE, state.NE_T_EE, state.EE_T_K, self._arm_id, stamp)
 
     def shutdown(self) -> None:
         """Stop advertising."""

@@ -130,7 +130,7 @@ class JointPDController(Controller):
 
     def _publish(self, q: list[float], dq: list[float], q_d: list[float], dq_d: list[float], tau: list[float]) -> None:
         stamp, efforts = self._node.now(), self._group.efforts()
-        self._state.publish(lambda: build_state(JointTrajectoryControllerState, stamp, self.joints, (q_d, dq_d, [], tau), (q, dq, [], efforts)))
+        self._state.publish(build_state, JointTrajectoryControllerState, stamp, self.joints, (q_d, dq_d, [], tau), (q, dq, [], efforts))
 
     def stopping(self, time: float) -> None:
         """From here on set points are refused."""

@@ -37,17 +37,20 @@ class JointStateController(Controller):
         if self._time.due(time):
             stamp, group = self._node.now(), self._group
             position, velocity, effort = group.positions(), group.velocities(), group.efforts()
-            self._publisher.publish(lambda: self._build(stamp, position, velocity, effort))
-
-    def _build(self, stamp: Any, position: list[float], velocity: list[float], effort: list[float]) -> JointState:
-        message, more = JointState(), self._extra
-        message.header.stamp, message.name = stamp, self._names
-        message.position, message.velocity, message.effort = position + more[0], velocity + more[1], effort + more[2]
-        return message
+            more = self._extra
+            self._publisher.publish(joint_state, stamp, self._names, position + more[0], velocity + more[1], effort + more[2])
 
     def shutdown(self) -> None:
         """Stop advertising."""
         self._publisher.unregister()
+
+
+def joint_state(stamp: Any, names: list[str], position: list[float], velocity: list[float], effort: list[float]) -> JointState:
+    """sensor_msgs/JointState; stamp: genpy.Time, the rest as in the message."""
+    message = JointState()
+    message.header.stamp, message.name = stamp, names
+    message.position, message.velocity, message.effort = position, velocity, effort
+    return message
 
 
 def _list(node: Node) -> list[Any]:

@@ -208,7 +208,7 @@ class JointTrajectoryController(Controller):
     def _publish(self, q: list[float], dq: list[float]) -> None:
         stamp, f, efforts = self._node.now(), self._follower, self._group.efforts()
         desired: Point = (f.position, f.velocity, f.acceleration, [])
-        self._state.publish(lambda: build_state(JointTrajectoryControllerState, stamp, self.joints, desired, (q, dq, [], efforts)))
+        self._state.publish(build_state, JointTrajectoryControllerState, stamp, self.joints, desired, (q, dq, [], efforts))
 
     def _send_feedback(self, goal: RunningGoal, q: list[float], dq: list[float]) -> None:
         stamp, f = self._node.now(), self._follower
