@@ -12,8 +12,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-import rospy
-
 from hric_control.errors import HricError
 from hric_control.publish_channel import PAGE_SIZE, Counters, FrameReader, frame, identity
 
@@ -31,10 +29,11 @@ class PublishProcess:
     """Starts the process; takes what is to be built and sent there. Its methods but `has_room`, `listeners` are for threads that may wait.
 
     Args:
-        name: name of its node, in the namespace of this one.
+        name, namespace: of its node.
+        report: takes one line when the process has ended unasked.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, namespace: str, report: Callable[[str], None]) -> None:
         requests, self._out = os.pipe()
         answers, replies = os.pipe()
         page = os.memfd_create("hric_counters")
@@ -43,15 +42,16 @@ class PublishProcess:
         # A write never waits for the reader, a frame larger than the rest of the pipe excepted.
         self._window = _widen(self._out) // 8
         program = [sys.executable, "-m", "hric_control.publish_server", name, *map(str, (requests, replies, page))]
-        environment = {**os.environ, "ROS_NAMESPACE": rospy.get_namespace()}
+        environment = {**os.environ, "ROS_NAMESPACE": namespace}
         self._process = subprocess.Popen(program, pass_fds=(requests, replies, page), env=environment)
         for descriptor in (requests, replies, page):
             os.close(descriptor)
-        self.name = name
+        self.name, self._report = name, report
         self._sent = 0
         self._lock = threading.Lock()
         self._topics = 0
-        self._waiting: dict[int, Callable[[str], None]] = {}
+        self._waiting = bytearray()
+        self._answers: dict[int, Callable[[str], None]] = {}
         self._reports: dict[int, Callable[[str], None]] = {}
         self._told_end = False
         self._closing = False
@@ -76,20 +76,30 @@ class PublishProcess:
     def unregister(self, topic: int) -> None:
         """Stop advertising, after all that was handed over before. With the process gone, does nothing."""
         if self._process.poll() is None:
-            self._write(("unregister", topic))
+            self._append(("unregister", topic))
+            self.push()
 
     def has_room(self) -> bool:
         """Whether a message can be handed over without waiting."""
         return self._sent - self._counters.consumed < self._window
 
     def publish(self, topic: int, build: Callable[..., Any], args: tuple[Any, ...]) -> None:
-        """Have `build(*args)` built and sent there; a builder that cannot go there (a closure, a method) is called here.
+        """Have `build(*args)` built and sent there, after the next `push`; a builder that cannot go there (a closure, a method) is called here."""
+        self._append((topic, build, args) if _portable(build) else (topic, identity, (build(*args),)))
 
-        Raises:
-            HricError: the process is gone, told once; silent from then on.
-        """
-        content = (topic, build, args) if _portable(build) else (topic, identity, (build(*args),))
-        self._write(content)
+    def push(self) -> None:
+        """Hand over what was published since the last time, in one write, since each wakes the other process."""
+        with self._lock:
+            waiting, self._waiting = self._waiting, bytearray()
+            try:
+                while waiting:
+                    del waiting[: os.write(self._out, waiting)]
+            except OSError as error:
+                if self._told_end or self._closing:
+                    return
+                self._told_end = True
+                code = self._process.poll()
+                self._report(f"the publishing process {self.name} has ended ({error}; exit code {code}): nothing of this robot is published any more")
 
     def flush(self, timeout: float) -> bool:
         """Wait until all that was handed over is sent; False when it took longer than `timeout` [s], or the process is gone."""
@@ -122,6 +132,7 @@ class PublishProcess:
             self._process.wait()
 
     def _wait(self, most: int, timeout: float) -> bool:
+        self.push()
         deadline = time.monotonic() + timeout
         while self._sent - self._counters.consumed > most:
             if time.monotonic() > deadline or self._process.poll() is not None:
@@ -129,20 +140,11 @@ class PublishProcess:
             time.sleep(POLL)
         return True
 
-    def _write(self, content: Any) -> None:
-        data = memoryview(frame(content))
-        try:
-            with self._lock:
-                self._sent += len(data)
-                while data:
-                    data = data[os.write(self._out, data) :]
-        except OSError as error:
-            if self._told_end or self._closing:
-                return
-            self._told_end = True
-            code = self._process.poll()
-            what = f"the publishing process {self.name} has ended (exit code {code})"
-            raise HricError(f"{what}: nothing of this robot is published any more") from error
+    def _append(self, content: Any) -> None:
+        data = frame(content)
+        with self._lock:
+            self._sent += len(data)
+            self._waiting += data
 
     def _ask(self, topic: int, content: tuple[Any, ...]) -> None:
         done, error = threading.Event(), [f"topic {content[2]} cannot be advertised: the publishing process {self.name} does not answer"]
@@ -151,10 +153,11 @@ class PublishProcess:
             error[0] = text
             done.set()
 
-        self._waiting[topic] = answer
-        self._write(content)
+        self._answers[topic] = answer
+        self._append(content)
+        self.push()
         deadline = time.monotonic() + ANSWER_TIMEOUT
-        while not done.wait(0.1) and self._process.poll() is None and time.monotonic() < deadline and not rospy.is_shutdown():
+        while not done.wait(0.1) and self._process.poll() is None and time.monotonic() < deadline:
             pass
         if error[0]:
             raise HricError(error[0])
@@ -164,7 +167,7 @@ class PublishProcess:
         while (frames := reader.read()) is not None:
             for (kind, topic, text), _ in frames:
                 if kind == "done":
-                    self._waiting.pop(topic)(text)
+                    self._answers.pop(topic)(text)
                 else:
                     self._reports[topic](text)
         os.close(answers)

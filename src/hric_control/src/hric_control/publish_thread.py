@@ -141,7 +141,11 @@ class PublishThread:
         if not self._handing_over.acquire(timeout=max(0.0, deadline - time.monotonic())):
             return False
         try:
-            return all(_give(outbox, outbox.process, deadline) for outbox in self._outboxes if outbox.process is not None)
+            remote = [(outbox, outbox.process) for outbox in self._outboxes if outbox.process is not None]
+            whole = all([_give(outbox, process, deadline) for outbox, process in remote if len(outbox)])
+            for process in {process for _, process in remote}:
+                process.push()
+            return whole
         finally:
             self._handing_over.release()
 

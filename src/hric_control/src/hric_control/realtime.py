@@ -142,16 +142,11 @@ def publisher(
     return made
 
 
-def use_process(name: str) -> None:
-    """From now on, publishers of rospy nodes send from a process of their own; until `shutdown`.
-
-    Args:
-        name: name of its node, in the namespace of this one.
-    """
+def use_process(process: PublishProcess) -> None:
+    """From now on, publishers of rospy nodes send from this process; until `shutdown`, which ends it."""
     global _process
     with _lock:
-        if _process is None:
-            _process = PublishProcess(name)
+        _process = process
 
 
 def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
