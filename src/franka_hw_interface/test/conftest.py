@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +16,9 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame, FrankaModel
 from franka_hw_interface.transforms import FloatArray
 from franka_hw_interface.urdf_chain import rotation_from_rpy
+
+if TYPE_CHECKING:
+    from libfranka_box import Arms
 
 
 @functools.cache
@@ -56,9 +60,42 @@ CASES = [
     ),
 ]  # fmt: skip
 
-IMPLEMENTATIONS: dict[str, Callable[[Case], FrankaModel]] = {
-    "kdl": lambda case: KdlFrankaModel(case.urdf(), case.arm_id),
+
+@pytest.fixture(scope="session")
+def arms() -> Iterator[Arms]:
+    """libfranka connected to emulated control boxes."""
+    from libfranka_box import Arms  # slow to import, and not for every test here
+
+    made = Arms()
+    yield made
+    made.close()
+
+
+def libfranka_panda(case: Case, arms: Arms) -> FrankaModel:
+    from franka_real.libfranka_model import LibfrankaModel
+
+    robot, model = arms.get("panda", case.hand)
+    return LibfrankaModel.for_panda(model, robot.read_once(), gravity_base(case))
+
+
+def libfranka_fr3(case: Case, arms: Arms) -> FrankaModel:
+    from franka_real.libfranka_model import LibfrankaModel
+
+    robot, model = arms.get("fr3", case.hand)
+    return LibfrankaModel.for_fr3(model, robot.read_once(), case.urdf(), case.arm_id, gravity_base(case))
+
+
+def gravity_base(case: Case) -> list[float]:
+    """What a libfranka does not tell that does not know how the arm is mounted [m/s^2]."""
+    return KdlFrankaModel(case.urdf(), case.arm_id).gravity_base.tolist()
+
+
+IMPLEMENTATIONS: dict[str, tuple[Callable[[Case, Arms], FrankaModel], float]] = {
+    "kdl": (lambda case, _: KdlFrankaModel(case.urdf(), case.arm_id), 1e-9),
+    "libfranka 0.9, Panda": (libfranka_panda, 1e-9),
+    "libfranka 0.21, FR3": (libfranka_fr3, 1e-6),
 }
+"""How it is built, and how exact it must be: the FR3 tells its hand in single precision."""
 
 
 class Oracle:
@@ -116,9 +153,19 @@ def case(request: pytest.FixtureRequest) -> Case:
 
 
 @pytest.fixture(params=sorted(IMPLEMENTATIONS))
-def model(request: pytest.FixtureRequest, case: Case) -> FrankaModel:
+def implementation(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture
+def tolerance(implementation: str) -> float:
+    return IMPLEMENTATIONS[implementation][1]
+
+
+@pytest.fixture
+def model(implementation: str, case: Case, arms: Arms) -> FrankaModel:
     """A model told all that the case says."""
-    built = IMPLEMENTATIONS[request.param](case)
+    built = IMPLEMENTATIONS[implementation][0](case, arms)
     if case.load is not None:
         built.set_load(*case.load)
     if case.F_T_EE is not None:

@@ -8,34 +8,33 @@ import pytest
 from franka_hw_interface.model import Frame
 from hric_control.errors import CommandError
 
-TOLERANCE = 1e-9
 STATES = 1000
 
 
-def test_mass_coriolis_and_gravity_equal_the_second_library_over_1000_states(model, oracle, states) -> None:
+def test_mass_coriolis_and_gravity_equal_the_second_library_over_1000_states(model, tolerance, oracle, states) -> None:
     worst = np.zeros(4)
     for q, dq in zip(*states(STATES), strict=True):
         M, c, g = oracle.dynamics(q, dq)
         found = (model.mass(q) - M, model.coriolis(q, dq) - c, model.gravity(q) - g, np.array(model.gravity_list(q.tolist())) - g)
         worst = np.maximum(worst, [np.abs(difference).max() for difference in found])
-    assert (worst < TOLERANCE).all(), f"mass, Coriolis, gravity, gravity_list differ by {worst}"
+    assert (worst < tolerance).all(), f"mass, Coriolis, gravity, gravity_list differ by {worst}"
 
 
-def test_poses_and_both_jacobians_of_all_frames_equal_the_second_library_over_1000_states(model, oracle, states) -> None:
+def test_poses_and_both_jacobians_of_all_frames_equal_the_second_library_over_1000_states(model, tolerance, oracle, states) -> None:
     worst = dict.fromkeys(Frame, np.zeros(3))
     for q in states(STATES)[0]:
         for frame, (T, zero, body) in oracle.kinematics(q).items():
             found = (model.pose(frame, q) - T, model.zero_jacobian(frame, q) - zero, model.body_jacobian(frame, q) - body)
             worst[frame] = np.maximum(worst[frame], [np.abs(difference).max() for difference in found])
-    assert (np.array(list(worst.values())) < TOLERANCE).all(), f"pose, zero and body Jacobian differ by {worst}"
+    assert (np.array(list(worst.values())) < tolerance).all(), f"pose, zero and body Jacobian differ by {worst}"
 
 
-def test_gravity_takes_another_gravity_vector_in_the_base_frame(model, oracle, states) -> None:
+def test_gravity_takes_another_gravity_vector_in_the_base_frame(model, tolerance, oracle, states) -> None:
     q, other = states(1)[0][0], np.array([1.0, -2.0, 3.0])
     oracle.model.gravity.linear = oracle.world_base.rotation @ other
     g = oracle.dynamics(q, np.zeros(7))[2]
-    assert np.abs(model.gravity(q, other) - g).max() < TOLERANCE
-    assert np.abs(model.gravity(q, other.tolist()) - g).max() < TOLERANCE
+    assert np.abs(model.gravity(q, other) - g).max() < tolerance
+    assert np.abs(model.gravity(q, other.tolist()) - g).max() < tolerance
     assert np.abs(model.gravity(q) - g).max() > 1e-3
 
 

@@ -1,0 +1,182 @@
+"""`franka_control/...`: what franka_ros lets a user tell the arm, offered alike by the simulated and the real one."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Protocol
+
+from franka_hw_interface.transforms import check_load, check_transform
+from franka_msgs.msg import ErrorRecoveryAction
+from franka_msgs.srv import (
+    SetCartesianImpedance,
+    SetEEFrame,
+    SetForceTorqueCollisionBehavior,
+    SetFullCollisionBehavior,
+    SetJointImpedance,
+    SetKFrame,
+    SetLoad,
+)
+from hric_control.errors import CommandError, HricError
+from hric_control.node import GoalHandle, Node, Registration
+
+
+@dataclass(frozen=True)
+class CollisionThresholds:
+    """From which external torques and wrenches on the arm speaks of contact (lower) and of collision (upper), libfranka's eight lists.
+
+    Attributes:
+        *_torque_thresholds_*: one per joint, 7 floats [N m].
+        *_force_thresholds_*: on the stiffness frame, x y z [N], about them [N m], 6 floats.
+    """
+
+    lower_torque_thresholds_acceleration: tuple[float, ...]
+    upper_torque_thresholds_acceleration: tuple[float, ...]
+    lower_torque_thresholds_nominal: tuple[float, ...]
+    upper_torque_thresholds_nominal: tuple[float, ...]
+    lower_force_thresholds_acceleration: tuple[float, ...]
+    upper_force_thresholds_acceleration: tuple[float, ...]
+    lower_force_thresholds_nominal: tuple[float, ...]
+    upper_force_thresholds_nominal: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            object.__setattr__(self, item.name, tuple(positive(value, 7 if "torque" in item.name else 6, item.name)))
+
+    def lists(self) -> list[list[float]]:
+        """The eight lists in the order of libfranka's setCollisionBehavior."""
+        return [list(getattr(self, item.name)) for item in fields(self)]
+
+
+class Arm(Protocol):
+    """What an arm offers to these services. Each method refuses with a HricError that says why; all are called through `request`."""
+
+    def request(self, function: Callable[[], None]) -> None:
+        """Call `function` between two cycles of the control loop and wait for it; its error is raised here."""
+
+    def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> None:
+        """Payload [kg], centre of mass in the flange frame, 3 floats [m], inertia about it, 9 floats column-major [kg m^2]."""
+
+    def set_EE_frame(self, NE_T_EE: Sequence[float]) -> None:
+        """End effector in the nominal end-effector frame, 16 floats column-major."""
+
+    def set_K_frame(self, EE_T_K: Sequence[float]) -> None:
+        """Stiffness frame in the end-effector frame, 16 floats column-major."""
+
+    def set_joint_impedance(self, stiffness: Sequence[float]) -> None:
+        """Stiffness of the internal joint impedance, 7 floats [N m/rad]."""
+
+    def set_cartesian_impedance(self, stiffness: Sequence[float]) -> None:
+        """Stiffness of the internal Cartesian impedance in the stiffness frame, 3 floats [N/m], then 3 [N m/rad]."""
+
+    def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:
+        """Contact and collision thresholds."""
+
+    def recover(self) -> None:
+        """Automatic error recovery; returns when the arm can be commanded again."""
+
+
+def positive(values: Sequence[float], n: int, what: str) -> list[float]:
+    """n finite numbers, none of them negative.
+
+    Raises:
+        CommandError: they are not.
+    """
+    result = [float(value) for value in values]
+    if len(result) != n or not all(math.isfinite(value) and value >= 0.0 for value in result):
+        raise CommandError(f"{what} must be {n} finite numbers of 0 or more; got {result}")
+    return result
+
+
+class ArmServices:
+    """The services and the action `franka_control/error_recovery` on any Node. A refusal is success=False with the reason in `error`; a recovery
+    that fails is an aborted goal with the reason as its text.
+
+    Args:
+        arm: the arm.
+        root_node: the robot's namespace.
+    """
+
+    def __init__(self, arm: Arm, root_node: Node) -> None:
+        self._arm = arm
+        node = self._node = root_node.child("franka_control")
+        table: dict[str, tuple[Any, Callable[[Any], None]]] = {
+            "set_load": (SetLoad, self._load),
+            "set_EE_frame": (SetEEFrame, self._ee_frame),
+            "set_K_frame": (SetKFrame, self._k_frame),
+            "set_joint_impedance": (SetJointImpedance, self._joint_impedance),
+            "set_cartesian_impedance": (SetCartesianImpedance, self._cartesian_impedance),
+            "set_force_torque_collision_behavior": (SetForceTorqueCollisionBehavior, self._collision),
+            "set_full_collision_behavior": (SetFullCollisionBehavior, self._full_collision),
+        }
+        self._open: list[Registration] = [node.service(name, kind, self._answer(kind, tell)) for name, (kind, tell) in table.items()]
+        self._open.append(node.action_server("error_recovery", ErrorRecoveryAction, self._on_goal, self._on_cancel))
+
+    def unregister(self) -> None:
+        """Take services and action back."""
+        while self._open:
+            self._open.pop().unregister()
+
+    def _answer(self, kind: Any, tell: Callable[[Any], None]) -> Callable[[Any], Any]:
+        def handler(request: Any) -> Any:
+            try:
+                tell(request)
+            except HricError as error:
+                return kind._response_class(success=False, error=str(error))
+            return kind._response_class(success=True, error="")
+
+        return handler
+
+    def _load(self, request: Any) -> None:
+        load = check_load(request.mass, request.F_x_center_load, request.load_inertia)
+        self._arm.request(lambda: self._arm.set_load(load.mass, load.com.tolist(), list(request.load_inertia)))
+
+    def _ee_frame(self, request: Any) -> None:
+        check_transform(request.NE_T_EE, "NE_T_EE")
+        self._arm.request(lambda: self._arm.set_EE_frame(list(request.NE_T_EE)))
+
+    def _k_frame(self, request: Any) -> None:
+        check_transform(request.EE_T_K, "EE_T_K")
+        self._arm.request(lambda: self._arm.set_K_frame(list(request.EE_T_K)))
+
+    def _joint_impedance(self, request: Any) -> None:
+        stiffness = positive(request.joint_stiffness, 7, "joint_stiffness")
+        self._arm.request(lambda: self._arm.set_joint_impedance(stiffness))
+
+    def _cartesian_impedance(self, request: Any) -> None:
+        stiffness = positive(request.cartesian_stiffness, 6, "cartesian_stiffness")
+        self._arm.request(lambda: self._arm.set_cartesian_impedance(stiffness))
+
+    def _collision(self, request: Any) -> None:
+        torques = request.lower_torque_thresholds_nominal, request.upper_torque_thresholds_nominal
+        forces = request.lower_force_thresholds_nominal, request.upper_force_thresholds_nominal
+        thresholds = CollisionThresholds(*torques, *torques, *forces, *forces)  # while accelerating as at steady motion, as in franka_ros
+        self._arm.request(lambda: self._arm.set_collision_behavior(thresholds))
+
+    def _full_collision(self, request: Any) -> None:
+        thresholds = CollisionThresholds(**{item.name: getattr(request, item.name) for item in fields(CollisionThresholds)})
+        self._arm.request(lambda: self._arm.set_collision_behavior(thresholds))
+
+    # -- the action ----------------------------------------------------------------------------------------------------------------------
+
+    def _on_goal(self, goal: GoalHandle) -> None:
+        goal.accept()
+        if getattr(self._node, "publishes_inline", False):  # one thread only: now
+            self._recover(goal)
+        else:  # a recovery takes seconds, and actionlib holds a lock here
+            threading.Thread(target=self._recover, args=[goal], name="error_recovery", daemon=True).start()
+
+    def _recover(self, goal: GoalHandle) -> None:
+        try:
+            self._arm.request(self._arm.recover)
+        except HricError as error:
+            self._node.log_error(f"error_recovery: {error}")
+            goal.abort(None, str(error))
+            return
+        goal.succeed(None)
+
+    def _on_cancel(self, goal: GoalHandle) -> None:
+        """A recovery that has begun is carried out; libfranka cannot take it back."""

@@ -1,0 +1,152 @@
+"""The commands of all modes: storage for the interfaces, the joint limits over them, and the row for the control log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from franka_hw_interface.interfaces import FrankaPoseCartesianInterface, FrankaVelocityCartesianInterface
+from franka_hw_interface.modes import HOLD, Kind, Mode
+from franka_hw_interface.rate_limits import MAX_CUTOFF, JointSmoother, RateLimits
+from franka_hw_interface.robot_state import RobotState, identity16
+from hric_control.hardware_interface import (
+    EffortJointInterface,
+    HardwareInterface,
+    JointCommands,
+    JointStates,
+    PositionJointInterface,
+    VelocityJointInterface,
+)
+from hric_control.joint_limits import EffortLimiter, JointLimits, LimitCounts, PositionLimiter, VelocityLimiter
+
+PERIOD = 1e-3
+"""A command to a real arm is in force for this long, however many states were lost before it [s]."""
+
+
+@dataclass(slots=True)
+class ArmCommand:
+    """What an arm is commanded in one millisecond; only the fields of the mode are looked at.
+
+    Attributes:
+        q, dq: joint position [rad] and velocity [rad/s], 7 floats.
+        O_T_EE: pose of the end effector in the base, 16 floats, column-major.
+        O_dP_EE: twist of the end effector in the base, linear [m/s] then angular [rad/s], 6 floats.
+        elbow: (position of joint 3 [rad], side of joint 4, -1 or 1), or None: the arm's choice.
+        tau: joint torque without gravity, 7 floats [N m].
+        finished: the motion shall end with this command.
+    """
+
+    q: list[float] = field(default_factory=lambda: [0.0] * 7)
+    dq: list[float] = field(default_factory=lambda: [0.0] * 7)
+    O_T_EE: list[float] = field(default_factory=identity16)
+    O_dP_EE: list[float] = field(default_factory=lambda: [0.0] * 6)
+    elbow: tuple[float, float] | None = None
+    tau: list[float] = field(default_factory=lambda: [0.0] * 7)
+    finished: bool = False
+
+
+Row = tuple[list[str], list[float], list[float]]
+
+
+class CommandSet:
+    """Commands of the arm.
+
+    Args:
+        arm_id: prefix of the resources.
+        states: measured joint states.
+        state: the arm's state.
+        limits: one per joint.
+        period: of the commands [s].
+        smoothing: limits of rate for joint positions and velocities, for an arm that is commanded without libfranka; None: as they come.
+
+    Attributes:
+        counts: what the limits did.
+        row: command interface per joint, commands before the limits, commands that were sent: of the last cycle.
+    """
+
+    def __init__(
+        self,
+        arm_id: str,
+        states: JointStates,
+        state: RobotState,
+        limits: Sequence[JointLimits],
+        period: float = PERIOD,
+        smoothing: RateLimits | None = None,
+    ) -> None:
+        self._state, self._period = state, period
+        self._smoothers = {}
+        if smoothing is not None:
+            kinds = (Kind.POSITION, Kind.VELOCITY)
+            self._smoothers = {kind: JointSmoother(smoothing, MAX_CUTOFF, kind is Kind.POSITION, period) for kind in kinds}
+        self._joint = {kind: JointCommands(states) for kind in (Kind.EFFORT, Kind.POSITION, Kind.VELOCITY)}
+        self._pose, self._twist = FrankaPoseCartesianInterface(arm_id, state), FrankaVelocityCartesianInterface(arm_id, state)
+        self.counts = LimitCounts(states.names, [limit.velocity for limit in limits])
+        self._limiters: dict[Kind, EffortLimiter | PositionLimiter | VelocityLimiter] = {
+            Kind.EFFORT: EffortLimiter(states, self._joint[Kind.EFFORT], limits, self.counts),
+            Kind.POSITION: PositionLimiter(states, self._joint[Kind.POSITION], limits, self.counts),
+            Kind.VELOCITY: VelocityLimiter(states, self._joint[Kind.VELOCITY], limits, self.counts),
+        }
+        self._n = len(states.names)
+        self._zeros = [0.0] * self._n
+        self._kinds = [HOLD.log_name] * self._n
+        self.row: Row = self._kinds, self._zeros, self._zeros
+        self._command = ArmCommand()
+
+    def interfaces(self) -> list[HardwareInterface]:
+        """The command interfaces of all modes."""
+        joint = self._joint
+        return [
+            EffortJointInterface(joint[Kind.EFFORT]),
+            VelocityJointInterface(joint[Kind.VELOCITY]),
+            PositionJointInterface(joint[Kind.POSITION]),
+            self._pose,
+            self._twist,
+        ]
+
+    def enter(self, mode: Mode) -> None:
+        """Begin a mode: nothing changes until somebody commands. Positions and poses stand at the desired ones, torques and velocities at zero."""
+        q_d = self._state.q_d
+        for kind, start in ((Kind.EFFORT, self._zeros), (Kind.POSITION, q_d), (Kind.VELOCITY, self._zeros)):
+            self._joint[kind].value[:] = start
+            self._limiters[kind].reset(start)
+        self._pose.command.value[:], self._pose.command.elbow = self._state.O_T_EE_c, None
+        self._twist.command.value[:], self._twist.command.elbow = [0.0] * 6, None
+        self._kinds = [mode.log_name] * self._n
+        self.row = self._kinds, self._zeros, self._zeros
+
+    def check_start(self) -> None:
+        """Say which joints stand outside their ranges, once."""
+        for limiter in self._limiters.values():
+            if isinstance(limiter, EffortLimiter):
+                limiter.check_start()
+
+    def take(self, mode: Mode) -> ArmCommand:
+        """The command of this cycle, within the joint limits; the object is the same each time."""
+        command, generator = self._command, mode.generator
+        command.elbow = None
+        if generator is Kind.POSITION:
+            command.q = self._limited(generator)
+        elif generator is Kind.VELOCITY:
+            command.dq = self._limited(generator)
+        elif generator is Kind.POSE:
+            command.O_T_EE, command.elbow = self._pose.command.value, _pair(self._pose.command.elbow)
+        elif generator is Kind.TWIST:
+            command.O_dP_EE, command.elbow = self._twist.command.value, _pair(self._twist.command.elbow)
+        if mode.torque:
+            command.tau = self._limited(Kind.EFFORT)
+        return command
+
+    def _limited(self, kind: Kind) -> list[float]:
+        value = self._joint[kind].value
+        raw = value[:]
+        self._limiters[kind].enforce(self._period)
+        sent, smoother = value[:], self._smoothers.get(kind)
+        if smoother is not None:
+            state = self._state
+            sent = list(smoother.smooth(sent, state.q_d, state.dq_d, state.ddq_d))
+        self.row = self._kinds, raw, sent
+        return sent
+
+
+def _pair(elbow: list[float] | None) -> tuple[float, float] | None:
+    return None if elbow is None else (elbow[0], elbow[1])

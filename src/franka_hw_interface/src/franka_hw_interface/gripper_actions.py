@@ -1,0 +1,174 @@
+"""The actions and joint states of franka_ros's franka_gripper, on any Node and any hand."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from sensor_msgs.msg import JointState
+
+from control_msgs.msg import GripperCommandAction, GripperCommandResult
+from franka_gripper.msg import (
+    GraspAction,
+    GraspResult,
+    HomingAction,
+    HomingResult,
+    MoveAction,
+    MoveResult,
+    StopAction,
+    StopResult,
+)
+from franka_hw_interface.gripper_settings import GripperSettings
+from franka_hw_interface.hand import Hand, HandMotion, HandOutcome
+from hric_control.node import GoalHandle, Node, Registration
+
+SAME_WIDTH = 1e-4
+"""gripper_action: an opening so near is the wanted one already (franka_gripper 0.10.1) [m]."""
+
+
+@dataclass
+class _Kind:
+    """One action: its types, and how a goal becomes a request to the hand."""
+
+    action: type
+    result: Callable[..., Any]
+    begin: Callable[[Any], HandMotion]
+
+
+@dataclass
+class _Running:
+    """A goal that has not ended.
+
+    Attributes:
+        preempted: why it was cut off by a client, empty if it was not.
+    """
+
+    name: str
+    goal: GoalHandle
+    motion: HandMotion
+    preempted: str = field(default="")
+
+
+class GripperActions:
+    """`homing`, `move`, `grasp`, `stop`, `gripper_action` and `joint_states` below a node. Goals and cancels are taken in `update`, one thread.
+
+    A goal ends as in franka_ros: carried out, though in vain, it succeeds with `success: false`; refused by the hand, or stopped by the action
+    `stop`, it is aborted; cancelled, or replaced by a goal of any of the actions, it is preempted. A cancel stops the fingers.
+
+    Args:
+        node: the gripper's namespace.
+        hand: what is commanded; used by `update` alone.
+        settings: of the node's parameters.
+    """
+
+    def __init__(self, node: Node, hand: Hand, settings: GripperSettings) -> None:
+        self._node, self._hand, self._settings = node, hand, settings
+        self._inbox: deque[Callable[[], None]] = deque()
+        self._running: list[_Running] = []
+        self._next_publish = float("-inf")
+        self._joint_states = node.advertise("joint_states", JointState, queue_size=1)
+        self._kinds = {
+            "homing": _Kind(HomingAction, HomingResult, lambda goal: hand.homing()),
+            "move": _Kind(MoveAction, MoveResult, lambda goal: hand.move(goal.width, goal.speed)),
+            "grasp": _Kind(GraspAction, GraspResult, self._grasp),
+            "stop": _Kind(StopAction, StopResult, lambda goal: hand.stop()),
+            "gripper_action": _Kind(GripperCommandAction, self._command_result, self._command),
+        }
+        self._servers = [self._serve(name, kind) for name, kind in self._kinds.items()]
+
+    def _serve(self, name: str, kind: _Kind) -> Registration:
+        def on_goal(goal: GoalHandle) -> None:
+            self._inbox.append(lambda: self._begin(name, goal))
+
+        def on_cancel(goal: GoalHandle) -> None:
+            self._inbox.append(lambda: self._cancel(goal))
+
+        return self._node.action_server(name, kind.action, on_goal, on_cancel)
+
+    def update(self) -> None:
+        """Take what came in, let the hand go on, finish what ended, publish when due. Never waits."""
+        while self._inbox:
+            self._inbox.popleft()()
+        time = self._node.now().to_sec()
+        self._hand.advance(time)
+        for running in [item for item in self._running if item.motion.outcome is not None]:
+            self._running.remove(running)
+            self._finish(running)
+        self._publish_when_due(time)
+
+    def _publish_when_due(self, time: float) -> None:
+        period = 1.0 / self._settings.publish_rate
+        if self._next_publish - period <= time < self._next_publish:
+            return
+        self._next_publish += period
+        if not time < self._next_publish <= time + period:  # the first time, a long pause, or time went back
+            self._next_publish = time + period
+        self._publish()
+
+    def shutdown(self) -> None:
+        """Stop the fingers if they move, and take the topics back; goals that have not ended are cancelled."""
+        if self._running:
+            self._hand.stop()
+        for running in self._running:
+            running.goal.cancel(self._result(running, "the gripper was shut down"), "the gripper was shut down")
+        self._running.clear()
+        for registration in (*self._servers, self._joint_states):
+            registration.unregister()
+
+    def _begin(self, name: str, goal: GoalHandle) -> None:
+        goal.accept()
+        motion = self._kinds[name].begin(goal.goal)
+        if name != "stop" and motion.outcome is None:  # the hand took it, and ends what it did before
+            for running in self._running:
+                running.preempted = running.preempted or f"replaced by a goal of {name}"
+        self._running.append(_Running(name, goal, motion))
+
+    def _cancel(self, goal: GoalHandle) -> None:
+        running = next((item for item in self._running if item.goal is goal), None)
+        if running is not None and running.motion.outcome is None and not running.preempted:
+            running.preempted = "cancelled"
+            self._hand.stop()
+
+    def _finish(self, running: _Running) -> None:
+        outcome, reason = running.motion.outcome, running.motion.reason
+        if outcome is HandOutcome.SUCCESS:
+            running.goal.succeed(self._result(running, ""))
+        elif running.preempted:
+            running.goal.cancel(self._result(running, running.preempted), running.preempted)
+        elif outcome is HandOutcome.UNSUCCESSFUL and running.name != "gripper_action":
+            running.goal.succeed(self._result(running, reason), reason)
+        else:
+            text = f"{running.name}: {reason}" if reason else running.name
+            self._node.log_error(f"{text} ({outcome.value if outcome else ''})")
+            running.goal.abort(self._result(running, reason), reason)
+
+    def _result(self, running: _Running, error: str) -> Any:
+        return self._kinds[running.name].result(success=not error and running.motion.outcome is HandOutcome.SUCCESS, error=error)
+
+    def _grasp(self, goal: Any) -> HandMotion:
+        return self._hand.grasp(goal.width, goal.epsilon.inner, goal.epsilon.outer, goal.speed, goal.force)
+
+    def _command(self, goal: Any) -> HandMotion:
+        """gripper_action: `position` is that of one finger, half the opening; opening moves, closing grasps (franka_gripper 0.10.1)."""
+        width, settings, hand = 2.0 * goal.command.position, self._settings, self._hand
+        if not 0.0 <= width <= hand.max_width:
+            return HandMotion("gripper_action", HandOutcome.FAIL, f"position {goal.command.position} m; valid: 0 to {0.5 * hand.max_width:g} m")
+        if abs(width - hand.width) < SAME_WIDTH:
+            return HandMotion("gripper_action", HandOutcome.SUCCESS)
+        if width >= hand.width:
+            return hand.move(width, settings.default_speed)
+        return hand.grasp(width, settings.epsilon_inner, settings.epsilon_outer, settings.default_speed, goal.command.max_effort)
+
+    def _command_result(self, success: bool, error: str) -> Any:
+        """`position` is the opening, not that of a finger (franka_gripper 0.10.1)."""
+        return GripperCommandResult(position=self._hand.width, effort=0.0, stalled=False, reached_goal=success)
+
+    def _publish(self) -> None:
+        message = JointState()
+        message.header.stamp = self._node.now()
+        message.name = list(self._settings.joint_names)
+        message.position = [0.5 * self._hand.width] * 2
+        message.velocity, message.effort = [0.0, 0.0], [0.0, 0.0]
+        self._joint_states.publish(message)

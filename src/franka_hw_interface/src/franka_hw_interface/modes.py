@@ -1,0 +1,108 @@
+"""What a controller commands the arm by: torques, one motion generator, or both together, as libfranka's control loops take them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from franka_hw_interface.interfaces import FrankaPoseCartesianInterface, FrankaVelocityCartesianInterface
+from hric_control.errors import HricError, ResourceConflictError
+from hric_control.hardware_interface import EffortJointInterface, PositionJointInterface, VelocityJointInterface
+from hric_control.robot_hw import ControllerInfo
+
+
+class Kind(Enum):
+    """Kind of command."""
+
+    EFFORT = "effort"
+    POSITION = "position"
+    VELOCITY = "velocity"
+    POSE = "Cartesian pose"
+    TWIST = "Cartesian velocity"
+
+
+GENERATORS = (Kind.POSITION, Kind.VELOCITY, Kind.POSE, Kind.TWIST)
+
+_BY_INTERFACE = {
+    EffortJointInterface.cpp_name: Kind.EFFORT,
+    PositionJointInterface.cpp_name: Kind.POSITION,
+    VelocityJointInterface.cpp_name: Kind.VELOCITY,
+    FrankaPoseCartesianInterface.cpp_name: Kind.POSE,
+    FrankaVelocityCartesianInterface.cpp_name: Kind.TWIST,
+}
+
+
+@dataclass(frozen=True)
+class Mode:
+    """How the arm is commanded.
+
+    Attributes:
+        torque: whether joint torques are.
+        generator: the motion generator, or None.
+    """
+
+    torque: bool = False
+    generator: Kind | None = None
+
+    @property
+    def commanded(self) -> bool:
+        """Whether anything is commanded; if not, the arm holds by itself."""
+        return self.torque or self.generator is not None
+
+    @property
+    def log_name(self) -> str:
+        """What the control log calls the joints' command: torques go first; Cartesian commands are none of the joints'."""
+        kind = Kind.EFFORT if self.torque else self.generator
+        return kind.value if kind in (Kind.EFFORT, Kind.POSITION, Kind.VELOCITY) else "none"
+
+    def __str__(self) -> str:
+        parts = (["joint torque"] if self.torque else []) + ([self.generator.value] if self.generator else [])
+        return " + ".join(parts) or "hold"
+
+
+HOLD = Mode()
+
+
+def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[str]) -> Mode:
+    """The mode that a controller needs; HOLD if it claims nothing of the arm.
+
+    Raises:
+        HricError: it claims some joints only, or a combination that libfranka does not have; the message says what would be valid.
+    """
+    own = {*joint_names, f"{arm_id}_robot"}
+    kinds = []
+    for interface, resources in sorted(controller.claims.items()):
+        if not resources & own:
+            continue
+        if interface not in _BY_INTERFACE:
+            raise HricError(f"{controller.name} claims the arm through {interface}; valid: {', '.join(sorted(_BY_INTERFACE))}")
+        kinds.append(_BY_INTERFACE[interface])
+        missing = [name for name in joint_names if name not in resources] if kinds[-1] not in (Kind.POSE, Kind.TWIST) else []
+        if missing:
+            some = f"{len(joint_names) - len(missing)} of the arm's {len(joint_names)} joints"
+            raise HricError(f"{controller.name} claims {some}; it must claim all of them: missing {', '.join(missing)}")
+    generators = [kind for kind in kinds if kind in GENERATORS]
+    if len(generators) > 1:
+        both = " and ".join(kind.value for kind in generators)
+        raise HricError(f"{controller.name} claims {both}; the arm takes one motion generator at a time, alone or with joint torques")
+    return Mode(Kind.EFFORT in kinds, generators[0] if generators else None)
+
+
+def claimed_modes(controllers: Sequence[ControllerInfo], arm_id: str, joint_names: Sequence[str]) -> list[Mode]:
+    """The modes of those controllers that command the arm. Raises as `claimed_mode`."""
+    modes = [claimed_mode(one, arm_id, joint_names) for one in controllers]
+    return [mode for mode in modes if mode.commanded]
+
+
+def check_one_commander(controllers: Sequence[ControllerInfo], arm_id: str, joint_names: Sequence[str]) -> None:
+    """Refuse controllers that would command the arm together.
+
+    Raises:
+        ResourceConflictError: names two of them.
+        HricError: a claim that no mode serves.
+    """
+    commanding = [(one.name, mode) for one in controllers if (mode := claimed_mode(one, arm_id, joint_names)).commanded]
+    if len(commanding) > 1:
+        (first, first_mode), (second, second_mode) = commanding[:2]
+        raise ResourceConflictError(f"{joint_names[0]} to {joint_names[-1]} are claimed by both {first} ({first_mode}) and {second} ({second_mode})")
