@@ -9,7 +9,13 @@ from typing import Any
 import pytest
 
 import panda_description
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.robot_state import RobotMode
+from franka_sim.box.config import BoxConfig
+from franka_sim.box.control_box import ControlBox
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
 from franka_sim.franka_hw_sim import FrankaHWSim
+from hric_control import plugins
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.local_node import LocalNode
 from hric_control.robot_hw import ControllerInfo
@@ -73,3 +79,79 @@ def make_arm() -> Iterator[Callable[..., Arm]]:
 @pytest.fixture(name="claim")
 def claim_fixture() -> Callable[..., ControllerInfo]:
     return claim
+
+
+class BoxArm:
+    """A control box on the real plant, without a hand's server or ROS; `cycle` is one millisecond in the order of the emulated robot.
+
+    Attributes:
+        box, state, plant: the parts.
+        reports: lines that the box said.
+    """
+
+    def __init__(self, plant: dict[str, Any], config: dict[str, Any], q: list[float], urdf: dict[str, Any]) -> None:
+        text = description(**urdf)
+        model = KdlFrankaModel(text, "panda")
+        self.reports: list[str] = []
+        self.box = ControlBox(model, BoxConfig(**config), self.reports.append)
+        self.state = self.box.state
+        self.plant = plugins.find(plugins.PLANT, "pybullet_ros_control/PyBulletPlant")(text, model.joint_names, {**PLANT, **plant})
+        self._row = [0.0] * 7, [0.0] * 7, [0.0] * 7
+        self.cycles = 0
+        self.place(q)
+
+    def place(self, q: list[float]) -> None:
+        self.plant.reset(q)
+        self.box.reset(q)
+        self._read()
+
+    def _read(self) -> None:
+        self.plant.read_state(*self._row)
+        self.box.read(*self._row, self.cycles * 1e-3)
+
+    def cycle(self, command: MotionCommand | None = None) -> None:
+        self.plant.apply(self.box.write(command))
+        self.plant.step()
+        self.cycles += 1
+        self._read()
+
+    def start(self, controller: ControllerMode = ControllerMode.EXTERNAL, generator: GeneratorMode = GeneratorMode.NONE, **kwargs: Any) -> None:
+        """A motion, with the two states that pass before a client's first command."""
+        assert self.box.move(MoveRequest(controller, generator, **kwargs)) is Outcome.STARTED
+        self.cycle()
+        self.cycle()
+
+    def until_reflex(self, command: Callable[[], MotionCommand | None], cycles: int) -> frozenset[str]:
+        """Cycles until the motion ends; the errors that are set then."""
+        for _ in range(cycles):
+            self.cycle(command())
+            if self.box.mode is not RobotMode.MOVE:
+                break
+        return self.state.current_errors
+
+
+def torques(*tau: float, finished: bool = False) -> MotionCommand:
+    """A torque command; zero by default."""
+    return MotionCommand([0.0] * 7, [0.0] * 7, [0.0] * 16, [0.0] * 6, None, list(tau) or [0.0] * 7, finished)
+
+
+@pytest.fixture(name="torques")
+def torques_fixture() -> Callable[..., MotionCommand]:
+    return torques
+
+
+Q_BOX = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+
+
+@pytest.fixture
+def make_box() -> Iterator[Callable[..., BoxArm]]:
+    """make_box(plant={...}, config={...}, q=[...], hand=True, ...) -> BoxArm; the other arguments are those of the description."""
+    made: list[BoxArm] = []
+
+    def make(plant: dict[str, Any] | None = None, config: dict[str, Any] | None = None, q: list[float] | None = None, **urdf: Any) -> BoxArm:
+        made.append(BoxArm(plant or {}, config or {}, q or Q_BOX, urdf))
+        return made[-1]
+
+    yield make
+    for arm in made:
+        arm.plant.close()

@@ -1,0 +1,1 @@
+"""The emulated control box of the arm: no ROS, no engine."""

@@ -1,0 +1,262 @@
+"""The emulated control box: what the arm's firmware does each millisecond. No ROS, no engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotMode, errors
+from franka_sim.box.config import BoxConfig
+from franka_sim.box.configuration import ConfiguredBox
+from franka_sim.box.hold import Braking
+from franka_sim.box.motion_run import MotionRun, invalid
+from franka_sim.box.packets import PacketCount
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
+from franka_sim.box.table import Event, next_mode
+from franka_sim.box.wording import describe
+from hric_control.errors import CommandError
+
+_ZEROS = [0.0] * 7
+_OUTCOMES = {
+    Event.FINISH: Outcome.SUCCESS,
+    Event.STOP: Outcome.PREEMPTED,
+    Event.REFLEX: Outcome.REFLEX_ABORTED,
+    Event.USER_STOP_PRESSED: Outcome.EMERGENCY_ABORTED,
+    Event.CONNECTION_LOST: Outcome.ABORTED,
+}
+_COLLISIONS = frozenset(("joint_reflex", "cartesian_reflex"))
+_LOST: Errors = frozenset(("communication_constraints_violation",))
+
+
+class ControlBox(ConfiguredBox):
+    """The arm's control box. One thread: requests come between two cycles.
+
+    A millisecond: `read` the arm's state at the measuring instant, then `write` for the torques until the next one. What changes the mode stands
+    in `table.TABLE`. Without a motion the arm holds itself with its internal joint impedance; gravity, and friction as far as it is known, are
+    compensated in every mode.
+
+    Args:
+        model, config, report: see `ConfiguredBox`.
+
+    Attributes:
+        state: BoxState, always the same object.
+        finished: how the last motion ended; None while one runs, and after `take_finished`.
+    """
+
+    def __init__(self, model: KdlFrankaModel, config: BoxConfig | None = None, report: Callable[[str], None] | None = None) -> None:
+        super().__init__(model, config or BoxConfig(), report)
+        self.finished: Outcome | None = None
+        self._packets = PacketCount(self.config.success_window)
+        self._braking = Braking(self.config)
+        self._run = MotionRun(self)
+        self._friction_torque: list[float] | None = None
+        self._fresh = True
+
+    @property
+    def mode(self) -> RobotMode:
+        """What the arm is doing."""
+        return self.state.robot_mode
+
+    def take_finished(self) -> Outcome | None:
+        """How a motion ended since the last call, or None."""
+        finished, self.finished = self.finished, None
+        return finished
+
+    # -- requests ------------------------------------------------------------------------------------------------------------------------
+
+    def move(self, request: MoveRequest) -> Outcome:
+        """Begin a motion: STARTED, or why not.
+
+        A start that a motion generator does not allow is answered with STARTED and ends with the first command, so that its name reaches the client.
+        """
+        if next_mode(self.mode, Event.MOVE) is None:
+            return Outcome.NOT_POSSIBLE
+        if reason := invalid(request):
+            self.report(f"move refused: {reason}")
+            return Outcome.INVALID_ARGUMENT
+        state = self.state
+        state.q_d[:], state.dq_d[:], state.ddq_d[:], state.tau_J_d[:] = state.q, _ZEROS, _ZEROS, _ZEROS
+        state.desired_changed()
+        if not self._run.start(request):
+            self.report("move refused: it would begin in a singular pose")
+            return Outcome.SINGULAR_START
+        self._packets.reset()
+        self._reflexes.start(state)
+        state.robot_mode, state.controller_mode, state.generator_mode = RobotMode.MOVE, request.controller, request.generator
+        state.last_motion_errors, state.control_command_success_rate = NO_ERRORS, 0.0
+        self.finished = None
+        return Outcome.STARTED
+
+    def stop_move(self) -> Outcome:
+        """End the motion, which is then preempted; at idle there is nothing to do."""
+        return self._change(Event.STOP)
+
+    def connection_lost(self) -> None:
+        """The client has gone: its motion, if one runs, is aborted."""
+        self._change(Event.CONNECTION_LOST)
+
+    def recover(self) -> Outcome:
+        """Automatic error recovery: clears the errors and the collisions of a reflex; what ended the last motion stays known."""
+        outcome = self._change(Event.RECOVER)
+        if self.mode is RobotMode.AUTOMATIC_ERROR_RECOVERY:
+            self._clear_errors()
+            self._change(Event.RECOVERED)
+            self.report("recovered from errors")
+        return outcome
+
+    def set_user_stop(self, pressed: bool) -> Outcome:
+        """Press or release the user stop; a press while it is pressed changes nothing."""
+        if pressed == (self.mode is RobotMode.USER_STOPPED):
+            return Outcome.SUCCESS
+        outcome = self._change(Event.USER_STOP_PRESSED if pressed else Event.USER_STOP_RELEASED)
+        if outcome is Outcome.SUCCESS:
+            self.report("user stop pressed" if pressed else "user stop released")
+            if not pressed:
+                self._clear_errors()
+        return outcome
+
+    def set_guiding(self, on: bool) -> Outcome:
+        """Press or release the guiding buttons: the arm is then free, gravity and friction compensated."""
+        if on == (self.mode is RobotMode.GUIDING):
+            return Outcome.SUCCESS
+        outcome = self._change(Event.GUIDING_ON if on else Event.GUIDING_OFF)
+        if self.mode is RobotMode.GUIDING:
+            self._reflexes.start(self.state)
+        return outcome
+
+    def reset(self, q: Sequence[float]) -> None:
+        """The arm was put to q at rest (simulation only): idle, errors cleared, a running motion aborted. q: 7 floats [rad]."""
+        if len(q) != 7:
+            raise CommandError(f"a pose is 7 numbers [rad]; got {len(q)}")
+        state = self.state
+        self._end_motion(Outcome.ABORTED, NO_ERRORS)
+        self._clear_errors()
+        for name in ("dq", "dq_d", "ddq_d", "tau_J_d"):
+            getattr(state, name)[:] = _ZEROS
+        state.q[:], state.q_d[:] = q, q
+        state.robot_mode, state.tick = RobotMode.IDLE, state.tick + 1
+        self._external.reset()
+        self._fresh = True
+
+    def _clear_errors(self) -> None:
+        state = self.state
+        state.current_errors = NO_ERRORS
+        state.joint_collision[:], state.cartesian_collision[:] = _ZEROS, _ZEROS[:6]
+        state.control_command_success_rate = 0.0
+
+    # -- the table -----------------------------------------------------------------------------------------------------------------------
+
+    def _change(self, event: Event, why: Errors = NO_ERRORS) -> Outcome:
+        """Follow the arrow, if there is one: SUCCESS, or NOT_POSSIBLE."""
+        before, after = self.mode, next_mode(self.mode, event)
+        if after is None:
+            return Outcome.NOT_POSSIBLE
+        self._end_motion(_OUTCOMES.get(event, Outcome.ABORTED), why)
+        self.state.robot_mode = after
+        if before is RobotMode.GUIDING:
+            self._braking.start(self.state)
+        return Outcome.SUCCESS
+
+    def _end_motion(self, outcome: Outcome, why: Errors) -> None:
+        state = self.state
+        if state.robot_mode is not RobotMode.MOVE:
+            return
+        if state.controller_mode is not ControllerMode.JOINT_IMPEDANCE or why & _COLLISIONS:
+            self._braking.start(state)
+        state.controller_mode, state.generator_mode = ControllerMode.OTHER, GeneratorMode.IDLE
+        for name in ("O_dP_EE_c", "O_ddP_EE_c"):
+            getattr(state, name)[:] = _ZEROS[:6]
+        state.delbow_c[:], state.ddelbow_c[:] = _ZEROS[:2], _ZEROS[:2]
+        state.desired_changed()
+        if outcome is not Outcome.REFLEX_ABORTED:  # then the client wants to know how many commands came
+            state.control_command_success_rate = 0.0
+        state.last_motion_errors, self.finished = why, outcome
+
+    def _reflex(self, names: Errors) -> None:
+        """The arm protects itself."""
+        self.state.current_errors = names
+        if self.mode is RobotMode.GUIDING:
+            self.state.last_motion_errors = names
+        self._change(Event.REFLEX, errors(names))
+        self.report(f"{self.model.arm_id}: motion aborted by reflex: {describe(names, self.state, self.config)}")
+
+    # -- the millisecond -----------------------------------------------------------------------------------------------------------------
+
+    def read(self, q: Sequence[float], dq: Sequence[float], tau_J: Sequence[float], time: float) -> None:
+        """The arm at the measuring instant.
+
+        Args:
+            q, dq: joint position and velocity, 7 floats [rad], [rad/s].
+            tau_J: torque during the last cycle, gravity included, 7 floats [N m].
+            time: run time [s].
+        """
+        state = self.state
+        if self._fresh:
+            self._begin(q)
+        else:
+            self._external.update(state.q, state.dq, dq, tau_J, self._friction_torque)
+        state.tau_before[:] = state.tau_J
+        state.q[:], state.dq[:], state.tau_J[:] = q, dq, tau_J
+        state.time = time
+        state.tick += 1
+        if self.config.reflexes and state.robot_mode in (RobotMode.MOVE, RobotMode.GUIDING):
+            wrong = self._reflexes.errors(state)
+            if wrong:
+                self._reflex(wrong)
+
+    def _begin(self, q: Sequence[float]) -> None:
+        self._fresh = False
+        if self._change(Event.START) is Outcome.SUCCESS:
+            self.state.q_d[:] = q
+
+    def write(self, command: MotionCommand | None) -> list[float]:
+        """Torques for the arm until the next cycle, 7 floats [N m]: command or hold, plus gravity and friction compensation.
+
+        Args:
+            command: of the running motion, or None: no packet came. Without a motion it is not looked at.
+        """
+        state, mode = self.state, self.state.robot_mode
+        if mode is RobotMode.MOVE:
+            tau = self._move(command)
+        elif mode is RobotMode.GUIDING:
+            tau = _ZEROS
+            state.q_d[:], state.tau_J_d[:] = state.q, tau
+        else:
+            tau = self._hold()
+        torque = [a + b for a, b in zip(tau, self.model.gravity_list(state.q), strict=True)]
+        if self._friction is not None:
+            friction = self._friction_torque = self._friction(state.dq)
+            torque = [a + b for a, b in zip(torque, friction, strict=True)]
+        return torque
+
+    def _hold(self) -> list[float]:
+        state = self.state
+        self._braking.advance(state)
+        tau = self.joint_impedance.torque(state)
+        state.tau_J_d[:] = tau
+        return tau
+
+    def _move(self, command: MotionCommand | None) -> list[float]:
+        packets, state = self._packets, self.state
+        if command is not None:
+            packets.accept()
+        elif not packets.started:
+            return self.joint_impedance.torque(state)
+        elif self._lost_too_many():
+            self._reflex(_LOST)
+            return self._hold()
+        state.control_command_success_rate = packets.success_rate
+        tau, wrong = self._run.torque(command)
+        if wrong:
+            self._reflex(wrong)
+            return self._hold()
+        if command is not None and command.finished:
+            self._change(Event.FINISH)
+            return self._hold()
+        state.tau_J_d[:] = tau
+        return tau
+
+    def _lost_too_many(self) -> bool:
+        packets, most = self._packets, self.config.max_lost_packets
+        packets.lose()
+        return self.config.reflexes and most is not None and packets.lost_in_a_row >= most

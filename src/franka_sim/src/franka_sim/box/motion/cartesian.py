@@ -1,0 +1,157 @@
+"""Cartesian pose and Cartesian velocity generators: the commanded motion is checked, then joints follow by inverse kinematics with elbow."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.limits import FrankaLimits
+from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotState
+from franka_sim.box.inverse_kinematics import ElbowInverseKinematics, elbow_side
+from franka_sim.box.motion.elbow import ElbowMotion
+from franka_sim.box.motion.generator import MotionGenerator
+from franka_sim.box.motion_parameters import MotionParameters
+from franka_sim.box.pose_lists import is_pose, moved, twist_between
+from franka_sim.box.rate_limits import CARTESIAN_ERRORS, CARTESIAN_JOINT_ERRORS, JointRates, SpaceRates
+from franka_sim.box.requests import MotionCommand
+
+START_POSE_INVALID = frozenset({"cartesian_position_motion_generator_start_pose_invalid"})
+INVALID_FRAME = frozenset({"cartesian_position_motion_generator_invalid_frame"})
+START_OUT_OF_RANGE = frozenset({CARTESIAN_JOINT_ERRORS.position})
+NOT_AT_REST = frozenset({CARTESIAN_ERRORS.acceleration})
+NO_JOINT_MOTION = frozenset({CARTESIAN_JOINT_ERRORS.acceleration})
+"""No joint motion follows: at the border of the workspace or a singular pose, where any would be too sudden."""
+
+
+class CartesianGenerator(MotionGenerator):
+    """What pose and twist commands share: a pose, its twist and acceleration, the elbow, and the joints that follow.
+
+    Args:
+        model: of the arm.
+        limits: of the arm.
+        parameters: tolerances.
+        time_step: [s].
+    """
+
+    def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, parameters: MotionParameters, time_step: float) -> None:
+        self._ik = ElbowInverseKinematics(model, parameters, time_step)
+        self._joints = JointRates(limits, CARTESIAN_JOINT_ERRORS, parameters, time_step, with_jerk=False)
+        self._translation, self._rotation = (SpaceRates(limit, parameters, time_step) for limit in (limits.translation, limits.rotation))
+        self._elbow = ElbowMotion(SpaceRates(limits.elbow, parameters, time_step), time_step)
+        self._parameters, self._dt, self._state = parameters, time_step, RobotState()
+        self._T: list[float] = self._state.O_T_EE_c
+        self._twist, self._acceleration = [0.0] * 6, [0.0] * 6
+        self._moving = self._lost = False
+
+    def start(self, state: RobotState) -> Errors:
+        """Begin at rest at the pose of q_d, which must be within the position limits."""
+        self._state, self._moving, self._lost = state, False, False
+        state.dq_d[:] = state.ddq_d[:] = [0.0] * 7
+        self._ik.begin(state.q_d)
+        self._T = self._ik.kinematics.end_effector(state.q_d).T
+        self._twist, self._acceleration = [0.0] * 6, [0.0] * 6
+        self._elbow.start(state.q_d)
+        self._publish()
+        return NO_ERRORS if self._joints.in_range(state.q_d) else self._refused_start()
+
+    def is_singular(self, state: RobotState) -> bool:
+        """Whether the end effector's Jacobian has lost a rank at q_d, nearly."""
+        return self._ik.begin(state.q_d) < self._parameters.singular_value
+
+    @abstractmethod
+    def _refused_start(self) -> Errors:
+        """The name of a start outside of the position limits."""
+
+    @abstractmethod
+    def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float], Errors]:
+        """Pose (16 floats) and twist (6 floats) of this step, and what is wrong with them as such."""
+
+    def advance(self, command: MotionCommand | None) -> Errors:
+        """One millisecond, see `MotionGenerator`."""
+        if command is None:
+            return self._bridge() if self._moving else NO_ERRORS
+        T, twist, errors = self._commanded(command)
+        errors = errors or self._elbow.refused(command.elbow, self._moving)
+        if not errors and command.finished and not (self._translation.can_stop(twist[:3]) and self._rotation.can_stop(twist[3:])):
+            errors = NOT_AT_REST
+        if errors:
+            return errors
+        acceleration = [(v - last) / self._dt for v, last in zip(twist, self._twist, strict=True)]
+        self._elbow.command(command.elbow)
+        errors = self._take(T, twist, acceleration)
+        self._moving, self._lost = True, False
+        return errors
+
+    def _bridge(self) -> Errors:
+        """A lost packet: the accelerations of pose and elbow stay."""
+        dt, self._lost = self._dt, True
+        twist = [v + a * dt for v, a in zip(self._twist, self._acceleration, strict=True)]
+        self._elbow.bridge()
+        return self._take(moved(self._T, twist, dt), twist, self._acceleration)
+
+    def _take(self, T: list[float], twist: list[float], acceleration: list[float]) -> Errors:
+        errors = self._violations(twist, acceleration) | self._elbow.violations(self._lost)
+        return errors or self._take_joints(T, twist, acceleration)
+
+    def _take_joints(self, T: list[float], twist: list[float], acceleration: list[float]) -> Errors:
+        state, dt = self._state, self._dt
+        guess = [x + v * dt + a * dt * dt for x, v, a in zip(state.q_d, state.dq_d, state.ddq_d, strict=True)]
+        q = self._ik.solve(T, self._elbow.wanted, guess) if self._elbow.commanded else self._ik.follow(T, self._elbow.wanted, state.q_d, guess)
+        if q is None:
+            return NO_JOINT_MOTION
+        dq = [(x - last) / dt for x, last in zip(q, state.q_d, strict=True)]
+        ddq = [(v - last) / dt for v, last in zip(dq, state.dq_d, strict=True)]
+        errors = self._joints.violations(q, dq, ddq, ddq, False) | self._elbow.side_violated(q)
+        if errors:
+            return errors
+        state.q_d[:], state.dq_d[:], state.ddq_d[:] = q, dq, ddq
+        self._T, self._twist, self._acceleration = T, twist, acceleration
+        self._elbow.took(q, dq, ddq)
+        self._publish()
+        return NO_ERRORS
+
+    def _violations(self, twist: Sequence[float], acceleration: Sequence[float]) -> Errors:
+        last, lost = self._acceleration, self._lost
+        linear = self._translation.violated(twist[:3], acceleration[:3], last[:3], lost)
+        angular = self._rotation.violated(twist[3:], acceleration[3:], last[3:], lost)
+        velocity, sudden, jerk = (a or b for a, b in zip(linear, angular, strict=True))
+        return CARTESIAN_ERRORS.named(False, velocity, sudden, jerk) if velocity or sudden or jerk else NO_ERRORS
+
+    def _publish(self) -> None:
+        """Write the Cartesian fields of the state; new lists, for a state may compute these fields when they are read."""
+        state, elbow = self._state, self._elbow
+        state.O_T_EE_d, state.O_T_EE_c = self._T[:], self._T[:]
+        state.O_dP_EE_d, state.O_dP_EE_c, state.O_ddP_EE_c = self._twist[:], self._twist[:], self._acceleration[:]
+        side = elbow_side(state.q_d)
+        state.elbow_d, state.elbow_c = [state.q_d[2], side], [elbow.position, side]
+        state.delbow_c, state.ddelbow_c = [elbow.velocity, 0.0], [elbow.acceleration, 0.0]
+
+
+class CartesianPositionGenerator(CartesianGenerator):
+    """Poses are commanded; the twist is the one that leads from the last to the next, as in libfranka's limiter."""
+
+    def _refused_start(self) -> Errors:
+        return START_POSE_INVALID
+
+    def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float], Errors]:
+        T = command.O_T_EE[:]
+        if not is_pose(T, self._parameters.orthonormal_tolerance):
+            return T, [], INVALID_FRAME
+        twist = twist_between(self._T, T, self._dt)
+        if not self._moving and not (self._translation.reachable(twist[:3]) and self._rotation.reachable(twist[3:])):
+            return T, twist, START_POSE_INVALID
+        return T, twist, NO_ERRORS
+
+
+class CartesianVelocityGenerator(CartesianGenerator):
+    """Twists are commanded; the pose is what they lead to."""
+
+    def _refused_start(self) -> Errors:
+        return START_OUT_OF_RANGE
+
+    def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float], Errors]:
+        twist = command.O_dP_EE[:]
+        if not (self._translation.reachable(twist[:3]) and self._rotation.reachable(twist[3:])):
+            return [], twist, frozenset({CARTESIAN_ERRORS.velocity})
+        return moved(self._T, twist, self._dt), twist, NO_ERRORS

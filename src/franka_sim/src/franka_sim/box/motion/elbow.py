@@ -1,0 +1,88 @@
+"""The elbow of a Cartesian motion: position of joint 3 and side of joint 4, commanded or held."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from franka_hw_interface.robot_state import NO_ERRORS, Errors
+from franka_sim.box.inverse_kinematics import ELBOW_JOINT, elbow_side
+from franka_sim.box.rate_limits import SpaceRates
+
+LIMIT_VIOLATION = frozenset({"cartesian_motion_generator_elbow_limit_violation"})
+SIGN_INCONSISTENT = frozenset({"cartesian_motion_generator_elbow_sign_inconsistent"})
+START_SIGN_INCONSISTENT = frozenset({"start_elbow_sign_inconsistent"})
+START_INVALID = frozenset({"cartesian_motion_generator_start_elbow_invalid"})
+
+
+class ElbowMotion:
+    """Position of joint 3 over time, with its limits.
+
+    Attributes:
+        commanded: whether the client commands the elbow; else the joint is held at `wanted` as well as the pose allows.
+        wanted: where joint 3 shall be after this step [rad].
+        position, velocity, acceleration: after the last step taken [rad], [rad/s], [rad/s^2].
+
+    Args:
+        rates: limits of the elbow.
+        time_step: [s].
+    """
+
+    def __init__(self, rates: SpaceRates, time_step: float) -> None:
+        self._rates, self._dt = rates, time_step
+        self.start([0.0] * 7)
+
+    def start(self, q_d: Sequence[float]) -> None:
+        """Begin at rest at q_d, 7 floats [rad]."""
+        self.position = self.wanted = q_d[ELBOW_JOINT]
+        self.velocity = self.acceleration = 0.0
+        self._next = (0.0, 0.0)
+        self._side, self.commanded = elbow_side(q_d), False
+
+    def refused(self, elbow: tuple[float, float] | None, moving: bool) -> Errors:
+        """What is wrong with a commanded elbow as such; moving: it is not the motion's first command."""
+        if elbow is None:
+            return NO_ERRORS
+        if not math.isfinite(elbow[0]):
+            return LIMIT_VIOLATION
+        if elbow[1] != self._side:
+            return SIGN_INCONSISTENT if moving else START_SIGN_INCONSISTENT
+        if not moving and not self._rates.reachable([(elbow[0] - self.position) / self._dt]):
+            return START_INVALID
+        return NO_ERRORS
+
+    def command(self, elbow: tuple[float, float] | None) -> None:
+        """Take what is commanded for this step; a client that stops commanding the elbow leaves it where it is."""
+        if elbow is None:
+            if self.commanded:
+                self.wanted = self.position
+            self.commanded = False
+            return
+        self.commanded, self.wanted = True, elbow[0]
+        velocity = (elbow[0] - self.position) / self._dt
+        self._next = velocity, (velocity - self.velocity) / self._dt
+
+    def bridge(self) -> None:
+        """A lost packet: a commanded elbow goes on with constant acceleration."""
+        if self.commanded:
+            velocity = self.velocity + self.acceleration * self._dt
+            self._next, self.wanted = (velocity, self.acceleration), self.position + velocity * self._dt
+
+    def violations(self, after_loss: bool) -> Errors:
+        """What a commanded elbow violates in this step; libfranka has one name for velocity, acceleration and jerk."""
+        if not self.commanded:
+            return NO_ERRORS
+        velocity, acceleration = self._next
+        return LIMIT_VIOLATION if any(self._rates.violated([velocity], [acceleration], [self.acceleration], after_loss)) else NO_ERRORS
+
+    def side_violated(self, q: Sequence[float]) -> Errors:
+        """Whether the joints end on the other side than commanded; q: 7 floats [rad]."""
+        return SIGN_INCONSISTENT if self.commanded and elbow_side(q) != self._side else NO_ERRORS
+
+    def took(self, q: Sequence[float], dq: Sequence[float], ddq: Sequence[float]) -> None:
+        """The step was taken; 7 floats each [rad], [rad/s], [rad/s^2]."""
+        self._side = elbow_side(q)
+        if self.commanded:
+            self.position, (self.velocity, self.acceleration) = self.wanted, self._next
+        else:
+            self.position, self.velocity, self.acceleration = q[ELBOW_JOINT], dq[ELBOW_JOINT], ddq[ELBOW_JOINT]

@@ -1,0 +1,107 @@
+"""Joint position and joint velocity generators."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from franka_hw_interface.limits import FrankaLimits
+from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotState
+from franka_sim.box.motion.generator import MotionGenerator
+from franka_sim.box.motion_parameters import MotionParameters
+from franka_sim.box.rate_limits import JOINT_ERRORS, JointRates
+from franka_sim.box.requests import MotionCommand
+
+REST = [0.0] * 7
+START_POSE_INVALID = frozenset({"joint_position_motion_generator_start_pose_invalid"})
+NOT_AT_REST = frozenset({JOINT_ERRORS.acceleration})
+
+
+class JointGenerator(MotionGenerator):
+    """What position and velocity commands share: differences, bridging, checks, and a motion that ends at rest.
+
+    Args:
+        limits: of the arm.
+        parameters: tolerances.
+        time_step: [s].
+    """
+
+    def __init__(self, limits: FrankaLimits, parameters: MotionParameters, time_step: float) -> None:
+        self._rates, self._dt = JointRates(limits, JOINT_ERRORS, parameters, time_step), time_step
+        self._state = RobotState()
+        self._moving = self._lost = False
+
+    def start(self, state: RobotState) -> Errors:
+        """Begin at rest at q_d."""
+        self._state, self._moving, self._lost = state, False, False
+        state.dq_d[:] = state.ddq_d[:] = REST
+        return NO_ERRORS
+
+    @abstractmethod
+    def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float]]:
+        """Position and velocity of this step, 7 floats each [rad], [rad/s]."""
+
+    def advance(self, command: MotionCommand | None) -> Errors:
+        """One millisecond, see `MotionGenerator`."""
+        if command is None:
+            return self._bridge() if self._moving else NO_ERRORS
+        dt, state = self._dt, self._state
+        q, dq = self._commanded(command)
+        if command.finished and not self._rates.can_stop(dq):
+            return NOT_AT_REST
+        ddq = [(v - last) / dt for v, last in zip(dq, state.dq_d, strict=True)]
+        errors = self._take(q, dq, ddq)
+        self._moving, self._lost = True, False
+        return errors
+
+    def _bridge(self) -> Errors:
+        """A lost packet: the acceleration stays."""
+        dt, state, self._lost = self._dt, self._state, True
+        dq = [v + a * dt for v, a in zip(state.dq_d, state.ddq_d, strict=True)]
+        q = [x + v * dt for x, v in zip(state.q_d, dq, strict=True)]
+        return self._take(q, dq, state.ddq_d)
+
+    def _take(self, q: list[float], dq: list[float], ddq: list[float]) -> Errors:
+        state = self._state
+        errors = self._rates.violations(q, dq, ddq, state.ddq_d, self._lost)
+        if not errors:
+            state.q_d[:], state.dq_d[:], state.ddq_d[:] = q, dq, ddq
+        return errors
+
+
+class JointPositionGenerator(JointGenerator):
+    """Positions are commanded; velocity and acceleration are their differences, as in libfranka's limiter."""
+
+    def start(self, state: RobotState) -> Errors:
+        """Begin at rest at q_d, which must be within the position limits."""
+        return super().start(state) or (NO_ERRORS if self._rates.in_range(state.q_d) else START_POSE_INVALID)
+
+    def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float]]:
+        dt = self._dt
+        return command.q, [(x - last) / dt for x, last in zip(command.q, self._state.q_d, strict=True)]
+
+    def advance(self, command: MotionCommand | None) -> Errors:
+        """One millisecond; a first command that no joint velocity can reach is not a motion from this pose."""
+        if command is not None and not self._moving and not self._rates.reachable(command.q, self._state.q_d):
+            return START_POSE_INVALID
+        return super().advance(command)
+
+
+class JointVelocityGenerator(JointGenerator):
+    """Velocities are commanded; q_d is their sum."""
+
+    def start(self, state: RobotState) -> Errors:
+        """Begin at rest at q_d; where it is out of the position limits, the motion may only lead inwards."""
+        self._rates.start_anywhere(state.q_d)
+        return super().start(state)
+
+    def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float]]:
+        dt, dq = self._dt, command.dq
+        return [x + v * dt for x, v in zip(self._state.q_d, dq, strict=True)], dq
+
+    def advance(self, command: MotionCommand | None) -> Errors:
+        """One millisecond. At rest nothing is to be done: torque control of protocol 5 runs beside this generator with zero velocity."""
+        state = self._state
+        if command is not None and command.dq == REST and state.dq_d == REST and state.ddq_d == REST:
+            self._moving, self._lost = True, False
+            return NO_ERRORS
+        return super().advance(command)

@@ -1,0 +1,145 @@
+"""Limits and discontinuities of a commanded motion, by libfranka's names.
+
+Derivatives are backward differences over one time step, as in libfranka's rate limiter (rate_limiting.h): what that limiter lets pass, passes here.
+
+Lost packets: while the box bridges them with constant acceleration, the velocity can pass the one below which the limiter keeps (limit less 3 ms
+times the acceleration limit). The limiter's next command then brakes at once, by up to twice the acceleration limit in one step. So the jerk of the
+first command after a loss counts only where it speeds the motion up.
+
+Not followed: libfranka's Cartesian limiter takes the root of a negative number when the last twist is a rounding above its highest speed and the next
+one turns sideways. It then lets the acceleration grow without bound (seen with libfranka 0.9.2), which no box could take.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from franka_hw_interface.limits import FrankaLimits
+from franka_hw_interface.robot_state import NO_ERRORS, Errors
+from franka_sim.box.motion_parameters import MotionParameters
+from panda_description import CartesianLimit
+
+
+@dataclass(frozen=True, slots=True)
+class RateErrors:
+    """libfranka's names for a position, velocity, acceleration or jerk outside of its limit."""
+
+    position: str
+    velocity: str
+    acceleration: str
+    jerk: str
+
+    @classmethod
+    def of(cls, generator: str) -> RateErrors:
+        """The names that begin with `<generator>_`."""
+        kinds = ("position_limits_violation", "velocity_limits_violation", "velocity_discontinuity", "acceleration_discontinuity")
+        return cls(*(f"{generator}_{kind}" for kind in kinds))
+
+    def named(self, position: bool, velocity: bool, acceleration: bool, jerk: bool) -> Errors:
+        """The names of what is violated."""
+        flags = ((position, self.position), (velocity, self.velocity), (acceleration, self.acceleration), (jerk, self.jerk))
+        return frozenset(name for violated, name in flags if violated)
+
+
+JOINT_ERRORS = RateErrors.of("joint_motion_generator")
+CARTESIAN_ERRORS = RateErrors.of("cartesian_motion_generator")
+CARTESIAN_JOINT_ERRORS = RateErrors.of("cartesian_motion_generator_joint")
+
+
+class JointRates:
+    """Checks a desired joint motion. Values that are not finite violate what they enter.
+
+    Args:
+        limits: of the arm.
+        errors: names to report.
+        parameters: tolerances.
+        time_step: [s].
+        with_jerk: whether the jerk is limited; it is not where the joint motion comes from inverse kinematics (Franka's documentation lists position,
+            velocity and acceleration there).
+    """
+
+    def __init__(self, limits: FrankaLimits, errors: RateErrors, parameters: MotionParameters, time_step: float, with_jerk: bool = True) -> None:
+        self._errors, slack = errors, parameters.position_tolerance
+        self._range = [x - slack for x in limits.lower], [x + slack for x in limits.upper]
+        self.lower, self.upper = self._range
+        self.velocity = [x * parameters.velocity_tolerance for x in limits.velocity]
+        self.acceleration = [x * parameters.acceleration_tolerance for x in limits.acceleration]
+        jerk = [x * parameters.jerk_tolerance if with_jerk else math.inf for x in limits.jerk]
+        self._acceleration_step = [x * time_step for x in jerk]
+        self._velocity_step = [x * time_step for x in self.acceleration]
+        self._position_step = [x * time_step for x in self.velocity]
+
+    def start_anywhere(self, q: Sequence[float]) -> None:
+        """A motion that begins at q may be out of the limits as far as q is, and no further; 7 floats [rad]."""
+        lower, upper = self._range
+        self.lower = [min(low, x) for low, x in zip(lower, q, strict=True)]
+        self.upper = [max(high, x) for high, x in zip(upper, q, strict=True)]
+
+    def in_range(self, q: Sequence[float]) -> bool:
+        """Whether the joint positions are within their limits; 7 floats [rad]."""
+        return all(low <= x <= high for low, x, high in zip(self.lower, q, self.upper, strict=True))
+
+    def reachable(self, q: Sequence[float], q_d: Sequence[float]) -> bool:
+        """Whether no joint must pass its velocity limit to get from q_d to q in one step [rad]."""
+        return all(abs(x - x_d) <= step for x, x_d, step in zip(q, q_d, self._position_step, strict=True))
+
+    def can_stop(self, dq: Sequence[float]) -> bool:
+        """Whether the acceleration limits allow to be at rest one step later; 7 floats [rad/s]."""
+        return all(abs(v) <= step for v, step in zip(dq, self._velocity_step, strict=True))
+
+    def violations(self, q: Sequence[float], dq: Sequence[float], ddq: Sequence[float], last_ddq: Sequence[float], after_loss: bool) -> Errors:
+        """What the motion violates.
+
+        Args:
+            q, dq, ddq: of this step, 7 floats [rad], [rad/s], [rad/s^2].
+            last_ddq: acceleration of the step before, 7 floats [rad/s^2].
+            after_loss: the step before bridged a lost packet.
+        """
+        position = velocity = acceleration = jerk = False
+        rows = zip(self.lower, self.upper, self.velocity, self.acceleration, self._acceleration_step, q, dq, ddq, last_ddq, strict=True)
+        for low, high, v_max, a_max, a_step, x, v, a, last_a in rows:
+            if not low <= x <= high:
+                position = True
+            if not -v_max <= v <= v_max:
+                velocity = True
+            if not -a_max <= a <= a_max:
+                acceleration = True
+            if not -a_step <= a - last_a <= a_step and not (after_loss and (a - last_a) * v < 0.0):
+                jerk = True
+        if position or velocity or acceleration or jerk:
+            return self._errors.named(position, velocity, acceleration, jerk)
+        return NO_ERRORS
+
+
+class SpaceRates:
+    """Checks the velocity of one quantity with its own limits by Euclidean norms: translation, rotation (3 floats) or elbow (1 float).
+
+    Args:
+        limit: velocity, acceleration, jerk.
+        parameters: tolerances.
+        time_step: [s].
+    """
+
+    def __init__(self, limit: CartesianLimit, parameters: MotionParameters, time_step: float) -> None:
+        self.velocity = limit.velocity * parameters.velocity_tolerance
+        self.acceleration = limit.acceleration * parameters.acceleration_tolerance
+        self._acceleration_step = limit.jerk * parameters.jerk_tolerance * time_step
+        self._velocity_step = self.acceleration * time_step
+
+    def reachable(self, v: Sequence[float]) -> bool:
+        """Whether this velocity is within its limit; a motion that begins with more begins elsewhere."""
+        return math.hypot(*v) <= self.velocity
+
+    def can_stop(self, v: Sequence[float]) -> bool:
+        """Whether the acceleration limit allows to be at rest one step later."""
+        return math.hypot(*v) <= self._velocity_step
+
+    def violated(self, v: Sequence[float], a: Sequence[float], last_a: Sequence[float], after_loss: bool) -> tuple[bool, bool, bool]:
+        """Whether velocity, acceleration and jerk are violated; arguments as in `JointRates.violations`."""
+        change = [x - x_last for x, x_last in zip(a, last_a, strict=True)]
+        jerk = not math.hypot(*change) <= self._acceleration_step
+        if jerk and after_loss and sum(j * x for j, x in zip(change, v, strict=True)) < 0.0:
+            jerk = False
+        return not math.hypot(*v) <= self.velocity, not math.hypot(*a) <= self.acceleration, jerk

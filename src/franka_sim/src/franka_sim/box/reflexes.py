@@ -1,0 +1,90 @@
+"""What the arm measures of itself every cycle, and at which values it protects itself."""
+
+from __future__ import annotations
+
+import math
+from operator import le, mul
+
+from franka_hw_interface.model import Frame
+from franka_hw_interface.robot_state import NO_ERRORS, Errors
+from franka_sim.box.config import BoxConfig
+from franka_sim.box.self_collision import SelfCollision
+from franka_sim.box.state import BoxState
+
+JOINT_VELOCITY: Errors = frozenset(("joint_velocity_violation",))
+JOINT_POSITION: Errors = frozenset(("joint_position_limits_violation",))
+CARTESIAN_VELOCITY: Errors = frozenset(("cartesian_velocity_violation",))
+SELF_COLLISION: Errors = frozenset(("self_collision_avoidance_violation",))
+JOINT_COLLISION: Errors = frozenset(("joint_reflex",))
+CARTESIAN_COLLISION: Errors = frozenset(("cartesian_reflex",))
+
+
+class Reflexes:
+    """Checks of the measured state while the arm moves.
+
+    What is expensive (self-collision, speed of the end effector, wrench) is screened by a bound that costs little and is never too small, so that
+    each cycle is checked all the same.
+
+    Args:
+        config: thresholds.
+        self_collision: distance between the links.
+    """
+
+    def __init__(self, config: BoxConfig, self_collision: SelfCollision) -> None:
+        self._config, self._bodies = config, self_collision
+        limits, margin = config.limits, config.position_margin
+        self._velocity = limits.velocity
+        self._range = [x + margin for x in limits.lower], [x - margin for x in limits.upper]
+        self._lower, self._upper = (list(row) for row in self._range)
+        self._speed = limits.translation.velocity
+        # Each |dq_i| reach_i is at most their sum: a sum below this cannot hide a joint that is too fast.
+        self._slow = min(v * r for v, r in zip(limits.velocity, config.reach, strict=True))
+        # |tau_ext|^2 below which no threshold of a joint or of the wrench is reached: |F| <= |tau_ext| / (least singular value).
+        self._gate = 0.0
+
+    def start(self, state: BoxState) -> None:
+        """A motion begins: what is beyond a limit now may come back, but not go further."""
+        far = self._config.start_tolerance
+        self._lower[:] = [min(low, q - far) for low, q in zip(self._range[0], state.q, strict=True)]
+        self._upper[:] = [max(high, q + far) for high, q in zip(self._range[1], state.q, strict=True)]
+        self._bodies.start(state.q)
+        self.take_thresholds(state)
+
+    def take_thresholds(self, state: BoxState) -> None:
+        """The collision behaviour was set."""
+        t = state.thresholds
+        force = self._config.least_singular_value * min(*t.upper_force_acceleration, *t.upper_force_nominal)
+        self._gate = min(force, *t.upper_torque_acceleration, *t.upper_torque_nominal) ** 2
+
+    def errors(self, state: BoxState) -> Errors:
+        """What is wrong with the measured state, by libfranka's names; marks the collisions in it."""
+        q, tau = state.q, state.tau_ext_hat_filtered
+        speed = sum(map(mul, map(abs, state.dq), self._bodies.reach))
+        # NaN is within nothing.
+        if not speed <= self._slow and not all([-v <= x <= v for x, v in zip(state.dq, self._velocity, strict=True)]):
+            return JOINT_VELOCITY
+        if not (all(map(le, self._lower, q)) and all(map(le, q, self._upper))):
+            return JOINT_POSITION
+        collision = NO_ERRORS if sum(map(mul, tau, tau)) <= self._gate else self._collision(state)
+        return collision or self._moving_parts(state, speed)
+
+    def _moving_parts(self, state: BoxState, speed: float) -> Errors:
+        if speed > self._speed and self._end_effector_speed(state) > self._speed:
+            return CARTESIAN_VELOCITY
+        return SELF_COLLISION if self._bodies.too_near(state.q, speed * self._config.time_step) else NO_ERRORS
+
+    def _end_effector_speed(self, state: BoxState) -> float:
+        twist = state.model.zero_jacobian(Frame.END_EFFECTOR, state.q) @ state.dq
+        return math.hypot(*twist[:3])
+
+    def _collision(self, state: BoxState) -> Errors:
+        tau = state.tau_ext_hat_filtered
+        torques, forces = state.upper()
+        if not all([-limit <= x <= limit for x, limit in zip(tau, torques, strict=True)]):
+            state.joint_collision[:] = [1.0 if abs(x) > limit else 0.0 for x, limit in zip(tau, torques, strict=True)]
+            return JOINT_COLLISION
+        levels = [1.0 if abs(x) > limit else 0.0 for x, limit in zip(state.K_F_ext_hat_K, forces, strict=True)]
+        if any(levels):
+            state.cartesian_collision[:] = levels
+            return CARTESIAN_COLLISION
+        return NO_ERRORS

@@ -1,0 +1,63 @@
+"""What a client can ask of the control box, and what the box answers; names of libfranka, free of any protocol's numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+from franka_hw_interface.command_set import ArmCommand
+
+
+class ControllerMode(IntEnum):
+    """Who makes the torques; values of the state message."""
+
+    JOINT_IMPEDANCE = 0
+    CARTESIAN_IMPEDANCE = 1
+    EXTERNAL = 2
+    OTHER = 3
+
+
+class GeneratorMode(IntEnum):
+    """What is commanded beside the torques; values of the state message."""
+
+    IDLE = 0
+    JOINT_POSITION = 1
+    JOINT_VELOCITY = 2
+    CARTESIAN_POSITION = 3
+    CARTESIAN_VELOCITY = 4
+    NONE = 5
+
+
+@dataclass(frozen=True, slots=True)
+class MoveRequest:
+    """Begin a motion.
+
+    Attributes:
+        controller, generator: modes.
+        max_path_deviation, max_goal_deviation: translation [m], rotation [rad], elbow [rad]; libfranka's defaults.
+    """
+
+    controller: ControllerMode
+    generator: GeneratorMode
+    max_path_deviation: tuple[float, float, float] = (10.0, 3.12, 6.283185307179586)
+    max_goal_deviation: tuple[float, float, float] = (10.0, 3.12, 6.283185307179586)
+
+
+class Outcome(Enum):
+    """Answer to a request, and how a motion ended. What a protocol has no number for, it maps to its nearest one."""
+
+    SUCCESS = "success"
+    STARTED = "motion started"
+    PREEMPTED = "preempted"
+    NOT_POSSIBLE = "command not possible in the current mode"
+    SINGULAR_START = "start at singular pose"
+    INVALID_ARGUMENT = "invalid argument"
+    REFLEX_ABORTED = "aborted by reflex"
+    EMERGENCY_ABORTED = "aborted by emergency stop"
+    INPUT_ERROR_ABORTED = "aborted by input error"
+    ABORTED = "aborted"
+    MANUAL_RECOVERY_REQUIRED = "manual error recovery required"
+
+
+MotionCommand = ArmCommand
+"""What a client commands in one millisecond; only the fields of the active modes are looked at."""
