@@ -1,6 +1,7 @@
 """Python package of franka_sim, installed by catkin."""
 
 from catkin_pkg.python_setup import generate_distutils_setup
-from setuptools import setup
+from setuptools import find_packages, setup
 
-setup(**generate_distutils_setup(packages=["franka_sim"], package_dir={"": "src"}))
+sources = {"franka_sim.model_library": ["*.c"]}
+setup(**generate_distutils_setup(packages=find_packages("src"), package_dir={"": "src"}, package_data=sources))

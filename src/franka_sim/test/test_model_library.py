@@ -1,0 +1,237 @@
+"""The model library that the box serves, called by ctypes as libfranka calls it, against KDL; and how it is compiled and cached."""
+
+from __future__ import annotations
+
+import ctypes
+import multiprocessing
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from ctypes import c_double
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import panda_description
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.model import Frame
+from franka_hw_interface.transforms import FloatArray, column_major
+from franka_hw_interface.urdf_chain import rotation_from_rpy
+from franka_sim import model_library
+from franka_sim.model_library import FUNCTIONS, library_for
+from franka_sim.model_library.compiler import compile_cached
+from franka_sim.model_library.parameters import arm_chain, arm_without_tool
+from hric_control.errors import DescriptionError, HricError, UnknownNameError
+
+STATES, TOLERANCE = 200, 1e-9
+SOURCE = '__attribute__((visibility("default"))) int answer(void) { return 42; }\n'
+PAYLOAD = (2.3, (0.03, -0.05, 0.12), np.array([[0.012, 0.001, -0.002], [0.001, 0.016, 0.0007], [-0.002, 0.0007, 0.009]]))
+CASES: dict[str, dict[str, Any]] = {
+    "bare": {"hand": False},
+    "hand": {},
+    "thesis inertials, movable fingers, tilted": {"rpy": "0.4 -0.7 1.2", "fingers": "prismatic", "inertials": "thesis"},
+    "payload, tilted, another arm_id": {"arm_id": "left", "rpy": "-1.1 0.3 0.2", "load": PAYLOAD},
+}
+
+
+def description(**arguments: Any) -> str:
+    return panda_description.load(meshes=False, collision=False, **arguments)
+
+
+class Library:
+    """The functions with their C signatures; numpy in, numpy out."""
+
+    def __init__(self, data: bytes, folder: Path) -> None:
+        path = folder / "model.so"
+        path.write_bytes(data)
+        self._functions = ctypes.CDLL(str(path))
+
+    def __call__(self, name: str, size: int, *arguments: Any) -> FloatArray:
+        out = (c_double * size)(*[np.nan] * size)
+        function = getattr(self._functions, name)
+        function.restype = None
+        function(*(c_double(a) if isinstance(a, float) else (c_double * len(a))(*a) for a in arguments), out)
+        return np.array(out)
+
+
+class Pair:
+    """The library and KDL of one arm, told the same end effector and payload."""
+
+    def __init__(self, folder: Path, arm_id: str = "panda", load: Any = None, **arguments: Any) -> None:
+        urdf = description(arm_id=arm_id, **arguments)
+        self.library = Library(library_for(urdf, arm_id), folder)
+        self.kdl = KdlFrankaModel(urdf, arm_id)
+        if load is not None:
+            self.kdl.set_load(*load)
+        total = self.kdl.total_inertial
+        self.tensor, self.mass, self.com = column_major(total.inertia), total.mass, total.com.tolist()
+
+
+@pytest.fixture(params=CASES.values(), ids=CASES.keys())
+def pair(request: pytest.FixtureRequest, tmp_path: Path) -> Pair:
+    return Pair(tmp_path, **request.param)
+
+
+def states(seed: int = 5) -> Iterator[tuple[list[float], list[float]]]:
+    rng = np.random.default_rng(seed)
+    for _ in range(STATES):
+        yield rng.uniform(-3.0, 3.0, 7).tolist(), rng.uniform(-2.5, 2.5, 7).tolist()
+
+
+def test_mass_matrix_coriolis_and_gravity_equal_kdl_over_200_states(pair: Pair) -> None:
+    worst = np.zeros(4)
+    tilted = [1.7, -3.1, -8.2]
+    for q, dq in states():
+        found = (
+            pair.library("M_NE", 49, q, pair.tensor, pair.mass, pair.com).reshape(7, 7).T - pair.kdl.mass(q),
+            pair.library("c_NE", 7, q, dq, pair.tensor, pair.mass, pair.com) - pair.kdl.coriolis(q, dq),
+            pair.library("g_NE", 7, q, pair.kdl.gravity_base.tolist(), pair.mass, pair.com) - pair.kdl.gravity(q),
+            pair.library("g_NE", 7, q, tilted, pair.mass, pair.com) - pair.kdl.gravity(q, tilted),
+        )
+        worst = np.maximum(worst, [np.abs(difference).max() for difference in found])
+    assert (worst < TOLERANCE).all(), f"mass, Coriolis, gravity, tilted gravity differ by {worst}"
+
+
+def frame_functions(end_effector: list[float]) -> Iterator[tuple[Frame, int, Callable[[list[float]], tuple[Any, ...]], bool]]:
+    """Frame of KDL, number in the symbol, its arguments from q, whether the Jacobian takes q."""
+    for i in range(1, 8):
+        yield Frame(f"joint{i}"), i, lambda q: (q,), i > 1
+    yield Frame.FLANGE, 8, lambda q: (q,), True
+    yield Frame.END_EFFECTOR, 9, lambda q: (q, end_effector), True
+
+
+def test_poses_and_both_jacobians_of_all_frames_equal_kdl_column_major_over_200_states(pair: Pair) -> None:
+    F_T_EE = np.eye(4)
+    F_T_EE[:3, :3], F_T_EE[:3, 3] = rotation_from_rpy(0.3, -0.4, 0.5), (0.01, 0.02, 0.2)
+    pair.kdl.set_ee(F_T_EE)
+    worst: dict[Frame, FloatArray] = {}
+    for q, _ in states():
+        for frame, i, arguments, takes_q in frame_functions(column_major(F_T_EE)):
+            given = arguments(q) if takes_q else ()
+            difference = (
+                pair.library(f"O_T_J{i}", 16, *arguments(q)).reshape(4, 4).T - pair.kdl.pose(frame, q),
+                pair.library(f"O_J_J{i}", 42, *given).reshape(7, 6).T - pair.kdl.zero_jacobian(frame, q),
+                pair.library(f"Ji_J_J{i}", 42, *given).reshape(7, 6).T - pair.kdl.body_jacobian(frame, q),
+            )
+            worst[frame] = np.maximum(worst.get(frame, 0.0), [np.abs(part).max() for part in difference])
+    assert len(worst) == 9
+    assert (np.array(list(worst.values())) < TOLERANCE).all(), f"pose, zero and body Jacobian differ by {worst}"
+
+
+def test_a_joints_jacobian_stays_zero_behind_it(tmp_path: Path) -> None:
+    library = Pair(tmp_path).library
+    q = [0.3] * 7
+    assert np.array_equal(library("O_J_J1", 42), [0, 0, 0, 0, 0, 1, *[0] * 36])
+    assert not library("O_J_J4", 42, q).reshape(7, 6)[4:].any()
+    assert np.abs(library("O_J_J4", 42, q).reshape(7, 6)[:4]).max(axis=1).all()
+
+
+def test_all_30_symbols_of_libfranka_are_there_and_nothing_else_is_exported(tmp_path: Path) -> None:
+    path = tmp_path / "model.so"
+    path.write_bytes(library_for(description()))
+    library = ctypes.CDLL(str(path))
+    assert len(set(FUNCTIONS)) == 30 and all(hasattr(library, name) for name in FUNCTIONS)
+    assert not hasattr(library, "forward") and not hasattr(library, "add_cross")
+
+
+def test_what_hangs_on_the_flange_is_left_out_of_the_library_and_is_what_the_box_tells_as_end_effector() -> None:
+    bare, hand, movable = (description(**arguments) for arguments in ({"hand": False}, {}, {"fingers": "prismatic"}))
+    assert library_for(bare) == library_for(hand) == library_for(movable)
+    chain, kdl = arm_chain(hand, "panda"), KdlFrankaModel(hand, "panda")
+    whole = chain.with_load(kdl.ee_inertial).segments[-1].inertial
+    assert kdl.ee_inertial.mass == pytest.approx(0.76)
+    assert chain.segments[-1].inertial.mass == pytest.approx(whole.mass - 0.76)
+    assert np.allclose(whole.inertia, kdl.chain.description.segments[-1].inertial.inertia, rtol=0, atol=1e-15)
+
+
+def test_the_description_without_tool_ends_at_the_flange() -> None:
+    robot = ElementTree.fromstring(arm_without_tool(description(fingers="prismatic"), "panda"))
+    names = {link.get("name") for link in robot.findall("link")}
+    assert names == {*(f"panda_link{i}" for i in range(9))} | {name for name in names if name in ("world", "base")}
+    assert not [joint.get("name") for joint in robot.findall("joint") if "finger" in str(joint.get("name"))]
+
+
+def test_an_arm_that_is_no_franka_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="no link 'left_link8'"):
+        library_for(description(), "left")
+    with pytest.raises(DescriptionError, match="turn about z"):
+        library_for(description().replace('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>', 1))
+    fixed = ElementTree.fromstring(description())
+    next(joint for joint in fixed.findall("joint") if joint.get("name") == "panda_joint3").set("type", "fixed")
+    with pytest.raises(DescriptionError, match="6 moving joints"):
+        library_for(ElementTree.tostring(fixed, encoding="unicode"))
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache folder of this test, and a compiler that counts its calls."""
+    compiler = tmp_path / "compiler"
+    compiler.write_text(f'#!/bin/sh\ncase "$1" in --version) ;; *) echo called >> "{tmp_path}/calls" ;; esac\nexec {shutil.which("cc")} "$@"\n')
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CC", str(compiler))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "hric"
+
+
+def calls(cache: Path) -> int:
+    counted = cache.parents[1] / "calls"
+    return len(counted.read_text().splitlines()) if counted.exists() else 0
+
+
+def test_a_library_is_compiled_once_and_again_when_the_source_changes(cache: Path) -> None:
+    first = compile_cached(SOURCE, "test")
+    assert compile_cached(SOURCE, "test") == first and calls(cache) == 1
+    assert [path.name.startswith("test_") and path.suffix == ".so" for path in cache.iterdir()] == [True]
+    assert compile_cached(SOURCE.replace("42", "43"), "test") != first and calls(cache) == 2
+
+
+def test_a_damaged_file_in_the_cache_is_compiled_again(cache: Path) -> None:
+    first = compile_cached(SOURCE, "test")
+    (path,) = cache.iterdir()
+    path.write_bytes(first[: len(first) // 2])
+    assert compile_cached(SOURCE, "test") == first and calls(cache) == 2
+    assert path.read_bytes() == first
+
+
+def test_without_a_cache_that_can_be_written_it_is_compiled_all_the_same(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    blocked = cache.parents[1] / "file"
+    blocked.write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
+    assert compile_cached(SOURCE, "test").startswith(b"\x7fELF")
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    monkeypatch.setenv("HOME", str(blocked))
+    assert compile_cached(SOURCE, "test").startswith(b"\x7fELF") and calls(cache) == 2
+    assert not Path("relative").exists() and blocked.read_text() == ""
+
+
+def test_processes_that_compile_at_once_leave_one_whole_file(cache: Path) -> None:
+    with multiprocessing.get_context("spawn").Pool(4) as pool:
+        libraries = pool.starmap(compile_cached, [(SOURCE, "test")] * 4)
+    assert len(set(libraries)) == 1
+    assert [path.read_bytes() for path in cache.iterdir()] == [libraries[0]]
+
+
+def test_without_a_compiler_the_error_says_what_to_install(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CC")
+    monkeypatch.setenv("PATH", str(cache))
+    with pytest.raises(HricError, match=r"needs a C compiler and there is none \(cc, gcc, clang\); install it: sudo apt install build-essential"):
+        compile_cached(SOURCE, "test")
+    monkeypatch.setenv("CC", "nowhere-cc -m64")
+    with pytest.raises(HricError, match=r"\$CC = nowhere-cc -m64"):
+        compile_cached(SOURCE, "test")
+
+
+def test_a_compiler_that_fails_is_quoted_and_leaves_nothing(cache: Path) -> None:
+    with pytest.raises(HricError, match=r"failed with exit code 1: .*error.*answr"):
+        compile_cached("int answer(void) { return answr; }", "test")
+    assert not cache.exists() or not os.listdir(cache)
+
+
+def test_the_source_compiles_without_a_warning(cache: Path) -> None:
+    urdf = description()
+    model_library.library_for.cache_clear()
+    os.environ["CC"] += " -Wall -Wextra -Werror"
+    assert library_for(urdf).startswith(b"\x7fELF") and calls(cache) == 1
