@@ -1,0 +1,103 @@
+"""The emulated arm behind the server: a plant and the control box."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from franka_sim.box.control_box import ControlBox
+from franka_sim.box.requests import MotionCommand, MoveRequest, Outcome
+from franka_sim.fci.arm_fields import CompiledFields
+from franka_sim.fci.complaints import LOG
+from franka_sim.fci.hand_service import Hand
+from hric_control.errors import CommandError, HricError
+from hric_control.plant import Plant
+
+MAX_LOAD, MAX_LOAD_DISTANCE, MAX_LOAD_INERTIA = 20.0, 1.0, 20.0
+"""Of a payload that is told [kg], [m from the flange], [kg m^2]: our choice, far beyond the 3 kg that the arm carries."""
+
+
+class ArmDevice:
+    """Plant and control box, one millisecond at a time.
+
+    Args:
+        plant: the physics.
+        box: the control box.
+        urdf: makes the arm's description as clients are told it.
+        model_library: makes the compiled model of protocol 5.
+        q: pose of the start and of `reset`, 7 floats [rad].
+        hand: at the flange, or None.
+        fields: fills in what clients are sent each cycle; None: the state computes it when it is read.
+
+    Attributes:
+        state: of the box.
+        plant, box, hand: as given.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        box: ControlBox,
+        urdf: Callable[[], str],
+        model_library: Callable[[], bytes],
+        q: Sequence[float],
+        hand: Hand | None = None,
+        fields: CompiledFields | None = None,
+    ) -> None:
+        self.plant, self.box, self.hand, self.state = plant, box, hand, box.state
+        self._fields = fields
+        self.urdf, self.model_library = urdf, model_library
+        self._q_start = list(q)
+        self._q, self._dq, self._tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
+        self._period, self._cycles = plant.time_step, 0
+        # Requests of clients go to the box as they are.
+        self.move: Callable[[MoveRequest], Outcome] = box.move
+        self.stop_move, self.recover, self.take_finished = box.stop_move, box.recover, box.take_finished
+        self.connection_lost = box.connection_lost
+        self.set_user_stop, self.set_guiding = box.set_user_stop, box.set_guiding
+        self.set_collision_behavior = box.set_collision_behavior
+        self.set_joint_impedance, self.set_cartesian_impedance = box.set_joint_impedance, box.set_cartesian_impedance
+        self.set_guiding_mode, self.set_filters = box.set_guiding_mode, box.set_filters
+        self.set_EE_T_K, self.set_NE_T_EE = box.set_EE_T_K, box.set_NE_T_EE
+        self.reset()
+
+    def reset(self) -> None:
+        """The arm at its start pose at rest, the world as at the start; time goes on."""
+        self.plant.reset(self._q_start)
+        self.box.reset(self._q_start)
+        self._read()
+
+    def cycle(self, command: MotionCommand | None) -> None:
+        """The torque for the command, one step of the plant, and what the box makes of the arm then.
+
+        Where the plant breaks down (a push no arm could stand), its motion is aborted and it is put back to its start: a server goes on.
+        """
+        self._cycles += 1
+        try:
+            self.plant.apply(self.box.write(command))
+            self.plant.step()
+        except HricError as error:
+            LOG.error("%s; the arm is put back to its start", error)
+            self.reset()
+            return
+        self._read()
+
+    def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> Outcome:
+        """Tell the box the payload, within bounds that keep its torques numbers."""
+        if mass > MAX_LOAD or max(map(abs, com)) > MAX_LOAD_DISTANCE or max(map(abs, inertia)) > MAX_LOAD_INERTIA:
+            bounds = f"{MAX_LOAD:g} kg, {MAX_LOAD_DISTANCE:g} m, {MAX_LOAD_INERTIA:g} kg m^2"
+            raise CommandError(f"a load of {mass:g} kg at {list(com)} m with inertia {list(inertia)} kg m^2 is beyond {bounds}")
+        return self.box.set_load(mass, com, inertia)
+
+    def _read(self) -> None:
+        self.plant.read_state(self._q, self._dq, self._tau)
+        self.box.read(self._q, self._dq, self._tau, self._cycles * self._period)
+        if self._fields is not None:
+            self._fields.fill(self.state)
+
+    def push(self, link: str, force: Sequence[float], duration: float) -> None:
+        """Act on a link's origin: force in the world frame [N], for a time [s]."""
+        self.plant.apply_wrench(link, force, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), duration)
+
+    def close(self) -> None:
+        """Release the plant."""
+        self.plant.close()

@@ -1,0 +1,228 @@
+"""The arm on the network: requests to the control box, states to the client, commands from it."""
+
+from __future__ import annotations
+
+import math
+import selectors
+import struct
+from collections.abc import Callable
+
+from franka_hw_interface.robot_state import RobotMode
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
+from franka_sim.fci.clock import Phase
+from franka_sim.fci.complaints import LOG
+from franka_sim.fci.connection import Message
+from franka_sim.fci.device import Device
+from franka_sim.fci.faults import Faults
+from franka_sim.fci.model_answer import ModelLibrary
+from franka_sim.fci.protocol import Protocol, Request
+from franka_sim.fci.session import Service
+from franka_sim.fci.wire import ARM_FRAMING
+from hric_control.errors import HricError
+
+PORT = 1337
+NO_CARTESIAN_LIMIT = bytes(153)
+"""GetCartesianLimit: size, frame and "active" of a virtual wall; the emulated arm has none."""
+
+Vectors = list[tuple[float, ...]]
+_MESSAGE_ID = struct.Struct("<Q")
+
+
+class ArmService(Service):
+    """The arm's port.
+
+    A command counts if it answers the last state sent; what comes later, or twice, is dropped (libfranka, "the command is dropped if it is late").
+
+    Args:
+        selector: of the server.
+        protocol: version.
+        device: the robot.
+        ip: address.
+        faults: of the UDP link.
+
+    Attributes:
+        message_id: milliseconds of robot time.
+        late: commands dropped since the start.
+    """
+
+    def __init__(self, selector: selectors.BaseSelector, protocol: Protocol, device: Device, ip: str, faults: Faults) -> None:
+        self._protocol, self._device = protocol, device
+        self.message_id = self.late = 0
+        self._command: MotionCommand | None = None
+        self._moving: Message | None = None
+        self._started = False
+        self._stopping: list[Message] = []
+        self._recovering: list[Message] = []
+        self._asking: list[Message] = []
+        self._library = ModelLibrary(device.model_library)
+        self._handlers = self._make_handlers()
+        super().__init__(selector, "arm", ARM_FRAMING, protocol.version, (ip, PORT), faults)
+
+    def _make_handlers(self) -> dict[Request, Callable[[Message, Vectors], Outcome | None]]:
+        device = self._device
+        return {
+            Request.MOVE: self._move,
+            Request.STOP_MOVE: self._stop_move,
+            Request.GET_CARTESIAN_LIMIT: self._cartesian_limit,
+            Request.SET_COLLISION_BEHAVIOR: lambda _, vectors: device.set_collision_behavior(*vectors),
+            Request.SET_JOINT_IMPEDANCE: lambda _, vectors: device.set_joint_impedance(vectors[0]),
+            Request.SET_CARTESIAN_IMPEDANCE: lambda _, vectors: device.set_cartesian_impedance(vectors[0]),
+            Request.SET_GUIDING_MODE: lambda _, vectors: device.set_guiding_mode([bool(x) for x in vectors[0]], bool(vectors[1][0])),
+            Request.SET_EE_TO_K: lambda _, vectors: device.set_EE_T_K(vectors[0]),
+            Request.SET_NE_TO_EE: lambda _, vectors: device.set_NE_T_EE(vectors[0]),
+            Request.SET_LOAD: lambda _, vectors: device.set_load(vectors[0][0], vectors[1], vectors[2]),
+            Request.SET_FILTERS: lambda _, vectors: device.set_filters(vectors[0]),
+            Request.AUTOMATIC_ERROR_RECOVERY: self._recover,
+            Request.LOAD_MODEL_LIBRARY: self._load_model_library,
+            Request.GET_ROBOT_MODEL: self._robot_model,
+        }
+
+    @property
+    def phase(self) -> Phase:
+        """What the clock waits for."""
+        if self._moving is None:
+            return Phase.IDLE
+        if self._command is not None:
+            return Phase.ANSWERED
+        return Phase.AWAITING if self._started else Phase.STARTING
+
+    def size_of(self, command: int) -> int | None:
+        """Payload size of a command [bytes], None for one that does not exist."""
+        row = self._protocol.requests.get(command)
+        return None if row is None else row.payload.size
+
+    # -- the millisecond ---------------------------------------------------------------------------------------------------------------
+
+    def on_datagrams(self) -> None:
+        """Keep the command that answers the last state."""
+        if self.client is None:
+            return
+        codec = self._protocol.command
+        for datagram in self.client.link.receive():
+            if len(datagram) != codec.size:
+                self.complaints.warn("size", f"a command of {len(datagram)} bytes is dropped; expected {codec.size}")
+            elif self._moving is not None and _MESSAGE_ID.unpack_from(datagram)[0] == self.message_id:
+                _, self._command = codec.decode(datagram)
+            else:
+                self.late += 1
+
+    def tick(self) -> None:
+        """One cycle of the robot, with the command that has come, and its state to the client."""
+        command, self._command = self._command, None
+        self._started = self._moving is not None and (self._started or command is not None)
+        self._device.cycle(command)
+        self.message_id += 1
+        if self.client is not None:
+            self.client.link.send(self._protocol.state.encode(self.message_id, self._device.state))
+        self._report()
+
+    def _report(self) -> None:
+        """Answer what has come to its end."""
+        outcome = self._device.take_finished()
+        if outcome is not None and self._moving is not None:
+            message, self._moving, self._command = self._moving, None, None
+            self._answer(message, outcome)
+        if self._stopping and self._moving is None:
+            self._answer_all(self._stopping, Outcome.SUCCESS)
+        if self._recovering and self._device.state.robot_mode is not RobotMode.AUTOMATIC_ERROR_RECOVERY:
+            self._answer_all(self._recovering, Outcome.SUCCESS)
+        if self._asking:
+            self._report_library()
+
+    def _report_library(self) -> None:
+        library = self._library.take()
+        if library is None:
+            return
+        if isinstance(library, str):
+            LOG.error("%s %s: no model library: %s", self.name, self._address[0], library)
+            self._answer_all(self._asking, Outcome.NOT_POSSIBLE)
+        else:
+            self._answer_all(self._asking, Outcome.SUCCESS, library)
+
+    # -- requests ----------------------------------------------------------------------------------------------------------------------
+
+    def handle(self, message: Message) -> None:
+        """Carry out a request between two cycles; wrong values are refused by status, with the reason in the log."""
+        row = self._protocol.requests[message.command]
+        vectors = row.decode(message.payload)
+        try:
+            if not all(math.isfinite(x) for vector in vectors for x in vector):
+                raise HricError("a number is not finite")
+            outcome = self._handlers[row.request](message, vectors)
+        except (HricError, ArithmeticError, ValueError) as error:  # numbers so large that the arithmetic ends are wrong numbers as well
+            self.complaints.warn(row.request.value, f"{row.request.value} refused: {error}")
+            outcome = Outcome.INVALID_ARGUMENT
+        if outcome is not None:
+            tail = NO_CARTESIAN_LIMIT if row.request is Request.GET_CARTESIAN_LIMIT else b""
+            self._answer(message, outcome, tail)
+
+    def _answer(self, message: Message, outcome: Outcome, tail: bytes = b"") -> None:
+        request = self._protocol.requests[message.command].request
+        self.answer(message, self._protocol.status(request, outcome), tail)
+
+    def _answer_all(self, messages: list[Message], outcome: Outcome, tail: bytes = b"") -> None:
+        waiting = messages[:]
+        messages.clear()
+        for message in waiting:
+            self._answer(message, outcome, tail)
+
+    def _move(self, message: Message, vectors: Vectors) -> Outcome:
+        try:
+            # The request counts generators from 0, the state from 1 (0 being idle).
+            controller, generator = ControllerMode(int(vectors[0][0])), GeneratorMode(int(vectors[1][0]) + 1)
+        except ValueError:
+            raise HricError(f"there is no controller {vectors[0][0]} with motion generator {vectors[1][0]}") from None
+        if controller is ControllerMode.OTHER or (generator is GeneratorMode.NONE and self._protocol.version < 7):
+            raise HricError(f"a motion cannot have controller {controller.name} with motion generator {generator.name}")
+        if len(vectors) > 4 and vectors[4][0]:
+            raise HricError("asynchronous joint positions are not emulated")
+        path, goal = vectors[2], vectors[3]
+        outcome = self._device.move(MoveRequest(controller, generator, (path[0], path[1], path[2]), (goal[0], goal[1], goal[2])))
+        if outcome is Outcome.STARTED:
+            self._moving, self._started, self._command = message, False, None
+        return outcome
+
+    def _stop_move(self, message: Message, _: Vectors) -> Outcome | None:
+        outcome = self._device.stop_move()
+        if outcome is not Outcome.SUCCESS:
+            return outcome
+        self._stopping.append(message)
+        self._report()  # the answer to Move goes first
+        return None
+
+    def _recover(self, message: Message, _: Vectors) -> Outcome | None:
+        outcome = self._device.recover()
+        if outcome is not Outcome.SUCCESS:
+            return outcome
+        self._recovering.append(message)
+        self._report()
+        return None
+
+    def _cartesian_limit(self, _: Message, __: Vectors) -> Outcome:
+        return Outcome.SUCCESS
+
+    def _load_model_library(self, message: Message, vectors: Vectors) -> Outcome | None:
+        refusal = self._library.refusal(int(vectors[0][0]), int(vectors[1][0]))
+        if refusal:
+            LOG.error("%s %s: no model library: %s", self.name, self._address[0], refusal)
+            return Outcome.NOT_POSSIBLE
+        self._library.ask()
+        self._asking.append(message)
+        return None
+
+    def _robot_model(self, message: Message, _: Vectors) -> Outcome | None:
+        self.answer(message, 0, self._device.urdf().encode())
+        return None
+
+    # -- clients -----------------------------------------------------------------------------------------------------------------------
+
+    def on_client(self) -> None:
+        """States begin with the next cycle."""
+
+    def on_client_lost(self) -> None:
+        """End what it had begun."""
+        for messages in (self._stopping, self._recovering, self._asking):
+            messages.clear()
+        self._moving = self._command = None
+        self._device.connection_lost()
+        self._device.take_finished()

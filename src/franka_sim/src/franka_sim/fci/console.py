@@ -1,0 +1,96 @@
+"""The buttons beside the arm, as lines of text: user stop, guiding, a push, an object for the hand."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+
+from franka_sim.box.requests import Outcome
+from franka_sim.fci.complaints import LOG
+from franka_sim.fci.device import Device
+from franka_sim.gripper import Gripper
+from hric_control.errors import CommandError, HricError, UnknownNameError
+
+MAX_LINE = 4096
+"""Characters of a line."""
+HELP = """user_stop on|off             press or release the user stop
+guiding on|off               press or release the guiding buttons
+push LINK FX FY FZ SECONDS   act on a link, force in the world frame [N]
+object WIDTH                 put something between the fingers [m]; 0: take it away
+reset                        the arm at its start pose
+help"""
+
+
+class Console:
+    """Reads lines from a file descriptor and acts on the arm between two cycles.
+
+    Args:
+        device: the arm.
+        file: descriptor, e.g. that of the standard input.
+        on_end: called when the other side has closed it.
+    """
+
+    def __init__(self, device: Device, file: int, on_end: Callable[[], None]) -> None:
+        self._device, self._file, self._on_end = device, file, on_end
+        self._text = b""
+        self._actions: dict[str, tuple[int, Callable[[list[str]], object]]] = {
+            "user_stop": (1, lambda words: self._device.set_user_stop(_switch(words[0]))),
+            "guiding": (1, lambda words: self._device.set_guiding(_switch(words[0]))),
+            "push": (5, self._push),
+            "object": (1, self._object),
+            "reset": (0, lambda _: self._device.reset()),
+            "help": (0, lambda _: print(HELP, flush=True)),
+        }
+
+    def on_input(self, _: int) -> None:
+        """There is something to read."""
+        received = os.read(self._file, MAX_LINE)
+        if not received:
+            self._on_end()
+            return
+        *lines, self._text = (self._text + received).split(b"\n")
+        self._text = self._text[-MAX_LINE:]
+        for line in lines:
+            self._carry_out(line.decode(errors="replace").split())
+
+    def _carry_out(self, words: list[str]) -> None:
+        if not words:
+            return
+        try:
+            if words[0] not in self._actions:
+                raise UnknownNameError("console command", words[0], self._actions)
+            count, action = self._actions[words[0]]
+            if len(words) != count + 1:
+                raise CommandError(f"{words[0]} takes {count} values; got {len(words) - 1}. {HELP}")
+            outcome = action(words[1:])
+            text = f": {outcome.value}" if isinstance(outcome, Outcome) else ""
+            LOG.info("console: %s%s", " ".join(words), text)
+        except HricError as error:
+            LOG.error("console: %s", error)
+
+    def _push(self, words: list[str]) -> None:
+        x, y, z, duration = (_number(word) for word in words[1:])
+        self._device.push(words[0], (x, y, z), duration)
+
+    def _object(self, words: list[str]) -> None:
+        hand, width = self._device.hand, _number(words[0])
+        if not isinstance(hand, Gripper):
+            raise CommandError("the arm has no hand")
+        hand.object_width = width or None
+
+
+def _number(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise CommandError(f"{word!r} is no finite number")
+    return value
+
+
+def _switch(word: str) -> bool:
+    if word not in ("on", "off"):
+        raise CommandError(f"{word!r}; valid: on, off")
+    return word == "on"

@@ -1,0 +1,158 @@
+"""The UDP link to a client, sound or with injected latency, jitter and loss."""
+
+from __future__ import annotations
+
+import heapq
+import math
+import random
+import socket
+import time
+from dataclasses import dataclass
+
+from hric_control.errors import ParameterError
+
+MAX_DATAGRAM = 512
+"""Bytes looked at; whatever is larger than a command is none."""
+MAX_READ = 64
+"""Datagrams taken at a time, so that a flood does not hold the robot."""
+MAX_UNDERWAY = 10000
+"""Datagrams kept in the emulated network in each direction; beyond that it loses them."""
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Of the emulated network, in each direction.
+
+    Attributes:
+        latency: [s].
+        jitter: added to it, evenly distributed between 0 and this [s]; datagrams may overtake each other.
+        loss: share of datagrams that are lost, 0 to 1.
+        seed: of the random numbers.
+    """
+
+    latency: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, unit, upper in (("latency", "s", math.inf), ("jitter", "s", math.inf), ("loss", "0 to 1", 1.0)):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0.0 <= value <= upper):
+                raise ParameterError(f"{name} must be a number from 0 [{unit}]; got {value!r}")
+
+    @property
+    def any(self) -> bool:
+        """Whether there is anything to inject."""
+        return self.latency > 0.0 or self.jitter > 0.0 or self.loss > 0.0
+
+
+class Link:
+    """Datagrams between the server and one client. Bound and connected, so that the system drops what others send.
+
+    Args:
+        ip: the server's address.
+        client: the client's (address, port).
+    """
+
+    def __init__(self, ip: str, client: tuple[str, int]) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self.socket.setblocking(False)
+            self.socket.bind((ip, 0))
+            self.socket.connect(client)
+        except OSError:
+            self.socket.close()
+            raise
+
+    def send(self, datagram: bytes) -> None:
+        """Send; what the system cannot take is lost, as on any network. A client that is gone is noticed by its TCP connection."""
+        try:
+            self.socket.send(datagram)
+        except OSError:
+            return
+
+    def receive(self) -> list[bytes]:
+        """What has come, oldest first."""
+        received: list[bytes] = []
+        for _ in range(MAX_READ):
+            try:
+                received.append(self.socket.recv(MAX_DATAGRAM))
+            except ConnectionRefusedError:  # an earlier state found no socket
+                continue
+            except OSError:
+                break
+        return received
+
+    def next_due(self) -> float | None:
+        """When something moves by itself (time.monotonic) [s]."""
+        return None
+
+    def move(self) -> bool:
+        """Let what is due go on its way; True if something has come for the server."""
+        return False
+
+    def close(self) -> None:
+        """End."""
+        self.socket.close()
+
+
+class _Network:
+    """One direction: datagrams on their way, by the time at which they arrive."""
+
+    def __init__(self, faults: Faults, seed: str) -> None:
+        self._faults, self._random = faults, random.Random(seed)
+        self.underway: list[tuple[float, int, bytes]] = []
+        self._count = 0
+
+    def take(self, datagram: bytes) -> None:
+        if self._random.random() < self._faults.loss or len(self.underway) >= MAX_UNDERWAY:
+            return
+        due = time.monotonic() + self._faults.latency + self._random.random() * self._faults.jitter
+        self._count += 1
+        heapq.heappush(self.underway, (due, self._count, datagram))
+
+    def due(self) -> list[bytes]:
+        now, arrived = time.monotonic(), []
+        while self.underway and self.underway[0][0] <= now:
+            arrived.append(heapq.heappop(self.underway)[2])
+        return arrived
+
+
+class FaultyLink(Link):
+    """A link over a bad network; the same seed loses the same datagrams.
+
+    Args:
+        ip, client: as of Link.
+        faults: what is injected.
+    """
+
+    def __init__(self, ip: str, client: tuple[str, int], faults: Faults) -> None:
+        super().__init__(ip, client)
+        self._out, self._in = _Network(faults, f"{faults.seed} states"), _Network(faults, f"{faults.seed} commands")
+
+    def send(self, datagram: bytes) -> None:
+        """Put it on its way."""
+        self._out.take(datagram)
+        self.move()
+
+    def receive(self) -> list[bytes]:
+        """What has arrived through the bad network."""
+        for datagram in super().receive():
+            self._in.take(datagram)
+        return self._in.due()
+
+    def next_due(self) -> float | None:
+        """When the next datagram arrives at either end."""
+        return min((network.underway[0][0] for network in (self._out, self._in) if network.underway), default=None)
+
+    def move(self) -> bool:
+        """Hand over the states that are due; True if a command is."""
+        for datagram in self._out.due():
+            super().send(datagram)
+        return bool(self._in.underway) and self._in.underway[0][0] <= time.monotonic()
+
+
+def make_link(ip: str, client: tuple[str, int], faults: Faults) -> Link:
+    """A link as good or bad as `faults` says. Raises OSError."""
+    return FaultyLink(ip, client, faults) if faults.any else Link(ip, client)

@@ -1,0 +1,102 @@
+"""The robots that the server can be: their descriptions, limits and versions of the protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
+
+import panda_description
+from franka_hw_interface.limits import FrankaLimits, franka_limits
+from franka_sim.box.config import read_config
+from hric_control.errors import DescriptionError
+from panda_description import CartesianLimit
+
+JOINTS = 7
+
+
+@dataclass(frozen=True)
+class Robot:
+    """One kind of robot.
+
+    Attributes:
+        arm_id: prefix of joints and links.
+        version: of the protocol that its control box speaks.
+        urdf: the whole robot (argument: with hand, with collision shapes), for the plant and the box.
+        served_urdf: the arm without a hand, as the client is told.
+        limits: of the arm.
+    """
+
+    arm_id: str
+    version: int
+    urdf: Callable[[bool, bool], str]
+    served_urdf: Callable[[], str]
+    limits: Callable[[], FrankaLimits]
+
+
+def fr3_limits() -> FrankaLimits:
+    """The FR3's limits."""
+    values = read_config("fr3")
+    names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
+    joint: dict[str, Any] = {name: tuple(values[name]) for name in names}
+    cartesian: dict[str, Any] = {name: CartesianLimit(**values[name]) for name in ("translation", "rotation", "elbow")}
+    return FrankaLimits(**(joint | cartesian))
+
+
+def _joint(root: ElementTree.Element, name: str) -> ElementTree.Element:
+    for joint in root.iterfind("joint"):
+        if joint.get("name") == name:
+            return joint
+    raise DescriptionError(f"the robot description has no joint {name}")
+
+
+def _fr3_tree(hand: bool, collision: bool) -> ElementTree.Element:
+    """The Panda's description with the names and limits of the FR3."""
+    root = ElementTree.fromstring(panda_description.load(arm_id="fr3", hand=hand, meshes=False, collision=collision))
+    values = read_config("fr3")
+    for i in range(JOINTS):
+        joint = _joint(root, f"fr3_joint{i + 1}")
+        limits = {name: str(values[name][i]) for name in ("lower", "upper", "velocity", "effort")}
+        for element in joint.iterfind("limit"):
+            element.attrib.update(limits)
+        for element in joint.iterfind("safety_controller"):
+            element.attrib.update(soft_lower_limit=limits["lower"], soft_upper_limit=limits["upper"])
+    return root
+
+
+def fr3_urdf(hand: bool = True, collision: bool = True) -> str:
+    """The whole FR3 as pure URDF."""
+    return ElementTree.tostring(_fr3_tree(hand, collision), encoding="unicode")
+
+
+def fr3_served_urdf() -> str:
+    """What a client of protocol 10 needs: joints `joint1` to `joint7` with limits of the velocity that depend on the position, the flange `link8`,
+    inertial parameters; no hand, as its mass comes with the state and its finger joints would be taken for joints of the arm."""
+    root = _fr3_tree(hand=False, collision=False)
+    values = read_config("fr3")
+    for i in range(JOINTS):
+        limits = {name: str(values[name][i]) for name in ("velocity_offset", "deceleration_limit")}
+        ElementTree.SubElement(_joint(root, f"fr3_joint{i + 1}"), "position_based_velocity_limits", limits)
+    for link in root.iterfind("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    for kind in ("transmission", "gazebo"):
+        for element in root.findall(kind):
+            root.remove(element)
+    for element in root.iter():
+        for key in ("name", "link"):
+            if key in element.attrib:
+                element.attrib[key] = element.attrib[key].removeprefix("fr3_")
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _panda_urdf(hand: bool, collision: bool) -> str:
+    return panda_description.load(hand=hand, meshes=False, collision=collision)
+
+
+ROBOTS: Mapping[str, Robot] = {
+    "panda": Robot("panda", 5, _panda_urdf, lambda: _panda_urdf(False, False), franka_limits),
+    "fr3": Robot("fr3", 10, fr3_urdf, fr3_served_urdf, fr3_limits),
+}
+"""By name."""

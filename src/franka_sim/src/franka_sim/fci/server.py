@@ -1,0 +1,121 @@
+"""The server: one thread, one selector, one robot; clients never make it wait."""
+
+from __future__ import annotations
+
+import selectors
+import time
+from collections.abc import Callable
+
+from franka_sim.fci import commands_v5, commands_v10
+from franka_sim.fci.arm_service import ArmService
+from franka_sim.fci.clock import PERIOD, make_clock
+from franka_sim.fci.device import Device
+from franka_sim.fci.faults import Faults
+from franka_sim.fci.hand_service import STEP, HandService
+from franka_sim.fci.session import Service
+from hric_control.errors import UnknownNameError
+
+PROTOCOLS = {protocol.version: protocol for protocol in (commands_v5.PROTOCOL, commands_v10.PROTOCOL)}
+LONGEST_WAIT = 0.05
+"""A signal is heard within this time [s]."""
+CYCLES_PER_STEP = round(STEP / PERIOD)
+
+
+class FciServer:
+    """A control box on the network.
+
+    Args:
+        device: the robot.
+        ip: address to listen on; the ports are libfranka's (1337, with a hand 1338).
+        version: of the protocol, 5 or 10.
+        clock: "lock_step" or "wall".
+        pace: real-time factor; 0 (lock-step only): as fast as the client.
+        faults: of the network.
+
+    Raises:
+        HricError: a port cannot be had, or an argument is wrong.
+    """
+
+    def __init__(
+        self, device: Device, ip: str = "127.0.0.1", version: int = 5, clock: str = "lock_step", pace: float = 1.0, faults: Faults | None = None
+    ) -> None:
+        if version not in PROTOCOLS:
+            raise UnknownNameError("protocol version", version, map(str, PROTOCOLS), "FciServer")
+        self._clock = make_clock(clock, pace)
+        self._selector = selectors.SelectSelector()  # an epoll would round the wait up to a millisecond
+        self._services: list[Service] = []
+        self._stop = False
+        self._cycles = 0
+        faults = faults or Faults()
+        try:
+            self.arm = ArmService(self._selector, PROTOCOLS[version], device, ip, faults)
+            self._services.append(self.arm)
+            self._hand = None if device.hand is None else HandService(self._selector, device.hand, ip, faults)
+            if self._hand is not None:
+                self._services.append(self._hand)
+        except BaseException:
+            self.close()
+            raise
+
+    def watch(self, file: int, callback: Callable[[int], None]) -> None:
+        """Call `callback(events)` when there is something to read from a file descriptor."""
+        self._selector.register(file, selectors.EVENT_READ, callback)
+
+    def unwatch(self, file: int) -> None:
+        """No longer."""
+        self._selector.unregister(file)
+
+    def run(self) -> None:
+        """Serve until `stop`."""
+        while not self._stop:
+            self._wait()
+            self._tick()
+
+    def stop(self) -> None:
+        """Let `run` return within LONGEST_WAIT; from any thread or a signal handler."""
+        self._stop = True
+
+    def close(self) -> None:
+        """Let all clients go and free the ports."""
+        for service in self._services:
+            service.close()
+        self._services.clear()
+        self._selector.close()
+
+    def _wait(self) -> None:
+        """Serve the sockets until the next cycle is due, once at least."""
+        select, clock, arm = self._selector.select, self._clock, self.arm
+        first = True
+        while not self._stop:
+            left = clock.left(time.monotonic(), arm.phase)
+            if left <= 0.0 and not first:
+                return
+            first = False
+            for key, events in select(min(max(left, 0.0), self._until_link())):
+                key.data(events)
+            self._move_links()
+
+    def _until_link(self) -> float:
+        """Longest wait, in view of what moves in an emulated network [s]."""
+        left = LONGEST_WAIT
+        for service in self._services:
+            due = service.client.link.next_due() if service.client is not None else None
+            if due is not None:
+                left = min(left, max(0.0, due - time.monotonic()))
+        return left
+
+    def _move_links(self) -> None:
+        for service in self._services:
+            if service.client is not None and service.client.link.move():
+                service.on_datagrams()
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        self._clock.ticked(now, self.arm.phase)
+        self.arm.tick()
+        self._cycles += 1
+        if self._cycles % CYCLES_PER_STEP == 0:
+            if self._hand is not None:
+                self._hand.tick(now, STEP)
+            for service in self._services:
+                service.housekeeping(now)

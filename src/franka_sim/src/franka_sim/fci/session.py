@@ -1,0 +1,216 @@
+"""A service of the control box: listens on one TCP port, shakes hands, serves one client, and survives whatever else comes."""
+
+from __future__ import annotations
+
+import selectors
+import socket
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+from franka_sim.fci.complaints import LOG, Complaints
+from franka_sim.fci.connection import BadMessageError, Connection, ConnectionLostError, Message
+from franka_sim.fci.faults import Faults, Link, make_link
+from franka_sim.fci.wire import CONNECT, CONNECT_PAYLOAD, VERSION, Framing
+from hric_control.errors import HricError
+
+HANDSHAKE_TIME = 1.0
+"""A connection that does not say what it is within this time is closed [s]: our choice."""
+MAX_WAITING = 16
+"""Connections that may be shaking hands at the same time."""
+INCOMPATIBLE = 1
+"""Status of Connect for a client of another version."""
+
+READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
+
+
+@dataclass
+class Client:
+    """The client that is served."""
+
+    connection: Connection
+    link: Link
+    name: str
+
+
+class Service(ABC):
+    """One port of the box.
+
+    Args:
+        selector: of the server; its keys carry a callable that takes the events.
+        name: for the log, e.g. "arm".
+        framing: of its messages.
+        version: of its protocol.
+        address: (ip, port) it listens on.
+        faults: of the UDP link.
+
+    Raises:
+        HricError: the address cannot be listened on.
+    """
+
+    def __init__(self, selector: selectors.BaseSelector, name: str, framing: Framing, version: int, address: tuple[str, int], faults: Faults) -> None:
+        self._selector, self.name, self._framing, self._version, self._address, self._faults = selector, name, framing, version, address, faults
+        self.complaints = Complaints(f"{name} {address[0]}")
+        self.client: Client | None = None
+        self._waiting: dict[Connection, tuple[str, float]] = {}
+        self._listener = listen(address, name)
+        selector.register(self._listener, READ, self._on_listener)
+
+    @abstractmethod
+    def size_of(self, command: int) -> int | None:
+        """Payload size of a command [bytes], None for one that does not exist."""
+
+    @abstractmethod
+    def handle(self, message: Message) -> None:
+        """A request of the client that is served."""
+
+    @abstractmethod
+    def on_client(self) -> None:
+        """A client has connected."""
+
+    @abstractmethod
+    def on_client_lost(self) -> None:
+        """The client has gone, or was let go."""
+
+    @abstractmethod
+    def on_datagrams(self) -> None:
+        """Datagrams of the client wait in its link."""
+
+    def answer(self, message: Message, status: int, tail: bytes = b"") -> None:
+        """Answer the client that is served; without one, or if it is lost by this, nothing."""
+        if self.client is not None:
+            connection = self.client.connection
+            self._guarded(connection, lambda: connection.answer(message.command, message.command_id, status, tail))
+            self._watch(connection)
+
+    def housekeeping(self, now: float) -> None:
+        """Close the connections that do not say what they are. now: time.monotonic [s]."""
+        for connection, (peer, since) in list(self._waiting.items()):
+            if now - since > HANDSHAKE_TIME:
+                self._drop(connection, f"{peer} said nothing for {HANDSHAKE_TIME:g} s")
+
+    def close(self) -> None:
+        """Let everyone go."""
+        for connection in list(self._waiting):
+            self._drop(connection, "")
+        if self.client is not None:
+            self._end_client("the box is shut down")
+        self._selector.unregister(self._listener)
+        self._listener.close()
+
+    # -- connections -------------------------------------------------------------------------------------------------------------------
+
+    def _on_listener(self, _: int) -> None:
+        try:
+            connected, (host, port) = self._listener.accept()
+        except OSError:
+            return
+        peer = f"{host}:{port}"
+        if self.client is not None:
+            self._on_connection(self.client.connection, READ)  # perhaps it has just gone
+        if self.client is not None or len(self._waiting) >= MAX_WAITING:
+            reason = f"{self.client.name} is connected" if self.client else "too many connections are shaking hands"
+            self.complaints.warn("second", f"{peer} is turned away: {reason}")
+            connected.close()
+            return
+        connection = Connection(connected, self._framing, self.size_of)
+        self._waiting[connection] = peer, time.monotonic()
+        self._selector.register(connected, READ, lambda events: self._on_connection(connection, events))
+
+    def _on_connection(self, connection: Connection, events: int) -> None:
+        if events & WRITE:
+            self._guarded(connection, connection.flush)
+            self._watch(connection)
+        if events & READ and self._known(connection):
+            self._guarded(connection, lambda: self._receive(connection))
+
+    def _receive(self, connection: Connection) -> None:
+        for message in connection.receive():
+            if self.client is not None and connection is self.client.connection:
+                if message.command == CONNECT:
+                    raise BadMessageError("it is connected already")
+                self.handle(message)
+            elif connection in self._waiting:
+                self._shake_hands(connection, message)
+
+    def _shake_hands(self, connection: Connection, message: Message) -> None:
+        if message.command != CONNECT:
+            raise BadMessageError(f"command {message.command} came before Connect")
+        version, udp_port = CONNECT_PAYLOAD.unpack(message.payload)
+        if version != self._version:
+            connection.answer(CONNECT, message.command_id, INCOMPATIBLE, VERSION.pack(self._version))
+            raise BadMessageError(f"it speaks version {version}, this box version {self._version}")
+        peer, _ = self._waiting[connection]
+        if self.client is not None:
+            raise BadMessageError(f"{self.client.name} is connected")
+        if udp_port == 0:
+            raise BadMessageError("it has no UDP port")
+        try:
+            link = make_link(self._address[0], (peer.rpartition(":")[0], udp_port), self._faults)
+        except OSError as error:
+            raise BadMessageError(f"its UDP port {udp_port} cannot be reached: {error}") from None
+        del self._waiting[connection]
+        self.client = Client(connection, link, peer)
+        self._selector.register(link.socket, READ, lambda _: self.on_datagrams())
+        LOG.info("%s %s: %s is connected", self.name, self._address[0], peer)
+        connection.answer(CONNECT, message.command_id, 0, VERSION.pack(self._version))
+        self.on_client()
+
+    # -- ends --------------------------------------------------------------------------------------------------------------------------
+
+    def _known(self, connection: Connection) -> bool:
+        return connection in self._waiting or (self.client is not None and connection is self.client.connection)
+
+    def _guarded(self, connection: Connection, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except (BadMessageError, ConnectionLostError) as error:
+            bad = isinstance(error, BadMessageError)
+            if self.client is not None and connection is self.client.connection:
+                self._end_client(f"let go: {error}" if bad else f"has gone: {error}")
+            elif connection in self._waiting:
+                self._drop(connection, f"{self._waiting[connection][0]} is turned away: {error}" if bad else "")
+
+    def _watch(self, connection: Connection) -> None:
+        with suppress(KeyError, ValueError):  # closed meanwhile
+            key = self._selector.get_key(connection.socket)
+            events = READ | WRITE if connection.unsent else READ
+            if key.events != events:
+                self._selector.modify(connection.socket, events, key.data)
+
+    def _drop(self, connection: Connection, text: str) -> None:
+        if text:
+            self.complaints.warn("turned away", text)
+        del self._waiting[connection]
+        self._selector.unregister(connection.socket)
+        connection.close()
+
+    def _end_client(self, text: str) -> None:
+        client, self.client = self.client, None
+        assert client is not None
+        LOG.info("%s %s: %s %s", self.name, self._address[0], client.name, text)
+        self._selector.unregister(client.connection.socket)
+        self._selector.unregister(client.link.socket)
+        client.connection.close()
+        client.link.close()
+        self.on_client_lost()
+
+
+def listen(address: tuple[str, int], name: str) -> socket.socket:
+    """A listening, non-blocking socket.
+
+    Raises:
+        HricError: the address is none of this machine, or taken.
+    """
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.setblocking(False)
+        listener.bind(address)
+        listener.listen(16)
+    except OSError as error:
+        listener.close()
+        raise HricError(f"the {name} service cannot listen on {address[0]}:{address[1]}: {error.strerror or error}") from None
+    return listener

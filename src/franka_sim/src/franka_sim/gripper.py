@@ -1,0 +1,220 @@
+"""The emulated Franka hand: two fingers that travel at constant speed, and what may lie between them. No ROS, no engine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from franka_hw_interface.hand import HandMotion, HandOutcome
+from hric_control.errors import CommandError, HricError
+
+__all__ = ["Gripper", "HandConfig", "HandMotion", "HandOutcome", "defaults"]
+
+
+@dataclass(frozen=True)
+class HandConfig:
+    """Values of config/hand.yaml; widths [m], speeds [m/s], force [N], temperature [degrees Celsius]."""
+
+    max_width: float
+    max_speed: float
+    max_force: float
+    homing_speed: float
+    temperature: int
+
+
+@dataclass(slots=True)
+class _Task:
+    """A motion under way: legs of (opening to go to [m], speed [m/s]), and what to say at the end, "" being success."""
+
+    motion: HandMotion
+    legs: list[tuple[float, float]]
+    judge: Callable[[bool], str]  # gets whether an object stopped the fingers
+
+
+class Gripper:
+    """The hand. Requests return at once with a `HandMotion`, which `step` carries out; a new request aborts the one that runs.
+
+    Speeds are rates of the opening. A move stops at an object; a grasp travels towards the expected width and on until something stops the
+    fingers: an object, each other, or the end of their way. While it holds, the fingers go on pressing: where the object is taken away they
+    close, and `is_grasped` falls. One instance serves one thread.
+
+    Args:
+        config: config/hand.yaml by default.
+
+    Attributes:
+        width: opening between the fingers [m]; fully open at the start.
+        is_grasped: whether an object of the expected width is held.
+        force: force with which the fingers press [N], 0 when they do not hold.
+    """
+
+    def __init__(self, config: HandConfig | None = None) -> None:
+        self.config = config or defaults()
+        self.width = self.config.max_width
+        self.is_grasped = False
+        self.force = 0.0
+        self._object: float | None = None
+        self._time: float | None = None
+        self._task: _Task | None = None
+        self._hold: tuple[float, float, float, float] | None = None  # (opening pressed towards, speed, narrowest, widest object)
+
+    @property
+    def max_width(self) -> float:
+        """Largest opening [m]."""
+        return self.config.max_width
+
+    @property
+    def temperature(self) -> int:
+        """Temperature of the hand [degrees Celsius]."""
+        return self.config.temperature
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether a request is being carried out."""
+        return self._task is not None
+
+    @property
+    def object_width(self) -> float | None:
+        """Width of the object between the fingers [m], None: nothing there.
+
+        Raises:
+            CommandError: set to a width that does not fit between the fully open fingers.
+        """
+        return self._object
+
+    @object_width.setter
+    def object_width(self, width: float | None) -> None:
+        if width is not None and not 0.0 < width <= self.max_width:
+            raise CommandError(f"an object {width} m wide does not fit between the fingers; valid: above 0, to {self.max_width:g} m")
+        self._object = width
+
+    def homing(self) -> HandMotion:
+        """Close, then open fully; unsuccessful if an object keeps the fingers from closing."""
+        speed = self.config.homing_speed
+        return self._begin("homing", "", [(0.0, speed), (self.max_width, speed)], self._free_way)
+
+    def move(self, width: float, speed: float) -> HandMotion:
+        """Go to an opening [m] at a speed [m/s]; unsuccessful if an object is in the way."""
+        return self._begin("move", self._wrong(width, speed), [(width, speed)], self._free_way)
+
+    def grasp(self, width: float, epsilon_inner: float, epsilon_outer: float, speed: float, force: float) -> HandMotion:
+        """Grasp an object of an expected width.
+
+        Success if at rest `width - epsilon_inner < opening < width + epsilon_outer` (libfranka, Gripper::grasp); the fingers then go on pressing.
+
+        Args:
+            width: expected [m].
+            epsilon_inner, epsilon_outer: how much narrower and wider it may be [m].
+            speed: of the opening [m/s].
+            force: [N], up to `config.max_force`.
+        """
+        wrong = self._wrong(width, speed) or _wrong_tolerance(epsilon_inner, epsilon_outer) or self._wrong_force(force)
+        target = 0.0 if width <= self.width else self.max_width
+        narrowest, widest = width - epsilon_inner, width + epsilon_outer
+
+        def judge(_: bool) -> str:
+            if not narrowest < self.width < widest:
+                return f"the fingers stand at {self.width:.4f} m; expected between {narrowest:.4f} and {widest:.4f} m"
+            self._hold = (target, min(speed, self.config.max_speed), narrowest, widest)
+            self.is_grasped, self.force = True, force
+            return ""
+
+        return self._begin("grasp", wrong, [(target, speed)], judge)
+
+    def stop(self) -> HandMotion:
+        """End what runs or holds; the fingers stand without force."""
+        motion = self._begin("stop", "", [], self._free_way)
+        self._task = None
+        motion.end(HandOutcome.SUCCESS)
+        return motion
+
+    def step(self, dt: float) -> None:
+        """Advance by dt [s]."""
+        if self._task is not None:
+            self._carry_out(self._task, dt)
+        elif self._hold is not None:
+            target, speed, narrowest, widest = self._hold
+            self._approach(target, speed * dt)
+            self.is_grasped = narrowest < self.width < widest
+
+    def advance(self, time: float) -> None:
+        """Step on to run time `time` [s]; the first call only sets the clock, and so does a time that goes back."""
+        before, self._time = self._time, time
+        if before is not None and time > before:
+            self.step(time - before)
+
+    def _begin(self, name: str, wrong: str, legs: list[tuple[float, float]], judge: Callable[[bool], str]) -> HandMotion:
+        """Take a request; a wrong one changes nothing."""
+        motion = HandMotion(name)
+        if wrong:
+            motion.end(HandOutcome.FAIL, wrong)
+            return motion
+        if self._task is not None:
+            self._task.motion.end(HandOutcome.ABORTED, f"ended by another request: {name}")
+        self._task = _Task(motion, [(target, min(speed, self.config.max_speed)) for target, speed in legs], judge)
+        self._hold, self.is_grasped, self.force = None, False, 0.0
+        return motion
+
+    def _carry_out(self, task: _Task, dt: float) -> None:
+        target, speed = task.legs[0]
+        blocked = self._approach(target, speed * dt)
+        if self.width == target:
+            task.legs.pop(0)
+        if blocked or not task.legs:
+            self._task = None
+            reason = task.judge(blocked)
+            task.motion.end(HandOutcome.UNSUCCESSFUL if reason else HandOutcome.SUCCESS, reason)
+
+    def _approach(self, target: float, distance: float) -> bool:
+        """Travel towards an opening; True if an object is in the way."""
+        if target >= self.width:
+            self.width = min(target, self.width + distance)
+            return False
+        stop = target if self._object is None else max(target, min(self._object, self.width))
+        self.width = max(stop, self.width - distance)
+        return self.width == stop > target
+
+    def _free_way(self, blocked: bool) -> str:
+        return f"an object stopped the fingers at {self.width:.4f} m" if blocked else ""
+
+    def _wrong(self, width: float, speed: float) -> str:
+        if not 0.0 <= width <= self.max_width:  # not a number fails as well
+            return f"width {width} m; valid: 0 to {self.max_width:g} m"
+        if not (speed > 0.0 and math.isfinite(speed)):
+            return f"speed {speed} m/s; valid: above 0"
+        return ""
+
+    def _wrong_force(self, force: float) -> str:
+        most = self.config.max_force
+        return "" if 0.0 <= force <= most else f"force {force} N; valid: 0 to {most:g} N"
+
+
+def _wrong_tolerance(inner: float, outer: float) -> str:
+    if inner >= 0.0 and outer >= 0.0 and math.isfinite(inner) and math.isfinite(outer):
+        return ""
+    return f"tolerances {inner} and {outer} m; valid: finite, not below 0"
+
+
+@cache
+def defaults() -> HandConfig:
+    """What config/hand.yaml says."""
+    for folder in (Path(__file__).resolve().parents[2], *_installed()):
+        path = folder / "config" / "hand.yaml"
+        if path.is_file():
+            values: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+            return HandConfig(**values)
+    raise HricError("franka_sim: config/hand.yaml is not found")
+
+
+def _installed() -> list[Path]:
+    import rospkg
+
+    try:
+        return [Path(rospkg.RosPack().get_path("franka_sim"))]
+    except rospkg.ResourceNotFound:
+        return []

@@ -1,0 +1,295 @@
+"""The server to a client in plain Python: life of a motion, clocks, bad clients. The robot's state is constant."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+
+import pytest
+from fci_peer import PATIENCE, Peer, command, new_address, serving
+
+from franka_sim.box.requests import MotionCommand
+from franka_sim.fci.clock import LockStepClock, Phase, WallClock, make_clock
+from franka_sim.fci.connection import MAX_UNSENT
+from franka_sim.fci.device import ConstantDevice
+from franka_sim.fci.faults import Faults
+from franka_sim.fci.server import FciServer
+from franka_sim.fci.session import HANDSHAKE_TIME, MAX_WAITING
+from hric_control.errors import HricError, ParameterError, UnknownNameError
+
+VERSIONS = pytest.mark.parametrize("version", [5, 10])
+STOP, RECOVER_V5, LIBRARY, URDF = 2, 12, 13, 11
+
+
+class Recorder(ConstantDevice):
+    """Keeps the commands that it was given."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.commands: list[MotionCommand | None] = []
+        self.lost_clients = 0
+
+    def cycle(self, command: MotionCommand | None) -> None:
+        self.commands.append(command)
+        super().cycle(command)
+
+    def connection_lost(self) -> None:
+        self.lost_clients += 1
+        super().connection_lost()
+
+
+def torques(device: Recorder) -> list[float]:
+    return [given.tau[0] for given in device.commands if given is not None]
+
+
+@VERSIONS
+def test_states_come_in_order_one_millisecond_after_the_other(version: int) -> None:
+    with serving(ConstantDevice(), version) as ip, Peer(ip, version) as peer:
+        ids = [struct.unpack_from("<Q", peer.state())[0] for _ in range(50)]
+    assert ids == list(range(ids[0], ids[0] + 50))
+
+
+@VERSIONS
+def test_another_version_is_told_the_right_one_and_the_box_is_free_again(version: int) -> None:
+    with serving(ConstantDevice(), version) as ip:
+        with Peer(ip, version, connect=False) as wrong:
+            answer = wrong.ask(0, struct.pack("<HH", version + 1, 50000))
+            assert answer == struct.pack("<BH", 1, version)
+            assert wrong.tcp.recv(1) == b""
+        with Peer(ip, version) as peer:
+            peer.state()
+
+
+def test_a_second_client_is_turned_away_and_the_first_one_served_on() -> None:
+    with serving(ConstantDevice()) as ip, Peer(ip) as first:
+        with pytest.raises(OSError):
+            Peer(ip).close()
+        before = first.message_id
+        assert struct.unpack_from("<Q", first.newest_state())[0] > before
+
+
+def test_a_client_that_comes_as_another_one_goes_is_served() -> None:
+    with serving(ConstantDevice()) as ip:
+        for _ in range(20):
+            with Peer(ip) as peer:
+                peer.state()
+
+
+def test_a_connection_that_says_nothing_is_closed() -> None:
+    with serving(ConstantDevice()) as ip:
+        silent = [Peer(ip, connect=False) for _ in range(MAX_WAITING)]
+        with Peer(ip, connect=False) as one_too_many:
+            assert one_too_many.tcp.recv(1) == b""
+        begin = time.monotonic()
+        assert all(peer.tcp.recv(1) == b"" for peer in silent)
+        assert time.monotonic() - begin < HANDSHAKE_TIME + PATIENCE
+        with Peer(ip) as peer:
+            peer.state()
+
+
+def test_a_client_that_reads_no_answers_is_let_go() -> None:
+    with serving(ConstantDevice("x" * 100000), 10) as ip, Peer(ip, 10) as peer:
+        with pytest.raises(OSError):
+            for _ in range(200 + MAX_UNSENT // 10000):
+                peer.request(URDF)
+                time.sleep(1e-3)
+        with Peer(ip, 10) as other:
+            other.state()
+
+
+@VERSIONS
+def test_a_motion_is_answered_when_it_begins_and_when_it_ends(version: int) -> None:
+    device = Recorder()
+    with serving(device, version) as ip, Peer(ip, version) as peer:
+        peer.state()
+        motion = peer.move()
+        assert peer.answer(motion) == b"\x01"
+        peer.until_moving()
+        for k in range(10):
+            peer.send(command(float(k + 1)))
+            assert peer.modes(peer.state()) == (2, 2, 2)
+        peer.finish()
+        assert peer.answer(motion) == b"\x00"
+        assert peer.modes(peer.newest_state()) == (0, 3, 1)
+    assert torques(device) == [float(k + 1) for k in range(10)] + [0.0]
+
+
+def test_the_lock_step_clock_waits_for_the_command_that_answers_the_last_state() -> None:
+    device = Recorder()
+    with serving(device, pace=0.0) as ip, Peer(ip) as peer:
+        peer.answer(peer.move())
+        peer.until_moving()
+        peer.newest_state()
+        for k in range(100):
+            peer.send(command(2.0 * k + 1.0), peer.message_id - 1)  # answers an old state
+            peer.send(command(2.0 * k))
+            peer.send(command(2.0 * k + 1.0), peer.message_id + 1)  # answers one that does not exist
+            before = peer.message_id
+            peer.state()
+            assert peer.message_id == before + 1
+    first = device.commands.index(next(given for given in device.commands if given is not None))
+    assert [given.tau[0] for given in device.commands[first : first + 100] if given is not None] == [2.0 * k for k in range(100)]
+
+
+def test_a_command_that_does_not_come_is_lost_and_the_lock_step_clock_goes_on() -> None:
+    device = Recorder()
+    with serving(device, pace=0.0) as ip, Peer(ip) as peer:
+        peer.answer(peer.move())
+        peer.until_moving()
+        peer.newest_state()
+        for k in range(6):
+            if k != 3:
+                peer.send(command(1.0 + k))
+            peer.state()
+    given = [None if c is None else c.tau[0] for c in device.commands]
+    first = given.index(1.0)
+    assert given[first : first + 6] == [1.0, 2.0, 3.0, None, 5.0, 6.0]
+
+
+def test_the_wall_clock_waits_for_nobody() -> None:
+    device = Recorder()
+    with serving(device, clock="wall") as ip, Peer(ip) as peer:
+        peer.answer(peer.move())
+        peer.until_moving()
+        peer.send(command(1.0))
+        for _ in range(30):
+            peer.state()
+        assert peer.modes(peer.state()) == (2, 2, 2)
+    assert device.commands.count(None) > 30
+
+
+def test_a_stopped_motion_is_answered_before_the_stop() -> None:
+    with serving(ConstantDevice()) as ip, Peer(ip) as peer:
+        motion = peer.move()
+        assert peer.answer(motion) == b"\x01"
+        peer.until_moving()
+        stop = peer.request(STOP)
+        header = peer.framing.header
+        answers = [(*header.unpack(peer._exactly(header.size)), peer._exactly(1)) for _ in range(2)]
+    assert [(answer[1], answer[3]) for answer in answers] == [(motion, b"\x02"), (stop, b"\x00")]
+
+
+def test_a_motion_is_refused_while_another_one_runs() -> None:
+    with serving(ConstantDevice()) as ip, Peer(ip) as peer:
+        assert peer.answer(peer.move()) == b"\x01"
+        assert peer.answer(peer.move()) == b"\x03"
+
+
+@pytest.mark.parametrize("controller, generator", [(3, 0), (2, 4), (2, 5), (7, 0), (2**32 - 1, 2**32 - 1)])
+def test_modes_that_do_not_exist_are_invalid(controller: int, generator: int) -> None:
+    with serving(ConstantDevice()) as ip, Peer(ip) as peer:
+        assert peer.answer(peer.move(controller, generator)) == b"\x05"
+        assert peer.modes(peer.newest_state()) == (0, 3, 1)
+
+
+def test_what_is_not_finite_is_refused_with_invalid_argument(caplog: pytest.LogCaptureFixture) -> None:
+    with serving(ConstantDevice()) as ip, Peer(ip) as peer:
+        assert peer.ask(5, struct.pack("<7d", *[float("nan")] * 7)) == b"\x02"
+        assert peer.ask(5, struct.pack("<7d", *[100.0] * 7)) == b"\x00"
+    assert "SetJointImpedance refused: a number is not finite" in caplog.text
+
+
+@VERSIONS
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_client_that_dies_frees_the_robot(version: int, moving: bool) -> None:
+    device = Recorder()
+    with serving(device, version) as ip:
+        for n in range(3):
+            peer = Peer(ip, version)
+            if moving:
+                assert peer.answer(peer.move()) == b"\x01"
+                peer.until_moving()
+                peer.send(command(1.0))
+            peer.tcp.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # as a killed process: a reset
+            peer.close()
+            end = time.monotonic() + PATIENCE
+            while device.lost_clients <= n and time.monotonic() < end:
+                time.sleep(1e-3)
+            assert device.lost_clients == n + 1
+            assert int(device.state.robot_mode) == 1
+
+
+def test_a_library_that_cannot_be_made_is_refused_with_its_reason_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    with serving(ConstantDevice()) as ip, Peer(ip) as peer:
+        assert peer.ask(LIBRARY, b"\x00\x00") == b"\x01"
+        assert peer.ask(LIBRARY, b"\x00\x01") == b"\x01"
+    assert "a constant robot has no model library" in caplog.text and "can be compiled for this machine" in caplog.text
+
+
+def test_the_robot_goes_on_while_a_library_is_made() -> None:
+    class Slow(ConstantDevice):
+        def model_library(self) -> bytes:
+            time.sleep(0.3)
+            return b"library"
+
+    with serving(Slow()) as ip, Peer(ip) as peer:
+        question = peer.request(LIBRARY, b"\x00\x00")
+        ids = [struct.unpack_from("<Q", peer.state())[0] for _ in range(100)]
+        assert ids == list(range(ids[0], ids[0] + 100))
+        assert peer.answer(question) == b"\x00library"
+
+
+def test_a_port_that_is_taken_and_an_address_of_another_machine_are_told() -> None:
+    with serving(ConstantDevice()) as ip, pytest.raises(HricError, match=f"arm service cannot listen on {ip}:1337"):
+        FciServer(ConstantDevice(), ip)
+    with pytest.raises(HricError, match=r"cannot listen on 203\.0\.113\.1:1337"):
+        FciServer(ConstantDevice(), "203.0.113.1")
+
+
+def test_wrong_arguments_are_refused() -> None:
+    with pytest.raises(UnknownNameError, match="valid: 10, 5"):
+        FciServer(ConstantDevice(), new_address(), 7)
+    with pytest.raises(UnknownNameError, match="lock_step, wall"):
+        make_clock("sundial", 1.0)
+    for name in ("wall", "lock_step"):
+        with pytest.raises(ParameterError):
+            make_clock(name, -1.0 if name == "lock_step" else 0.0)
+    with pytest.raises(ParameterError, match="loss"):
+        Faults(loss=1.5)
+
+
+def test_the_wall_clock_does_not_make_up_for_its_own_delays() -> None:
+    clock = WallClock()
+    clock.ticked(10.0, Phase.AWAITING)
+    assert clock.left(10.0, Phase.AWAITING) == pytest.approx(1e-3)
+    clock.ticked(10.0012, Phase.AWAITING)  # a little late: the deadlines stay
+    assert clock.left(10.0012, Phase.AWAITING) == pytest.approx(0.8e-3)
+    clock.ticked(10.05, Phase.AWAITING)
+    assert clock.left(10.05, Phase.AWAITING) == pytest.approx(1e-3)
+
+
+def test_an_unpaced_lock_step_clock_runs_with_the_commands_and_in_real_time_without_a_motion() -> None:
+    clock = LockStepClock(0.0)
+    for k in range(1000):
+        clock.ticked(5.0 + 1e-5 * k, Phase.ANSWERED)
+    now = 5.0 + 1e-2
+    assert clock.left(now, Phase.ANSWERED) <= 0.0
+    assert 0.0 < clock.left(now, Phase.IDLE) <= 1e-3
+    assert clock.left(now, Phase.AWAITING) > 0.04
+
+
+def test_a_bad_network_loses_the_share_that_was_asked_for_and_delays_the_rest() -> None:
+    faults = Faults(latency=0.01, jitter=0.005, loss=0.5, seed=3)
+    with serving(ConstantDevice(), faults=faults) as ip, Peer(ip) as peer:
+        ids = [struct.unpack_from("<Q", peer.state())[0] for _ in range(200)]
+    lost = 1.0 - len(ids) / (max(ids) - min(ids) + 1)
+    assert 0.35 < lost < 0.65
+    assert ids != sorted(ids), "datagrams with jitter overtake each other"
+
+
+def test_a_motion_goes_through_a_slow_network() -> None:
+    device = Recorder()
+    with serving(device, pace=0.0, faults=Faults(latency=0.005)) as ip, Peer(ip) as peer:
+        begin = time.monotonic()
+        motion = peer.move()
+        assert peer.answer(motion) == b"\x01"
+        peer.until_moving()
+        peer.newest_state()
+        for _ in range(20):
+            peer.send(command(1.0))
+            peer.state()
+        assert time.monotonic() - begin >= 20 * 0.01
+        peer.finish()
+        assert peer.answer(motion) == b"\x00"
+    assert len(torques(device)) >= 20
