@@ -27,6 +27,7 @@ from pybullet_ros_control.urdf_tree import parse_urdf
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 SETPOINT = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
+GENERIC, FRANKA = "pybullet_ros_control/RobotHWSim", "franka_sim/FrankaHWSim"
 BLOCK = 400
 """Cycles per timed block."""
 
@@ -79,14 +80,17 @@ class BareArm:
 
 
 class WholeCycle:
-    """read, manager with the PD law and KDL gravity, limits with the torque rate, write, physics: what a headless run does each millisecond."""
+    """read, manager with the PD law, limits with the torque rate, write, physics: what a headless run does each millisecond.
 
-    def __init__(self, urdf: str, rotor_inertia: float) -> None:
+    On RobotHWSim the law adds gravity by KDL; FrankaHWSim does so itself, and its control box checks and estimates.
+    """
+
+    def __init__(self, urdf: str, rotor_inertia: float, robot_hw: str = GENERIC) -> None:
         node = LocalNode(
             {
                 "robot_description": urdf,
                 "joint_pd_controller": {
-                    "type": "hric_controllers/JointPDController", "joints": JOINTS, "kp": 50.0, "kd": 5.0, "gravity": True,
+                    "type": "hric_controllers/JointPDController", "joints": JOINTS, "kp": 50.0, "kd": 5.0, "gravity": robot_hw == GENERIC,
                     "rotatum_limit": 1000.0, "profile": {"enabled": True}, "state_publish_rate": 0,
                 },
                 "robot": {
@@ -95,7 +99,7 @@ class WholeCycle:
                 "joint_limits": panda_description.joint_limit_parameters("panda"),
             }
         )  # fmt: skip
-        self.hw = plugins.find(plugins.ROBOT_HW, "pybullet_ros_control/RobotHWSim")()
+        self.hw = plugins.find(plugins.ROBOT_HW, robot_hw)()
         self.hw.init(node, node.child("robot"))
         self.manager = ControllerManager(self.hw, node)
         self.manager.load("joint_pd_controller")
@@ -137,16 +141,17 @@ def bare_step(folder: Any, rounds: int = 40) -> float:
     return statistics.median(times)
 
 
-def measure(rotor_inertia: float, folder: Any, rounds: int = 60) -> Cost:
+def measure(rotor_inertia: float, folder: Any, rounds: int = 60, robot_hw: str = GENERIC) -> Cost:
     """Compare a whole cycle with a bare step.
 
     Args:
         rotor_inertia: of every joint [kg m^2].
         folder: where the bare engine's file may stand.
         rounds: pairs of blocks.
+        robot_hw: whose cycle.
     """
     urdf = arm_urdf()
-    bare, whole = BareArm(urdf, folder), WholeCycle(urdf, rotor_inertia)
+    bare, whole = BareArm(urdf, folder), WholeCycle(urdf, rotor_inertia, robot_hw)
     bare.run(BLOCK)
     whole.run(BLOCK)
     pairs = sorted((_seconds(bare.run), _seconds(whole.run)) for _ in range(rounds))[: rounds // 4]
@@ -161,12 +166,13 @@ def main() -> None:
     import tempfile
     from pathlib import Path
 
-    print("rotor inertia  bare step  whole cycle  ratio  real-time factor")
-    print("      kg m^2         us           us      1                 1")
+    print("robot        rotor inertia  bare step  whole cycle  ratio  real-time factor")
+    print("                    kg m^2         us           us      1                 1")
     with tempfile.TemporaryDirectory() as folder:
-        for rotor in (0.0, 0.1):
-            cost = measure(rotor, Path(folder))
-            print(f"{rotor:13.1f} {cost.bare_us:10.1f} {cost.cycle_us:12.1f} {cost.ratio:6.2f} {cost.real_time_factor:17.1f}")
+        for robot, rotor in ((GENERIC, 0.0), (GENERIC, 0.1), (FRANKA, 0.1)):
+            cost = measure(rotor, Path(folder), robot_hw=robot)
+            times = f"{cost.bare_us:10.1f} {cost.cycle_us:12.1f} {cost.ratio:6.2f} {cost.real_time_factor:17.1f}"
+            print(f"{robot.split('/')[1]:11s} {rotor:14.1f} {times}")
 
 
 if __name__ == "__main__":

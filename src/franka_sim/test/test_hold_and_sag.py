@@ -11,6 +11,7 @@ import pytest
 
 import panda_description
 from franka_msgs.srv import SetLoadRequest
+from hric_control.hardware_interface import EffortJointInterface
 from hric_control.plant import Load
 
 PAYLOAD = Load(1.0, (0.02, -0.03, 0.1), (0.002, 0, 0, 0, 0.003, 0, 0, 0, 0.001))
@@ -78,14 +79,14 @@ def equilibrium(q_d: np.ndarray, kp: float, load: Load) -> np.ndarray:
 
 
 def test_with_a_payload_that_was_not_told_a_pd_law_sags_to_the_analytic_equilibrium(make_arm, claim) -> None:
-    arm, kp, kd = make_arm(), 200.0, 60.0
+    arm, kp, kd = make_arm(parameters={"settings_while_moving": True}), 200.0, 60.0
     hw = arm.hw
     hw.plant.set_load(PAYLOAD, "panda_link8")
     hw.do_switch([claim()], [])
-    q_d, command = hw.q_start, hw._commands[next(mode for mode in hw._commands if mode.value == "effort")]
+    q_d, joints = hw.q_start, hw.get(EffortJointInterface).group()
 
     def law(time: float) -> None:
-        command.value[:] = [kp * (a - q) - kd * dq for a, q, dq in zip(q_d, hw.states.position, hw.states.velocity, strict=True)]
+        joints.set_command([kp * (a - q) - kd * dq for a, q, dq in zip(q_d, hw.states.position, hw.states.velocity, strict=True)])
 
     arm.run(8.0, law)
     expected = equilibrium(np.array(q_d), kp, PAYLOAD)
@@ -101,12 +102,13 @@ import hashlib, struct, sys
 sys.path.insert(0, sys.argv[1])
 from conftest import Arm, claim
 arm = Arm({}, {}, {})
-command = next(commands for mode, commands in arm.hw._commands.items() if mode.value == "effort").value
+from hric_control.hardware_interface import EffortJointInterface
+joints = arm.hw.get(EffortJointInterface).group()
 digest = hashlib.sha256()
 arm.hw.do_switch([claim()], [])
 def law(time):
     digest.update(struct.pack("14d", *arm.hw.states.position, *arm.hw.states.velocity))
-    command[:] = [0.3, -0.2, 0.1, 0.2, -0.1, 0.05, 0.02]
+    joints.set_command([0.3, -0.2, 0.1, 0.2, -0.1, 0.05, 0.02])
 arm.run(0.5, law)
 arm.hw.do_switch([], [claim()])
 arm.run(0.5, law)
@@ -126,13 +128,13 @@ def test_two_processes_give_the_same_bits() -> None:
 def test_a_run_after_reset_gives_the_same_bits(make_arm, claim) -> None:
     arm, digests = make_arm(), []
     arm.hw.do_switch([claim()], [])
-    command = next(commands for mode, commands in arm.hw._commands.items() if mode.value == "effort").value
+    joints = arm.hw.get(EffortJointInterface).group()
     for _ in range(2):
         digest = hashlib.sha256()
 
         def law(time: float, digest=digest) -> None:
             digest.update(struct.pack("14d", *arm.hw.states.position, *arm.hw.states.velocity))
-            command[:] = [0.5] * 7
+            joints.set_command([0.5] * 7)
 
         arm.run(0.3, law)
         digests.append(digest.hexdigest())

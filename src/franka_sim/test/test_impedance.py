@@ -5,9 +5,9 @@ import pytest
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.limits import franka_limits
+from franka_sim.box.internal_impedance import JointImpedanceLaw
 from franka_sim.impedance import JointImpedance, defaults, spectral_radius
-from franka_sim.settings import read_impedance
-from hric_control.local_node import LocalNode
 
 POSES = 1000
 
@@ -16,7 +16,7 @@ POSES = 1000
 def test_the_internal_impedance_is_stable_at_1_khz_over_1000_legal_poses_with_and_without_payload(rotor_inertia, bound) -> None:
     urdf = panda_description.load(meshes=False, collision=False)
     model = KdlFrankaModel(urdf, "panda")
-    gains = read_impedance(LocalNode(), urdf, model, [rotor_inertia] * 7, 0.001)
+    gains = JointImpedanceLaw(model, franka_limits(), [rotor_inertia] * 7, 0.001)
     limits, rng = list(panda_description.joint_limits().values()), np.random.default_rng(11)
     poses = rng.uniform([joint.lower for joint in limits], [joint.upper for joint in limits], (POSES, 7))
     worst = 0.0
@@ -29,7 +29,7 @@ def test_the_internal_impedance_is_stable_at_1_khz_over_1000_legal_poses_with_an
 
 def test_the_default_stiffness_needs_no_lowering_with_rotor_inertia() -> None:
     urdf = panda_description.load(meshes=False, collision=False)
-    gains = read_impedance(LocalNode(), urdf, KdlFrankaModel(urdf, "panda"), [0.1] * 7, 0.001)
+    gains = JointImpedanceLaw(KdlFrankaModel(urdf, "panda"), franka_limits(), [0.1] * 7, 0.001)
     assert list(gains.stiffness) == defaults()["stiffness"] == [3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0]
     assert min(d / w for d, w in zip(gains.damping, defaults()["damping"], strict=True)) > 0.85
 
@@ -44,4 +44,3 @@ def test_the_torque_is_a_spring_and_a_damper_within_the_limit() -> None:
     law = JointImpedance((100.0, 100.0), (10.0, 10.0), (5.0, 50.0))
     assert law.torque([0.1, 0.1], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]) == [5.0, 20.0]
     assert law.torque([-1.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.2]) == [-5.0, -2.0]
-    assert law.reach() == [0.05, 0.5]

@@ -36,10 +36,6 @@ class JointImpedance:
         rows = zip(self.stiffness, self.damping, self.max_torque, q_d, dq_d, q, dq, strict=True)
         return [min(max(k * (x_d - x) + d * (v_d - v), -limit), limit) for k, d, limit, x_d, v_d, x, v in rows]
 
-    def reach(self) -> list[float]:
-        """Distance of the desired from the measured position at which the spring alone gives the largest torque, n floats [rad]."""
-        return [limit / k for limit, k in zip(self.max_torque, self.stiffness, strict=True)]
-
 
 @cache
 def defaults() -> dict[str, Any]:

@@ -4,45 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
-import numpy as np
-
 import panda_description
+from franka_hw_interface.arm_parameters import numbers, read_arm_id, read_limits
+from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.kdl_chain import GRAVITY
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_sim.impedance import JointImpedance, defaults, least_inertia, sustainable
-from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
-from hric_control.joint_limits import KINDS, JointLimits, load_limits
-from hric_control.limit_loading import DEFAULT_KINDS
+from franka_hw_interface.limits import franka_limits
+from franka_hw_interface.rate_limits import RateLimits
+from franka_sim.box.config import BoxConfig, CollisionBehavior
+from franka_sim.box.internal_impedance import JointImpedanceLaw
+from franka_sim.impedance import defaults
+from hric_control.errors import CommandError, DescriptionError, ParameterError, UnknownNameError
 from hric_control.node import Node
 
 Q_START = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
 """Franka's usual ready pose [rad]."""
 
-POSES = 200
-"""Legal poses over which the internal impedance is made stable."""
-
-
-def numbers(value: Any, n: int, where: str) -> list[float]:
-    """A list of n finite numbers.
-
-    Raises:
-        ParameterError: it is not one.
-    """
-    valid = isinstance(value, list | tuple) and all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in value)
-    if not valid or len(value) != n:
-        raise ParameterError(f"{where} must be a list of {n} finite numbers; got {value!r}")
-    return [float(x) for x in value]
-
-
-def read_arm_id(node: Node) -> str:
-    """Prefix of joints and links."""
-    value = node.param("arm_id", "panda")
-    if not isinstance(value, str) or not value:
-        raise ParameterError(f"{node.resolve('arm_id')} must be a non-empty string; got {value!r}")
-    return value
+__all__ = ["Q_START", "make_model", "numbers", "read_arm_id", "read_limits"]
 
 
 def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, Any]) -> KdlFrankaModel:
@@ -80,25 +61,6 @@ def read_plant(node: Node, arm_id: str) -> dict[str, Any]:
     return config
 
 
-def read_limits(urdf_xml: str, root_node: Node, node: Node, arm_id: str, joint_names: Sequence[str]) -> list[JointLimits]:
-    """Limits to enforce: description, over it `joint_limits/<joint>`, and Franka's own torque rate where neither gives one.
-
-    `enforce_limits`: true (all but acceleration and jerk), false, or a list of kinds.
-    """
-    value, where = node.param("enforce_limits", True), node.resolve("enforce_limits")
-    if isinstance(value, bool):
-        kinds: Sequence[str] = DEFAULT_KINDS if value else ()
-    elif isinstance(value, list | tuple) and all(kind in KINDS for kind in value):
-        kinds = value
-    else:
-        raise ParameterError(f"{where} must be true, false or a list of {', '.join(KINDS)}; got {value!r}")
-    limits = load_limits(urdf_xml, root_node, joint_names, tuple(kinds))
-    if "effort_rate" not in kinds:
-        return limits
-    own = panda_description.joint_limits(arm_id)
-    return [replace(limit, effort_rate=own[limit.name].effort_rate) if math.isinf(limit.effort_rate) else limit for limit in limits]
-
-
 def read_rotor_inertia(plant: Mapping[str, Any], joint_names: Sequence[str]) -> list[float]:
     """Rotor inertia that the plant is given, in one of its three forms, n floats [kg m^2]; the plant itself refuses what is wrong."""
     value = plant.get("rotor_inertia", 0.1)
@@ -107,21 +69,58 @@ def read_rotor_inertia(plant: Mapping[str, Any], joint_names: Sequence[str]) -> 
     return [float(x) for x in value] if isinstance(value, list | tuple) else [float(value)] * len(joint_names)
 
 
-def read_impedance(node: Node, urdf_xml: str, model: KdlFrankaModel, rotor_inertia: Sequence[float], time_step: float) -> JointImpedance:
-    """Internal impedance: `internal_impedance/stiffness` and `/damping`, lowered where the loop could not carry them (said in the log)."""
-    names, rule = model.joint_names, defaults()
-    wanted = {}
-    for gain in ("stiffness", "damping"):
-        where = node.resolve(f"internal_impedance/{gain}")
-        wanted[gain] = numbers(node.param(f"internal_impedance/{gain}", rule[gain]), len(names), where)
-        if min(wanted[gain]) < 0.0:
-            raise ParameterError(f"{where} must not be negative; got {wanted[gain]}")
-    limits = load_limits(urdf_xml, None, names, ("position", "effort"))
-    low, high = ([max(min(x, math.pi), -math.pi) for x in row] for row in zip(*((limit.lower, limit.upper) for limit in limits), strict=True))
-    poses = np.random.default_rng(0).uniform(low, high, (POSES, len(names)))
-    inertia = least_inertia(np.array([model.mass(q) for q in poses]), rotor_inertia)
-    stiffness, damping = sustainable(wanted["stiffness"], wanted["damping"], inertia, time_step)
-    if stiffness != wanted["stiffness"] or max(d / w if w else 1.0 for d, w in zip(damping, wanted["damping"], strict=True)) < 0.5:
-        given = ", ".join(f"{k:.0f}/{d:.1f}" for k, d in zip(stiffness, damping, strict=True))
-        node.log_info(f"internal impedance lowered to what {time_step:g} s and so little rotor inertia carry, K/D per joint: {given}")
-    return JointImpedance(tuple(stiffness), tuple(damping), tuple(limit.effort for limit in limits))
+def read_box(node: Node, plant: Mapping[str, Any], joint_names: Sequence[str], time_step: float) -> BoxConfig:
+    """Parameters of the control box: `reflexes`, `settings_while_moving`, `collision_config`; it knows the plant's friction and rotor inertia."""
+    friction = plant["friction_parameters"] if plant.get("friction") == "identified" else None
+    thresholds = _collision(node)
+    config = BoxConfig(
+        friction=friction,
+        rotor_inertia=tuple(read_rotor_inertia(plant, joint_names)),
+        time_step=time_step,
+        reflexes=_flag(node, "reflexes", True),
+        settings_while_moving=_flag(node, "settings_while_moving", False),
+    )
+    return config if thresholds is None else replace(config, collision_behavior=thresholds)
+
+
+def _flag(node: Node, name: str, default: bool) -> bool:
+    value = node.param(name, default)
+    if not isinstance(value, bool):
+        raise ParameterError(f"{node.resolve(name)} must be true or false; got {value!r}")
+    return value
+
+
+def _collision(node: Node) -> CollisionBehavior | None:
+    value, where = node.param("collision_config", False), node.resolve("collision_config")
+    names = [item.name for item in fields(CollisionThresholds)]
+    if value in ("", False, {}):
+        return None
+    if not isinstance(value, Mapping) or set(value) != set(names):
+        raise ParameterError(f"{where} must be false (the defaults) or have the lists {', '.join(names)}; got {value!r}")
+    try:
+        return CollisionBehavior(*(tuple(row) for row in CollisionThresholds(**value).lists()))
+    except (CommandError, TypeError) as error:
+        raise ParameterError(f"{where}: {error}") from None
+
+
+def read_rate_limits(node: Node) -> RateLimits | None:
+    """Limits of rate that libfranka's control loops would keep joint positions and velocities to, unless `rate_limiting` is false."""
+    if not _flag(node, "rate_limiting", True):
+        return None
+    limits = franka_limits().with_margins()
+    return RateLimits(limits.effort_rate, limits.velocity, limits.acceleration, limits.jerk)
+
+
+def read_internal_impedance(node: Node, law: JointImpedanceLaw) -> None:
+    """Internal joint impedance: `internal_impedance/stiffness`; gains lowered to what the loop carries are said in the log."""
+    given, where = node.param("internal_impedance", {}), node.resolve("internal_impedance")
+    if not isinstance(given, Mapping) or set(given) - {"stiffness"}:
+        raise ParameterError(f"{where} holds `stiffness`, 7 numbers [N m/rad], and nothing else; got {given!r}")
+    wanted = numbers(given.get("stiffness", defaults()["stiffness"]), 7, f"{where}/stiffness")
+    try:
+        law.set_stiffness(wanted)
+    except CommandError as error:
+        raise ParameterError(f"{where}/stiffness: {error}") from None
+    if list(law.stiffness) != wanted:
+        lowered = ", ".join(f"{k:.0f}/{d:.1f}" for k, d in zip(law.stiffness, law.damping, strict=True))
+        node.log_info(f"internal impedance lowered to what the time step and so little rotor inertia carry, K/D per joint: {lowered}")
