@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String
 from synthetic import JOINTS, TARGET, TIME_CONSTANT, log_message, signals, write_run
 
+from hric_control.stamps import to_time
 from hric_experiments import bag_reader, metrics
 from hric_experiments.analysis import analyse
 from hric_experiments.bag_reader import BagError
@@ -39,6 +40,21 @@ def test_an_overlapping_batch_adds_only_its_new_cycles() -> None:
     data = signals(100, 0.0)
     log = bag_reader.stitch([log_message(0, 20, data), log_message(10, 20, data), log_message(30, 10, data)])
     assert (log.cycles, log.repeats, log.gaps) == (40, ((10, 10),), ())
+
+
+@pytest.mark.parametrize("pace", [1.0, 0.7])
+def test_stamps_become_run_time_also_where_the_robots_clock_runs_slower_than_the_stamps(tmp_path: Path, pace: float) -> None:
+    begin, data = 1.7e9, signals(2000, 1.0)
+    path = tmp_path / "slow.bag"
+    with BagWriter(path) as bag:
+        for first in range(0, 2000, 20):
+            message = log_message(first, 20, data)
+            stamp = begin + first * 1e-3 / pace
+            message.header.stamp = to_time(stamp)
+            bag.write("/control_log", message, stamp)
+            if first == 1000:
+                bag.write("/pd/command", Float64MultiArray(data=[0.0] * 3), stamp)
+    assert bag_reader.read(path).setpoints[0].time == pytest.approx(1.0, abs=1e-5)
 
 
 def test_the_hash_changes_with_a_single_bit() -> None:

@@ -26,11 +26,11 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
     """
     folder = path if isinstance(path, RunFolder) else RunFolder.open(path)
     run = folder.read()
-    record = bag_reader.read(folder.path / run.get("bag", folder.bag_path.name))
+    record = bag_reader.read(bag_of(folder, run))
     limits: Mapping[str, Mapping[str, float]] = run.get("limits") or {}
     definition = run.get("definition") or {}
     tolerances = tuple((definition.get("metrics") or {}).get("tolerances") or MetricsSpec().tolerances)
-    joints_of = _joints_of(run.get("parameters") or {})
+    joints_of = joint_orders(run)
     result = {"experiment": run.get("experiment", ""), **metrics.compute(record, limits, joints_of, tolerances)}
     result["real_time_factor"] = run.get("real_time_factor")
     result |= _compared(definition, run.get("parameters") or {}, result)
@@ -44,9 +44,15 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
     return {**result, "report": report}
 
 
-def _joints_of(parameters: Mapping[str, Any]) -> dict[str, list[str]]:
+def bag_of(folder: RunFolder, run: Mapping[str, Any]) -> Path:
+    """The bag of a run; run: contents of its run.yaml."""
+    return folder.path / str(run.get("bag", folder.bag_path.name))
+
+
+def joint_orders(run: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Joint order of each controller of a run that names its joints; run: contents of run.yaml."""
     found = {}
-    for name, values in parameters.items():
+    for name, values in (run.get("parameters") or {}).items():
         if isinstance(values, Mapping) and isinstance(values.get("joints"), list) and values["joints"]:
             found[name] = [str(joint) for joint in values["joints"]]
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,10 @@ COUNTS_TYPE = "hric_msgs/msg/JointLimitCounts"
 COMMAND_TYPE = "std_msgs/msg/Float64MultiArray"
 STATE_TYPE = "control_msgs/msg/JointTrajectoryControllerState"
 _CONTROLLER_COMMAND = re.compile(r"/[^/]+/command$")
+SAME_CLOCK = 1e-6
+"""Run time and the stamps' time are the same clock when they drift apart by less than this, which is what rounding does [s]."""
+RunTime = Callable[[float], float]
+"""Stamp -> run time [s]."""
 ARRAYS = ("position", "velocity", "effort", "command_raw", "command")
 
 
@@ -135,12 +139,12 @@ def read(path: Path) -> RunRecord:
 def _record(logs: list[Any], collected: dict[str, list[tuple[str, float, Any]]], topics: dict[str, int], duration: float, name: str) -> RunRecord:
     if not logs:
         raise BagError(f"{name} has no control log; topics: {', '.join(sorted(topics)) or 'none'}")
-    offset = _seconds(logs[0].header.stamp) - float(logs[0].time[0])
+    run_time = _run_time(logs)
     counts = collected[COUNTS_TYPE]
     return RunRecord(
         stitch(logs),
-        [_setpoint(*item, offset) for item in collected[COMMAND_TYPE] if _CONTROLLER_COMMAND.search(item[0])],
-        _profiles(collected[STATE_TYPE], offset),
+        [_setpoint(*item, run_time) for item in collected[COMMAND_TYPE] if _CONTROLLER_COMMAND.search(item[0])],
+        _profiles(collected[STATE_TYPE], run_time),
         _counts(counts[-1][2]) if counts else None,
         topics,
         duration,
@@ -180,8 +184,19 @@ def _seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def _setpoint(topic: str, stamp: float, message: Any, offset: float) -> SentSetPoint:
-    return SentSetPoint(stamp - offset, topic.strip("/").split("/")[-2], np.asarray(message.data, dtype=float))
+def _run_time(logs: list[Any]) -> RunTime:
+    """From stamps to run time. They differ by a constant, except on a robot whose clock does not keep step with that of this machine."""
+    pairs = sorted((_seconds(message.header.stamp), float(message.time[0])) for message in logs)
+    offsets = np.array([stamp - time for stamp, time in pairs])
+    if np.ptp(offsets) < SAME_CLOCK:
+        offset = _seconds(logs[0].header.stamp) - float(logs[0].time[0])
+        return lambda stamp: stamp - offset
+    stamps = np.array([stamp for stamp, _ in pairs])
+    return lambda stamp: float(stamp - np.interp(stamp, stamps, offsets))
+
+
+def _setpoint(topic: str, stamp: float, message: Any, run_time: RunTime) -> SentSetPoint:
+    return SentSetPoint(run_time(stamp), topic.strip("/").split("/")[-2], np.asarray(message.data, dtype=float))
 
 
 def _counts(message: Any) -> dict[str, Any]:
@@ -194,12 +209,12 @@ def _counts(message: Any) -> dict[str, Any]:
     return result
 
 
-def _profiles(messages: list[tuple[str, float, Any]], offset: float) -> dict[str, tuple[FloatArray, FloatArray, tuple[str, ...]]]:
+def _profiles(messages: list[tuple[str, float, Any]], run_time: RunTime) -> dict[str, tuple[FloatArray, FloatArray, tuple[str, ...]]]:
     result = {}
     for topic in {topic for topic, _, _ in messages}:
         own = [message for name, _, message in messages if name == topic and len(message.desired.positions) == len(message.joint_names)]
         if own:
-            times = np.array([_seconds(message.header.stamp) - offset for message in own])
+            times = np.array([run_time(_seconds(message.header.stamp)) for message in own])
             positions = np.array([message.desired.positions for message in own], dtype=float)
             result[topic.strip("/").split("/")[-2]] = (times, positions, tuple(own[0].joint_names))
     return result

@@ -1,4 +1,4 @@
-"""Command line: run, list, report and describe."""
+"""Command line: run, list, report, compare and describe."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 import logging
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import yaml
 
@@ -72,6 +73,31 @@ def report(arguments: Sequence[str]) -> int:
     return 0
 
 
+def compare(arguments: Sequence[str]) -> int:
+    """Compare two runs of the same motion."""
+    parser = argparse.ArgumentParser(
+        "rosrun hric_experiments compare",
+        description="Compare two runs of the same motion, such as simulated and real: peak and steady difference per joint, and figures.",
+    )
+    parser.add_argument("run_a", help="run folder, its name, or latest")
+    parser.add_argument("run_b", help="the other one")
+    parser.add_argument("--labels", nargs=2, metavar=("A", "B"), help="what to call them, e.g. simulated real (default: the names of their folders)")
+    parser.add_argument("--joint", help="joint shown large, by its name in run A (default: the sixth)")
+    parser.add_argument("--fit", action="store_true", help="lay the runs over each other by their positions, not by the set points' time")
+    parser.add_argument("--output", metavar="DIR", help="where to write (default: sim_vs_real_A_B in the folder of all runs)")
+    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
+    parser.add_argument("--no-figures", action="store_true", help="do not draw")
+    given = parser.parse_args(list(arguments))
+    from hric_experiments.compare import compare as compare_runs
+
+    root = runs_root(given.runs)
+    a, b = (RunFolder.open(name, root) for name in (given.run_a, given.run_b))
+    folder = Path(given.output).expanduser() if given.output else root / f"sim_vs_real_{a.path.name}_{b.path.name}"
+    print(compare_runs(a, b, folder, labels=given.labels, joint=given.joint, fit=given.fit, figures=not given.no_figures)["report"])
+    print(f"comparison: {folder.absolute()}")
+    return 0
+
+
 def describe(arguments: Sequence[str]) -> int:
     """Print what an experiment puts on the parameter server; launch files read it."""
     parser = argparse.ArgumentParser("rosrun hric_experiments describe", description="Print what an experiment puts on the parameter server.")
@@ -93,7 +119,13 @@ def describe(arguments: Sequence[str]) -> int:
     return 0
 
 
-COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {"run": run, "list": list_experiments, "report": report, "describe": describe}
+COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
+    "run": run,
+    "list": list_experiments,
+    "report": report,
+    "compare": compare,
+    "describe": describe,
+}
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import numpy.typing as npt
 
 from hric_experiments.bag_reader import ControlRecord, RunRecord
 from hric_experiments.metrics import Move, rate
+from hric_experiments.panels import LIMIT, MEASURED, PROFILE, RAW, STYLE, WANTED, legend, panels, save, widen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,19 +20,6 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 Limits = Mapping[str, Mapping[str, float]]
-MEASURED, WANTED, PROFILE, RAW, LIMIT = "#1f5fa8", "#222222", "#d98c1f", "#d9a7a0", "#b3261e"
-STYLE = {
-    "axes.grid": True,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlesize": 9.5,
-    "axes.titleweight": "bold",
-    "font.size": 9,
-    "grid.alpha": 0.3,
-    "legend.frameon": False,
-    "lines.linewidth": 1.3,
-}
-COLUMNS = 2
 
 
 def draw_all(folder: Path, record: RunRecord, moves: list[Move], limits: Limits, title: str, tolerances: tuple[float, ...]) -> list[Path]:
@@ -62,49 +47,7 @@ def draw_all(folder: Path, record: RunRecord, moves: list[Move], limits: Limits,
             figures["rotatum"] = _rotatum(log, limits, title)
         if moves:
             figures["errors"] = _errors(log, moves, title, tolerances)
-        return [_save(figure, folder / f"{name}.png") for name, figure in figures.items()]
-
-
-def _save(figure: Figure, path: Path) -> Path:
-    temporary = path.with_name(f".{path.stem}.tmp.png")
-    figure.savefig(temporary, dpi=130, metadata={"Software": None})
-    plt.close(figure)
-    temporary.replace(path)
-    return path
-
-
-def _panels(log: ControlRecord, title: str, unit: str) -> tuple[Figure, list[Axes]]:
-    count = len(log.joint_names)
-    rows = -(-count // COLUMNS)
-    width, height = 11.0, 1.3 + 2.0 * rows
-    # Fixed margins in inches: matplotlib's own layout engines take longer than all the drawing.
-    margins = {"left": 0.85 / width, "right": 1 - 0.2 / width, "bottom": 0.75 / height, "top": 1 - 0.75 / height, "wspace": 0.2, "hspace": 0.32}
-    figure, grid = plt.subplots(rows, COLUMNS, figsize=(width, height), sharex=True, squeeze=False, gridspec_kw=margins)
-    figure.suptitle(title, fontsize=12, y=1 - 0.25 / height)
-    axes = list(grid.flat)
-    for i, ax in enumerate(axes):
-        if i >= count:
-            ax.set_axis_off()
-            continue
-        ax.set_title(log.joint_names[i], loc="left", y=1.0)
-        ax.set_ylabel(unit)
-        if i + COLUMNS >= count:
-            ax.tick_params(labelbottom=True)
-            ax.set_xlabel("time [s]")
-    axes[0].set_xlim(log.time[0], log.time[-1])
-    return figure, axes
-
-
-def _legend(figure: Figure, axes: list[Axes], count: int) -> None:
-    """One legend for all panels: in the empty panel if there is one, else below the title."""
-    entries: dict[str, Any] = {}
-    for ax in axes[:count]:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, handle)
-    if len(axes) > count:
-        axes[count].legend(list(entries.values()), list(entries), loc="center", fontsize=10)
-    else:
-        figure.legend(list(entries.values()), list(entries), loc="lower center", ncols=len(entries))
+        return [save(figure, folder / f"{name}.png") for name, figure in figures.items()]
 
 
 def _bound(ax: Axes, value: float | None, label: str) -> None:
@@ -128,7 +71,7 @@ def _wanted(log: ControlRecord, moves: list[Move], joint: int) -> tuple[FloatArr
 
 def _positions(record: RunRecord, moves: list[Move], limits: Limits, title: str) -> Figure:
     log = record.log
-    figure, axes = _panels(log, f"{title}: joint positions", "position [rad]")
+    figure, axes = panels(log.joint_names, log.time, f"{title}: joint positions", "position [rad]")
     for j, name in enumerate(log.joint_names):
         ax = axes[j]
         if moves:
@@ -137,28 +80,20 @@ def _positions(record: RunRecord, moves: list[Move], limits: Limits, title: str)
             if name in names:
                 ax.plot(times, desired[:, names.index(name)], color=PROFILE, linewidth=2.4, alpha=0.7, label="desired (profile)")
         ax.plot(log.time, log.position[:, j], color=MEASURED, label="measured")
-        _widen(ax, 0.02)
+        widen(ax, 0.02)
         for key in ("lower", "upper"):
             _bound(ax, limits.get(name, {}).get(key), "position limit")
-    _legend(figure, axes, len(log.joint_names))
+    legend(figure, axes, len(log.joint_names))
     return figure
 
 
-def _widen(ax: Axes, least: float) -> None:
-    """At least this much height, so that rounding errors do not fill a panel."""
-    low, high = ax.get_ylim()
-    if high - low < least:
-        middle = 0.5 * (low + high)
-        ax.set_ylim(middle - 0.5 * least, middle + 0.5 * least)
-
-
 def _velocities(log: ControlRecord, limits: Limits, title: str) -> Figure:
-    figure, axes = _panels(log, f"{title}: joint velocities", "velocity [rad/s]")
+    figure, axes = panels(log.joint_names, log.time, f"{title}: joint velocities", "velocity [rad/s]")
     for j, name in enumerate(log.joint_names):
         axes[j].plot(log.time, log.velocity[:, j], color=MEASURED, label="measured")
-        _widen(axes[j], 0.02)
+        widen(axes[j], 0.02)
         _both(axes[j], limits.get(name, {}).get("velocity"), "velocity limit")
-    _legend(figure, axes, len(log.joint_names))
+    legend(figure, axes, len(log.joint_names))
     return figure
 
 
@@ -169,15 +104,15 @@ def _both(ax: Axes, bound: float | None, label: str) -> None:
 
 
 def _torques(log: ControlRecord, limits: Limits, title: str) -> Figure:
-    figure, axes = _panels(log, f"{title}: commanded torques", "torque [N m]")
+    figure, axes = panels(log.joint_names, log.time, f"{title}: commanded torques", "torque [N m]")
     for j, name in enumerate(log.joint_names):
         ax = axes[j]
         ax.plot(log.time, log.command_raw[:, j], color=RAW, linewidth=2.2, label="asked for")
         ax.plot(log.time, log.command[:, j], color=MEASURED, linewidth=1.0, label="sent (after the limits)")
-        _widen(ax, 0.2)
+        widen(ax, 0.2)
         _focus(ax, log.command[:, j])
         _both(ax, limits.get(name, {}).get("effort"), "torque limit")
-    _legend(figure, axes, len(log.joint_names))
+    legend(figure, axes, len(log.joint_names))
     return figure
 
 
@@ -189,13 +124,13 @@ def _focus(ax: Axes, sent: FloatArray) -> None:
 
 
 def _rotatum(log: ControlRecord, limits: Limits, title: str) -> Figure:
-    figure, axes = _panels(log, f"{title}: rate of torque (rotatum)", "[N m/s]")
+    figure, axes = panels(log.joint_names, log.time, f"{title}: rate of torque (rotatum)", "[N m/s]")
     sent = rate(log.command, log.time)
     for j, name in enumerate(log.joint_names):
         axes[j].plot(log.time, sent[:, j], color=MEASURED, linewidth=0.9, label="sent")
-        _widen(axes[j], 2.0)
+        widen(axes[j], 2.0)
         _both(axes[j], limits.get(name, {}).get("effort_rate"), "rotatum limit")
-    _legend(figure, axes, len(log.joint_names))
+    legend(figure, axes, len(log.joint_names))
     return figure
 
 
