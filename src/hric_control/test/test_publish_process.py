@@ -114,7 +114,10 @@ def test_a_latched_message_reaches_who_comes_later_and_a_topic_taken_back_is_gon
     listener = Listener(node.resolve("x"))
     assert wait(lambda: listener.heard == [3.0])
     publisher.unregister()
+    publisher.unregister()
+    publisher.publish(Float64, 4.0)
     assert wait(lambda: publisher_of(node.resolve("x")) == [])
+    assert process()._process.poll() is None and listener.heard == [3.0]
     listener.close()
 
 

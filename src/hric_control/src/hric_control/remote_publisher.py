@@ -22,20 +22,23 @@ class RemotePublisher:
         HricError: the topic cannot be advertised.
     """
 
-    __slots__ = ("_number", "process")
+    __slots__ = ("_number", "_open", "process")
 
     def __init__(self, process: PublishProcess, topic: str, message_type: type, latch: bool, report: Callable[[str], None]) -> None:
-        self.process = process
+        self.process, self._open = process, True
         self._number = process.advertise(topic, message_type, latch, report)
 
     def send(self, build: Callable[..., Any], args: tuple[Any, ...]) -> None:
-        """Hand `build` and its arguments over."""
-        self.process.publish(self._number, build, args)
+        """Hand `build` and its arguments over; once unregistered, nothing is sent."""
+        if self._open:
+            self.process.publish(self._number, build, args)
 
     def subscribers(self) -> int:
         """Number of listeners, a twentieth of a second old."""
         return self.process.listeners(self._number)
 
     def unregister(self) -> None:
-        """Stop advertising, after all that was handed over."""
-        self.process.unregister(self._number)
+        """Stop advertising, after all that was handed over; a second call does nothing."""
+        if self._open:
+            self._open = False
+            self.process.unregister(self._number)

@@ -152,7 +152,7 @@ class RobotApp:
             return None
         publisher = self._log_publisher = realtime.publisher(self.root_node, "control_log", ControlLogMessage, lossless=True)
         states = self.hw.get(JointStateInterface).states
-        return ControlLog(states, self.hw.log_row, publisher.publish, stamps.to_time)
+        return ControlLog(states, self.hw.log_row, publisher.publish, self._stamp)
 
     def limit_counts(self) -> LimitCounts:
         """Snapshot of what the limits did since the start, over all interfaces of the robot."""
@@ -202,7 +202,7 @@ class RobotApp:
 
     def _publish_counts(self, time: float) -> None:
         if self._counts is not None:
-            self._counts.publish(LimitCounts.message, self.limit_counts(), stamps.to_time(time))
+            self._counts.publish(LimitCounts.message, self.limit_counts(), self._stamp(time))
 
     def wait_for_log_listener(self) -> None:
         """Hold run time at its start until somebody listens to the control log, so that a recording has every cycle from the first one on.
@@ -235,9 +235,9 @@ class RobotApp:
             duration: run time to cover, a whole number of cycles [s]; None: until stopped. For simulated robots.
             on_cycle_hook: called in the loop with the run time, after `read` and before the controllers; must not block.
         """
-        if duration is not None and self.loop is None:
-            raise HricError("a duration can be given for simulated robots only; call stop() instead")
-        start = self.loop.time if self.loop is not None else 0.0
+        if duration is not None and self.loop is None and not hasattr(self.hw, "time"):
+            raise HricError(f"a duration cannot be given for {self.name}, which does not tell its run time; call stop() instead")
+        start = self._run_time()
         if duration is not None and round(duration / self._period()) < 1:
             return
         self._end, self._hook = None if duration is None else start + duration, on_cycle_hook
@@ -258,6 +258,13 @@ class RobotApp:
                 gc.unfreeze()
             self._finish_log()
 
+    def _run_time(self) -> float:
+        return self.loop.time if self.loop is not None else getattr(self.hw, "time", 0.0)
+
+    def _stamp(self, time: float) -> Any:
+        """Stamp of a run time; a robot with a clock of its own tells at which ROS time that was 0."""
+        return stamps.to_time(time + getattr(self.hw, "epoch", 0.0))
+
     def _period(self) -> float:
         return self.loop.time_step if self.loop is not None else 0.001
 
@@ -273,7 +280,7 @@ class RobotApp:
             self.log.complete()
             self.log.flush()
         if self.cycles:
-            self._publish_counts(self.loop.time if self.loop is not None else 0.0)
+            self._publish_counts(self._run_time())
         self._drain()
 
     def _drain(self) -> None:

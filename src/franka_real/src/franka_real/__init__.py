@@ -1,0 +1,1 @@
+"""The real Franka arm as a RobotHW, through libfranka."""

@@ -1,0 +1,273 @@
+"""The Franka arm through libfranka as a RobotHW."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from franka_hw_interface.arm_parameters import read_limits
+from franka_hw_interface.arm_services import ArmServices
+from franka_hw_interface.command_set import PERIOD, ArmCommand, CommandSet
+from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.modes import HOLD, Mode, check_one_commander, claimed_modes
+from franka_hw_interface.robot_state import RobotMode
+from franka_real import connection, settings
+from franka_real.backend import RobotError
+from franka_real.realtime_setup import Measure, priority_kept, realtime, take_priority
+from franka_real.requests import LoopCalls
+from franka_real.run_time import RunTime
+from franka_real.state import LibfrankaState
+from franka_real.told import ToldArm
+from hric_control import realtime as messages
+from hric_control.errors import HricError
+from hric_control.hardware_interface import JointStateInterface, JointStates
+from hric_control.joint_limits import LimitCounts
+from hric_control.node import Node
+from hric_control.robot_hw import ControllerInfo, OnCycle, RobotHW
+
+LATE = 1.5 * PERIOD
+"""A state that comes so long after the one before was not the next one [s]."""
+
+
+class FrankaHW(RobotHW):
+    """Panda or FR3. The arm owns the clock: `run` reads it while nobody commands, and runs one of libfranka's control loops, chosen by what the
+    controllers claim, while somebody does. A switch to another mode ends that loop and begins the next; the connection stays.
+
+    When the arm ends a motion (a reflex, a command that it refuses), it is in the error state: controllers go on being updated, their commands go
+    nowhere. After `recover` the motion begins anew, and the controllers are restarted, as in franka_hw.
+
+    Parameters, services and actions: INTERFACE.md.
+
+    Attributes:
+        arm_id: prefix of joints and links.
+        description: the URDF.
+        states: measured joint states.
+        robot_state: the Franka state.
+        model: KDL model of the description, told the arm's load and frames.
+        rotor_inertia: for controllers that check their gains, 7 floats [kg m^2].
+        mode: what the arm is commanded by now.
+        error: why the last motion ended, until the recovery; empty otherwise.
+        losses: how many states never came, or came late, at a time, in the motion that runs.
+        lost_states: their sum over the motions that ended.
+    """
+
+    compensates_gravity = True
+
+    def init(self, root_node: Node, robot_hw_node: Node) -> None:
+        """Read the parameters, then connect."""
+        node = self._node = robot_hw_node
+        self._settings = config = settings.read(node)
+        self.arm_id, self.rotor_inertia = config.arm_id, config.rotor_inertia
+        self.description = root_node.search_param("robot_description")
+        self.model = KdlFrankaModel(self.description, self.arm_id)
+        self.states = JointStates(self.model.joint_names)
+        limits = read_limits(self.description, root_node, node, self.arm_id, self.states.names)
+        self.mode, self.error, self.lost_states = HOLD, "", 0
+        self.losses: list[int] = []
+        self._wanted, self._stop, self._running = HOLD, False, False
+        self._calls = LoopCalls()
+        self._run_time = RunTime([root_node, node])
+        self._connection = connection.open_connection(config)
+        try:
+            self._start(limits, root_node)
+        except BaseException:
+            self._connection.close()
+            raise
+
+    def _start(self, limits: Sequence[Any], root_node: Node) -> None:
+        self._arm, self._watchdog = self._connection.arm, self._connection.watchdog
+        self._collision = self._settings.collision
+        with self._connection.patience():
+            self.robot_state = state = LibfrankaState(self.states, self._arm.read_once())
+            for text in connection.learn(self.model, state):
+                self._node.log_warn(text)
+            models = connection.models(self._settings, self._arm, self.model, self.description)
+            self._told = ToldArm(self._connection, self._calls, state, models, self.recover)
+            self._tell_collision()
+        self._commands = CommandSet(self.arm_id, self.states, state, limits)
+        self.register_interface(JointStateInterface(self.states))
+        self.register_interface(FrankaStateInterface(self.arm_id, state))
+        self.register_interface(FrankaModelInterface(self.arm_id, models[0], state))
+        for interface in self._commands.interfaces():
+            self.register_interface(interface)
+        self._services = ArmServices(self._told, root_node)
+
+    # -- switching -----------------------------------------------------------------------------------------------------------------------
+
+    def _claimed(self, controllers: Sequence[ControllerInfo]) -> list[Mode]:
+        return claimed_modes(controllers, self.arm_id, self.states.names)
+
+    def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:
+        """One commander at a time, and it claims the whole arm."""
+        super().check_for_conflict(controllers)
+        check_one_commander(controllers, self.arm_id, self.states.names)
+
+    def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
+        """The same for what is to be started; and the arm must be able to move."""
+        check_one_commander(start, self.arm_id, self.states.names)
+        for mode in self._claimed(start):
+            self._arm.check(mode)
+            self._refuse_in_error()
+
+    def _refuse_in_error(self) -> None:
+        if self.error:
+            raise RobotError(f"the arm is in the error state, franka_control/error_recovery ends it: {self.error}")
+
+    def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
+        """Remember the mode; `run` enters it. Controllers of the same mode follow each other without leaving it."""
+        wanted = self._claimed(start)
+        if wanted:
+            self._wanted = wanted[0]
+        elif self._claimed(stop):
+            self._wanted = HOLD
+
+    def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
+        """Whether the arm takes the commands of these controllers. Before `run` there is nothing to wait for."""
+        wanted = self._claimed(start)
+        if not wanted or not self._running:
+            return True
+        self._refuse_in_error()
+        return self.mode == wanted[0]
+
+    # -- the cycle -----------------------------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Run time of the last state, from the arm's own clock [s]."""
+        return self._run_time.now
+
+    @property
+    def epoch(self) -> float:
+        """ROS time at which run time was 0 [s]; 0 where ROS time is run time."""
+        return self._run_time.epoch
+
+    def read(self, time: float, period: float) -> None:
+        """The present state; before `run` only."""
+        self.robot_state.take(self._arm.read_once(), self.time)
+
+    def run(self, on_cycle: OnCycle) -> None:
+        """Follow the arm's clock until `stop`. Raises ConnectionLostError when the arm is gone."""
+        self._calls.open()
+        self._running = True
+        try:
+            with priority_kept(), realtime(self._settings.realtime) as measures:
+                self._report(measures)
+                if self._watchdog is not None:
+                    self._watchdog.arm()
+                self._arm.read_once()  # may have waited in a buffer since somebody read last
+                while not self._stop:
+                    if self.error or not self._wanted.commanded:
+                        self._follow(on_cycle)
+                    else:
+                        self._command(self._wanted, on_cycle)
+        finally:
+            if self._watchdog is not None:
+                self._watchdog.disarm()
+            self._running = self._stop = False
+            self._calls.close()
+
+    def _report(self, measures: Sequence[Measure]) -> None:
+        self._node.log_info(f"real time: {'; '.join(measure.text for measure in measures if measure.done)}")
+        for measure in measures:
+            if not measure.done:
+                self._node.log_warn(f"real time: {measure.text}")
+
+    def _take(self, raw: Any) -> float:
+        """A state of the arm; answers the time since the last one, 0 if it is not a newer one [s]."""
+        if self._watchdog is not None:
+            self._watchdog.beat()
+        period = self._run_time.advance(self._arm.milliseconds(raw))
+        self.robot_state.take(raw, self._run_time.now)
+        return period
+
+    def _follow(self, on_cycle: OnCycle) -> None:
+        """Nobody commands: read states. The arm holds by itself."""
+        self._commands.enter(HOLD)
+        while not self._stop and (self.error or not self._wanted.commanded):
+            period = self._take(self._arm.read_once())
+            if period > 0.0:
+                self._calls.serve()
+                on_cycle(self.time, period, False)
+
+    def _command(self, mode: Mode, on_cycle: OnCycle) -> None:
+        """One of libfranka's loops, until another mode is wanted."""
+
+        def first(raw: Any) -> None:
+            take_priority(self._settings.realtime.priority)
+            self._take(raw)
+            self._commands.enter(mode)
+            self.mode = mode
+            on_cycle(self.time, PERIOD, True)
+
+        def cycle(raw: Any) -> ArmCommand:
+            if self.mode is not mode:
+                first(raw)
+            else:
+                period = self._take(raw)
+                if period > LATE:
+                    self.losses.append(round(period / PERIOD) - 1)
+                self._calls.serve()
+                on_cycle(self.time, period or PERIOD, False)
+            command = self._commands.take(mode)
+            command.finished = self._stop or self._wanted != mode
+            return command
+
+        try:
+            self._arm.control(mode, cycle)
+        except RobotError as error:
+            self._fail(str(error))
+        finally:
+            self.mode = HOLD
+            self._tell_losses(mode)
+
+    def _tell_losses(self, mode: Mode) -> None:
+        if self.losses:
+            text = f"{mode}: {sum(self.losses)} states lost, at most {max(self.losses)} in a row"
+            messages.defer(self._node, lambda: self._node.log_warn(text), "log")
+            self.lost_states += sum(self.losses)
+            self.losses.clear()
+
+    def stop(self) -> None:
+        """Let `run` return after this cycle; from any thread or a signal handler."""
+        self._stop = True
+
+    def limiter_counts(self) -> LimitCounts:
+        """What the joint limits did since the start."""
+        return self._commands.counts
+
+    def log_row(self) -> tuple[list[str], list[float], list[float]]:
+        """(command interface per joint, commands before the limits, commands that were sent) of the last cycle."""
+        return self._commands.row
+
+    def shutdown(self) -> None:
+        """Take the services back and end the connection."""
+        self._services.unregister()
+        self._connection.close()
+
+    # -- the error state -----------------------------------------------------------------------------------------------------------------
+
+    def _fail(self, text: str) -> None:
+        self.error = text
+        said = f"{text} -- the arm is in the error state; franka_control/error_recovery ends it"
+        messages.defer(self._node, lambda: self._node.log_error(said), "log")
+
+    def recover(self) -> None:
+        """Automatic error recovery, in the loop. The motion that was ended begins anew, and its controllers restart."""
+        if self.mode.commanded:
+            raise HricError("the arm is moving: there is nothing to recover from")
+        if self.robot_state.robot_mode is not RobotMode.IDLE:
+            with self._connection.patience():
+                self._arm.recover()
+        self.error = ""
+        self._tell_collision()
+
+    def _tell_collision(self) -> None:
+        """The thresholds of the parameters; an arm in the error state takes them after its recovery."""
+        if self._collision is None:
+            return
+        try:
+            self._told.set_collision_behavior(self._collision)
+            self._collision = None
+        except RobotError as error:
+            self._node.log_warn(f"the collision thresholds are told after the next recovery: {error}")

@@ -1,0 +1,196 @@
+"""The Franka model asked of libfranka: what the connected arm itself tells of its kinematics and masses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from franka_hw_interface.kdl_chain import GRAVITY
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.model import Frame, Vector
+from franka_hw_interface.transforms import check_load, check_transform, column_major
+from franka_hw_interface.urdf_chain import Inertial
+from franka_real.model_functions import Fr3Functions, ModelFunctions, PandaFunctions, Total
+from hric_control.errors import CommandError, UnknownNameError
+
+FloatArray = npt.NDArray[np.float64]
+
+JOINTS = 7
+TOLD = ("m_ee", "F_x_Cee", "I_ee", "m_load", "F_x_Cload", "I_load", "F_T_EE", "EE_T_K")
+"""Fields of the arm's state that belong to the model."""
+
+
+class LibfrankaModel:
+    """A `FrankaModel` that libfranka computes.
+
+    End effector, payload and frames are those that the arm's state tells (`follow`), until a setter says otherwise. The setters change what this
+    model reckons with and tell the arm nothing.
+
+    One instance serves one thread; the setters may be called from another.
+
+    Args:
+        functions: of the binding.
+        told: a state of the arm (libfranka's or a RobotState), for `follow`.
+        gravity_base: gravity in the base frame, 3 floats [m/s^2]. libfranka for the Panda does not tell how the base is mounted; the FR3's
+            state does (O_ddP_O).
+    """
+
+    def __init__(self, functions: ModelFunctions, told: Any, gravity_base: Sequence[float] = GRAVITY) -> None:
+        self._functions = functions
+        self.revision = 0
+        self.gravity_base: FloatArray = np.array(_gravity(gravity_base))
+        """Gravity in the base frame, shape (3,) [m/s^2]."""
+        self.ee_inertial, self.load = Inertial(), Inertial()
+        """What is mounted at the flange, and the payload, in the flange frame."""
+        self.F_T_EE, self.EE_T_K = np.eye(4), np.eye(4)
+        self.gravity_list: Callable[[Sequence[float]], list[float]]
+        self._told: dict[str, Any] = {}
+        self.follow(told)
+
+    @classmethod
+    def for_panda(cls, model: Any, told: Any, gravity_base: Sequence[float] = GRAVITY) -> LibfrankaModel:
+        """The model of a Panda.
+
+        Args:
+            model: what `panda_py.libfranka.Robot.load_model` answered.
+            told, gravity_base: as for the class.
+        """
+        return cls(PandaFunctions(model), told, gravity_base)
+
+    @classmethod
+    def for_fr3(cls, model: Any, state: Any, urdf_xml: str, arm_id: str, gravity_base: Sequence[float] | None = None) -> LibfrankaModel:
+        """The model of an FR3.
+
+        Args:
+            model: what `pylibfranka.Robot.load_model` answered.
+            state: what its `read_once` answered, for this model alone: it is written to.
+            urdf_xml, arm_id: robot description, for what pylibfranka lacks.
+            gravity_base: as for the class; None: what the state tells (O_ddP_O).
+
+        Raises:
+            DescriptionError, UnknownNameError: the description is not that of such an arm.
+        """
+        told = {name: getattr(state, name) for name in (*TOLD, "O_ddP_O")}
+        functions = Fr3Functions(model, state, KdlFrankaModel(urdf_xml, arm_id))
+        return cls(functions, SimpleNamespace(**told), told["O_ddP_O"] if gravity_base is None else gravity_base)
+
+    def follow(self, state: Any) -> bool:
+        """Take over what the arm tells of end effector, payload and frames; nothing happens while it tells the same as before.
+
+        Args:
+            state: libfranka's state or a RobotState.
+
+        Returns:
+            Whether something changed.
+
+        Raises:
+            CommandError: what is told is no payload or no pose; the model stays as it is.
+        """
+        told = {name: getattr(state, name) for name in TOLD}
+        if told == self._told:
+            return False
+        ee, load = (_told_body(told[f"m_{name}"], told[f"F_x_C{name}"], told[f"I_{name}"], name) for name in ("ee", "load"))
+        F_T_EE, EE_T_K = (check_transform(told[name], name) for name in ("F_T_EE", "EE_T_K"))
+        self._told = {name: list(value) if isinstance(value, Sequence) else value for name, value in told.items()}
+        self.ee_inertial, self.F_T_EE, self.EE_T_K = ee, F_T_EE, EE_T_K
+        self._use(load)
+        return True
+
+    def _use(self, load: Inertial) -> None:
+        self.load = load
+        self._total = total = Total.of(self.total_inertial)
+        gravity, down = self._functions.gravity, self.gravity_base.tolist()
+        self._F_T_EE, self._EE_T_K = column_major(self.F_T_EE), column_major(self.EE_T_K)
+        self.gravity_list = lambda q: gravity(q, total, down)
+        self.revision += 1
+
+    @property
+    def total_inertial(self) -> Inertial:
+        """End effector and payload together, in the flange frame."""
+        return self.ee_inertial + self.load
+
+    def set_load(self, mass: float, com: Vector, inertia: Vector) -> None:
+        """Reckon with a payload.
+
+        Args:
+            mass: [kg].
+            com: centre of mass in the flange frame, shape (3,) [m].
+            inertia: about the centre of mass, axes of the flange frame, 9 values [kg m^2].
+
+        Raises:
+            CommandError: not a payload; the one before stays.
+        """
+        self._use(check_load(mass, com, inertia))
+
+    def set_ee(self, F_T_EE: FloatArray) -> None:
+        """Place the end effector in the flange frame, shape (4, 4). Raises CommandError if it is not a pose."""
+        self.F_T_EE = check_transform(column_major(np.asarray(F_T_EE)), "F_T_EE")
+        self._use(self.load)
+
+    def set_stiffness_frame(self, EE_T_K: FloatArray) -> None:
+        """Place the stiffness frame in the end-effector frame, shape (4, 4). Raises CommandError if it is not a pose."""
+        self.EE_T_K = check_transform(column_major(np.asarray(EE_T_K)), "EE_T_K")
+        self._use(self.load)
+
+    def mass(self, q: Vector) -> FloatArray:
+        """Mass matrix without rotor inertia, shape (7, 7) [kg m^2]; q: shape (7,) [rad]."""
+        return _matrix(self._functions.mass(_joints(q, "joint position"), self._total), JOINTS)
+
+    def coriolis(self, q: Vector, dq: Vector) -> FloatArray:
+        """The vector C(q, dq) dq, shape (7,) [N m]; dq: shape (7,) [rad/s]."""
+        return np.array(self._functions.coriolis(_joints(q, "joint position"), _joints(dq, "joint velocity"), self._total))
+
+    def gravity(self, q: Vector, gravity_base: Sequence[float] | None = None) -> FloatArray:
+        """Torque against gravity, shape (7,) [N m]; gravity_base: other gravity in the base frame, 3 floats [m/s^2]."""
+        down = self.gravity_base.tolist() if gravity_base is None else _gravity(gravity_base)
+        return np.array(self._functions.gravity(_joints(q, "joint position"), self._total, down))
+
+    def pose(self, frame: Frame, q: Vector) -> FloatArray:
+        """T_base_frame, shape (4, 4)."""
+        return _matrix(self._functions.pose(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K), 4)
+
+    def zero_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
+        """Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
+        return _matrix(self._functions.zero_jacobian(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K), JOINTS)
+
+    def body_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
+        """The same in the frame itself, shape (6, 7)."""
+        return _matrix(self._functions.body_jacobian(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K), JOINTS)
+
+
+def _matrix(values: list[float], columns: int) -> FloatArray:
+    """From column-major values."""
+    return np.array(values).reshape(columns, -1).T
+
+
+def _joints(values: Vector, what: str) -> list[float]:
+    plain: list[float] = values.tolist() if isinstance(values, np.ndarray) else list(values)
+    if len(plain) != JOINTS:
+        raise CommandError(f"{what} has {len(plain)} values for {JOINTS} joints")
+    return plain
+
+
+def _gravity(values: Sequence[float]) -> list[float]:
+    plain = [float(value) for value in values]
+    if len(plain) != 3 or not np.isfinite(plain).all():
+        raise CommandError(f"gravity must be three finite numbers; got {plain}")
+    return plain
+
+
+def _frame(frame: Frame) -> Frame:
+    if not isinstance(frame, Frame):
+        raise UnknownNameError("frame", frame, [f"Frame.{item.name}" for item in Frame], "LibfrankaModel")
+    return frame
+
+
+def _told_body(mass: float, com: Sequence[float], inertia: Sequence[float], name: str) -> Inertial:
+    """A body as the arm tells it. Single precision may have rounded its inertia, so that a principal moment of zero may come out negative."""
+    tensor = np.array(inertia, dtype=float).reshape(3, 3)
+    body = Inertial(float(mass), np.array(com, dtype=float), 0.5 * (tensor + tensor.T))
+    if not (np.isfinite(body.mass) and np.isfinite(body.com).all() and np.isfinite(body.inertia).all() and body.mass >= 0.0):
+        raise CommandError(f"the arm tells an impossible m_{name} {mass}, F_x_C{name} {list(com)} or I_{name} {list(inertia)}")
+    return body

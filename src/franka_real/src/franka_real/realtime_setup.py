@@ -1,0 +1,94 @@
+"""What Python can do for a loop that must not be late; each measure says what became of it."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
+"""sys/mman.h of Linux."""
+
+
+@dataclass(frozen=True)
+class RealtimeSettings:
+    """Measures.
+
+    Attributes:
+        priority: SCHED_FIFO priority of the loop's thread, 1 to 98; 0: ordinary scheduling.
+        lock_memory: keep the process from being paged out.
+        switch_interval: how long another thread may keep the interpreter [s].
+    """
+
+    priority: int
+    lock_memory: bool
+    switch_interval: float
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One measure: what was done, or why it could not be."""
+
+    done: bool
+    text: str
+
+
+def take_priority(priority: int) -> Measure:
+    """Set the calling thread's scheduling; also after libfranka did, which takes SCHED_FIFO 99 by itself wherever it may."""
+    try:
+        if priority == 0:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+            return Measure(True, "ordinary scheduling, as asked for")
+        # Threads and processes that the loop's thread starts shall not inherit it.
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+    except PermissionError:
+        return Measure(False, "no real-time priority: the limit rtprio forbids it (rosrun franka_real check_workstation tells more)")
+    return Measure(True, f"SCHED_FIFO {priority}")
+
+
+@contextmanager
+def priority_kept() -> Iterator[None]:
+    """Around a call that may change the calling thread's scheduling."""
+    scheduler, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        yield
+    finally:
+        if (os.sched_getscheduler(0), os.sched_getparam(0).sched_priority) != (scheduler, parameters.sched_priority):
+            with suppress(PermissionError):
+                os.sched_setscheduler(0, scheduler, parameters)
+
+
+def _lock() -> Measure:
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0:
+        return Measure(True, "memory locked")
+    return Measure(False, f"memory not locked: {os.strerror(ctypes.get_errno())} (limit memlock)")
+
+
+@contextmanager
+def realtime(settings: RealtimeSettings) -> Iterator[list[Measure]]:
+    """The measures for the calling thread and its process, taken back at the end.
+
+    Yields:
+        what was done.
+    """
+    interval = sys.getswitchinterval()
+    measures = [take_priority(settings.priority)]
+    if settings.lock_memory:
+        measures.append(_lock())
+    sys.setswitchinterval(settings.switch_interval)
+    measures.append(Measure(True, f"switch interval {1e3 * settings.switch_interval:g} ms"))
+    gc.collect()
+    gc.freeze()
+    measures.append(Measure(True, f"{gc.get_freeze_count()} objects out of the garbage collector's sight"))
+    try:
+        yield measures
+    finally:
+        gc.unfreeze()
+        sys.setswitchinterval(interval)
+        if settings.lock_memory:
+            ctypes.CDLL(None).munlockall()

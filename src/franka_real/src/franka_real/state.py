@@ -1,0 +1,87 @@
+"""libfranka's robot state as a RobotState: what a cycle needs is copied, the rest is taken from libfranka's object when somebody reads it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from franka_hw_interface.robot_state import ERROR_NAMES, FIELD_NAMES, NO_ERRORS, Errors, RobotMode, RobotState, identity16, lazy_field
+from franka_hw_interface.transforms import column_major
+from hric_control.hardware_interface import JointStates
+
+OWN_FIELDS = frozenset({"time", "q", "dq", "tau_J", "robot_mode", "current_errors", "last_motion_errors", "F_T_NE", "NE_T_EE", "O_ddP_O"})
+"""Fields that are not simply libfranka's attribute of the same name."""
+
+GRAVITY = [0.0, 0.0, -9.81]
+"""O_ddP_O of a base on the floor [m/s^2]; the binding for the Panda does not tell it."""
+
+
+def read_errors(flags: Any) -> Errors:
+    """The errors that are set. Both bindings print all 41 by name, but not all of them are attributes."""
+    text = str(flags)
+    return NO_ERRORS if len(text) <= 2 else frozenset(json.loads(text)) & frozenset(ERROR_NAMES)
+
+
+def read_mode(mode: Any) -> RobotMode:
+    """robot_mode; libfranka's enumeration has the values of franka_msgs/FrankaState."""
+    return RobotMode(int(mode))
+
+
+def _taken(name: str) -> Any:
+    def compute(state: Any) -> Any:
+        value = getattr(state.raw, name)
+        return list(value) if isinstance(value, list | tuple) else value
+
+    return lazy_field(name, compute)
+
+
+def _F_T_NE(state: Any) -> list[float]:
+    told = getattr(state.raw, "F_T_NE", None)
+    if told is not None:
+        return list(told)
+    F_T_EE, NE_T_EE = (np.array(T).reshape(4, 4).T for T in (state.raw.F_T_EE, state.told_NE_T_EE))
+    return column_major(F_T_EE @ np.linalg.inv(NE_T_EE))
+
+
+class LibfrankaState(RobotState):
+    """State of the arm; q, dq and tau_J are the lists of the joint states themselves.
+
+    The Panda's binding lacks F_T_NE, NE_T_EE and O_ddP_O: NE_T_EE is what was told last (the identity before), F_T_NE follows from F_T_EE,
+    and gravity is that of a base on the floor.
+
+    Attributes:
+        raw: libfranka's state of this tick.
+        told_NE_T_EE: what `set_EE_frame` told, 16 floats column-major.
+    """
+
+    __slots__ = ("computed_at", "raw", "told_NE_T_EE")
+
+    robot_mode = lazy_field("robot_mode", lambda state: read_mode(state.raw.robot_mode))
+    current_errors = lazy_field("current_errors", lambda state: read_errors(state.raw.current_errors))
+    last_motion_errors = lazy_field("last_motion_errors", lambda state: read_errors(state.raw.last_motion_errors))
+    F_T_NE = lazy_field("F_T_NE", _F_T_NE)
+    NE_T_EE = lazy_field("NE_T_EE", lambda state: list(getattr(state.raw, "NE_T_EE", state.told_NE_T_EE)))
+    O_ddP_O = lazy_field("O_ddP_O", lambda state: list(getattr(state.raw, "O_ddP_O", GRAVITY)))
+
+    def __init__(self, states: JointStates, raw: Any) -> None:
+        self.computed_at: dict[str, int] = {}
+        self.raw = raw
+        super().__init__()
+        self.told_NE_T_EE = identity16()
+        self.q, self.dq, self.tau_J = states.position, states.velocity, states.effort
+        self.computed_at.clear()
+        self.take(raw, 0.0)
+
+    def take(self, raw: Any, time: float) -> None:
+        """A new state of the arm; time: run time at which it measured [s]."""
+        self.raw = raw
+        self.q[:], self.dq[:], self.tau_J[:] = raw.q, raw.dq, raw.tau_J
+        self.time = time
+        self.tick += 1
+
+
+for _name in FIELD_NAMES:
+    if _name not in OWN_FIELDS:
+        setattr(LibfrankaState, _name, _taken(_name))
