@@ -15,7 +15,10 @@ sys.path.insert(0, str(ROOT / "scripts/lib"))
 from bringup_arguments import ArgumentError, Choices, check, split  # noqa: E402
 from bringup_master import MasterError, call, choose, free_port  # noqa: E402
 
-NAMES = ("env", "simulator", "controller", "experiment", "rviz", "ns", "xyz", "kp", "q_start", "real_time_factor", "world", "arm_id", "rotor_inertia")
+NAMES = (
+    "env", "robot_ip", "robot", "simulator", "controller", "experiment", "rviz", "gui", "ns", "xyz", "kp", "q_start", "real_time_factor", "world",
+    "arm_id", "rotor_inertia",
+)  # fmt: skip
 CHOICES = Choices(("joint_state_controller", "joint_pd_controller", "effort_joint_trajectory_controller"), ("pd_step", "thesis_step"))
 
 
@@ -47,6 +50,8 @@ def checked(*arguments: str) -> dict[str, str]:
         ("real_time_factor:=-1", ("as fast as possible",)),
         ("real_time_factor:=true", ("not a number",)),
         ("world:=nowhere.yaml", ("no such file",)),
+        ("env:=real", ("robot_ip", "172.16.0.2")),
+        ("robot_ip:=127.0.0.2", ("env:=real",)),
     ],
 )
 def test_a_mistake_is_answered_with_what_is_valid(argument: str, texts: tuple[str, ...]) -> None:
@@ -79,12 +84,24 @@ def bringup(*arguments: str, **environment: str) -> subprocess.CompletedProcess[
     return subprocess.run([str(ROOT / "scripts/bringup"), *arguments], env={**os.environ, **environment}, capture_output=True, text=True, timeout=60)
 
 
-def test_the_real_arm_is_answered_clearly_and_nothing_starts() -> None:
+def test_the_arm_itself_is_asked_for_by_address_and_kind() -> None:
+    given = ("env:=real", "robot_ip:=172.16.0.2", "robot:=fr3", "kp:=50")
+    assert checked(*given) == {"env": "real", "robot_ip": "172.16.0.2", "robot": "fr3", "kp": "50"}
+    for wrong, texts in (("robot:=panda2", "panda, fr3"), ("gui:=true", "env:=sim only"), ("real_time_factor:=0", "env:=sim only")):
+        with pytest.raises(ArgumentError, match=texts):
+            checked("env:=real", "robot_ip:=panda.lab", wrong)
+    for address in ("none", "172.16.0.2 ", "a b", "-x", "$(reboot)"):
+        with pytest.raises(ArgumentError, match="not an address"):
+            check({"env": "real", "robot_ip": address}, NAMES, CHOICES)
+
+
+def test_an_address_where_no_arm_is_is_told_before_anything_starts() -> None:
     port = free_port()
-    result = bringup("env:=real", ROS_MASTER_URI=f"http://localhost:{port}")
+    # Nobody listens there; on loopback that is told at once.
+    result = bringup("env:=real", "robot_ip:=127.0.9.9", ROS_MASTER_URI=f"http://localhost:{port}")
     assert result.returncode == 1
-    assert "comes with the package franka_real" in result.stderr
-    assert "Traceback" not in result.stderr
+    assert "no Franka arm at 127.0.9.9" in result.stderr and "FCI" in result.stderr
+    assert "Traceback" not in result.stderr and result.stderr.count("\n") == 1
     assert call(f"http://localhost:{port}", "getPid") is None
 
 

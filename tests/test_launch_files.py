@@ -82,10 +82,23 @@ def test_rviz_starts_when_asked_for_and_by_default_where_a_display_is(monkeypatc
     assert "/rviz" not in nodes(loaded("rviz:=false"))
 
 
-@pytest.mark.parametrize("environment", ["real", "gazebo"])
-def test_an_environment_that_is_not_there_fails_loudly(environment: str) -> None:
+@pytest.mark.parametrize("arguments", [["env:=gazebo"], ["env:=real"]], ids=["no such environment", "no address"])
+def test_an_environment_that_cannot_be_brought_up_fails_loudly(arguments: list[str]) -> None:
     with pytest.raises(RLException):
-        loaded(f"env:={environment}")
+        loaded(*arguments)
+
+
+def test_the_real_arm_gets_the_same_nodes_and_controllers_and_real_time() -> None:
+    config, simulated = loaded("env:=real", "robot_ip:=127.0.0.2", "experiment:=pd_step", "kp:=200"), loaded("experiment:=pd_step", "kp:=200")
+    assert nodes(config) == nodes(simulated)
+    values, others = parameters(config), parameters(simulated)
+    assert values["/use_sim_time"] is False
+    assert values["/robot"]["robot_hw"] == "franka_real/FrankaHW"
+    assert (values["/robot"]["robot_ip"], values["/robot"]["robot"]) == ("127.0.0.2", "panda")
+    same = [name for name in others if "controller" in name]
+    assert len(same) > 20
+    assert {name: values[name] for name in same} == {name: others[name] for name in same}
+    assert "hw:=franka_real/FrankaHW" in str(values["/recorder/overrides"])
 
 
 def test_a_wrong_value_stops_the_launch_with_the_reason() -> None:

@@ -21,6 +21,9 @@ import yaml
 from bringup_arguments import ArgumentError, Choices, check, split
 from bringup_master import DEFAULT, MasterError, choose
 
+import franka_real.probe
+from hric_control.errors import HricError
+
 WORKSPACE = Path(__file__).resolve().parents[2]
 LAUNCH = WORKSPACE / "src/hric_bringup/launch/bringup.launch"
 CONTROLLERS = WORKSPACE / "src/hric_bringup/config/controllers.yaml"
@@ -30,7 +33,8 @@ SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 0.5
 INTERRUPTED = 130
 STARTING = 10.0
 """How long nodes may take to import what they need [s]."""
-REAL = "env:=real comes with the package franka_real, which is not in this workspace yet; nothing was started. Use env:=sim."
+PROBE_TIMEOUT = 1.0
+"""How long the arm's control box may take to accept a connection [s]."""
 Documented = Mapping[str, tuple[str | None, str | None]]
 
 
@@ -64,12 +68,13 @@ def help_text(documented: Documented) -> str:
     lines = [
         "usage: scripts/bringup [NAME:=VALUE ...]",
         "",
-        "Sets up what is missing, then runs the simulated arm until Ctrl-C or the end of the experiment.",
+        "Sets up what is missing, then runs the arm until Ctrl-C or the end of the experiment.",
         "",
     ]
     for name, (doc, default) in documented.items():
         lines.append(f"  {name}:={default}\n      {doc}")
     lines += ["", "examples:", "  scripts/bringup env:=sim", "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100"]
+    lines += ["  scripts/bringup env:=real robot_ip:=172.16.0.2 experiment:=pd_step"]
     return "\n".join(lines)
 
 
@@ -81,7 +86,8 @@ def resolve_rviz(value: str) -> str:
 def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
     """Say what starts, and how another terminal joins."""
     task = f"experiment {arguments['experiment']}" if arguments["experiment"] != "none" else f"controller {arguments['controller']}"
-    print(f"env: {arguments['env']} ({arguments['simulator']})   {task}   rviz: {arguments['rviz']}   record: {arguments['record']}")
+    what = f"{arguments['robot']} at {arguments['robot_ip']}" if arguments["env"] == "real" else arguments["simulator"]
+    print(f"env: {arguments['env']} ({what})   {task}   rviz: {arguments['rviz']}   record: {arguments['record']}")
     print(f"ROS master: {master} ({'it runs already' if running else 'started here'})")
     export = "" if master == DEFAULT else f" && export ROS_MASTER_URI={master}"
     print(f"In another terminal:  source {WORKSPACE}/scripts/env{export}")
@@ -172,10 +178,10 @@ def main(argv: list[str]) -> int:
     try:
         arguments = {name: default or "" for name, (_, default) in documented.items()} | check(split(argv), documented, choices())
         if arguments["env"] == "real":
-            raise ArgumentError(REAL)
+            franka_real.probe.check(arguments["robot_ip"], PROBE_TIMEOUT)
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, arguments["ns"].rstrip("/") + "/robot")
-    except (ArgumentError, MasterError) as error:
+    except (ArgumentError, MasterError, HricError) as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
         return 1
     announce(arguments, master, running)

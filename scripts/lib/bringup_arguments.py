@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -70,16 +71,34 @@ def check(given: Mapping[str, str], valid_names: Iterable[str], choices: Choices
             hint = f" (did you mean {close[0]}?)" if close else ""
             raise ArgumentError(f"no argument {name!r}{hint}; valid: {', '.join(names)}.  scripts/bringup --help explains them")
     checks = _checks(choices)
+    _check_environment(given)
     return {name: checks[name](name, value) if name in checks else value for name, value in given.items()}
 
 
 Check = Callable[[str, str], str]
+
+ONLY_SIMULATED = ("simulator", "gui", "world", "friction", "damping", "rotor_inertia", "q_start", "real_time_factor")
+"""Arguments that say something about the simulation."""
+ONLY_REAL = ("robot_ip", "robot")
+"""Arguments that say something about the arm itself."""
+
+
+def _check_environment(given: Mapping[str, str]) -> None:
+    """Refuse what does not belong to the environment, rather than leave it without effect."""
+    real = given.get("env") == "real"
+    foreign = [name for name in given if name in (ONLY_SIMULATED if real else ONLY_REAL)]
+    if foreign:
+        raise ArgumentError(f"{', '.join(foreign)} can be given with env:={'sim' if real else 'real'} only")
+    if real and "robot_ip" not in given:
+        raise ArgumentError("env:=real needs the address of the arm's control box, for example robot_ip:=172.16.0.2")
 
 
 def _checks(choices: Choices) -> dict[str, Check]:
     started = [name for name in choices.controllers if name not in BROADCASTERS]
     return {
         "env": _one_of("sim", "real"),
+        "robot_ip": _address,
+        "robot": _one_of("panda", "fr3"),
         "simulator": _one_of("pybullet"),
         "controller": _one_of(*started, "none"),
         "experiment": _experiment(choices.experiments),
@@ -111,6 +130,12 @@ def _one_of(*valid: str) -> Check:
         return lowered
 
     return checked
+
+
+def _address(name: str, value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9.:-]*[A-Za-z0-9])?", value) or value == "none":
+        raise ArgumentError(f"{name}:={value} is not an address; for example {name}:=172.16.0.2")
+    return value
 
 
 def _experiment(names: tuple[str, ...]) -> Check:
