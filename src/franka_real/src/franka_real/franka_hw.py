@@ -8,9 +8,9 @@ from typing import Any
 from franka_hw_interface.arm_parameters import read_limits
 from franka_hw_interface.arm_services import ArmServices
 from franka_hw_interface.command_set import PERIOD, ArmCommand, CommandSet
-from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
+from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.modes import HOLD, Mode, check_one_commander, claimed_modes
+from franka_hw_interface.modes import HOLD, Mode
 from franka_hw_interface.robot_state import RobotMode
 from franka_real import connection, settings
 from franka_real.backend import RobotError
@@ -21,38 +21,29 @@ from franka_real.state import LibfrankaState
 from franka_real.told import ToldArm
 from hric_control import realtime as messages
 from hric_control.errors import HricError
-from hric_control.hardware_interface import JointStateInterface, JointStates
-from hric_control.joint_limits import LimitCounts
+from hric_control.hardware_interface import JointStates
 from hric_control.node import Node
-from hric_control.robot_hw import ControllerInfo, OnCycle, RobotHW
+from hric_control.robot_hw import OnCycle
 
 LATE = 1.5 * PERIOD
 """A state that comes so long after the one before was not the next one [s]."""
 
 
-class FrankaHW(RobotHW):
+class FrankaHW(CommandedArm):
     """Panda or FR3. The arm owns the clock: `run` reads it while nobody commands, and runs one of libfranka's control loops, chosen by what the
     controllers claim, while somebody does. A switch to another mode ends that loop and begins the next; the connection stays.
 
-    When the arm ends a motion (a reflex, a command that it refuses), it is in the error state: controllers go on being updated, their commands go
-    nowhere. After `recover` the motion begins anew, and the controllers are restarted, as in franka_hw.
-
     Parameters, services and actions: INTERFACE.md.
 
-    Attributes:
-        arm_id: prefix of joints and links.
+    Attributes, beside those of `CommandedArm`:
         description: the URDF.
-        states: measured joint states.
-        robot_state: the Franka state.
         model: KDL model of the description, told the arm's load and frames.
         rotor_inertia: for controllers that check their gains, 7 floats [kg m^2].
-        mode: what the arm is commanded by now.
-        error: why the last motion ended, until the recovery; empty otherwise.
         losses: how many states never came, or came late, at a time, in the motion that runs.
         lost_states: their sum over the motions that ended.
     """
 
-    compensates_gravity = True
+    robot_state: LibfrankaState
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
         """Read the parameters, then connect."""
@@ -65,7 +56,7 @@ class FrankaHW(RobotHW):
         limits = read_limits(self.description, root_node, node, self.arm_id, self.states.names)
         self.mode, self.error, self.lost_states = HOLD, "", 0
         self.losses: list[int] = []
-        self._wanted, self._stop, self._running = HOLD, False, False
+        self._wanted, self._stop, self._in_run = HOLD, False, False
         self._calls = LoopCalls()
         self._run_time = RunTime([root_node, node])
         self._connection = connection.open_connection(config)
@@ -86,49 +77,15 @@ class FrankaHW(RobotHW):
             self._told = ToldArm(self._connection, self._calls, state, models, self.recover)
             self._tell_collision()
         self._commands = CommandSet(self.arm_id, self.states, state, limits)
-        self.register_interface(JointStateInterface(self.states))
-        self.register_interface(FrankaStateInterface(self.arm_id, state))
-        self.register_interface(FrankaModelInterface(self.arm_id, models[0], state))
-        for interface in self._commands.interfaces():
-            self.register_interface(interface)
+        self._register(models[0])
         self._services = ArmServices(self._told, root_node)
 
-    # -- switching -----------------------------------------------------------------------------------------------------------------------
+    @property
+    def _running(self) -> bool:
+        return self._in_run
 
-    def _claimed(self, controllers: Sequence[ControllerInfo]) -> list[Mode]:
-        return claimed_modes(controllers, self.arm_id, self.states.names)
-
-    def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:
-        """One commander at a time, and it claims the whole arm."""
-        super().check_for_conflict(controllers)
-        check_one_commander(controllers, self.arm_id, self.states.names)
-
-    def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """The same for what is to be started; and the arm must be able to move."""
-        check_one_commander(start, self.arm_id, self.states.names)
-        for mode in self._claimed(start):
-            self._arm.check(mode)
-            self._refuse_in_error()
-
-    def _refuse_in_error(self) -> None:
-        if self.error:
-            raise RobotError(f"the arm is in the error state, franka_control/error_recovery ends it: {self.error}")
-
-    def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Remember the mode; `run` enters it. Controllers of the same mode follow each other without leaving it."""
-        wanted = self._claimed(start)
-        if wanted:
-            self._wanted = wanted[0]
-        elif self._claimed(stop):
-            self._wanted = HOLD
-
-    def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
-        """Whether the arm takes the commands of these controllers. Before `run` there is nothing to wait for."""
-        wanted = self._claimed(start)
-        if not wanted or not self._running:
-            return True
-        self._refuse_in_error()
-        return self.mode == wanted[0]
+    def _check_mode(self, mode: Mode) -> None:
+        self._arm.check(mode)
 
     # -- the cycle -----------------------------------------------------------------------------------------------------------------------
 
@@ -149,7 +106,7 @@ class FrankaHW(RobotHW):
     def run(self, on_cycle: OnCycle) -> None:
         """Follow the arm's clock until `stop`. Raises ConnectionLostError when the arm is gone."""
         self._calls.open()
-        self._running = True
+        self._in_run = True
         try:
             with priority_kept(), realtime(self._settings.realtime) as measures:
                 self._report(measures)
@@ -164,7 +121,7 @@ class FrankaHW(RobotHW):
         finally:
             if self._watchdog is not None:
                 self._watchdog.disarm()
-            self._running = self._stop = False
+            self._in_run = self._stop = False
             self._calls.close()
 
     def _report(self, measures: Sequence[Measure]) -> None:
@@ -232,25 +189,12 @@ class FrankaHW(RobotHW):
         """Let `run` return after this cycle; from any thread or a signal handler."""
         self._stop = True
 
-    def limiter_counts(self) -> LimitCounts:
-        """What the joint limits did since the start."""
-        return self._commands.counts
-
-    def log_row(self) -> tuple[list[str], list[float], list[float]]:
-        """(command interface per joint, commands before the limits, commands that were sent) of the last cycle."""
-        return self._commands.row
-
     def shutdown(self) -> None:
         """Take the services back and end the connection."""
         self._services.unregister()
         self._connection.close()
 
     # -- the error state -----------------------------------------------------------------------------------------------------------------
-
-    def _fail(self, text: str) -> None:
-        self.error = text
-        said = f"{text} -- the arm is in the error state; franka_control/error_recovery ends it"
-        messages.defer(self._node, lambda: self._node.log_error(said), "log")
 
     def recover(self) -> None:
         """Automatic error recovery, in the loop. The motion that was ended begins anew, and its controllers restart."""

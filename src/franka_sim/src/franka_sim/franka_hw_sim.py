@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 
 from franka_hw_interface.arm_services import ArmServices
 from franka_hw_interface.command_set import CommandSet
-from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
-from franka_hw_interface.modes import HOLD, Mode, check_one_commander, claimed_modes
+from franka_hw_interface.commanded_arm import CommandedArm
+from franka_hw_interface.modes import HOLD
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim import settings
 from franka_sim.box.control_box import ControlBox
@@ -17,42 +17,33 @@ from franka_sim.move_requests import move_request
 from franka_sim.told_box import ToldBox
 from hric_control import plugins, realtime
 from hric_control.errors import CommandError, HricError
-from hric_control.hardware_interface import JointStateInterface, JointStates
-from hric_control.joint_limits import LimitCounts
+from hric_control.hardware_interface import JointStates
 from hric_control.node import Node
 from hric_control.plant import Plant
-from hric_control.robot_hw import ControllerInfo, OnCycle, RobotHW
+from hric_control.robot_hw import OnCycle
 from hric_control.sim_loop import SimLoop
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
 
 
-class FrankaHWSim(RobotHW):
+class FrankaHWSim(CommandedArm):
     """Seven joints on a plant behind the control box that `env:=real` finds behind the network, with the same modes, reflexes and recovery.
 
     The arm compensates gravity of itself and of the load it was TOLD, and friction as far as it knows it. The physical payload is the plant's;
     where it differs from what was told, the arm sags as the real one does.
 
     A switch to another kind of command takes the way it takes on the arm: the motion ends, the arm holds itself, the next motion begins in the
-    following cycle. When the arm ends a motion by itself (a reflex), it is in the error state: controllers go on being updated, their commands
-    go nowhere, until `recover`; then the motion begins anew and the controllers restart.
+    following cycle.
 
     Parameters, services and actions: INTERFACE.md.
 
-    Attributes:
-        arm_id: prefix of joints and links.
+    Attributes, beside those of `CommandedArm`:
         description: the URDF.
         q_start: pose of the start and of `reset`, 7 floats [rad].
         plant, box, loop: physics, firmware and clock.
-        states: joint states at the measuring instant.
         model: what the arm knows of itself.
-        robot_state: the Franka state, the box's.
         rotor_inertia: of the plant, for controllers that check their gains, 7 floats [kg m^2].
-        mode: what the arm is commanded by now.
-        error: why the last motion ended, until the recovery; empty otherwise.
     """
-
-    compensates_gravity = True
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
         """Read the parameters, build plant, model and box, put the arm at its start pose."""
@@ -74,59 +65,20 @@ class FrankaHWSim(RobotHW):
             self.robot_state = self.box.state
             self._commands = CommandSet(self.arm_id, self.states, self.robot_state, limits, self.plant.time_step, settings.read_rate_limits(node))
             self.mode, self._wanted, self.error, self._restart = HOLD, HOLD, "", False
-            self._register()
+            self._register(self.model)
             self._place(self.q_start, self.plant.reset)
             self._services = ArmServices(ToldBox(self.loop, self.box, self.recover), root_node)
         except BaseException:
             self.plant.close()
             raise
 
-    def _register(self) -> None:
-        self.register_interface(JointStateInterface(self.states))
-        self.register_interface(FrankaStateInterface(self.arm_id, self.robot_state))
-        self.register_interface(FrankaModelInterface(self.arm_id, self.model, self.robot_state))
-        for interface in self._commands.interfaces():
-            self.register_interface(interface)
-
     def _hear(self, text: str) -> None:
         """The box speaks, in the loop: a log line is written outside of it."""
         realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
 
-    # -- switching -----------------------------------------------------------------------------------------------------------------------
-
-    def _claimed(self, controllers: Sequence[ControllerInfo]) -> list[Mode]:
-        return claimed_modes(controllers, self.arm_id, self.joint_names)
-
-    def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:
-        """One commander at a time, and it claims the whole arm."""
-        super().check_for_conflict(controllers)
-        check_one_commander(controllers, self.arm_id, self.joint_names)
-
-    def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """The same for what is to be started; and the arm must be able to move."""
-        check_one_commander(start, self.arm_id, self.joint_names)
-        if self._claimed(start):
-            self._refuse_in_error()
-
-    def _refuse_in_error(self) -> None:
-        if self.error:
-            raise HricError(f"the arm is in the error state, franka_control/error_recovery ends it: {self.error}")
-
-    def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Remember the mode; the next cycles enter it. Controllers of the same mode follow each other without leaving it."""
-        wanted = self._claimed(start)
-        if wanted:
-            self._wanted = wanted[0]
-        elif self._claimed(stop):
-            self._wanted = HOLD
-
-    def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
-        """Whether the arm takes the commands of these controllers. Before `run` there is nothing to wait for."""
-        wanted = self._claimed(start)
-        if not wanted or not self.loop.running:
-            return True
-        self._refuse_in_error()
-        return self.mode == wanted[0]
+    @property
+    def _running(self) -> bool:
+        return self.loop.running
 
     # -- the cycle -----------------------------------------------------------------------------------------------------------------------
 
@@ -181,11 +133,6 @@ class FrankaHWSim(RobotHW):
             names = ", ".join(sorted(self.robot_state.last_motion_errors)) or self.robot_state.robot_mode.name.lower()
             self._fail(f"the motion was aborted: {names}")
 
-    def _fail(self, text: str) -> None:
-        self.error = text
-        said = f"{text} -- the arm is in the error state; franka_control/error_recovery ends it"
-        realtime.defer(self._node, lambda: self._node.log_error(said), "log")
-
     def recover(self) -> None:
         """Automatic error recovery, in the loop. The motion that was ended begins anew, and its controllers restart."""
         if self.mode.commanded:
@@ -221,14 +168,6 @@ class FrankaHWSim(RobotHW):
         self.plant.read_state(self.states.position, self.states.velocity, self.states.effort)
         self._commands.enter(HOLD)
         self._commands.check_start()
-
-    def limiter_counts(self) -> LimitCounts:
-        """What the limits did since the start, over all interfaces."""
-        return self._commands.counts
-
-    def log_row(self) -> tuple[list[str], list[float], list[float]]:
-        """(command interface per joint, commands before the limits, commands that were sent) of the last cycle."""
-        return self._commands.row
 
     def shutdown(self) -> None:
         """Take the services back and close the plant."""
