@@ -1,0 +1,65 @@
+"""One experiment, in process and through the unmodified libfranka on the emulated control box: the same motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fci_peer import control_box, log_of
+
+from hric_experiments import bag_reader, experiment, headless
+
+Q_START = ("0", "0", "0", "-0.08", "0", "0", "0")
+"""Where pd_step starts [rad]."""
+PLAIN = ("robot.parameters.rate_limiting:=false", "robot.parameters.cutoff_frequency:=1000")
+"""libfranka's own limiter and low-pass off."""
+
+
+def run(folder: Path, name: str, *arguments: str) -> Path:
+    """The run's folder."""
+    folder.mkdir(exist_ok=True)
+    return headless.run(experiment.load(name, arguments), arguments, root=folder, progress=False, figures=False).folder.path
+
+
+def through_libfranka(folder: Path, robot: str, name: str, *arguments: str, q_start: tuple[str, ...] = Q_START) -> tuple[Path, str]:
+    """(the run's folder, what the box said)."""
+    with control_box("--robot", robot, "--no-hand", "--real-time-factor", "0", "--q-start", *q_start) as (address, box):
+        real = ("hw:=franka_real/FrankaHW", f"robot.parameters.robot_ip:={address}", f"robot.parameters.robot:={robot}")
+        path = run(folder, name, *real, "robot.parameters.realtime_priority:=0", "robot.parameters.lock_memory:=false", *arguments)
+        return path, log_of(box)
+
+
+def positions(path: Path) -> np.ndarray:
+    """Joint positions of every cycle, shape (n, 7) [rad]."""
+    return bag_reader.read(next(path.glob("*.bag"))).log.position
+
+
+def difference(a: Path, b: Path) -> float:
+    """Largest difference of any joint in any cycle [rad]."""
+    one, other = positions(a), positions(b)
+    assert len(one) == len(other) == 6000
+    return float(np.abs(one - other).max())
+
+
+@pytest.mark.parametrize(("robot", "bound"), [("panda", 1e-9), ("fr3", 1e-3)])
+def test_without_filter_and_limiter_the_motion_is_that_of_the_simulation(robot: str, bound: float, tmp_path: Path) -> None:
+    real, _ = through_libfranka(tmp_path / "real", robot, "pd_step", *PLAIN)
+    found = difference(run(tmp_path / "sim", "pd_step"), real)
+    print(f"{robot}: largest difference {found:.2e} rad")
+    assert found < bound
+
+
+@pytest.mark.parametrize("gains", [("kp:=50", "kd:=10"), pytest.param(("kp:=200", "kd:=100"), marks=pytest.mark.slow)])
+def test_with_libfrankas_filter_and_limiter_it_stays_near(gains: tuple[str, str], tmp_path: Path) -> None:
+    real, _ = through_libfranka(tmp_path / "real", "panda", "pd_step", *gains)
+    found = difference(run(tmp_path / "sim", "pd_step", *gains), real)
+    print(f"{gains}: largest difference {found:.2e} rad")
+    assert 0.0 < found < 1e-2
+
+
+def test_the_raw_step_of_the_thesis_ends_in_a_reflex_by_name(tmp_path: Path) -> None:
+    zeros = ("0",) * 7
+    path, said = through_libfranka(tmp_path, "panda", "thesis_step", "gravity:=false", "duration:=0.5", q_start=zeros)
+    assert "joint_velocity_violation (panda_joint4" in said
+    assert np.abs(np.diff(positions(path), axis=0)[-50:]).max() < 1e-6  # it stands
