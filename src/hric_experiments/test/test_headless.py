@@ -66,6 +66,13 @@ def test_friction_acts_in_the_plant_and_only_what_the_arm_does_not_compensate_le
         assert least < result.metrics["setpoints"][0]["final_error_max"] < most
 
 
+def test_a_reflex_stands_in_the_report_with_its_time_and_names(tmp_path: Path) -> None:
+    result = run(tmp_path, "pd_step", "duration:=1.5", "parameters.joint_pd_controller.profile.velocity:=5.0", "kp:=200", "kd:=5")
+    (reflex,) = result.metrics["reflexes"]
+    assert reflex["errors"] == ["joint_velocity_violation"] and 0.0 < reflex["time"] < 1.5
+    assert f"THE ARM PROTECTED ITSELF at {reflex['time']:.3f} s: joint_velocity_violation" in (result.folder.path / "summary.txt").read_text()
+
+
 XACRO = """<robot name="one" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="m" value="1.0"/>
 <link name="base"/>
 <link name="arm"><inertial>

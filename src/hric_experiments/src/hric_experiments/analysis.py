@@ -33,6 +33,7 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
     joints_of = joint_orders(run)
     result = {"experiment": run.get("experiment", ""), **metrics.compute(record, limits, joints_of, tolerances)}
     result["real_time_factor"] = run.get("real_time_factor")
+    result["reflexes"] = [{"time": time, "errors": list(names)} for time, names in record.reflexes]
     result |= _compared(definition, run.get("parameters") or {}, result)
     files.write_json(folder.metrics_path, result)
     report = table.render(run, result)

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from rosbags.highlevel import AnyReader, AnyReaderError
 
+from franka_hw_interface.robot_state import ERROR_NAMES
 from hric_control.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
@@ -20,6 +21,7 @@ LOG_TYPE = "hric_msgs/msg/ControlLog"
 COUNTS_TYPE = "hric_msgs/msg/JointLimitCounts"
 COMMAND_TYPE = "std_msgs/msg/Float64MultiArray"
 STATE_TYPE = "control_msgs/msg/JointTrajectoryControllerState"
+FRANKA_TYPE = "franka_msgs/msg/FrankaState"
 _CONTROLLER_COMMAND = re.compile(r"/[^/]+/command$")
 SAME_CLOCK = 1e-6
 """Run time and the stamps' time are the same clock when they drift apart by less than this, which is what rounding does [s]."""
@@ -98,6 +100,7 @@ class RunRecord:
         limit_counts: last limit counts, by field name; None if there were none.
         topics: message count per topic.
         duration: from the first to the last message [s].
+        reflexes: (run time [s], names of the errors) whenever a Franka arm came into an error.
     """
 
     log: ControlRecord
@@ -106,6 +109,7 @@ class RunRecord:
     limit_counts: dict[str, Any] | None = None
     topics: dict[str, int] = field(default_factory=dict)
     duration: float = 0.0
+    reflexes: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)
 
 
 def read(path: Path) -> RunRecord:
@@ -119,7 +123,7 @@ def read(path: Path) -> RunRecord:
         hint = f"; the recording did not end properly, try: rosbag reindex {unfinished.name}" if unfinished.is_file() else ""
         raise BagError(f"no bag {path.name} in {path.parent}{hint}")
     logs: list[Any] = []
-    collected: dict[str, list[tuple[str, float, Any]]] = {COUNTS_TYPE: [], COMMAND_TYPE: [], STATE_TYPE: []}
+    collected: dict[str, list[tuple[str, float, Any]]] = {COUNTS_TYPE: [], COMMAND_TYPE: [], STATE_TYPE: [], FRANKA_TYPE: []}
     try:
         with AnyReader([path]) as reader:
             topics = {connection.topic: connection.msgcount for connection in reader.connections}
@@ -148,7 +152,19 @@ def _record(logs: list[Any], collected: dict[str, list[tuple[str, float, Any]]],
         _counts(counts[-1][2]) if counts else None,
         topics,
         duration,
+        _reflexes(collected[FRANKA_TYPE], run_time),
     )
+
+
+def _reflexes(messages: list[tuple[str, float, Any]], run_time: RunTime) -> list[tuple[float, tuple[str, ...]]]:
+    found: list[tuple[float, tuple[str, ...]]] = []
+    before: dict[str, tuple[str, ...]] = {}
+    for topic, _, message in messages:
+        errors = tuple(name for name in ERROR_NAMES if getattr(message.current_errors, name))
+        if errors and errors != before.get(topic):
+            found.append((run_time(_seconds(message.header.stamp)), errors))
+        before[topic] = errors
+    return found
 
 
 def stitch(messages: Iterable[Any]) -> ControlRecord:

@@ -24,6 +24,7 @@ def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
         metrics: contents of metrics.json.
     """
     parts = [_head(run, metrics)]
+    parts += [f"THE ARM PROTECTED ITSELF at {one['time']:.3f} s: {', '.join(one['errors'])}" for one in metrics.get("reflexes", ())]
     parts += [_move(move, metrics["joints"]) for move in metrics["setpoints"]]
     if not metrics["setpoints"]:
         parts.append("no set point was recorded")
