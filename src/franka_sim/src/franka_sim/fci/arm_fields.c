@@ -1,7 +1,7 @@
 /* The kinematic fields of the state at once; compiled behind model_library/arm.c, whose functions it uses.
  *
- * in:  q 7, q_d 7, dq_d 7, tau_ext 7, F_T_EE 16, F_T_K 16, the least singular value 1
- * out: O_T_EE 16, O_T_EE_d 16, O_dP_EE_d 6, O_F_ext 6, K_F_ext 6 */
+ * in:  q 7, q_d 7, dq_d 7, tau_ext 7, thresholds of contact: torques 7, wrench on K 6, F_T_EE 16, F_T_K 16, the least singular value 1
+ * out: O_T_EE 16, O_T_EE_d 16, O_dP_EE_d 6, O_F_ext 6, K_F_ext 6, joint_contact 7, cartesian_contact 6 */
 #define N 6
 #define SWEEPS 30
 #define ROUNDING 1e-30
@@ -62,8 +62,9 @@ static void wrench(const double J[42], const double tau[JOINTS], double least, d
 }
 
 EXPORT void fields(const double *in, double *out) {
-  const double *q = in, *q_d = in + 7, *dq_d = in + 14, *tau = in + 21, *F_T_EE = in + 28, *F_T_K = in + 44, least = in[60];
-  double J[42], *twist = out + 32, *O_F = out + 38, *K_F = out + 44;
+  const double *q = in, *q_d = in + 7, *dq_d = in + 14, *tau = in + 21, *torques = in + 28, *forces = in + 35;
+  const double *F_T_EE = in + 41, *F_T_K = in + 57, least = in[73];
+  double J[42], *twist = out + 32, *O_F = out + 38, *K_F = out + 44, *joint_contact = out + 50, *cartesian_contact = out + 57;
   Pose poses[JOINTS + 1], tool;
   forward(q_d, poses);
   beyond_flange(&poses[FLANGE], F_T_EE, &tool);
@@ -81,4 +82,6 @@ EXPORT void fields(const double *in, double *out) {
   wrench(J, tau, least, O_F);
   rotate_back(tool.R, O_F, K_F);
   rotate_back(tool.R, O_F + 3, K_F + 3);
+  for (int i = 0; i < JOINTS; ++i) joint_contact[i] = fabs(tau[i]) > torques[i];
+  for (int i = 0; i < N; ++i) cartesian_contact[i] = fabs(K_F[i]) > forces[i];
 }

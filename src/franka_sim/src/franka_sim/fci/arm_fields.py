@@ -22,7 +22,7 @@ from franka_sim.model_library.parameters import c_parameters
 
 OWN_SOURCE = Path(__file__).with_name("arm_fields.c")
 _CARTESIAN = frozenset((GeneratorMode.CARTESIAN_POSITION, GeneratorMode.CARTESIAN_VELOCITY))
-_IN, _FRAMES, _OUT = struct.Struct("28d"), struct.Struct("33d"), struct.Struct("50d")
+_IN, _FRAMES, _OUT = struct.Struct("41d"), struct.Struct("33d"), struct.Struct("63d")
 
 
 def open_library(library: bytes) -> ctypes.CDLL:
@@ -34,7 +34,7 @@ def open_library(library: bytes) -> ctypes.CDLL:
 
 
 class CompiledFields:
-    """Fills in O_T_EE, O_T_EE_d, O_T_EE_c, O_dP_EE_d, the elbows and the external wrench.
+    """Fills in O_T_EE, O_T_EE_d, O_T_EE_c, O_dP_EE_d, the elbows, the external wrench and the contacts.
 
     Args:
         urdf_xml: robot description.
@@ -60,10 +60,12 @@ class CompiledFields:
         if self._frames[0] is not state.F_T_EE or self._frames[1] is not state.EE_T_K:
             self._take_frames(state)
         q, q_d = state.q, state.q_d
-        _IN.pack_into(self._in, 0, *q, *q_d, *state.dq_d, *state.tau_ext_hat_filtered)
+        torques, forces = state.lower()
+        _IN.pack_into(self._in, 0, *q, *q_d, *state.dq_d, *state.tau_ext_hat_filtered, *torques, *forces)
         self._compute(*self._addresses)
         out = [*_OUT.unpack_from(self._out)]
         state.O_T_EE, state.O_F_ext_hat_K, state.K_F_ext_hat_K = out[0:16], out[38:44], out[44:50]
+        state.joint_contact, state.cartesian_contact = out[50:57], out[57:63]
         elbow_d = [q_d[2], 1.0 if q_d[3] > ELBOW_FLIP else -1.0]
         state.elbow, state.elbow_d, state.O_dP_EE_d = [q[2], 1.0 if q[3] > ELBOW_FLIP else -1.0], elbow_d, out[32:38]
         if state.generator_mode not in _CARTESIAN:  # those generators write them
