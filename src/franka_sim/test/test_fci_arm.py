@@ -203,35 +203,37 @@ def test_a_load_beyond_all_sense_is_refused() -> None:
         assert "is beyond 20 kg" in log_of(process)
 
 
+FIELDS = (
+    "O_T_EE",
+    "O_T_EE_d",
+    "O_T_EE_c",
+    "O_dP_EE_d",
+    "elbow",
+    "elbow_d",
+    "elbow_c",
+    "O_F_ext_hat_K",
+    "K_F_ext_hat_K",
+    "joint_contact",
+    "cartesian_contact",
+)
+
+
 @pytest.mark.parametrize("robot", sorted(ROBOTS))
 def test_compiled_fields_are_those_that_the_state_computes_itself(robot: str) -> None:
     device = make_arm(parser().parse_args(["--no-collision"]), ROBOTS[robot])
     state, random = device.state, np.random.default_rng(1)
     fields = CompiledFields(ROBOTS[robot].urdf(False, False), robot, device.box.config.least_singular_value)
     device.set_EE_T_K([0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1, 0.0, 0.2, 1.0])
-    names = (
-        "O_T_EE",
-        "O_T_EE_d",
-        "O_T_EE_c",
-        "O_dP_EE_d",
-        "elbow",
-        "elbow_d",
-        "elbow_c",
-        "O_F_ext_hat_K",
-        "K_F_ext_hat_K",
-        "joint_contact",
-        "cartesian_contact",
-    )
     wrenches, touched = 0, 0.0
     device.set_collision_behavior(*[[1.0] * n for n in (7, 7, 7, 7, 6, 6, 6, 6)])
     for _ in range(200):
         for values in (state.q, state.q_d, state.dq_d, state.tau_ext_hat_filtered):
             values[:] = random.uniform(-2.0, 2.0, 7).tolist()
         state.tick += 1
-        expected = {name: getattr(state, name) for name in names}
+        expected = {name: getattr(state, name) for name in FIELDS}
         state.tick += 1
         fields.fill(state)
-        for name in names:
+        for name in FIELDS:
             assert getattr(state, name) == pytest.approx(expected[name], abs=1e-9), name
         wrenches += any(expected["O_F_ext_hat_K"])
         touched += sum(expected["joint_contact"]) + sum(expected["cartesian_contact"])

@@ -19,6 +19,14 @@ def parser() -> argparse.ArgumentParser:
         epilog="With --console the standard input takes:\n" + HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    _add_robot(made)
+    _add_physics(made)
+    _add_network(made)
+    _add_care(made)
+    return made
+
+
+def _add_robot(made: argparse.ArgumentParser) -> None:
     add = made.add_argument
     add("--ip", default="127.0.0.1", help="address to listen on (default: %(default)s, this machine only; several robots: 127.0.0.2, 127.0.0.3, ...)")
     add(
@@ -42,10 +50,6 @@ def parser() -> argparse.ArgumentParser:
     )
     add("--no-hand", action="store_true", help="an arm without the hand")
     add("--q-start", type=float, nargs=7, default=list(Q_START), metavar="RAD", help="pose at the start [rad]")
-    _add_physics(made)
-    _add_network(made)
-    _add_care(made)
-    return made
 
 
 def _add_physics(made: argparse.ArgumentParser) -> None:
