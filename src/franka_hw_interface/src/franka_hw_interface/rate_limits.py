@@ -86,6 +86,10 @@ def limited_velocity(wanted: float, v: float, a: float, v_max: float, a_max: flo
 class JointSmoother:
     """The same for joint positions or velocities, with limits of velocity, acceleration and jerk.
 
+    What libfranka's own limiter would pass, passes unchanged. Positions that it would not (straight lines between way points, steps) it catches up
+    with at (wanted - q) / period, which overshoots and may circle around the goal for ever; here the distance is closed no faster than it can be
+    braked away, beside the velocity of the wanted motion.
+
     Args:
         limits: None: rates are not limited.
         cutoff_frequency: of the low-pass [Hz].
@@ -100,6 +104,7 @@ class JointSmoother:
             rows = zip(limits.velocity, limits.acceleration, limits.jerk, strict=True)
             self._rows = [(v - MARGIN, a - MARGIN, j - MARGIN) for v, a, j in rows]
         self._q, self._dq, self._ddq = [0.0] * 7, [0.0] * 7, [0.0] * 7
+        self._filtered = [0.0] * 7
 
     def smooth(self, wanted: Sequence[float], q_d: Sequence[float], dq_d: Sequence[float], ddq_d: Sequence[float]) -> list[float]:
         """What to send, 7 floats [rad] or [rad/s].
@@ -108,22 +113,41 @@ class JointSmoother:
             wanted: 7 floats [rad] or [rad/s].
             q_d, dq_d, ddq_d: in force, as the arm echoes them, 7 floats each.
         """
-        q, dq, ddq = self._known(q_d, dq_d, ddq_d)
-        last = q if self._positions else dq
-        g = self._gain
-        filtered = wanted if g == 1.0 else [g * u + (1.0 - g) * y for u, y in zip(wanted, last, strict=True)]
-        period = self._period
-        velocity = [(u - x) / period for u, x in zip(filtered, q, strict=True)] if self._positions else list(filtered)
+        self._take_what_is_in_force(q_d, dq_d, ddq_d)
+        g, before, period = self._gain, self._filtered, self._period
+        target = self._filtered = list(wanted) if g == 1.0 else [g * u + (1.0 - g) * y for u, y in zip(wanted, before, strict=True)]
+        velocity = self._velocity(target, before) if self._positions else target
         if self._rows:
-            velocity = [limited_velocity(u, v, a, *row, period) for u, v, a, row in zip(velocity, dq, ddq, self._rows, strict=True)]
-        self._ddq = [(u - v) / period for u, v in zip(velocity, dq, strict=True)]
+            rows = zip(velocity, self._dq, self._ddq, self._rows, strict=True)
+            velocity = [limited_velocity(u, v, a, *row, period) for u, v, a, row in rows]
+        self._ddq = [(u - v) / period for u, v in zip(velocity, self._dq, strict=True)]
         self._dq = velocity
-        self._q = [x + v * period for x, v in zip(q, velocity, strict=True)]
+        self._q = [x + v * period for x, v in zip(self._q, velocity, strict=True)]
         return self._q if self._positions else velocity
 
-    def _known(self, q_d: Sequence[float], dq_d: Sequence[float], ddq_d: Sequence[float]) -> tuple[list[float], list[float], list[float]]:
-        """What is in force: what was sent last, unless the arm tells of something else (a lost packet, a new motion)."""
+    def _velocity(self, target: list[float], before: list[float]) -> list[float]:
+        """Velocity of the wanted motion, and what closes the distance to it [rad/s]."""
+        period = self._period
+        if not self._rows:
+            return [(u - x) / period for u, x in zip(target, self._q, strict=True)]
+        rows = zip(target, before, self._q, self._rows, strict=True)
+        return [(u - y) / period + catching_up(y - x, row[1], period) for u, y, x, row in rows]
+
+    def _take_what_is_in_force(self, q_d: Sequence[float], dq_d: Sequence[float], ddq_d: Sequence[float]) -> None:
+        """What was sent last, unless the arm tells of something else (a lost packet, a new motion)."""
         told = zip(self._q if self._positions else self._dq, q_d if self._positions else dq_d, strict=True)
-        if all(abs(a - b) < ECHO_TOLERANCE for a, b in told) and all(abs(a - b) < ECHO_TOLERANCE for a, b in zip(self._dq, dq_d, strict=True)):
-            return self._q, self._dq, self._ddq
-        return list(q_d), list(dq_d), list(ddq_d)
+        same = all(abs(a - b) < ECHO_TOLERANCE for a, b in told) and all(abs(a - b) < ECHO_TOLERANCE for a, b in zip(self._dq, dq_d, strict=True))
+        if not same:
+            self._q, self._dq, self._ddq = list(q_d), list(dq_d), list(ddq_d)
+            self._filtered = list(q_d if self._positions else dq_d)
+
+
+def catching_up(distance: float, a_max: float, period: float) -> float:
+    """Velocity towards a point that can be braked to nothing at a quarter of the limit of acceleration, which leaves room for the limit of jerk.
+
+    Args:
+        distance: [rad].
+        a_max: [rad/s^2].
+        period: of the commands [s].
+    """
+    return math.copysign(min(abs(distance) / period, math.sqrt(0.5 * a_max * abs(distance))), distance)
