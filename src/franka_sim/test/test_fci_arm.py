@@ -13,9 +13,9 @@ from fci_clients import HOLD_FR3, HOLD_PANDA, JUMP, MODEL, MODES_FR3, MODES_PAND
 from fci_peer import Peer, command, control_box, log_of, run_client, wait_for_log
 
 from franka_hw_interface.robot_state import RobotMode
+from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
 from franka_sim.fci.arguments import parser
-from franka_sim.fci.arm_fields import CompiledFields
 from franka_sim.fci.emulated_arm import make_arm
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.wire import WIRE_ERRORS
@@ -222,7 +222,7 @@ FIELDS = (
 def test_compiled_fields_are_those_that_the_state_computes_itself(robot: str) -> None:
     device = make_arm(parser().parse_args(["--no-collision"]), ROBOTS[robot])
     state, random = device.state, np.random.default_rng(1)
-    fields = CompiledFields(ROBOTS[robot].urdf(False, False), robot, device.box.config.least_singular_value)
+    fields = CompiledArm(ROBOTS[robot].urdf(False, False), robot, device.box.config.least_singular_value)
     device.set_EE_T_K([0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1, 0.0, 0.2, 1.0])
     wrenches, touched = 0, 0.0
     device.set_collision_behavior(*[[1.0] * n for n in (7, 7, 7, 7, 6, 6, 6, 6)])

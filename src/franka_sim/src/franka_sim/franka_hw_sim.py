@@ -11,6 +11,7 @@ from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.modes import HOLD
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim import settings
+from franka_sim.box.compiled_arm import compiled_arm
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import Outcome
 from franka_sim.move_requests import move_request
@@ -59,7 +60,9 @@ class FrankaHWSim(CommandedArm):
         try:
             self.loop = SimLoop(self.plant.time_step, node.param("real_time_factor", 1.0))
             self.rotor_inertia = settings.read_rotor_inertia(plant_config, names)
-            self.box = ControlBox(self.model, settings.read_box(node, plant_config, names, self.plant.time_step), self._hear)
+            config = settings.read_box(node, plant_config, names, self.plant.time_step)
+            compiled = compiled_arm(self.description, self.arm_id, config.least_singular_value, node.log_info)
+            self.box = ControlBox(self.model, config, self._hear, compiled)
             settings.read_internal_impedance(node, self.box.joint_impedance)
             self.states = JointStates(names)
             self.robot_state = self.box.state

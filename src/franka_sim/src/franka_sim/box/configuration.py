@@ -11,6 +11,7 @@ import numpy as np
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.robot_state import RobotMode
 from franka_hw_interface.transforms import check_transform
+from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.estimates import ExternalTorque, wrench_estimator
 from franka_sim.box.friction import friction_law
@@ -50,15 +51,19 @@ class ConfiguredBox:
         model: what the box knows of the arm.
         config: parameters.
         report: called with one line for people whenever something is refused or the arm protects itself.
+        compiled: computes the same faster; None: KDL does.
     """
 
-    def __init__(self, model: KdlFrankaModel, config: BoxConfig, report: Callable[[str], None] | None = None) -> None:
+    def __init__(
+        self, model: KdlFrankaModel, config: BoxConfig, report: Callable[[str], None] | None = None, compiled: CompiledArm | None = None
+    ) -> None:
         self.model, self.config, self.report = model, config, report or (lambda text: None)
         self.told = Told()
         self._friction = None if config.friction is None else friction_law(config.friction, model.joint_names)
-        self._external = ExternalTorque(model, config)
+        self._external = ExternalTorque(model, config, compiled)
         self.state = BoxState(model, config.time_step, config.collision_behavior, wrench_estimator(model, config.least_singular_value))
         self.state.tau_ext_hat_filtered = self._external.value
+        self.state.compiled = compiled
         self.joint_impedance = JointImpedanceLaw(model, config.limits, config.rotor_inertia, config.time_step)
         self._cartesian_impedance: CartesianImpedanceLaw | None = None
         self._cartesian_revision = -1

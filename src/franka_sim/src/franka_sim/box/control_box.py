@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotMode, errors
+from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.configuration import ConfiguredBox
 from franka_sim.box.hold import Braking
@@ -36,15 +37,21 @@ class ControlBox(ConfiguredBox):
     compensated in every mode.
 
     Args:
-        model, config, report: see `ConfiguredBox`.
+        model, config, report, compiled: see `ConfiguredBox`.
 
     Attributes:
         state: BoxState, always the same object.
         finished: how the last motion ended; None while one runs, and after `take_finished`.
     """
 
-    def __init__(self, model: KdlFrankaModel, config: BoxConfig | None = None, report: Callable[[str], None] | None = None) -> None:
-        super().__init__(model, config or BoxConfig(), report)
+    def __init__(
+        self,
+        model: KdlFrankaModel,
+        config: BoxConfig | None = None,
+        report: Callable[[str], None] | None = None,
+        compiled: CompiledArm | None = None,
+    ) -> None:
+        super().__init__(model, config or BoxConfig(), report, compiled)
         self.finished: Outcome | None = None
         self._packets = PacketCount(self.config.success_window)
         self._braking = Braking(self.config)

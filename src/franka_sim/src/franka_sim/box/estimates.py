@@ -11,6 +11,7 @@ import PyKDL
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import RobotState
+from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig
 
 Vector = Sequence[float]
@@ -54,7 +55,8 @@ class ExternalTorque:
         value: 7 floats [N m].
     """
 
-    def __init__(self, model: KdlFrankaModel, config: BoxConfig) -> None:
+    def __init__(self, model: KdlFrankaModel, config: BoxConfig, compiled: CompiledArm | None = None) -> None:
+        self._compiled = compiled
         self._model, self._rotors = model, config.rotor_inertia
         self._rate = 1.0 / config.time_step
         self._gain = 1.0 - math.exp(-2.0 * math.pi * config.external_torque_cutoff * config.time_step)
@@ -63,7 +65,11 @@ class ExternalTorque:
 
     def take_model(self) -> None:
         """The load was told anew."""
-        self._dynamics = _InverseDynamics(self._model)
+        if self._compiled is None:
+            self._expected = _InverseDynamics(self._model).torque
+        else:
+            self._compiled.take_model(self._model)
+            self._expected = self._compiled.inverse_dynamics
 
     def reset(self) -> None:
         """Forget the past."""
@@ -80,7 +86,7 @@ class ExternalTorque:
         """
         rate, gain, value = self._rate, self._gain, self.value
         ddq = [rate * (b - a) for a, b in zip(dq, dq_now, strict=True)]
-        expected = self._dynamics.torque(q, dq, ddq)
+        expected = self._expected(q, dq, ddq)
         rows = zip(value, tau, expected, self._rotors, ddq, strict=True)
         value[:] = [r + gain * (t - e - b * a - r) for r, t, e, b, a in rows]
         if friction is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from franka_hw_interface.robot_state import RobotState, lazy_field
 from franka_hw_interface.transforms import column_major
 from franka_sim.box.config import CollisionBehavior
 from franka_sim.box.requests import ControllerMode, GeneratorMode
+
+if TYPE_CHECKING:
+    from franka_sim.box.compiled_arm import CompiledArm
 
 ELBOW_FLIP = -0.467002423653011
 """Position of joint 4 at which the elbow changes its side (libfranka, RobotState::elbow) [rad]."""
@@ -61,12 +64,13 @@ class BoxState(RobotState):
         model: what the box was told of the arm.
         estimate_wrench: called for O_F_ext_hat_K and K_F_ext_hat_K when one of them is read.
         thresholds: of contact and collision.
+        compiled: computes all lazy fields at once, faster than each by itself; None: there is no such code.
         last_motion_errors: the errors that ended the last motion (on the wire: reflex_reason).
 
     Lazy (computed when read, at most once per tick): poses, elbows, desired twist, dtau_J, external wrench, contacts.
     """
 
-    __slots__ = ("computed_at", "controller_mode", "estimate_wrench", "generator_mode", "model", "period", "tau_before", "thresholds")
+    __slots__ = ("compiled", "computed_at", "controller_mode", "estimate_wrench", "generator_mode", "model", "period", "tau_before", "thresholds")
 
     O_T_EE = lazy_field("O_T_EE", lambda state: _pose(state, state.q))
     O_T_EE_d = _written_by_generator("O_T_EE_d", lambda state: _pose(state, state.q_d))
@@ -89,6 +93,7 @@ class BoxState(RobotState):
         estimate_wrench: Callable[[BoxState], tuple[list[float], list[float]]],
     ) -> None:
         self.computed_at: dict[str, int] = {}
+        self.compiled: CompiledArm | None = None
         self.controller_mode, self.generator_mode = ControllerMode.OTHER, GeneratorMode.IDLE
         super().__init__()
         self.model, self.period, self.thresholds, self.estimate_wrench = model, period, thresholds, estimate_wrench
@@ -96,6 +101,12 @@ class BoxState(RobotState):
         self.theta, self.dtheta = self.q, self.dq
         self.computed_at.clear()
         self.take_configuration()
+
+    def snapshot(self) -> RobotState:
+        """A copy that later cycles do not change; what takes kinematics is computed by compiled code, all at once, where there is any."""
+        if self.compiled is not None:
+            self.compiled.fill(self)
+        return super().snapshot()
 
     def take_configuration(self) -> None:
         """Copy what the model was told: load, end effector, frames, and the mounting."""

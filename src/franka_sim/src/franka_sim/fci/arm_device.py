@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import MotionCommand, MoveRequest, Outcome
-from franka_sim.fci.arm_fields import CompiledFields
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.hand_service import Hand
 from hric_control.errors import CommandError, HricError
@@ -41,7 +41,7 @@ class ArmDevice:
         model_library: Callable[[], bytes],
         q: Sequence[float],
         hand: Hand | None = None,
-        fields: CompiledFields | None = None,
+        fields: CompiledArm | None = None,
     ) -> None:
         self.plant, self.box, self.hand, self.state = plant, box, hand, box.state
         self._fields = fields

@@ -7,16 +7,15 @@ from typing import Any
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_sim.box.compiled_arm import compiled_arm
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.control_box import ControlBox
 from franka_sim.fci.arm_device import ArmDevice
-from franka_sim.fci.arm_fields import CompiledFields
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.robots import Robot
 from franka_sim.gripper import Gripper
 from franka_sim.model_library import library_for
 from hric_control import plugins
-from hric_control.errors import HricError
 
 
 def make_arm(options: argparse.Namespace, robot: Robot) -> ArmDevice:
@@ -40,19 +39,12 @@ def make_arm(options: argparse.Namespace, robot: Robot) -> ArmDevice:
         reflexes=not options.no_reflexes,
         max_lost_packets=options.max_lost_packets or None,
     )
-    box = ControlBox(model, config, report=lambda text: LOG.warning("%s", text))
+    compiled = compiled_arm(urdf_xml, arm_id, config.least_singular_value, LOG.info)
+    box = ControlBox(model, config, lambda text: LOG.warning("%s", text), compiled)
     plant = plugins.find(plugins.PLANT, options.plant)(urdf_xml, model.joint_names, plant_config)
     hand = None if options.no_hand else Gripper()
-    return ArmDevice(plant, box, robot.served_urdf, lambda: _library(robot), options.q_start, hand, _fields(robot, config))
+    return ArmDevice(plant, box, robot.served_urdf, lambda: _library(robot), options.q_start, hand, compiled)
 
 
 def _library(robot: Robot) -> bytes:
     return library_for(robot.urdf(False, False), robot.arm_id)
-
-
-def _fields(robot: Robot, config: BoxConfig) -> CompiledFields | None:
-    try:
-        return CompiledFields(robot.urdf(False, False), robot.arm_id, config.least_singular_value)
-    except (HricError, OSError) as error:
-        LOG.info("poses and wrenches are computed without compiled code, which takes longer: %s", error)
-        return None

@@ -1,4 +1,6 @@
-/* The kinematic fields of the state at once; compiled behind model_library/arm.c, whose functions it uses.
+/* The kinematic fields of the state at once, and inverse dynamics; compiled behind model_library/arm.c, whose functions it uses.
+ *
+ * fields:
  *
  * in:  q 7, q_d 7, dq_d 7, tau_ext 7, thresholds of contact: torques 7, wrench on K 6, F_T_EE 16, F_T_K 16, the least singular value 1
  * out: O_T_EE 16, O_T_EE_d 16, O_dP_EE_d 6, O_F_ext 6, K_F_ext 6, joint_contact 7, cartesian_contact 6 */
@@ -84,4 +86,41 @@ EXPORT void fields(const double *in, double *out) {
   rotate_back(tool.R, O_F + 3, K_F + 3);
   for (int i = 0; i < JOINTS; ++i) joint_contact[i] = fabs(tau[i]) > torques[i];
   for (int i = 0; i < N; ++i) cartesian_contact[i] = fabs(K_F[i]) > forces[i];
+}
+
+/* M(q) ddq + C(q, dq) dq + g(q): inverse dynamics (recursive Newton-Euler), gravity as an acceleration of the base.
+ *
+ * in: q 7, dq 7, ddq 7, gravity in the base frame 3, then of all that is mounted at the flange, in its frame: inertia about the centre of mass 9, mass 1,
+ * centre of mass 3;  out: torque 7 */
+EXPORT void inverse_dynamics(const double *in, double *out) {
+  const double *q = in, *dq = in + 7, *ddq = in + 14, *gravity = in + 21, *I_total = in + 24, m_total = in[33], *com_total = in + 34;
+  Pose poses[JOINTS + 1];
+  Body bodies[JOINTS];
+  Spatial S[JOINTS], v = {{0}, {0}}, a = {{0}, {0}}, wrench[JOINTS], sum = {{0}, {0}};
+  for (int k = 0; k < 3; ++k) a.v[k] = -gravity[k];
+  forward(q, poses);
+  joint_twists(poses, S);
+  moving_bodies(poses, I_total, m_total, com_total, bodies);
+  for (int i = 0; i < JOINTS; ++i) {
+    Spatial step;
+    for (int k = 0; k < 3; ++k) {
+      step.w[k] = S[i].w[k] * dq[i];
+      step.v[k] = S[i].v[k] * dq[i];
+      v.w[k] += step.w[k];
+      v.v[k] += step.v[k];
+      a.w[k] += S[i].w[k] * ddq[i];
+      a.v[k] += S[i].v[k] * ddq[i];
+    }
+    add_cross(v.w, step.w, a.w);
+    add_cross(v.v, step.w, a.v);
+    add_cross(v.w, step.v, a.v);
+    velocity_wrench(&bodies[i], &v, &a, &wrench[i]);
+  }
+  for (int i = JOINTS - 1; i >= 0; --i) {
+    for (int k = 0; k < 3; ++k) {
+      sum.w[k] += wrench[i].w[k];
+      sum.v[k] += wrench[i].v[k];
+    }
+    out[i] = power(&S[i], &sum);
+  }
 }
