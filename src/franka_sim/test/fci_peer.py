@@ -135,6 +135,14 @@ class Peer:
             pass
         self.state()
 
+    def until_modes(self, *modes: int) -> bool:
+        """Read states until one shows these modes, or only the robot mode if one is given; False when none does in time."""
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            if self.modes(self.state())[-len(modes) :] == modes:
+                return True
+        return False
+
     def finish(self) -> None:
         """Say that the motion is over until the state agrees."""
         while True:

@@ -81,7 +81,7 @@ def test_numbers_that_are_none_stop_the_motion(version: int) -> None:
         assert peer.modes(state) == (0, 3, 4) and any(peer.flags(state)[0])
         assert peer.answer(motion) == bytes([6 if version == 5 else 8])
         assert peer.ask(RECOVERY[version]) == b"\x00"
-        assert peer.modes(peer.newest_state())[2] == 1
+        assert peer.until_modes(1)
 
 
 @VERSIONS
@@ -113,7 +113,7 @@ def test_the_user_stop_ends_the_motion_and_refuses_the_next_until_it_is_released
         process.stdin.write("user_stop on\n")
         process.stdin.flush()
         assert peer.answer(motion) == bytes([aborted])
-        assert peer.modes(peer.newest_state())[2] == 5
+        assert peer.until_modes(5)
         assert peer.answer(peer.move()) == bytes([refused])
         process.stdin.write("user_stop off\n")
         process.stdin.flush()
@@ -151,7 +151,7 @@ def test_a_killed_client_leaves_the_arm_holding_and_free(arm: tuple[str, int]) -
         try:
             with Peer(ip, version) as peer:
                 peer.state()
-                assert peer.modes(peer.newest_state())[2] == 1
+                assert peer.until_modes(1)
                 return
         except OSError:
             assert time.monotonic() < end
