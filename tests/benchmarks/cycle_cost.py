@@ -22,8 +22,8 @@ import panda_description
 from hric_control import plugins
 from hric_control.controller_manager import ControllerManager
 from hric_control.local_node import LocalNode
+from hric_control.plants.urdf_tree import parse_urdf
 from pybullet_ros_control.urdf_model import prepare
-from pybullet_ros_control.urdf_tree import parse_urdf
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 SETPOINT = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
@@ -85,7 +85,7 @@ class WholeCycle:
     On RobotHWSim the law adds gravity by KDL; FrankaHWSim does so itself, and its control box checks and estimates.
     """
 
-    def __init__(self, urdf: str, rotor_inertia: float, robot_hw: str = GENERIC) -> None:
+    def __init__(self, urdf: str, plant: dict[str, Any], robot_hw: str = GENERIC, plant_type: str = "pybullet_ros_control/PyBulletPlant") -> None:
         node = LocalNode(
             {
                 "robot_description": urdf,
@@ -94,7 +94,7 @@ class WholeCycle:
                     "rotatum_limit": 1000.0, "profile": {"enabled": True}, "state_publish_rate": 0,
                 },
                 "robot": {
-                    "q_start": [*SETPOINT[:3], -2.0, *SETPOINT[4:]], "real_time_factor": 0.0, "plant": {"rotor_inertia": rotor_inertia},
+                    "q_start": [*SETPOINT[:3], -2.0, *SETPOINT[4:]], "real_time_factor": 0.0, "plant_type": plant_type, "plant": plant,
                 },
                 "joint_limits": panda_description.joint_limit_parameters("panda"),
             }
@@ -151,7 +151,7 @@ def measure(rotor_inertia: float, folder: Any, rounds: int = 60, robot_hw: str =
         robot_hw: whose cycle.
     """
     urdf = arm_urdf()
-    bare, whole = BareArm(urdf, folder), WholeCycle(urdf, rotor_inertia, robot_hw)
+    bare, whole = BareArm(urdf, folder), WholeCycle(urdf, {"rotor_inertia": rotor_inertia}, robot_hw)
     bare.run(BLOCK)
     whole.run(BLOCK)
     pairs = sorted((_seconds(bare.run), _seconds(whole.run)) for _ in range(rounds))[: rounds // 4]

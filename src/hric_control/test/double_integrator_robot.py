@@ -11,6 +11,7 @@ from hric_control.hardware_interface import EffortJointInterface, JointCommands,
 from hric_control.joint_limits import EffortLimiter, LimitCounts, load_limits
 from hric_control.node import Node
 from hric_control.plant import Contact, FloatArray, Load, Plant
+from hric_control.plants.reactions import JointReaction
 from hric_control.robot_hw import OnCycle, RobotHW
 from hric_control.sim_loop import SimLoop
 
@@ -71,6 +72,9 @@ class DoubleIntegrator(Plant):
 
     def contacts(self) -> list[Contact]:
         return self.touching
+
+    def joint_reactions(self) -> list[JointReaction]:
+        return [JointReaction("j1", "one", (0.0, 0.0, 1.0), (0.0, 0.0, 9.0), (1.0, 2.0, 3.0))]
 
     def spawn(self, name, urdf_xml, T_world_model, *, fixed=False) -> None:
         if name in self.models:

@@ -25,6 +25,7 @@ from gazebo_msgs.srv import (
 from hric_control import sim_services, stamps
 from hric_control.local_node import LocalNode
 from hric_control.plant import Contact
+from hric_msgs.msg import JointReactions
 from hric_msgs.srv import StepSimulationRequest
 
 sys.path.append(str(Path(__file__).parent))
@@ -268,3 +269,15 @@ def test_model_states_tell_the_robot_and_the_models_at_10_hz(node, robot):
     assert seen[-1].name == ["toy", "cube"]
     assert seen[-1].pose[1].position.z == 0.5
     assert seen[-1].pose[1].orientation.w == 1.0
+
+
+def test_joint_loads_are_told_at_100_hz_while_somebody_listens(node, robot):
+    seen = []
+    cycles(robot, 20)
+    node.subscribe("sim/joint_reactions", JointReactions, seen.append)
+    cycles(robot, 100)
+    assert [message.header.stamp.to_sec() for message in seen[:2]] == pytest.approx([0.02, 0.03])
+    assert len(seen) == 10
+    first = seen[0]
+    assert (first.header.frame_id, first.joint_names, first.link_names) == ("world", ["j1"], ["one"])
+    assert (first.positions[0].z, first.wrenches[0].force.z, first.wrenches[0].torque.y) == (1.0, 9.0, 2.0)

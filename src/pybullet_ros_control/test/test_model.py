@@ -6,44 +6,10 @@ import numpy as np
 import pytest
 
 import panda_description
+from hric_control.plants.urdf_tree import parse_urdf
 from pybullet_ros_control.pid import Pid, PidGains
-from pybullet_ros_control.resources import resolve
 from pybullet_ros_control.rotor_inertia import make_balance
-from pybullet_ros_control.spatial import (
-    MassProperties,
-    quaternion_from_rotation,
-    rotation_from_quaternion,
-    rotation_from_rpy,
-    rpy_from_rotation,
-)
 from pybullet_ros_control.urdf_model import prepare
-from pybullet_ros_control.urdf_tree import parse_urdf
-
-
-def test_rotations_survive_every_writing(rng):
-    for rpy in [*rng.uniform(-3.1, 3.1, (100, 3)), [0.3, np.pi / 2, 0.2], [0.1, -np.pi / 2, -0.4], [np.pi, 0, 0], [0, 0, np.pi]]:
-        R = rotation_from_rpy(rpy)
-        assert np.abs(rotation_from_rpy(rpy_from_rotation(R)) - R).max() < 1e-9
-        assert np.abs(rotation_from_quaternion(quaternion_from_rotation(R)) - R).max() < 1e-12
-
-
-def test_two_bodies_add_up_by_the_parallel_axis_theorem():
-    # Two balls on a rod of length 2 a: I = 2 (I0 + m a^2) across, 2 I0 along.
-    ball = MassProperties(1.5, np.zeros(3), 0.01 * np.eye(3))
-    ends = [ball.moved(np.block([[np.eye(3), np.array([[s * 0.3], [0], [0]])], [np.zeros((1, 3)), np.ones((1, 1))]])) for s in (-1, 1)]
-    both = ends[0] + ends[1]
-    assert both.mass == 3.0
-    assert both.inertia == pytest.approx(np.diag([0.02, 0.02 + 3 * 0.09, 0.02 + 3 * 0.09]))
-
-
-def test_principal_moments_rebuild_the_tensor_also_where_it_is_not_physical(rng):
-    for _ in range(50):
-        half = rng.uniform(-1, 1, (3, 3))
-        tensor = half + half.T
-        moments, R = MassProperties(1.0, np.zeros(3), tensor).principal()
-        assert np.linalg.det(R) == pytest.approx(1.0)
-        again = rotation_from_rpy(rpy_from_rotation(R))
-        assert np.abs(again @ np.diag(moments) @ again.T - tensor).max() < 1e-13
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 9])
@@ -83,17 +49,6 @@ def test_visual_shapes_are_kept_for_a_window_only(tmp_path):
     urdf = panda_description.load(meshes=False)
     assert "<visual" not in prepare(parse_urdf(urdf)).xml
     assert "<visual" in prepare(parse_urdf(urdf), visual=True).xml
-
-
-def test_files_are_found_by_path_and_by_address(tmp_path, monkeypatch):
-    package = tmp_path / "space" / "some_package"
-    package.mkdir(parents=True)
-    (package / "package.xml").write_text("<package><name>some_package</name></package>")
-    (package / "a b.yaml").write_text("x: 1")
-    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "space"))
-    for address in ("package://some_package/a b.yaml", f"file://{package}/a%20b.yaml", str(package / "a b.yaml")):
-        assert resolve(address) == package / "a b.yaml"
-    assert resolve("a b.yaml", package) == package / "a b.yaml"
 
 
 def test_a_pid_has_clamped_integral_and_effort():

@@ -1,17 +1,19 @@
-"""Topics of a simulated robot under `sim/`: contacts and the poses of the models."""
+"""Topics of a simulated robot under `sim/`: contacts, the poses of the models, and joint loads where the plant can tell them."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from geometry_msgs.msg import Pose, Twist, Vector3, Wrench
+from geometry_msgs.msg import Point, Pose, Twist, Vector3, Wrench
 
 from gazebo_msgs.msg import ContactsState, ContactState, ModelStates
 from hric_control import poses, realtime, stamps, urdf
 from hric_control.errors import HricError
 from hric_control.node import Node
 from hric_control.plant import Contact, FloatArray
+from hric_control.plants.reactions import JointReaction, ReactingPlant
+from hric_msgs.msg import JointReactions
 
 if TYPE_CHECKING:
     from hric_control.sim_services import SimulatedRobot
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
 CONTACTS_EVERY = 0.01
 """[s of run time]"""
 MODELS_EVERY = 0.1
+"""[s of run time]"""
+REACTIONS_EVERY = 0.01
 """[s of run time]"""
 
 
@@ -40,6 +44,8 @@ class SimTopics:
         self._root = urdf.root_link(urdf.parse(hw.description))
         self._contacts = realtime.publisher(node, "contacts", ContactsState)
         self._models = realtime.publisher(node, "model_states", ModelStates)
+        self._reactions = realtime.publisher(node, "joint_reactions", JointReactions) if isinstance(hw.plant, ReactingPlant) else None
+        self._reaction_cycles = max(1, round(REACTIONS_EVERY / self._loop.time_step))
         self._contact_cycles = max(1, round(CONTACTS_EVERY / self._loop.time_step))
         self._model_cycles = max(1, round(MODELS_EVERY / self._loop.time_step))
         self._told = False
@@ -51,6 +57,8 @@ class SimTopics:
         self._loop.after_cycle.remove(self._publish)
         self._contacts.unregister()
         self._models.unregister()
+        if self._reactions is not None:
+            self._reactions.unregister()
 
     def _publish(self, time: float) -> None:
         cycle = self._loop.cycles
@@ -63,6 +71,9 @@ class SimTopics:
             names = [self._robot, *self._plant.model_names()]
             states = [self._state(name) for name in names]
             self._models.publish(models_message, names, states)
+        if self._reactions is not None and cycle % self._reaction_cycles == 0 and self._reactions.subscribers():
+            assert isinstance(self._plant, ReactingPlant)
+            self._reactions.publish(reactions_message, self._plant.joint_reactions(), time)
 
     def _state(self, name: str) -> tuple[FloatArray, FloatArray]:
         """(T_world_base, twist) of a model; the origin if the plant cannot tell, said once."""
@@ -111,4 +122,21 @@ def models_message(names: list[str], states: list[tuple[FloatArray, FloatArray]]
         poses.fill_twist(velocity, twist)
         message.pose.append(pose)
         message.twist.append(velocity)
+    return message
+
+
+def reactions_message(reactions: list[JointReaction], time: float) -> Any:
+    """hric_msgs/JointReactions of one cycle.
+
+    Args:
+        reactions: of that cycle.
+        time: run time at which it measured [s].
+    """
+    message = JointReactions()
+    message.header.stamp, message.header.frame_id = stamps.to_time(time), "world"
+    for reaction in reactions:
+        message.joint_names.append(reaction.joint)
+        message.link_names.append(reaction.link)
+        message.positions.append(Point(*reaction.position))
+        message.wrenches.append(Wrench(force=Vector3(*reaction.force), torque=Vector3(*reaction.torque)))
     return message

@@ -6,7 +6,6 @@ as an external force on both bodies, is within 2 %. For pairs that use it the en
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,26 +14,9 @@ import numpy as np
 import pybullet
 
 from hric_control.plant import Contact, FloatArray
+from hric_control.plants.surfaces import Surface, combine, penalty_force
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.external_forces import ExternalForces
-
-_SLIP_VELOCITY = 1e-3
-"""Friction of a penalty contact grows linearly up to this sliding speed [m/s]; a spring has no memory to stick with."""
-
-
-@dataclass(frozen=True)
-class Surface:
-    """How a body's surface answers.
-
-    Attributes:
-        stiffness: of penalty contact [N/m]; None for the engine's rigid contact.
-        damping: of penalty contact [N s/m].
-        friction: coefficient; a pair has the product of both.
-    """
-
-    stiffness: float | None = None
-    damping: float = 0.0
-    friction: float = 0.5
 
 
 @dataclass
@@ -50,14 +32,6 @@ class PenaltyPair:
 
 def _names(body: Body, index: int) -> str:
     return f"{body.name}::{body.link_names[index]}"
-
-
-def combine(first: Surface, second: Surface) -> tuple[float, float, float] | None:
-    """(stiffness [N/m], damping [N s/m], friction) of a pair, None when both are rigid: two springs act in series, a rigid partner adds nothing."""
-    stiffnesses = [s.stiffness for s in (first, second) if s.stiffness is not None]
-    if not stiffnesses:
-        return None
-    return 1.0 / sum(1.0 / k for k in stiffnesses), max(first.damping, second.damping), first.friction * second.friction
 
 
 @dataclass
@@ -103,7 +77,10 @@ class PenaltyContact:
         load = pair.stiffness * depth
         force = [load * n for n in normal]
         if pair.damping > 0.0 or pair.friction > 0.0:
-            load, force = self._with_velocity(pair, index_a, index_b, np.array(position), np.array(normal), load)
+            at = np.array(position)
+            relative = self._velocity(pair.a, index_a, at) - self._velocity(pair.b, index_b, at)
+            load, push = penalty_force(load, pair.damping, pair.friction, np.array(normal), relative)
+            force = push.tolist()
         if load <= 0.0:
             return
         forces.apply(pair.a, index_a, force, None, position)
@@ -113,17 +90,6 @@ class PenaltyContact:
     def _velocity(self, body: Body, index: int, position: FloatArray) -> FloatArray:
         linear, angular, com = self.engine.twist(body, index)
         return np.asarray(linear + np.cross(angular, position - com))
-
-    def _with_velocity(
-        self, pair: PenaltyPair, index_a: int, index_b: int, position: FloatArray, normal: FloatArray, load: float
-    ) -> tuple[float, list[float]]:
-        """(normal force, force on a) with damping along the normal and friction across it; a contact never pulls."""
-        relative = self._velocity(pair.a, index_a, position) - self._velocity(pair.b, index_b, position)
-        load = max(load - pair.damping * float(relative @ normal), 0.0)
-        sliding = relative - (relative @ normal) * normal
-        speed = math.sqrt(float(sliding @ sliding))
-        across = pair.friction * load / max(speed, _SLIP_VELOCITY) * sliding
-        return load, (load * normal - across).tolist()
 
 
 def rigid_contacts(engine: Engine, bodies: Mapping[int, Body]) -> list[Contact]:

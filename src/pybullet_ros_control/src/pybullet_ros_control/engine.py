@@ -13,7 +13,7 @@ import numpy as np
 import pybullet
 
 from hric_control.errors import HricError, UnknownNameError
-from pybullet_ros_control.spatial import FloatArray, inverse, quaternion_from_rotation, rotation_from_quaternion
+from hric_control.plants.spatial import FloatArray, inverse, quaternion_from_rotation, rotation_from_quaternion
 from pybullet_ros_control.urdf_model import EngineModel
 
 _MAX_JOINT_VELOCITY = 1e6

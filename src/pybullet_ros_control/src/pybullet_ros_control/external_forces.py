@@ -3,31 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pybullet
 
+from hric_control.plants.spatial import FloatArray, rotation_from_quaternion
 from pybullet_ros_control.engine import Body, Engine
-from pybullet_ros_control.spatial import FloatArray, rotation_from_quaternion
-
-
-@dataclass
-class Wrench:
-    """A wrench that acts for some steps.
-
-    Attributes:
-        body: "model::link".
-        force, torque: world frame [N], [N m].
-        point: link frame [m].
-        steps_left: negative means until cleared.
-    """
-
-    body: str
-    force: FloatArray
-    torque: FloatArray
-    point: FloatArray
-    steps_left: int
 
 
 class ExternalForces:

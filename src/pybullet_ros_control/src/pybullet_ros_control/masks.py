@@ -1,31 +1,11 @@
-"""Pairs of links whose collision is not tested, by a YAML table with reasons."""
+"""Pairs of links whose collision is not tested, told to the engine."""
 
 from __future__ import annotations
 
-from fnmatch import fnmatchcase
-from pathlib import Path
-
 import pybullet
-import yaml
 
-from hric_control.errors import HricError
+from hric_control.plants.masks import masked
 from pybullet_ros_control.engine import Body, Engine
-
-
-def load_masks(path: Path) -> list[tuple[str, str]]:
-    """Patterns of link pairs.
-
-    Raises:
-        HricError: an entry is not {links: [pattern, pattern], reason: text}.
-    """
-    table = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-    pairs = []
-    for entry in table.get("pairs", []):
-        links, reason = entry.get("links", []), entry.get("reason", "")
-        if len(links) != 2 or not reason:
-            raise HricError(f"{path}: each pair needs links: [pattern, pattern] and a reason; got {entry}")
-        pairs.append((str(links[0]), str(links[1])))
-    return pairs
 
 
 def apply_masks(engine: Engine, body: Body, masks: list[tuple[str, str]]) -> list[tuple[str, str]]:
@@ -38,8 +18,7 @@ def apply_masks(engine: Engine, body: Body, masks: list[tuple[str, str]]) -> lis
     names = sorted(body.links, key=body.links.__getitem__)
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
-            listed = any((fnmatchcase(a, x) and fnmatchcase(b, y)) or (fnmatchcase(a, y) and fnmatchcase(b, x)) for x, y in masks)
-            if listed or group.get(a, a) == group.get(b, b):
+            if masked(a, b, masks) or group.get(a, a) == group.get(b, b):
                 pybullet.setCollisionFilterPair(body.id, body.id, body.links[a], body.links[b], 0, physicsClientId=engine.client)
                 off.append((a, b))
     return off

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import pybullet
 
+from hric_control.plants.modes import Mode
 from pybullet_ros_control.engine import Body, Engine
-from pybullet_ros_control.modes import Mode
 
 BRAKE_FORCE = 1e6
 """What a brake or a drive without effort limit may take [N m]: a constraint of the engine, so size does not make it stiff."""

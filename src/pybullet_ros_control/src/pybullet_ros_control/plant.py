@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from operator import sub
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,17 +11,17 @@ import pybullet
 
 from hric_control.errors import CommandError, HricError, ParameterError
 from hric_control.plant import Contact, FloatArray, Load, Plant
-from pybullet_ros_control.config import PlantConfig
+from hric_control.plants.config import PlantConfig
+from hric_control.plants.masks import load_masks
+from hric_control.plants.modes import Mode
+from hric_control.plants.spatial import MassProperties
+from hric_control.plants.urdf_tree import parse_urdf
+from hric_control.plants.worlds import load_world
+from hric_control.plants.wrenches import Wrenches
 from pybullet_ros_control.engine import BodyState, Engine
-from pybullet_ros_control.external_forces import ExternalForces, Wrench
-from pybullet_ros_control.masks import load_masks
-from pybullet_ros_control.modes import Mode
-from pybullet_ros_control.resources import package_path, resolve
+from pybullet_ros_control.external_forces import ExternalForces
 from pybullet_ros_control.robot import Robot
-from pybullet_ros_control.spatial import MassProperties
-from pybullet_ros_control.urdf_tree import parse_urdf
 from pybullet_ros_control.world import World
-from pybullet_ros_control.worlds import load_world
 
 
 class PyBulletPlant(Plant):
@@ -37,10 +36,10 @@ class PyBulletPlant(Plant):
         self.config = PlantConfig.from_parameters(config, self.joint_names)
         self.time_step = self.config.time_step
         tree = parse_urdf(urdf_xml)
-        masks = load_masks(self._mask_file())
+        masks = load_masks(self.config.collision_masks)
         objects = load_world(self.config.world, self.config.contact_stiffness)
         self._times_half_step = (0.5 * self.time_step if self.config.half_step_readout else 0.0).__mul__
-        self._wrenches: list[Wrench] = []
+        self._wrenches = Wrenches(self.time_step)
         self._engine = Engine(self.config.gui, self.time_step, self.config.gravity)
         try:
             self._robot = Robot(self._engine, tree, self.joint_names, self.config, masks)
@@ -52,11 +51,6 @@ class PyBulletPlant(Plant):
         except BaseException:
             self._engine.close()
             raise
-
-    def _mask_file(self) -> Path:
-        if self.config.collision_masks:
-            return resolve(self.config.collision_masks)
-        return package_path("pybullet_ros_control") / "config" / "collision_masks.yaml"
 
     def close(self) -> None:
         """Release the engine; safe to call twice."""
@@ -116,7 +110,7 @@ class PyBulletPlant(Plant):
     def step(self) -> None:
         """Advance by `time_step`."""
         try:
-            external = self._push() if self._wrenches or self._world.penalty.pairs else None
+            external = self._push() if self._wrenches.active or self._world.penalty.pairs else None
             self._robot.step(self._values, external)
         except pybullet.error as error:
             raise HricError(f"PyBullet stopped ({error})" + ("; was its window closed?" if self.config.gui else "")) from error
@@ -125,14 +119,13 @@ class PyBulletPlant(Plant):
         """Apply wrenches and penalty contact; returns the robot's joint efforts that they amount to."""
         forces, robot = self._forces, self._robot
         forces.begin(robot.rotor is not None)
-        for wrench in self._wrenches:
+        for wrench in self._wrenches.active:
             body, link = self._world.find(wrench.body)
             index, T_body_frame = body.frame(link)
             T_world_link = self._engine.pose(body, index) @ T_body_frame
             point = T_world_link[:3, :3] @ wrench.point + T_world_link[:3, 3]
             forces.apply(body, index, wrench.force.tolist(), wrench.torque.tolist(), point.tolist())
-            wrench.steps_left -= 1
-        self._wrenches = [wrench for wrench in self._wrenches if wrench.steps_left != 0]
+        self._wrenches.count_step()
         self._world.push(forces)
         return forces.efforts
 
@@ -173,23 +166,18 @@ class PyBulletPlant(Plant):
         """Act on "link" or "model::link" for the steps that `duration` [s] covers (negative: until cleared)."""
         model, link = self._world.find(body)
         model.frame(link)
-        F, T, p = (np.array(v, dtype=float) for v in (force, torque, point))
-        if any(v.shape != (3,) or not np.isfinite(v).all() for v in (F, T, p)):
-            raise ParameterError(f"wrench on {body}: force, torque and point must be three finite numbers each; got {force}, {torque}, {point}")
-        steps = -1 if duration < 0.0 else round(duration / self.time_step)
-        if steps != 0:
-            self._wrenches.append(Wrench(f"{model.name}::{link}", F, T, p, steps))
+        self._wrenches.add(f"{model.name}::{link}", force, torque, point, duration)
 
     def clear_wrenches(self, body: str | None = None) -> None:
         """End the wrenches on one body ("model" for all of its links), or all."""
         if body is None:
             self._wrenches.clear()
         elif "::" not in body and body in self._world.bodies:
-            self._wrenches = [w for w in self._wrenches if not w.body.startswith(f"{body}::")]
+            self._wrenches.clear_model(body)
         else:
             model, link = self._world.find(body)
             model.frame(link)
-            self._wrenches = [w for w in self._wrenches if w.body != f"{model.name}::{link}"]
+            self._wrenches.clear_link(f"{model.name}::{link}")
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last step."""
@@ -204,7 +192,7 @@ class PyBulletPlant(Plant):
     def delete(self, name: str) -> None:
         """Remove a model, and the wrenches on it."""
         self._world.delete(name)
-        self._wrenches = [wrench for wrench in self._wrenches if not wrench.body.startswith(f"{name}::")]
+        self._wrenches.clear_model(name)
 
     def model_names(self) -> list[str]:
         """Names of all models but the robot."""

@@ -9,17 +9,17 @@ import numpy as np
 import pybullet
 
 from hric_control.errors import CommandError, HricError, UnknownNameError
-from pybullet_ros_control.config import PlantConfig
+from hric_control.plants.config import PlantConfig
+from hric_control.plants.friction import JointLosses, sigmoid_parameters
+from hric_control.plants.modes import Mode
+from hric_control.plants.spatial import MassProperties
+from hric_control.plants.urdf_tree import Joint, UrdfTree
 from pybullet_ros_control.engine import Body, Engine
-from pybullet_ros_control.friction import JointLosses, sigmoid_parameters
 from pybullet_ros_control.masks import apply_masks
-from pybullet_ros_control.modes import Mode
 from pybullet_ros_control.motors import JointMotors
 from pybullet_ros_control.rotor_inertia import Matrix, RotorInertia, Vector
-from pybullet_ros_control.spatial import MassProperties
 from pybullet_ros_control.stops import JointStops
 from pybullet_ros_control.urdf_model import EngineModel, prepare
-from pybullet_ros_control.urdf_tree import Joint, UrdfTree
 
 _DIVERGED = 1e9
 """A joint velocity beyond any [rad/s]."""

@@ -20,12 +20,12 @@ from hric_control.hardware_interface import (
 from hric_control.joint_limits import EffortLimiter, LimitCounts, PositionLimiter, VelocityLimiter, load_limits
 from hric_control.node import Node
 from hric_control.plant import Plant
+from hric_control.plants.config import DEFAULTS, rotor_inertia
+from hric_control.plants.modes import DrivenPlant, Mode
 from hric_control.robot_hw import ControllerInfo, OnCycle, RobotHW
 from hric_control.sim_loop import SimLoop
 from hric_control.transmission import parse_transmissions
 from pybullet_ros_control import robot_settings
-from pybullet_ros_control.config import DEFAULTS, rotor_inertia
-from pybullet_ros_control.modes import DrivenPlant, Mode
 from pybullet_ros_control.pid import Pid, PidGains
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"

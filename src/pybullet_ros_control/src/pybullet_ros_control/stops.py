@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import pybullet
 
+from hric_control.plants.stops import StopMemory
 from pybullet_ros_control.engine import Body, Engine
 
 _FAR = 1e9
@@ -22,33 +23,32 @@ class JointStops:
 
     def __init__(self, engine: Engine, body: Body, joints: Sequence[int], limits: Sequence[tuple[float, float]]) -> None:
         self._engine, self._body = engine, body
-        self._joints, self._limits = list(joints), list(limits)
-        self.waiting: dict[int, tuple[bool, bool]] = {}
+        self._joints, self._memory = list(joints), StopMemory(limits)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a stop is open."""
+        return bool(self._memory.waiting)
 
     def place(self, q: Sequence[float]) -> None:
         """The robot was put at q from outside: decide anew which stops act."""
-        before = set(self.waiting)
-        self.waiting = {i: (x < low, x > high) for i, (x, (low, high)) in enumerate(zip(q, self._limits, strict=True)) if not low <= x <= high}
-        for i in before | set(self.waiting):
+        for i in self._memory.place(q):
             self._send(i)
 
     def restore(self, body: Body) -> None:
         """The body was loaded anew, with all stops acting: open the waiting ones again."""
         self._body = body
-        for i in self.waiting:
+        for i in self._memory.waiting:
             self._send(i)
 
     def check(self, q: Sequence[float]) -> None:
         """Let a waiting stop act as soon as the joint is inside its range."""
-        for i in list(self.waiting):
-            low, high = self._limits[i]
-            if low <= q[i] <= high:
-                del self.waiting[i]
-                self._send(i)
+        for i in self._memory.check(q):
+            self._send(i)
 
     def _send(self, i: int) -> None:
-        low, high = self._limits[i]
-        below, above = self.waiting.get(i, (False, False))
+        low, high = self._memory.limits[i]
+        below, above = self._memory.waiting.get(i, (False, False))
         pybullet.changeDynamics(
             self._body.id,
             self._joints[i],

@@ -18,10 +18,10 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from hric_control.errors import DescriptionError, HricError, UnknownNameError
-from pybullet_ros_control.capsules import join_capsules
-from pybullet_ros_control.resources import resolve
-from pybullet_ros_control.spatial import FloatArray, MassProperties, inverse, rpy_from_rotation
-from pybullet_ros_control.urdf_tree import Joint, Link, UrdfTree, origin
+from hric_control.plants.capsules import join_capsules
+from hric_control.plants.resources import resolve
+from hric_control.plants.spatial import FloatArray, MassProperties, inverse, rpy_from_rotation
+from hric_control.plants.urdf_tree import Joint, Link, UrdfTree, origin
 
 
 @dataclass(frozen=True)

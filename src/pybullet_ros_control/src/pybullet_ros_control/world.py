@@ -8,13 +8,14 @@ import pybullet
 
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.plant import Contact
-from pybullet_ros_control.contact import PenaltyContact, Surface, rigid_contacts
+from hric_control.plants.spatial import FloatArray, quaternion_from_rotation
+from hric_control.plants.surfaces import Surface
+from hric_control.plants.urdf_tree import parse_urdf
+from hric_control.plants.worlds import WorldObject
+from pybullet_ros_control.contact import PenaltyContact, rigid_contacts
 from pybullet_ros_control.engine import Body, BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces
-from pybullet_ros_control.spatial import FloatArray, quaternion_from_rotation
 from pybullet_ros_control.urdf_model import EngineModel, prepare
-from pybullet_ros_control.urdf_tree import parse_urdf
-from pybullet_ros_control.worlds import WorldObject
 
 _ROBOT_SURFACE = Surface()
 _GEOMETRY = {

@@ -10,8 +10,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from pybullet_ros_control.spatial import FloatArray
-from pybullet_ros_control.urdf_tree import origin
+from hric_control.plants.spatial import FloatArray
+from hric_control.plants.urdf_tree import origin
 
 _TOLERANCE = 1e-6
 """[m]"""

@@ -174,3 +174,46 @@ def test_the_arm_on_a_stiff_wall_gives_the_peak_of_its_effective_mass(make_plant
     peak = peak_force(plant, 40)
     print(rotor, mass, peak, peak / (speed * math.sqrt(mass * STIFFNESS)) - 1)
     assert peak == pytest.approx(speed * math.sqrt(mass * STIFFNESS), rel=0.02)
+
+
+@pytest.mark.parametrize("angle", [0.2, 0.4])
+def test_a_block_on_a_slope_sticks_or_slides_as_friction_says(make_plant, panda_urdf, tmp_path, angle):
+    """Friction 0.6 * 0.5 = 0.3 holds up to 0.291 rad; beyond it the acceleration is g (sin - 0.3 cos)."""
+    along, up = np.array([math.cos(angle), 0.0, -math.sin(angle)]), np.array([math.sin(angle), 0.0, math.cos(angle)])
+    start = np.array([1.5, 0.0, 0.5]) + 0.05 * up
+    slope = {"name": "slope", "shape": "plane", "pose": {"xyz": [1.5, 0.0, 0.5], "rpy": [0.0, angle, 0.0]}, "friction": 0.6}
+    block = {"name": "block", "shape": "box", "size": [0.2, 0.2, 0.1], "mass": 2.0, "friction": 0.5}
+    block |= {"pose": {"xyz": start.tolist(), "rpy": [0.0, angle, 0.0]}}
+    plant = make_plant(panda_urdf, world=write_world(tmp_path, slope, block), q=PRESS_POSE, collision=False)
+    plant.set_brakes([True] * 7)
+    for _ in range(300):
+        plant.apply([0.0] * 7)
+        plant.step()
+    T, twist = plant.link_state("block::link")
+    acceleration = max(9.81 * (math.sin(angle) - 0.3 * math.cos(angle)), 0.0)
+    assert twist[:3] @ along == pytest.approx(0.3 * acceleration, rel=0.01, abs=1e-4)
+    assert abs((T[:3, 3] - start) @ up) < 1e-3
+
+
+def gripper_urdf():
+    """Two fingers of 0.1 kg that slide along y towards each other."""
+    fingers = "".join(
+        f"""<link name="{side}"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+        <collision><geometry><box size="0.02 0.01 0.04"/></geometry></collision></link>
+        <joint name="{side}_joint" type="prismatic"><parent link="base"/><child link="{side}"/><axis xyz="0 {sign} 0"/>
+        <origin xyz="0 {-0.035 * sign} 1"/><limit lower="-0.1" upper="0.1" effort="100" velocity="1"/></joint>"""
+        for side, sign in (("left", 1), ("right", -1))
+    )
+    return f'<robot name="gripper"><link name="base"/>{fingers}</robot>'
+
+
+@pytest.mark.parametrize(("force", "holds"), [(15.0, True), (5.0, False)])
+def test_two_fingers_hold_by_friction_what_they_press_enough(make_plant, tmp_path, force, holds):
+    """0.5 kg between two fingers with friction 0.5 * 0.9: 2 * 0.45 * F carries 4.9 N from 5.45 N on."""
+    block = {"name": "block", "shape": "box", "size": [0.05, 0.05, 0.05], "mass": 0.5, "friction": 0.9, "pose": {"xyz": [0.0, 0.0, 1.0]}}
+    plant = make_plant(gripper_urdf(), ["left_joint", "right_joint"], world=write_world(tmp_path, block), q=[0.005, 0.005], rotor_inertia=0.0)
+    for _ in range(300):
+        plant.apply([force, force])
+        plant.step()
+    drop = 1.0 - plant.link_state("block::link")[0][2, 3]
+    assert drop < 1e-3 if holds else drop > 0.01

@@ -1,4 +1,4 @@
-"""The plant's parameters: defaults, and what is valid."""
+"""The parameters that all plants share: defaults, and what is valid."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
 
 from hric_control.errors import ParameterError, UnknownNameError
 from hric_control.plant import check_config
@@ -27,7 +27,7 @@ DEFAULTS: dict[str, Any] = {
     "passive_joints": "free",
     "seed": 0,
 }
-"""Keys and defaults; INTERFACE.md says what they mean."""
+"""Keys and defaults; the INTERFACE.md of a plant says what they mean."""
 
 FRICTIONS = ("none", "coulomb", "identified")
 PASSIVE = ("free", "locked")
@@ -35,7 +35,9 @@ PASSIVE = ("free", "locked")
 
 @dataclass(frozen=True)
 class PlantConfig:
-    """Checked parameters; the keys of DEFAULTS, with rotor inertia per joint."""
+    """Checked parameters; the keys of DEFAULTS, with rotor inertia per joint. A plant with more of them adds fields, `defaults` and `check`."""
+
+    defaults: ClassVar[Mapping[str, Any]] = DEFAULTS
 
     time_step: float
     rotor_inertia: tuple[float, ...]
@@ -53,24 +55,29 @@ class PlantConfig:
     seed: int
 
     @classmethod
-    def from_parameters(cls, parameters: Mapping[str, Any], joint_names: Sequence[str]) -> PlantConfig:
+    def from_parameters(cls, parameters: Mapping[str, Any], joint_names: Sequence[str]) -> Self:
         """Check the parameters.
 
         Raises:
             HricError: unknown key, wrong type or value; the message gives the key and what is valid.
         """
-        values = check_config(parameters, DEFAULTS, "plant")
+        values = check_config(parameters, cls.defaults, "plant")
+        cls.check(values, joint_names)
+        return cls(**values)
+
+    @classmethod
+    def check(cls, values: dict[str, Any], joint_names: Sequence[str]) -> None:
+        """Check the values and bring them into their final types, in place. Raises HricError."""
         for key in ("self_collision", "collision", "gui", "half_step_readout"):
             if not isinstance(values[key], bool):
                 raise ParameterError(f"plant/{key} must be true or false; got {values[key]!r}")
         for key, valid in (("friction", FRICTIONS), ("passive_joints", PASSIVE)):
-            if values[key] not in valid:
-                raise ParameterError(f"plant/{key} must be one of {', '.join(valid)}; got {values[key]!r}")
+            choice(values[key], valid, f"plant/{key}")
         for key in ("time_step", "contact_stiffness"):
-            values[key] = _number(values[key], f"plant/{key}", positive=True)
+            values[key] = number(values[key], f"plant/{key}", positive=True)
         if not isinstance(values["gravity"], (list, tuple)) or len(values["gravity"]) != 3:
             raise ParameterError(f"plant/gravity must be three numbers [m/s^2]; got {values['gravity']!r}")
-        values["gravity"] = tuple(_number(g, "plant/gravity") for g in values["gravity"])
+        values["gravity"] = tuple(number(g, "plant/gravity") for g in values["gravity"])
         values["rotor_inertia"] = rotor_inertia(values["rotor_inertia"], joint_names)
         for key in ("world", "collision_masks"):
             if not isinstance(values[key], (str, Path)):
@@ -78,10 +85,16 @@ class PlantConfig:
             values[key] = str(values[key])
         if isinstance(values["seed"], bool) or not isinstance(values["seed"], int):
             raise ParameterError(f"plant/seed must be a whole number; got {values['seed']!r}")
-        return cls(**values)
 
 
-def _number(value: Any, where: str, positive: bool = False) -> float:
+def choice(value: Any, valid: Sequence[str], where: str) -> None:
+    """Refuse what is not one of the valid words. Raises ParameterError."""
+    if value not in valid:
+        raise ParameterError(f"{where} must be one of {', '.join(valid)}; got {value!r}")
+
+
+def number(value: Any, where: str, positive: bool = False) -> float:
+    """A finite (positive) number. Raises ParameterError."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or (positive and value <= 0.0):
         raise ParameterError(f"{where} must be a {'positive ' if positive else ''}number; got {value!r}")
     return float(value)
@@ -103,7 +116,7 @@ def rotor_inertia(value: Any, joint_names: Sequence[str]) -> tuple[float, ...]:
         value = [value] * len(joint_names)
     if len(value) != len(joint_names):
         raise ParameterError(f"plant/rotor_inertia has {len(value)} values for {len(joint_names)} joints ({', '.join(joint_names)})")
-    numbers = tuple(_number(v, "plant/rotor_inertia") for v in value)
+    numbers = tuple(number(v, "plant/rotor_inertia") for v in value)
     if min(numbers) < 0.0:
         raise ParameterError(f"plant/rotor_inertia must not be negative; got {list(numbers)}")
     return numbers

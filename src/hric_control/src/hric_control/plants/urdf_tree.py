@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from hric_control.errors import DescriptionError
-from pybullet_ros_control.spatial import FloatArray, MassProperties, transform
+from hric_control.plants.spatial import FloatArray, MassProperties, transform
 
 MOVING_TYPES = ("revolute", "continuous", "prismatic")
 

@@ -11,9 +11,9 @@ from typing import Any
 import yaml
 
 from hric_control.errors import HricError
-from pybullet_ros_control.contact import Surface
-from pybullet_ros_control.resources import resolve
-from pybullet_ros_control.spatial import FloatArray, transform
+from hric_control.plants.resources import resolve
+from hric_control.plants.spatial import FloatArray, transform
+from hric_control.plants.surfaces import Surface
 
 SIZES = {
     "box": ("length", "width", "height"),

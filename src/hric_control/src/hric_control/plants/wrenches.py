@@ -1,0 +1,72 @@
+"""Wrenches from outside that act for some steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hric_control.errors import ParameterError
+from hric_control.plants.spatial import FloatArray
+
+
+@dataclass
+class Wrench:
+    """A wrench that acts for some steps.
+
+    Attributes:
+        body: "model::link", with the name of the robot's model for its own links.
+        force, torque: world frame [N], [N m].
+        point: link frame [m].
+        steps_left: negative means until cleared.
+    """
+
+    body: str
+    force: FloatArray
+    torque: FloatArray
+    point: FloatArray
+    steps_left: int
+
+
+@dataclass
+class Wrenches:
+    """All that act now.
+
+    Args:
+        time_step: of the plant [s].
+    """
+
+    time_step: float
+    active: list[Wrench] = field(default_factory=list)
+
+    def add(self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float) -> None:
+        """Begin one; see `hric_control.plant.Plant.apply_wrench`.
+
+        Raises:
+            ParameterError: not three finite numbers each.
+        """
+        F, T, p = (np.array(v, dtype=float) for v in (force, torque, point))
+        if any(v.shape != (3,) or not np.isfinite(v).all() for v in (F, T, p)):
+            raise ParameterError(f"wrench on {body}: force, torque and point must be three finite numbers each; got {force}, {torque}, {point}")
+        steps = -1 if duration < 0.0 else round(duration / self.time_step)
+        if steps != 0:
+            self.active.append(Wrench(body, F, T, p, steps))
+
+    def count_step(self) -> None:
+        """A step was done: end the wrenches whose time is over."""
+        for wrench in self.active:
+            wrench.steps_left -= 1
+        self.active = [wrench for wrench in self.active if wrench.steps_left != 0]
+
+    def clear(self) -> None:
+        """End all."""
+        self.active.clear()
+
+    def clear_link(self, body: str) -> None:
+        """End those on one "model::link"."""
+        self.active = [wrench for wrench in self.active if wrench.body != body]
+
+    def clear_model(self, model: str) -> None:
+        """End those on all links of a model."""
+        self.active = [wrench for wrench in self.active if not wrench.body.startswith(f"{model}::")]

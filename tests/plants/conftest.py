@@ -1,0 +1,63 @@
+"""What a plant must do on every engine: each test here runs on all of them."""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of seven rows gain nothing from threads
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import pytest
+
+import panda_description
+from hric_control import plugins
+from hric_control.plant import Plant
+
+PLANTS = ("pybullet_ros_control/PyBulletPlant", "opensim_ros_control/OpenSimPlant")
+PANDA = [f"panda_joint{i}" for i in range(1, 8)]
+
+
+class MakePlant(Protocol):
+    """make_plant(urdf, joints, q, **parameters): put at q where given, closed with the test."""
+
+    def __call__(self, urdf: str, joints: Sequence[str] = PANDA, q: Sequence[float] | None = None, **config: Any) -> Plant: ...
+
+
+@pytest.fixture(params=PLANTS, ids=lambda name: name.rpartition("/")[2])
+def plant_type(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture
+def semi_implicit(plant_type: str) -> dict[str, Any]:
+    """Parameters for which the plant integrates by semi-implicit Euler."""
+    return {"integrator": "semi_implicit"} if "OpenSim" in plant_type else {}
+
+
+@pytest.fixture
+def make_plant(plant_type: str) -> Iterator[MakePlant]:
+    plants: list[Plant] = []
+
+    def make(urdf: str, joints: Sequence[str] = PANDA, q: Sequence[float] | None = None, **config: Any) -> Plant:
+        plant = plugins.find(plugins.PLANT, plant_type)(urdf, joints, config)
+        plants.append(plant)
+        if q is not None:
+            plant.reset(q)
+        return plant
+
+    yield make
+    for plant in plants:
+        plant.close()
+
+
+@pytest.fixture(scope="session")
+def panda_urdf() -> str:
+    return panda_description.load(meshes=False)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)

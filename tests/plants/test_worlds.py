@@ -1,0 +1,192 @@
+"""Worlds, spawned models, names, masks, and the same result every time."""
+
+import hashlib
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from two_link import two_link_urdf
+
+import panda_description
+from hric_control import plugins
+from hric_control.errors import DescriptionError, HricError, UnknownNameError
+from hric_control.plant import Load
+
+JOINTS = ["joint1", "joint2"]
+POSE = [0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.0]
+BLOCK = """<robot name="block"><link name="body"><inertial><mass value="0.5"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>
+  </inertial><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link></robot>"""
+
+
+def at(x, y, z):
+    T = np.eye(4)
+    T[:3, 3] = x, y, z
+    return T
+
+
+def run(plant, n):
+    for _ in range(n):
+        plant.apply([0.0] * len(plant.joint_names))
+        plant.step()
+
+
+@pytest.mark.parametrize("name", ["empty", "table", "wall"])
+def test_the_worlds_of_the_package_load(make_plant, panda_urdf, name):
+    plant = make_plant(panda_urdf, world=f"package://pybullet_ros_control/worlds/{name}.yaml", q=POSE)
+    plant.set_brakes([True] * 7)
+    run(plant, 200)
+    assert plant.model_names() == {"empty": [], "table": ["table", "cube"], "wall": ["wall"]}[name]
+    if name == "table":
+        T, twist = plant.link_state("cube::link")
+        assert T[2, 3] == pytest.approx(0.225, abs=1e-3)
+        assert np.abs(twist).max() < 1e-2
+        pairs = {frozenset((c.body_a, c.body_b)) for c in plant.contacts()}
+        assert pairs == {frozenset(("table::link", "cube::link"))}
+
+
+def test_an_unknown_joint_is_refused_with_those_that_exist(make_plant):
+    with pytest.raises(UnknownNameError, match="valid: joint1, joint2"):
+        make_plant(two_link_urdf(), ["joint1", "elbow"])
+
+
+def test_joints_may_be_given_in_another_order(make_plant):
+    plain = make_plant(two_link_urdf(), JOINTS, rotor_inertia=[0.1, 0.2])
+    turned = make_plant(two_link_urdf(), JOINTS[::-1], rotor_inertia=[0.2, 0.1])
+    for plant, q, tau in ((plain, [0.3, 0.2], [4.0, 1.0]), (turned, [0.2, 0.3], [1.0, 4.0])):
+        plant.reset(q, [0.1, 0.1])
+        for _ in range(100):
+            plant.apply(tau)
+            plant.step()
+    for a, b in zip(plain.engine_state(), turned.engine_state(), strict=True):
+        assert a == b[::-1]
+    assert np.array_equal(plain.mass_matrix(), turned.mass_matrix()[::-1, ::-1])
+
+
+def test_joints_without_command_are_free_or_locked(make_plant):
+    ends = {}
+    for passive in ("free", "locked"):
+        plant = make_plant(two_link_urdf(), ["joint1"], passive_joints=passive)
+        plant.reset([0.0])
+        hold = make_plant(two_link_urdf(), JOINTS, rotor_inertia=[0.1, 0.0])
+        hold.reset([0.0, 0.0])
+        hold.set_brakes([False, passive == "locked"])
+        run(plant, 200)
+        run(hold, 200)
+        ends[passive] = plant.engine_state()[0][0]
+        assert ends[passive] == pytest.approx(hold.engine_state()[0][0], abs=1e-9)
+    assert abs(ends["free"] - ends["locked"]) > 1e-3
+
+
+def test_models_are_spawned_fall_and_are_deleted(make_plant):
+    plant = make_plant(two_link_urdf(), JOINTS)
+    plant.set_brakes([True, True])
+    plant.spawn("one", BLOCK, at(3, 0, 2))
+    plant.spawn("two", BLOCK, at(4, 0, 2), fixed=True)
+    run(plant, 100)
+    assert plant.model_names() == ["one", "two"]
+    assert plant.link_state("one::body")[0][2, 3] == pytest.approx(2 - 0.5 * 9.81 * 0.1**2, abs=1e-3)
+    assert plant.link_state("two::body")[0][2, 3] == pytest.approx(2.0)
+    with pytest.raises(HricError, match="'one' is taken"):
+        plant.spawn("one", BLOCK, at(0, 0, 0))
+    with pytest.raises(DescriptionError, match="not XML"):
+        plant.spawn("three", "<robot", at(0, 0, 0))
+    with pytest.raises(UnknownNameError, match=r"no model 'three'.*valid: one, two"):
+        plant.delete("three")
+    plant.delete("two")
+    assert plant.model_names() == ["one"]
+    plant.reset([0.0, 0.0])
+    assert plant.link_state("one::body")[0][2, 3] == pytest.approx(2.0)
+
+
+def test_a_model_with_the_joints_of_a_pendulum_swings(make_plant):
+    plant = make_plant(two_link_urdf(), JOINTS)
+    plant.set_brakes([True, True])
+    plant.spawn("pendulum", two_link_urdf(name="pendulum"), at(3, 0, 2), fixed=True)
+    run(plant, 200)
+    assert plant.link_state("pendulum::link2")[0][2, 3] < 1.95
+
+
+def test_unknown_bodies_are_refused_with_those_that_exist(make_plant):
+    plant = make_plant(two_link_urdf(), JOINTS)
+    with pytest.raises(UnknownNameError, match=r"no link 'hand'.*valid: base, link1, link2"):
+        plant.link_state("hand")
+    with pytest.raises(UnknownNameError, match=r"no model 'ball'.*valid: planar"):
+        plant.apply_wrench("ball::link", [1, 0, 0], [0, 0, 0], [0, 0, 0], 1.0)
+    with pytest.raises(HricError, match="three finite numbers"):
+        plant.apply_wrench("link1", [1, 0], [0, 0, 0], [0, 0, 0], 1.0)
+
+
+def test_a_new_load_leaves_the_world_where_it_is(make_plant, panda_urdf):
+    plant = make_plant(panda_urdf, world="package://pybullet_ros_control/worlds/table.yaml", q=POSE)
+    plant.spawn("block", BLOCK, at(3, 0, 5))
+    plant.delete("table")
+    plant.set_brakes([True] * 7)
+    run(plant, 100)
+    before = {name: plant.link_state(f"{name}::{link}") for name, link in (("cube", "link"), ("block", "body"))}
+    assert before["cube"][1][2] < -0.5
+    plant.set_load(Load(1.0))
+    assert plant.model_names() == ["cube", "block"]
+    for name, link in (("cube", "link"), ("block", "body")):
+        for a, b in zip(before[name], plant.link_state(f"{name}::{link}"), strict=True):
+            assert np.abs(a - b).max() < 1e-12
+    plant.reset(POSE)
+    assert plant.model_names() == ["table", "cube", "block"]
+
+
+def test_legal_poses_of_the_panda_show_no_self_collision_that_the_arm_does_not_have(make_plant, panda_urdf, rng):
+    """Capsules of neighbours overlap; the masks take that out. What remains is a folded arm, and is reported by the links' names."""
+    plant = make_plant(panda_urdf)
+    touching = 0
+    for q in rng.uniform([-2.8, -1.7, -2.8, -2.6, -2.8, 0.2, -2.8], [2.8, 1.7, 2.8, -0.3, 2.8, 3.5, 2.8], (60, 7)):
+        plant.reset(q)
+        run(plant, 1)
+        pairs = {frozenset((c.body_a.split("_")[-1], c.body_b.split("_")[-1])) for c in plant.contacts()}
+        assert frozenset(("link1", "link3")) not in pairs
+        assert frozenset(("link5", "link7")) not in pairs
+        touching += bool(pairs)
+    assert touching < 6
+
+
+def test_a_folded_arm_touches_itself_unless_told_otherwise(make_plant, panda_urdf):
+    folded = [0.0, -1.7, 0.0, -3.0, 0.0, 0.1, 0.0]
+    plant = make_plant(panda_urdf, q=folded)
+    run(plant, 1)
+    assert any(c.body_a.startswith("panda::") and c.body_b.startswith("panda::") for c in plant.contacts())
+    for off in ({"self_collision": False}, {"collision": False}):
+        plant = make_plant(panda_urdf, q=folded, **off)
+        run(plant, 1)
+        assert plant.contacts() == []
+
+
+def scene(plant_type, rotor, steps):
+    """A falling arm beside a stack, with a wrench: a hash of every bit of the way, twice."""
+    joints = [f"panda_joint{i}" for i in range(1, 8)]
+    config = {"world": "package://pybullet_ros_control/worlds/table.yaml", "rotor_inertia": rotor, "seed": 1}
+    plant = plugins.find(plugins.PLANT, plant_type)(panda_description.load(meshes=False), joints, config)
+    digests = []
+    for _ in range(2):
+        digest = hashlib.sha256()
+        plant.reset([0.3, 0.2, 0.0, -1.5, 0.0, 1.5, 0.0])
+        plant.apply_wrench("cube::link", [0.3, 0.1, 0.0], [0, 0, 0], [0, 0, 0], 0.2)
+        for k in range(steps):
+            plant.apply([0.0] * 7)
+            plant.step()
+            if k % 20 == 0:
+                digest.update(np.array(plant.engine_state()).tobytes() + plant.link_state("cube::link")[0].tobytes())
+                digest.update(repr(plant.contacts()).encode())
+        digests.append(digest.hexdigest())
+    plant.close()
+    return digests
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+def test_runs_are_bit_identical_after_a_reset_and_in_another_process(plant_type, rotor):
+    steps = 400 if "PyBullet" in plant_type else 120
+    here = scene(plant_type, rotor, steps)
+    assert here[0] == here[1]
+    folders = [str(Path(__file__).parent), *sys.path]
+    code = f"import sys; sys.path[:0] = {folders!r}; import test_worlds; print(test_worlds.scene({plant_type!r}, {rotor}, {steps})[0])"
+    other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert other.stdout.split()[-1] == here[0]
