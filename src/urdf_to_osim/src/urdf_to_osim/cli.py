@@ -1,0 +1,160 @@
+"""Command line of `rosrun urdf_to_osim urdf_to_osim`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+import opensim
+import yaml
+
+from hric_control.errors import DescriptionError, HricError, ParameterError
+from panda_description import process_xacro
+from urdf_to_osim.converter import convert
+from urdf_to_osim.options import CHOICES, Options
+from urdf_to_osim.output import SUFFIX, write
+from urdf_to_osim.proof import Proof, prove
+
+EPILOG = """The model is written only if the file, read back, agrees with the description: frames, mass matrix, gravity and inverse dynamics with a
+rigid-body library, damping, friction, stops and couplers with closed forms. Exit code 0: written; 1: refused, nothing is written."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The arguments of the command."""
+    made = argparse.ArgumentParser(prog="urdf_to_osim", description="Convert a robot description to an OpenSim 4 model, and prove it.", epilog=EPILOG)
+    made.add_argument("input", help="description: .urdf, .xacro (expanded here), or - for URDF from standard input")
+    made.add_argument(
+        "-o", "--output", help=f"the {SUFFIX} file; meshes go to Geometry/ beside it (default: name of the input, in the working folder)"
+    )
+    made.add_argument("--xacro-arg", action="append", default=[], metavar="NAME:=VALUE", help="argument of the xacro file; may be repeated")
+    made.add_argument("--name", default="", help="name of the model (default: the robot's)")
+    made.add_argument("--up", choices=CHOICES["up"], default="y", help="OpenSim axis along the description's z (default: y)")
+    made.add_argument("--inertia", choices=CHOICES["inertia"], default="refuse", help="inertias that no body has (default: refuse)")
+    made.add_argument("--names", choices=CHOICES["names"], default="refuse", help="names that OpenSim forbids (default: refuse)")
+    made.add_argument("--friction", choices=CHOICES["friction"], default="coulomb", help="joint friction (default: coulomb, of <dynamics friction>)")
+    made.add_argument("--friction-parameters", metavar="YAML", help="file: joint -> {phi1 [N m], phi2 [s/rad], phi3 [rad/s]}, for sigmoid")
+    for part in ("stops", "damping", "actuators", "meshes"):
+        made.add_argument(f"--no-{part}", action="store_true", help=f"leave {part} out")
+    made.add_argument("--contact", action="store_true", help="make contact geometry of the collision elements")
+    for option in ("stiffness [N m/rad]", "damping [N m s/rad]", "transition [rad]"):
+        name, unit = option.split(maxsplit=1)
+        default = getattr(Options, f"stop_{name}")
+        made.add_argument(f"--stop-{name}", type=float, default=default, help=f"of a rotation's stop {unit} (default: {default:g})")
+    made.add_argument("--states", type=_count, default=100, help="random states of the proof (default: 100)")
+    made.add_argument("--seed", type=int, default=0, help="of the proof's random numbers (default: 0)")
+    return made
+
+
+def _count(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return number
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the command; returns its exit code."""
+    arguments = parser().parse_args(list(words))
+    opensim.Logger.setLevelString("Error")
+    try:
+        run(arguments)
+    except HricError as error:
+        print(f"urdf_to_osim: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Convert, prove, write and report.
+
+    Raises:
+        HricError: the conversion is refused.
+    """
+    started = time.perf_counter()
+    options = _options(arguments)
+    urdf_xml = read_description(arguments.input, arguments.xacro_arg)
+    output = Path(arguments.output or f"{_stem(arguments.input)}{SUFFIX}")
+    conversion = convert(urdf_xml, options)
+    converted = time.perf_counter()
+    for note in conversion.notes:
+        print(f"note: {note}")
+    proofs: list[Proof] = []
+    written = write(conversion, output, lambda path: proofs.append(_demand(path, urdf_xml, options, arguments)))
+    print(proofs[0].table())
+    meshes = f", {len(written.meshes)} mesh files {written.mesh_seconds:.2f} s" if written.meshes else ""
+    print(f"conversion {converted - started:.2f} s{meshes}, proof over {arguments.states} random states {proofs[0].seconds:.2f} s")
+    print(f"wrote {written.path}")
+
+
+def _demand(path: Path, urdf_xml: str, options: Options, arguments: argparse.Namespace) -> Proof:
+    proof = prove(path, urdf_xml, options, arguments.states, arguments.seed)
+    if not proof.passed:
+        print(proof.table())
+        raise DescriptionError(f"the proof failed: {', '.join(proof.failed)}; nothing was written")
+    return proof
+
+
+def read_description(source: str, xacro_arguments: Sequence[str] = ()) -> str:
+    """The URDF of a file, of a xacro file, or of standard input ("-").
+
+    Raises:
+        ParameterError: no such file, or arguments that do not fit.
+        DescriptionError: the file cannot be read as a description.
+    """
+    if source != "-" and not Path(source).is_file():
+        raise ParameterError(f"no file {source}")
+    if source.endswith(".xacro"):
+        pairs = [word.partition(":=") for word in xacro_arguments]
+        for name, separator, _ in pairs:
+            if not separator or not name:
+                raise ParameterError(f"--xacro-arg {name!r} is not of the form NAME:=VALUE")
+        return str(process_xacro(Path(source), {name: value for name, _, value in pairs}).toxml())
+    if xacro_arguments:
+        raise ParameterError(f"--xacro-arg needs an input that ends in .xacro; got {source}")
+    try:
+        content = sys.stdin.buffer.read() if source == "-" else Path(source).read_bytes()
+        return ElementTree.tostring(ElementTree.fromstring(content), encoding="unicode")
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise DescriptionError(f"{source}: not XML: {error}") from error
+    except OSError as error:
+        raise ParameterError(f"{source} cannot be read: {error.strerror}") from error
+
+
+def _stem(source: str) -> str:
+    return "robot" if source == "-" else Path(source).name.split(".")[0]
+
+
+def _options(arguments: argparse.Namespace) -> Options:
+    return Options(
+        name=arguments.name,
+        up=arguments.up,
+        inertia=arguments.inertia,
+        names=arguments.names,
+        stops=not arguments.no_stops,
+        stop_stiffness=arguments.stop_stiffness,
+        stop_damping=arguments.stop_damping,
+        stop_transition=arguments.stop_transition,
+        damping=not arguments.no_damping,
+        friction=arguments.friction,
+        friction_parameters=_friction_parameters(arguments.friction_parameters),
+        actuators=not arguments.no_actuators,
+        meshes=not arguments.no_meshes,
+        contact=arguments.contact,
+        folder="" if arguments.input == "-" else str(Path(arguments.input).parent),
+    )
+
+
+def _friction_parameters(source: str | None) -> dict[str, dict[str, float]]:
+    if source is None:
+        return {}
+    try:
+        found = yaml.safe_load(Path(source).read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ParameterError(f"--friction-parameters {source} cannot be read: {error}") from error
+    if not isinstance(found, dict):
+        raise ParameterError(f"--friction-parameters {source} must hold joint -> {{phi1: .., phi2: .., phi3: ..}}")
+    return {str(joint): phi for joint, phi in found.items()}

@@ -1,0 +1,156 @@
+"""From a description to a model in memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import opensim
+
+from hric_control.errors import DescriptionError
+from hric_control.plants.spatial import FloatArray
+from urdf_to_osim import forces, joints, shapes, turns, urdf
+from urdf_to_osim.options import Options
+from urdf_to_osim.prepare import ILLEGAL, Plan, prepare
+
+
+@dataclass(frozen=True)
+class JointMap:
+    """Where a joint of the description is in the model.
+
+    Attributes:
+        kind: its URDF type.
+        path: of the joint, e.g. "/jointset/panda_joint1"; empty where a fixed joint became an offset frame.
+        coordinates: names of its coordinates, in the joint's order (`joints.coordinate_names`).
+    """
+
+    kind: str
+    path: str
+    coordinates: tuple[str, ...]
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Paths of the coordinates, which are unique where names need not be."""
+        return tuple(f"{self.path}/{name}" for name in self.coordinates)
+
+
+@dataclass(frozen=True)
+class FrameMap:
+    """Where a link of the description is in the model: `path` of a frame with its origin and axes."""
+
+    path: str
+
+
+@dataclass
+class Conversion:
+    """A converted robot.
+
+    Attributes:
+        model: connections are finalised; `initSystem` is the caller's.
+        joints, frames: of each joint and link of the description.
+        notes: what was repaired, renamed or left out.
+        plan, options: what was decided before the model was built.
+        meshes: visual and contact geometry that waits for files.
+        geometry: once `geometry.lay` has been called: name of each of them -> bare name of its file.
+        attached: name of each -> what sets its file, and the component; for `geometry`.
+    """
+
+    model: opensim.Model
+    joints: dict[str, JointMap]
+    frames: dict[str, FrameMap]
+    notes: list[str]
+    plan: Plan
+    options: Options
+    meshes: list[shapes.Shape] = field(default_factory=list)
+    geometry: dict[str, str] = field(default_factory=dict)
+    attached: dict[str, Any] = field(default_factory=dict, repr=False)
+
+
+def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
+    """The model of a pure URDF text.
+
+    Raises:
+        DescriptionError: the description cannot be used, or OpenSim cannot hold it; names the element and what to do.
+        UnknownNameError: options name a joint that does not exist.
+    """
+    options = options or Options()
+    plan = prepare(urdf.read(urdf_xml), options)
+    builder = _Builder(plan, options)
+    try:
+        builder.bodies()
+        forces.add(builder.model, plan, options)
+        waiting = shapes.add(builder.model, plan, options, builder.carriers)
+        builder.model.finalizeConnections()
+    except RuntimeError as error:
+        raise DescriptionError(f"OpenSim refuses robot {plan.robot.name}: {turns.said(error)}") from error
+    return Conversion(builder.model, builder.joints, builder.frames, builder.notes, plan, options, waiting)
+
+
+class _Builder:
+    """Bodies and joints of a model, from the root outwards."""
+
+    def __init__(self, plan: Plan, options: Options) -> None:
+        self.plan = plan
+        self.notes = list(plan.notes)
+        self.joints: dict[str, JointMap] = {}
+        self.frames: dict[str, FrameMap] = {}
+        # Link -> the body or ground that carries it, and the link's pose in it.
+        self.carriers: dict[str, tuple[opensim.PhysicalFrame, FloatArray]] = {}
+        self._pose = turns.base_pose(options.up)
+        self.model = opensim.Model()
+        self.model.setName(_model_name(options.name or plan.robot.name))
+        self.model.setGravity(turns.vec3(self._pose[:3, :3] @ np.asarray(options.gravity, dtype=float)))
+
+    def bodies(self) -> None:
+        """All links and joints."""
+        self._root()
+        for joint in self.plan.robot.joints.values():
+            if joint.child in self.plan.bodies:
+                self._jointed(joint)
+            else:
+                carrier, T_carrier_parent = self.carriers[joint.parent]
+                self._frame(joint.child, carrier, T_carrier_parent @ joint.T_parent_joint)
+                self.joints[joint.name] = JointMap(joint.type, "", ())
+
+    def _root(self) -> None:
+        """The root link stands still in ground, welded if it has mass."""
+        root = self.plan.robot.root
+        ground = self.model.updGround()
+        if root not in self.plan.bodies:
+            self._frame(root, ground, self._pose)
+            return
+        body = self._body(root)
+        self.model.addJoint(opensim.WeldJoint(f"{body.getName()}_to_ground", ground, *turns.place(self._pose), body, *turns.place(np.eye(4))))
+
+    def _jointed(self, joint: urdf.Joint) -> None:
+        name = self.plan.joints[joint.name]
+        carrier, T_carrier_parent = self.carriers[joint.parent]
+        self.model.addJoint(joints.build(joint, name, carrier, T_carrier_parent, self._body(joint.child)))
+        self.joints[joint.name] = JointMap(joint.type, f"/jointset/{name}", joints.coordinate_names(joint, name))
+
+    def _body(self, link: str) -> opensim.Body:
+        name, mass = self.plan.links[link], self.plan.robot.links[link].mass
+        body = opensim.Body(name, 0.0, opensim.Vec3(0.0), opensim.Inertia(0.0))
+        if mass is not None and mass.mass > 0.0:
+            J = mass.inertia
+            tensor = opensim.Inertia(*(float(J[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
+            body = opensim.Body(name, mass.mass, turns.vec3(mass.com), tensor)
+        self.model.addBody(body)
+        self.carriers[link] = (body, np.eye(4))
+        self.frames[link] = FrameMap(f"/bodyset/{name}")
+        return body
+
+    def _frame(self, link: str, carrier: opensim.PhysicalFrame, T_carrier_link: FloatArray) -> None:
+        frame = opensim.PhysicalOffsetFrame()
+        frame.setName(self.plan.links[link])
+        frame.setParentFrame(carrier)
+        turns.set_place(frame, T_carrier_link)
+        carrier.addComponent(frame)
+        self.carriers[link] = (carrier, T_carrier_link)
+        self.frames[link] = FrameMap(f"{carrier.getAbsolutePathString()}/{frame.getName()}")
+
+
+def _model_name(name: str) -> str:
+    """A name for the model: what OpenSim forbids becomes an underscore, without asking, since nothing refers to it."""
+    return ILLEGAL.sub("_", name)

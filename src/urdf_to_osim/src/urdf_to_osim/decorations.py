@@ -1,0 +1,201 @@
+"""What an OpenSim model shows at a pose, as forms in ground: OpenSim's own decorations, without its visualizer and without a display."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import opensim
+
+from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
+from hric_control.plants.spatial import FloatArray
+from urdf_to_osim import turns
+
+WIREFRAME = 2
+"""SimTK::DecorativeGeometry::DrawWireframe."""
+
+
+@dataclass(frozen=True)
+class Decoration:
+    """One thing to draw.
+
+    Attributes:
+        kind: "mesh", "sphere", "ellipsoid", "brick", "cylinder" (about y) or "line".
+        size: its numbers [m]: half lengths, radii (of a cylinder: radius, half height, radius), of a mesh factors, of a line both ends (6).
+        T_ground: its pose, shape (4, 4).
+        colour: red, green, blue from 0 to 1.
+        opacity: from 0 to 1.
+        wireframe: only edges.
+        file: of a mesh.
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    T_ground: FloatArray
+    colour: tuple[float, float, float]
+    opacity: float
+    wireframe: bool
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A model at a pose.
+
+    Attributes:
+        decorations: what its components show.
+        centres: body -> pose of its axes at its centre of mass, shape (4, 4); bodies without mass have none.
+        frames: body -> pose of its frame, shape (4, 4).
+        up: unit vector in ground against gravity, shape (3,).
+        missing: mesh files that were not found.
+    """
+
+    decorations: list[Decoration]
+    centres: dict[str, FloatArray]
+    frames: dict[str, FloatArray]
+    up: FloatArray
+    missing: list[str]
+
+
+def load_scene(path: Path, pose: Mapping[str, float] | None = None) -> Scene:
+    """What a model shows.
+
+    Args:
+        path: an .osim; its meshes are looked for as OpenSim does, so in Geometry/ beside it.
+        pose: coordinate -> value [rad or m]; the others have the model's defaults.
+
+    Raises:
+        DescriptionError: OpenSim cannot read the file or build the model.
+        UnknownNameError, ParameterError: the pose names a coordinate that is not there, or a value that it cannot have.
+    """
+    if not path.is_file():
+        raise DescriptionError(f"no file {path}")
+    with turns.quiet():
+        try:
+            model = opensim.Model(str(path))
+            model.finalizeConnections()
+            state = model.initSystem()
+        except RuntimeError as error:
+            raise DescriptionError(f"OpenSim cannot read {path}: {str(error).splitlines()[0]}") from error
+        _set_pose(model, state, pose or {})
+        model.realizeVelocity(state)
+        decorations, missing = _decorations(model, state)
+        centres, frames = _bodies(model, state)
+        gravity = model.getGravity().to_numpy()
+    up = -gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 1.0, 0.0])
+    return Scene(decorations, centres, frames, up, missing)
+
+
+def _set_pose(model: Any, state: Any, pose: Mapping[str, float]) -> None:
+    coordinates = model.getCoordinateSet()
+    names = [coordinates.get(i).getName() for i in range(coordinates.getSize())]
+    for name, value in pose.items():
+        if name not in names:
+            raise UnknownNameError("coordinate", name, names, "the model")
+        if not np.isfinite(value):
+            raise ParameterError(f"coordinate {name}: {value} is not a finite number")
+        coordinates.get(name).setValue(state, float(value), False)
+        if coordinates.get(name).getValue(state) != value:
+            raise ParameterError(f"coordinate {name} cannot be {value:g}: the model locks it")
+    if model.getConstraintSet().getSize():
+        try:
+            model.assemble(state)
+        except RuntimeError as error:
+            raise ParameterError(f"the model's constraints cannot be met at this pose: {str(error).splitlines()[0]}") from error
+
+
+def _pose(transform: Any) -> FloatArray:
+    """A SimTK transform as a matrix, shape (4, 4)."""
+    T = np.eye(4)
+    rotation, position = transform.R(), transform.p()
+    T[:3, :3] = [[rotation.get(i, j) for j in range(3)] for i in range(3)]
+    T[:3, 3] = position.to_numpy()
+    return T
+
+
+def _bodies(model: Any, state: Any) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """Poses of centres of mass and of frames, by body."""
+    centres, frames = {}, {}
+    bodies = model.getBodySet()
+    for i in range(bodies.getSize()):
+        body = bodies.get(i)
+        T_ground_body = _pose(body.getTransformInGround(state))
+        frames[body.getName()] = T_ground_body
+        if body.getMass() > 0.0:
+            shift = np.eye(4)
+            shift[:3, 3] = body.getMassCenter().to_numpy()
+            centres[body.getName()] = T_ground_body @ shift
+    return centres, frames
+
+
+def _decorations(model: Any, state: Any) -> tuple[list[Decoration], list[str]]:
+    """Everything that components draw, and the meshes that were not found."""
+    visitor = _Visitor(model, state)
+    missing = []
+    hints = model.getDisplayHints()
+    for component in model.getComponentsList():
+        before = len(visitor.decorations)
+        for fixed in (True, False):
+            geometry = opensim.ArrayDecorativeGeometry()
+            component.generateDecorations(fixed, hints, state, geometry)
+            for i in range(geometry.size()):
+                geometry.at(i).implementGeometry(visitor)
+        if component.getConcreteClassName() == "Mesh" and len(visitor.decorations) == before:
+            missing.append(opensim.Mesh.safeDownCast(component).get_mesh_file())
+    return visitor.decorations, missing
+
+
+class _Visitor(opensim.DecorativeGeometryImplementation):
+    """Takes each decoration as a Decoration; text, points, frames and other marks are left out."""
+
+    def __init__(self, model: Any, state: Any) -> None:
+        super().__init__()
+        self.decorations: list[Decoration] = []
+        self._poses = {0: np.eye(4)}  # by mobilized body; 0 is ground
+        bodies = model.getBodySet()
+        for i in range(bodies.getSize()):
+            self._poses[bodies.get(i).getMobilizedBodyIndex()] = _pose(bodies.get(i).getTransformInGround(state))
+
+    def _add(self, geometry: Any, kind: str, size: tuple[float, ...], file: str = "") -> None:
+        factors = geometry.getScaleFactors().to_numpy()
+        T_ground = self._poses[geometry.getBodyId()] @ _pose(geometry.getTransform())
+        if kind != "line":
+            size = tuple(float(x * factor) for x, factor in zip(size, factors, strict=True))
+        colour = geometry.getColor().to_numpy()
+        opacity = geometry.getOpacity()
+        known = (float(colour[0]), float(colour[1]), float(colour[2])) if colour.min() >= 0.0 else (1.0, 1.0, 1.0)
+        wireframe = geometry.getRepresentation() == WIREFRAME
+        self.decorations.append(Decoration(kind, size, T_ground, known, opacity if opacity >= 0.0 else 1.0, wireframe, file))
+
+    def implementMeshFileGeometry(self, geometry: Any) -> None:
+        """A mesh by the file that OpenSim found."""
+        self._add(geometry, "mesh", (1.0, 1.0, 1.0), geometry.getMeshFile())
+
+    def implementSphereGeometry(self, geometry: Any) -> None:
+        """A sphere."""
+        self._add(geometry, "sphere", (geometry.getRadius(),) * 3)
+
+    def implementEllipsoidGeometry(self, geometry: Any) -> None:
+        """An ellipsoid."""
+        self._add(geometry, "ellipsoid", tuple(geometry.getRadii().to_numpy()))
+
+    def implementBrickGeometry(self, geometry: Any) -> None:
+        """A box."""
+        self._add(geometry, "brick", tuple(geometry.getHalfLengths().to_numpy()))
+
+    def implementCylinderGeometry(self, geometry: Any) -> None:
+        """A cylinder about y."""
+        self._add(geometry, "cylinder", (geometry.getRadius(), geometry.getHalfHeight(), geometry.getRadius()))
+
+    def implementLineGeometry(self, geometry: Any) -> None:
+        """A piece of a muscle's path."""
+        self._add(geometry, "line", (*geometry.getPoint1().to_numpy(), *geometry.getPoint2().to_numpy()))
+
+    def _leave_out(self, geometry: Any) -> None:
+        """Text, points, frames and the like."""
+
+    implementArrowGeometry = implementCircleGeometry = implementConeGeometry = implementFrameGeometry = _leave_out
+    implementMeshGeometry = implementPointGeometry = implementTextGeometry = implementTorusGeometry = _leave_out

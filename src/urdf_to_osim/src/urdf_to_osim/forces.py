@@ -1,0 +1,119 @@
+"""Forces at the joints: damping, friction, stops, actuators; and mimic joints as couplers."""
+
+from __future__ import annotations
+
+import math
+
+import opensim
+
+from hric_control.plants.friction import sigmoid_parameters
+from urdf_to_osim import joints
+from urdf_to_osim.options import Options
+from urdf_to_osim.prepare import Plan
+from urdf_to_osim.urdf import ONE_COORDINATE, Joint
+
+PRISMATIC = "prismatic"
+
+
+def add(model: opensim.Model, plan: Plan, options: Options) -> None:
+    """Add what the options ask for to a model that has its joints."""
+    single = {joint.name: joint for joint in plan.robot.joints.values() if joint.type in ONE_COORDINATE}
+    for joint in single.values():
+        name = plan.joints[joint.name]
+        _add_losses(model, joint, name, options)
+        if options.stops and math.isfinite(joint.lower):
+            model.addForce(_stop(joint, name, options))
+        if options.actuators and joint.mimic is None:
+            model.addForce(_actuator(joint, name))
+        if joint.mimic is not None:
+            model.addConstraint(_coupler(joint, name, plan.joints[joint.mimic.joint]))
+    _set_mimic_defaults(model, plan)
+
+
+def _add_losses(model: opensim.Model, joint: Joint, name: str, options: Options) -> None:
+    if options.damping and joint.damping > 0.0:
+        force = opensim.SpringGeneralizedForce(name)
+        force.setName(f"{name}_damping")
+        force.setStiffness(0.0)
+        force.setRestLength(0.0)
+        force.setViscosity(joint.damping)
+        model.addForce(force)
+    if (expression := friction_expression(joint, options)) is not None:
+        force = opensim.ExpressionBasedCoordinateForce(name, expression)
+        force.setName(f"{name}_friction")
+        model.addForce(force)
+
+
+def friction_expression(joint: Joint, options: Options) -> str | None:
+    """Friction of a joint [N m or N] in OpenSim's terms of its velocity `qdot` [rad/s or m/s]; None if there is none.
+
+    Coulomb: -f tanh(dq/v). Sigmoid (C. Gaz et al., Dynamic identification of the Franka Emika Panda robot, IEEE RA-L 4(4), 2019):
+
+    -(phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3))),
+
+    written with 1 / (1 + exp(-x)) = (1 + tanh(x/2)) / 2, which cannot overflow.
+    """
+    if options.friction == "coulomb" and joint.friction > 0.0:
+        return f"-{joint.friction!r}*tanh(qdot/{options.friction_velocity!r})"
+    if options.friction == "sigmoid" and joint.name in options.friction_parameters:
+        phi1, phi2, phi3 = sigmoid_parameters(options.friction_parameters, [joint.name])[0]
+        return f"({-0.5 * phi1!r})*(tanh({0.5 * phi2!r}*(qdot+({phi3!r})))-({math.tanh(0.5 * phi2 * phi3)!r}))"
+    return None
+
+
+def _stop(joint: Joint, name: str, options: Options) -> opensim.Force:
+    """CoordinateLimitForce; of a rotation it takes degrees, N m/deg and N m s/deg."""
+    degree = 1.0 if joint.type == PRISMATIC else math.pi / 180.0
+    stiffness, damping, transition = stop_parameters(joint, options)
+    force = opensim.CoordinateLimitForce(
+        name, joint.upper / degree, stiffness * degree, joint.lower / degree, stiffness * degree, damping * degree, transition / degree
+    )
+    force.setName(f"{name}_stop")
+    return force
+
+
+def stop_parameters(joint: Joint, options: Options) -> tuple[float, float, float]:
+    """(stiffness, damping, transition) of a joint's stop: [N m/rad, N m s/rad, rad], or of a prismatic joint [N/m, N s/m, m]."""
+    if joint.type == PRISMATIC:
+        return options.stop_stiffness_linear, options.stop_damping_linear, options.stop_transition_linear
+    return options.stop_stiffness, options.stop_damping, options.stop_transition
+
+
+def _actuator(joint: Joint, name: str) -> opensim.Force:
+    """Control 1 is 1 N m or N. OpenSim enforces the limits in no simulation: who writes the controls clamps them."""
+    actuator = opensim.CoordinateActuator(name)
+    actuator.setName(f"{name}_actuator")
+    actuator.setOptimalForce(1.0)
+    actuator.setMinControl(-joint.effort)
+    actuator.setMaxControl(joint.effort)
+    return actuator
+
+
+def _coupler(joint: Joint, name: str, source: str) -> opensim.Constraint:
+    assert joint.mimic is not None
+    names = opensim.ArrayStr()
+    names.append(source)
+    coupler = opensim.CoordinateCouplerConstraint()
+    coupler.setName(f"{name}_mimic")
+    coupler.setIndependentCoordinateNames(names)
+    coupler.setDependentCoordinateName(name)
+    # Not a LinearFunction, whose coefficients OpenSim writes with six digits.
+    coefficients = opensim.Vector(2, joint.mimic.offset)
+    coefficients.set(0, joint.mimic.multiplier)
+    coupler.setFunction(opensim.PolynomialFunction(coefficients))
+    return coupler
+
+
+def _set_mimic_defaults(model: opensim.Model, plan: Plan) -> None:
+    """A mimic joint starts where its coupler wants it, so that opening the model moves no other joint."""
+    described = plan.robot.joints
+
+    def start(joint: Joint) -> float:
+        if joint.mimic is None:
+            return joints.default_value(joint)
+        return joint.mimic.multiplier * start(described[joint.mimic.joint]) + joint.mimic.offset
+
+    for joint in described.values():
+        if joint.mimic is not None and joint.type in ONE_COORDINATE:
+            coordinate = model.updJointSet().get(plan.joints[joint.name]).upd_coordinates(0)
+            coordinate.setDefaultValue(start(joint))

@@ -1,0 +1,117 @@
+"""Mesh files laid into a Geometry folder, and the model's geometry that shows them."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import opensim
+
+from hric_control.errors import DescriptionError
+from urdf_to_osim import turns
+from urdf_to_osim.converter import Conversion
+from urdf_to_osim.meshes import convert_meshes, write_whole
+from urdf_to_osim.requests import MeshRequest
+from urdf_to_osim.shapes import Shape, attach
+
+FACETS = 64  # of a cylinder or capsule as a contact mesh: its radius is 0.12 % short between the edges; our choice
+
+
+@dataclass(frozen=True)
+class Laid:
+    """What `lay` did: bare names of the files, and the time for them [s]."""
+
+    files: tuple[str, ...]
+    seconds: float
+
+
+def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> Laid:
+    """Convert the meshes into a folder and let the model in memory refer to them there; may be called again for another folder.
+
+    Raises:
+        DescriptionError: a mesh is missing, cannot be read, or has no closed surface for contact; names the link.
+    """
+    meshes = [shape for shape in conversion.meshes if shape.kind == "mesh"]
+    if not conversion.meshes:
+        return Laid((), 0.0)
+    source = Path(conversion.options.folder).resolve() if conversion.options.folder else None
+    results = convert_meshes([_request(shape, source) for shape in meshes], folder, cache, source)
+    files = {shape.name: result.file for shape, result in zip(meshes, results, strict=True)}
+    files |= {shape.name: _write_primitive(shape, folder) for shape in conversion.meshes if shape.kind != "mesh"}
+    conversion.geometry.update(files)
+    refer(conversion, folder.resolve())
+    return Laid(tuple(sorted(set(files.values()))), sum(result.seconds for result in results))
+
+
+def refer(conversion: Conversion, folder: Path | None) -> None:
+    """Let the model refer to the mesh files in a folder, or by bare name: OpenSim looks for these in Geometry/ beside the .osim.
+
+    Raises:
+        DescriptionError: a surface for contact is not closed; names the link.
+    """
+    if not conversion.attached:
+        with turns.quiet():  # a mesh complains that it has no model yet
+            for shape in conversion.meshes:
+                conversion.attached[shape.name] = _add(conversion.model, shape, _file(conversion, shape, folder))
+            conversion.model.finalizeConnections()
+    for shape in conversion.meshes:
+        set_file, _ = conversion.attached[shape.name]
+        set_file(_file(conversion, shape, folder))
+
+
+def _file(conversion: Conversion, shape: Shape, folder: Path | None) -> str:
+    bare = conversion.geometry[shape.name]
+    return bare if folder is None else str(folder / bare)
+
+
+def _request(shape: Shape, source: Path | None) -> MeshRequest:
+    """Names the file after the mesh and where it comes from, so that links share it, and robots in one folder do not overwrite each other's."""
+    x, y, z = shape.size
+    key = hashlib.sha256(f"{source}|{shape.address}|{shape.size}".encode()).hexdigest()[:8]
+    stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(shape.address).stem)
+    return MeshRequest(shape.link, shape.address, (x, y, z), f"{stem}_{key}")
+
+
+def _add(model: opensim.Model, shape: Shape, file: str) -> tuple[Callable[[str], None], opensim.Component]:
+    """Put a geometry with a file into the model; returns what sets its file, and the geometry."""
+    carrier = opensim.PhysicalFrame.safeDownCast(model.updComponent(shape.carrier))
+    if shape.visual:
+        mesh = opensim.Mesh(file)
+        mesh.setName(shape.name)
+        attach(carrier, shape, mesh, shape.T_carrier_shape)
+        return mesh.set_mesh_file, mesh
+    _check_closed(shape, Path(file))
+    contact = opensim.ContactMesh(file, *turns.place(shape.T_carrier_shape), carrier, shape.name)
+    model.addContactGeometry(contact)
+    return contact.setFilename, contact
+
+
+def _check_closed(shape: Shape, path: Path) -> None:
+    """As contact geometry OpenSim takes closed surfaces only."""
+    import trimesh
+
+    mesh = trimesh.load_mesh(path, process=False)
+    if not (mesh.is_watertight and mesh.is_winding_consistent):
+        raise DescriptionError(
+            f"link {shape.link}: collision mesh {shape.address!r} is no closed surface; close it, use its convex hull, or leave contact out"
+        )
+
+
+def _write_primitive(shape: Shape, folder: Path) -> str:
+    """A box, cylinder or capsule as a mesh: as contact geometry OpenSim has none of these that meets all others."""
+    import trimesh
+
+    if shape.kind == "box":
+        mesh = trimesh.creation.box(extents=shape.size)
+    elif shape.kind == "cylinder":
+        mesh = trimesh.creation.cylinder(radius=shape.size[0], height=shape.size[1], sections=FACETS)
+    else:
+        mesh = trimesh.creation.capsule(radius=shape.size[0], height=shape.size[1], count=[FACETS // 2, FACETS // 2])
+    text = mesh.export(file_type="obj", digits=9, include_normals=False, header=f"{shape.kind} {shape.size}").encode()
+    file = f"{shape.kind}_{hashlib.sha256(text).hexdigest()[:8]}.obj"
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / file, text)
+    return file

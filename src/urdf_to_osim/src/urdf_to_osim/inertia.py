@@ -1,0 +1,85 @@
+"""Inertias that no body has: told, repaired or kept.
+
+A tensor J about the centre of mass belongs to a body if its second moments S = tr(J)/2 E - J have no negative eigenvalue, which is the triangle
+inequality of the principal moments (P. Wensing, S. Kim, J.-J. Slotine, Linear matrix inequalities for physically consistent inertial
+parameter identification, IEEE RA-L 3(1), 2018).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hric_control.errors import DescriptionError
+from hric_control.plants.spatial import FloatArray, MassProperties
+
+# Tensors are written with few digits: a thin rod or a plate may miss the inequality by this part of its largest moment. Our choice.
+ROUNDING = 1e-6
+# A moving leaf that is repaired: too light to be felt, heavy enough to be integrated. Our choice [kg], [kg m^2].
+LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
+# A body without an inertia is repaired to a ball of water [kg/m^3].
+DENSITY = 1000.0
+
+
+def fault(body: MassProperties) -> str:
+    """Why no body has these, or an empty text. A body with neither mass nor inertia is a frame, and no fault."""
+    if body.mass < 0.0:
+        return f"its mass {body.mass} kg is negative"
+    if body.mass == 0.0:
+        return "it has an inertia but no mass" if body.inertia.any() else ""
+    if not body.inertia.any():
+        return f"it has {body.mass} kg but no inertia"
+    moments = np.asarray(np.linalg.eigvalsh(body.inertia), dtype=np.float64)
+    slack = ROUNDING * float(np.max(np.abs(moments)))
+    if moments[0] < -slack:
+        return f"its inertia is not positive (principal moments {_text(moments)} kg m^2)"
+    if moments[0] + moments[1] - moments[2] < -slack:
+        return f"its inertia breaks the triangle inequality (principal moments {_text(moments)} kg m^2)"
+    return ""
+
+
+def _text(moments: FloatArray) -> str:
+    return ", ".join(f"{moment:.4g}" for moment in moments)
+
+
+def repaired(body: MassProperties) -> tuple[MassProperties, str]:
+    """The nearest body, and what was done to it."""
+    if body.mass <= 0.0:
+        if body.mass < 0.0:
+            raise DescriptionError("a negative mass cannot be repaired")
+        return MassProperties.zero(), "its inertia was dropped, since it has no mass"
+    if not body.inertia.any():
+        radius = (0.75 * body.mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
+        return MassProperties(body.mass, body.com, 0.4 * body.mass * radius**2 * np.eye(3)), f"it got the inertia of a ball of water, {radius:.3g} m"
+    moments, axes = np.linalg.eigh(0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia)
+    moments = np.maximum(moments, ROUNDING * float(np.max(np.abs(moments))))
+    inertia = axes @ np.diag(np.sum(moments) - moments) @ axes.T
+    change = float(np.max(np.abs(inertia - body.inertia)))
+    return MassProperties(
+        body.mass, body.com, 0.5 * (inertia + inertia.T)
+    ), f"its inertia was moved to the nearest of a body, by up to {change:.3g} kg m^2"
+
+
+def settled(name: str, body: MassProperties, choice: str) -> tuple[MassProperties, str]:
+    """The mass properties of a link to build with, and a note (empty if nothing was done).
+
+    Args:
+        name: of the link.
+        body: as the description has it.
+        choice: "refuse", "repair" or "keep".
+
+    Raises:
+        DescriptionError: a fault that may not stay; says what to do.
+    """
+    reason = fault(body)
+    if not reason:
+        return body, ""
+    cannot_keep = body.mass <= 0.0 or not body.inertia.any()
+    if choice == "refuse" or body.mass < 0.0 or (choice == "keep" and cannot_keep):
+        advice = "correct its <inertial>" + ("" if body.mass < 0.0 else ", or convert with inertia repair")
+        raise DescriptionError(f"link {name}: {reason}; {advice}")
+    if choice == "keep":
+        return body, f"link {name}: {reason}; kept as it is"
+    mended, what = repaired(body)
+    return mended, f"link {name}: {reason}; {what}"

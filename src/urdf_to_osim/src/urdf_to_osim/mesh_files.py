@@ -1,0 +1,122 @@
+"""One mesh file in, its triangles out; and triangles as the .obj that OpenSim reads."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import collada
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from hric_control.plants.spatial import FloatArray
+
+IntArray = NDArray[np.int64]
+
+
+class UnreadableMeshError(Exception):
+    """The file is not what its ending says, or holds no surface."""
+
+
+LOOKS = (
+    "library_effects", "library_materials", "library_images", "library_lights", "library_cameras",
+    "library_animations", "library_controllers", "bind_material", "instance_camera", "instance_light", "instance_controller",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Triangles in the axes of the mesh.
+
+    Attributes:
+        vertices: shape (n, 3) [m].
+        faces: indices of vertices, counter-clockwise seen from outside, shape (m, 3).
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Least and greatest coordinates, shape (2, 3) [m]."""
+        return np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+
+def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) -> Surface:
+    """Triangles of a mesh file, scaled as a URDF's `<mesh scale>` asks; a negative factor mirrors and keeps the outside outside.
+
+    In a COLLADA file the transforms of its nodes and its unit of length apply; its `up_axis` does not, as in rviz.
+
+    Args:
+        path: the file; only its ending is read here.
+        content: the bytes of the file.
+        scale: factors along the mesh's axes.
+
+    Raises:
+        UnreadableMeshError: not a mesh of that kind, or one without area.
+    """
+    try:
+        parts = _read_collada(content) if path.suffix.lower() == ".dae" else _read_plain(path.suffix, content)
+    except Exception as error:  # the readers raise whatever their parsers do
+        raise UnreadableMeshError(f"{type(error).__name__}: {error}".splitlines()[0]) from error
+    mesh = trimesh.util.concatenate([trimesh.Trimesh(vertices, faces, process=False) for vertices, faces in parts]) if parts else trimesh.Trimesh()
+    if len(mesh.faces) and not np.isfinite(mesh.vertices[mesh.faces]).all():
+        raise UnreadableMeshError("a coordinate is not a finite number")
+    return _clean(mesh, scale)
+
+
+def _read_collada(content: bytes) -> list[tuple[Any, Any]]:
+    """Vertices [m] and faces of every primitive in the file's scene."""
+    document = collada.Collada(io.BytesIO(_without_looks(content)), ignore=[collada.common.DaeUnsupportedError])
+    metres = document.assetInfo.unitmeter or 1.0
+    parts = []
+    for geometry in document.scene.objects("geometry") if document.scene else ():
+        for primitive in geometry.primitives():
+            triangles = primitive.triangleset() if hasattr(primitive, "triangleset") else primitive
+            indices = getattr(triangles, "vertex_index", None)
+            if indices is not None and np.ndim(indices) == 2 and np.shape(indices)[1] == 3:  # lines have pairs
+                parts.append((np.asarray(triangles.vertex, float) * metres, indices))
+    return parts
+
+
+def _without_looks(content: bytes) -> bytes:
+    """The COLLADA file without materials, images, lights and cameras, whose broken references would take the shapes with them."""
+    root = ElementTree.fromstring(content)
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag.rpartition("}")[2] in LOOKS:
+                parent.remove(child)
+    return ElementTree.tostring(root)
+
+
+def _read_plain(suffix: str, content: bytes) -> list[tuple[Any, Any]]:
+    """Vertices and faces of an .stl or .obj file, which have no unit and no transforms."""
+    options = {"skip_materials": True} if suffix.lower() == ".obj" else {}
+    mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix[1:].lower(), process=False, **options)
+    return [(mesh.vertices, mesh.faces)]
+
+
+def _clean(mesh: Any, scale: tuple[float, float, float]) -> Surface:
+    """Scaled, equal vertices merged, faces without area dropped: contact needs closed surfaces."""
+    mesh.apply_transform(np.diag([*scale, 1.0]))
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    mesh.update_faces(mesh.nondegenerate_faces())
+    mesh.remove_unreferenced_vertices()
+    if not len(mesh.faces):
+        raise UnreadableMeshError("no triangle with an area in it")
+    return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
+
+
+def obj_text(surface: Surface, source: str) -> str:
+    """The surface as Wavefront .obj with nine digits, without normals, textures and materials.
+
+    Args:
+        source: what the first line says it was made from.
+    """
+    vertices = ("v %.9g %.9g %.9g\n" * len(surface.vertices)) % tuple(surface.vertices.ravel().tolist())
+    faces = ("f %d %d %d\n" * len(surface.faces)) % tuple((surface.faces + 1).ravel().tolist())
+    return f"# from {source}; unit: m\n{vertices}{faces}"

@@ -1,0 +1,152 @@
+"""The meshes of a description as files that OpenSim reads, converted once and kept by the hash of their content."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import math
+import os
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hric_control.errors import DescriptionError, HricError
+from hric_control.plants.resources import resolve
+from urdf_to_osim.requests import MeshRequest
+
+LOG = logging.getLogger("hric.urdf_to_osim")
+SUFFIXES = (".dae", ".obj", ".stl")
+"""What a description may name; of these OpenSim itself would pass over .dae with a line in its log."""
+ENDING = ".obj"
+"""Of what is written."""
+VERSION = b"1"
+"""Part of every key of the cache: to be changed with what the conversion writes."""
+
+
+@dataclass(frozen=True)
+class MeshResult:
+    """A mesh that lies in the folder now, in metres, with the request's scale already in it.
+
+    Attributes:
+        request: what was asked for.
+        file: bare file name with its ending, for `Mesh` and `ContactMesh`.
+        seconds: time that it took [s].
+        cached: whether an earlier conversion was used.
+    """
+
+    request: MeshRequest
+    file: str
+    seconds: float
+    cached: bool
+
+
+def default_cache() -> Path:
+    """Where conversions are kept: hric/meshes below XDG_CACHE_HOME, or ~/.cache. It may be removed at any time."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hric" / "meshes"
+
+
+def convert_meshes(requests: Sequence[MeshRequest], folder: Path, cache: Path | None = None, relative_to: Path | None = None) -> list[MeshResult]:
+    """Lay `<file>.obj` for each request into a folder. Each file appears whole or not at all.
+
+    Args:
+        requests: meshes in any order; the same address may come more than once.
+        folder: the Geometry folder; made where it is missing, other files in it are left alone.
+        cache: where conversions are kept; default_cache() by default. One that cannot be written costs time, not the result.
+        relative_to: folder against which relative addresses are meant, the description's own.
+
+    Raises:
+        DescriptionError: a mesh is missing, has an unknown ending or a bad scale, or cannot be read; nothing is written for missing ones.
+    """
+    paths = _find_all(requests, relative_to)
+    cache = default_cache() if cache is None else cache
+    folder.mkdir(parents=True, exist_ok=True)
+    return [_convert(request, path, folder, cache) for request, path in zip(requests, paths, strict=True)]
+
+
+def _find_all(requests: Sequence[MeshRequest], relative_to: Path | None) -> list[Path]:
+    """The file of each request; the error names the first that is missing and how many more are."""
+    paths: list[Path] = []
+    errors: list[str] = []
+    for request in requests:
+        try:
+            paths.append(_find(request, relative_to))
+        except HricError as error:
+            if str(error) not in errors:
+                errors.append(str(error))
+    if errors:
+        raise DescriptionError(errors[0] + (f" ({len(errors) - 1} more meshes likewise)" if len(errors) > 1 else ""))
+    return paths
+
+
+def _find(request: MeshRequest, relative_to: Path | None) -> Path:
+    where = f"link {request.link!r}: mesh {request.address!r}"
+    if len(request.scale) != 3 or not all(math.isfinite(factor) and factor for factor in request.scale):
+        raise DescriptionError(f"{where}: scale {' '.join(f'{x:g}' for x in request.scale)} must be three finite numbers other than 0")
+    if Path(request.address).suffix.lower() not in SUFFIXES:
+        raise DescriptionError(
+            f"{where}: this kind of file cannot be read; valid: {', '.join(SUFFIXES)}. Export it as one of these, or leave meshes out"
+        )
+    try:
+        return resolve(request.address, relative_to)
+    except HricError as error:
+        raise DescriptionError(f"{where}: {error}. Put the file there, set ROS_PACKAGE_PATH, or leave meshes out") from error
+
+
+def _convert(request: MeshRequest, path: Path, folder: Path, cache: Path) -> MeshResult:
+    started = time.perf_counter()
+    content = path.read_bytes()
+    key = hashlib.sha256(b"|".join([VERSION, path.suffix.lower().encode(), repr(tuple(map(float, request.scale))).encode(), content])).hexdigest()
+    kept = cache / f"{key}{ENDING}"
+    target = folder / f"{request.file}{ENDING}"
+    text = _read_kept(kept)
+    cached = text is not None
+    if text is None:
+        text = _fresh(request, path, content)
+        _keep(kept, text)
+    write_whole(target, text)
+    return MeshResult(request, target.name, time.perf_counter() - started, cached)
+
+
+def _fresh(request: MeshRequest, path: Path, content: bytes) -> bytes:
+    from urdf_to_osim.mesh_files import UnreadableMeshError, obj_text, read_surface  # loads the mesh libraries: 0.3 s
+
+    try:
+        return obj_text(read_surface(path, content, request.scale), path.name).encode()
+    except UnreadableMeshError as error:
+        raise DescriptionError(
+            f"link {request.link!r}: mesh {request.address!r} ({path}) cannot be read as {path.suffix}: {error}. Repair it, or leave meshes out"
+        ) from error
+
+
+def _read_kept(kept: Path) -> bytes | None:
+    try:
+        return kept.read_bytes() or None
+    except OSError:
+        return None
+
+
+def _keep(kept: Path, text: bytes) -> None:
+    try:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(kept, text)
+    except OSError as error:
+        LOG.warning("converted meshes are not kept: %s", error)
+
+
+def write_whole(target: Path, content: bytes) -> None:
+    """Write a file so that it is there whole or as it was before, also when several processes write it at once.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        os.chmod(name, 0o644)
+        os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,222 @@
+"""The description in an independent rigid-body library (pinocchio), asked in OpenSim's coordinates.
+
+Pinocchio reads the description itself; only what it cannot read as it is meant is rewritten, in XML: the axis of a planar joint, which it ignores, is
+turned into the joint's origin; mimic joints move freely; inertias that were repaired are replaced.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import pinocchio as pin
+
+from hric_control.errors import DescriptionError
+from hric_control.plants.spatial import FloatArray, MassProperties, inverse, rpy_from_rotation
+from urdf_to_osim import turns, urdf
+from urdf_to_osim.joints import joint_turn
+from urdf_to_osim.prepare import Plan
+
+# In pinocchio links and joints share one space of names.
+LINK, JOINT = "link:", "joint:"
+NOT_DYNAMICS = ("visual", "collision", "transmission", "gazebo", "material", "mimic", "safety_controller", "calibration")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One joint's motion in pinocchio's terms: q, v = J xd, a = J xdd + Jd xd, of coordinates x, speeds xd and accelerations xdd in OpenSim."""
+
+    q: FloatArray
+    J: FloatArray
+    Jd_xd: FloatArray
+
+
+class Oracle:
+    """A description in pinocchio.
+
+    Args:
+        plan: of the conversion; its inertias are those that the model shall have.
+        urdf_xml: the description.
+        gravity: in axes of the root link, three numbers [m/s^2].
+        up: as in `Options`: frames are given in OpenSim's ground.
+
+    Attributes:
+        joints: joints with coordinates; all arrays follow them and their coordinates in order.
+
+    Raises:
+        DescriptionError: pinocchio cannot read the description.
+    """
+
+    def __init__(self, plan: Plan, urdf_xml: str, gravity: Sequence[float], up: str) -> None:
+        try:
+            self._model = pin.buildModelFromXML(rewritten(plan, urdf_xml))
+        except (ValueError, RuntimeError) as error:
+            raise DescriptionError(f"robot {plan.robot.name}: the library that proves the model cannot read the description: {error}") from error
+        self._model.gravity.linear = np.asarray(gravity, dtype=float)
+        self._data = self._model.createData()
+        self._T_ground_base = turns.base_pose(up)
+        self._frames = {name: self._model.getFrameId(LINK + name) for name in plan.robot.links}
+        self.joints = [joint for joint in plan.robot.joints.values() if joint.type != "fixed"]
+        self._places = [self._model.joints[self._model.getJointId(JOINT + joint.name)] for joint in self.joints]
+        sizes = np.cumsum([0, *(place.nv for place in self._places)])
+        self._slices = [slice(int(a), int(b)) for a, b in pairwise(sizes)]
+        self.size = int(sizes[-1])
+
+    def frames(self, x: FloatArray) -> dict[str, FloatArray]:
+        """Pose of each link in OpenSim's ground, shape (4, 4) [m], at coordinates x."""
+        q, _, _ = self._motion(x, np.zeros(self.size))
+        pin.framesForwardKinematics(self._model, self._data, q)
+        return {name: self._T_ground_base @ self._data.oMf[index].homogeneous for name, index in self._frames.items()}
+
+    def mass(self, x: FloatArray) -> FloatArray:
+        """Mass matrix at coordinates x, shape (n, n) [kg m^2, kg m, kg]."""
+        q, J, _ = self._motion(x, np.zeros(self.size))
+        M = np.triu(pin.crba(self._model, self._data, q))
+        M = M + np.triu(M, 1).T
+        return np.asarray(J.T @ M @ J)
+
+    def gravity(self, x: FloatArray) -> FloatArray:
+        """Efforts that hold the robot still at coordinates x, shape (n,) [N m or N]."""
+        q, J, _ = self._motion(x, np.zeros(self.size))
+        return np.asarray(J.T @ pin.computeGeneralizedGravity(self._model, self._data, q))
+
+    def inverse_dynamics(self, x: FloatArray, xd: FloatArray, xdd: FloatArray) -> FloatArray:
+        """Efforts of a motion without losses, shape (n,) [N m or N]; x, xd, xdd: coordinates, speeds, accelerations, shape (n,)."""
+        q, J, Jd_xd = self._motion(x, xd)
+        return np.asarray(J.T @ pin.rnea(self._model, self._data, q, J @ xd, J @ xdd + Jd_xd))
+
+    def described(self, joint: urdf.Joint) -> urdf.Joint:
+        """A joint with one coordinate, its limits, damping and friction as pinocchio reads them from the description."""
+        place = self._places[self.joints.index(joint)]
+        v, model = place.idx_v, self._model
+        own = replace(joint, damping=float(model.damping[v]), friction=float(model.upperDryFrictionLimit[v]))
+        own = replace(own, effort=float(model.upperEffortLimit[v]) or math.inf)
+        if joint.type == "continuous":
+            return own
+        lower, upper = urdf.sensible_range(float(model.lowerPositionLimit[place.idx_q]), float(model.upperPositionLimit[place.idx_q]))
+        return replace(own, lower=lower, upper=upper)
+
+    def _motion(self, x: FloatArray, xd: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """q of pinocchio, J, and Jd xd, whose rows follow pinocchio's velocities and whose columns follow ours."""
+        q, J, Jd_xd = pin.neutral(self._model), np.zeros((self.size, self.size)), np.zeros(self.size)
+        for joint, place, part in zip(self.joints, self._places, self._slices, strict=True):
+            motion = MOTIONS[joint.type](x[part], xd[part])
+            rows = slice(place.idx_v, place.idx_v + place.nv)
+            q[place.idx_q : place.idx_q + place.nq] = motion.q
+            J[rows, part], Jd_xd[rows] = motion.J, motion.Jd_xd
+        return q, J, Jd_xd
+
+
+def _single(x: FloatArray, xd: FloatArray) -> Motion:
+    return Motion(x, np.eye(1), np.zeros(1))
+
+
+def _continuous(x: FloatArray, xd: FloatArray) -> Motion:
+    return Motion(np.array([math.cos(x[0]), math.sin(x[0])]), np.eye(1), np.zeros(1))
+
+
+def _planar(x: FloatArray, xd: FloatArray) -> Motion:
+    """Coordinates (theta, x, y), x and y of the child's origin; pinocchio: (x, y, cos, sin) and the velocity in axes of the child."""
+    c, s = math.cos(x[0]), math.sin(x[0])
+    J = np.array([[0.0, c, s], [0.0, -s, c], [1.0, 0.0, 0.0]])
+    Jd = xd[0] * np.array([[0.0, -s, c], [0.0, -c, -s], [0.0, 0.0, 0.0]])
+    return Motion(np.array([x[1], x[2], c, s]), J, Jd @ xd)
+
+
+def _floating(x: FloatArray, xd: FloatArray) -> Motion:
+    """Coordinates (a, b, c, p) with R = Rx(a) Ry(b) Rz(c), speeds (omega, pd) in axes of the joint frame: not the derivatives of the angles.
+
+    Pinocchio: (p, quaternion) and the twist (R' pd, R' omega) in axes of the child.
+    """
+    R = pin.utils.rotate("x", x[0]) @ pin.utils.rotate("y", x[1]) @ pin.utils.rotate("z", x[2])
+    J = np.zeros((6, 6))
+    J[:3, 3:] = J[3:, :3] = R.T
+    omega, velocity = R.T @ xd[:3], R.T @ xd[3:]
+    return Motion(np.concatenate([x[3:], pin.Quaternion(R).coeffs()]), J, np.concatenate([-np.cross(omega, velocity), np.zeros(3)]))
+
+
+MOTIONS: dict[str, Callable[[FloatArray, FloatArray], Motion]] = {
+    "revolute": _single,
+    "prismatic": _single,
+    "continuous": _continuous,
+    "planar": _planar,
+    "floating": _floating,
+}
+
+
+def rewritten(plan: Plan, urdf_xml: str) -> str:
+    """The description as pinocchio is to read it."""
+    root = ElementTree.fromstring(urdf_xml)
+    root.set("name", plan.robot.name)
+    original = urdf.read(urdf_xml)
+    for parent in list(root.iter()):
+        for child in [child for child in parent if child.tag in NOT_DYNAMICS]:
+            parent.remove(child)
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        mass = plan.robot.links[name].mass
+        if mass is not None and not _same(mass, original.links[name].mass):
+            _replace_inertial(link, mass)
+        link.set("name", LINK + name)
+    for joint in root.findall("joint"):
+        _rewrite_joint(root, joint, plan.robot.joints[joint.get("name", "")])
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _same(mass: MassProperties, other: MassProperties | None) -> bool:
+    return other is not None and mass.mass == other.mass and bool(np.array_equal(mass.inertia, other.inertia))
+
+
+def _replace_inertial(link: Element, mass: MassProperties) -> None:
+    for old in link.findall("inertial"):
+        link.remove(old)
+    inertial = SubElement(link, "inertial")
+    SubElement(inertial, "origin", xyz=_text(mass.com))
+    SubElement(inertial, "mass", value=repr(float(mass.mass)))
+    J = mass.inertia
+    places = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    SubElement(inertial, "inertia", {name: repr(float(J[place])) for name, place in places.items()})
+
+
+def _rewrite_joint(root: Element, element: Element, joint: urdf.Joint) -> None:
+    element.set("name", JOINT + joint.name)
+    for side, link in (("parent", joint.parent), ("child", joint.child)):
+        tag = element.find(side)
+        assert tag is not None
+        tag.set("link", LINK + link)
+    limit = element.find("limit")
+    for name in ("effort", "velocity") if limit is not None else ():
+        limit.attrib.setdefault(name, "0")  # type: ignore[union-attr]
+    if joint.type == "planar":
+        _turn_planar(root, element, joint)
+
+
+def _turn_planar(root: Element, element: Element, joint: urdf.Joint) -> None:
+    """A planar joint about its normal: the turn stands in its origin, and a fixed joint behind it turns back."""
+    A = np.eye(4)
+    A[:3, :3] = joint_turn(joint)
+    for old in element.findall("origin"):
+        element.remove(old)
+    _set_origin(element, joint.T_parent_joint @ A)
+    turned = f"{LINK}turned:{joint.child}"
+    child = element.find("child")
+    assert child is not None
+    child.set("link", turned)
+    SubElement(root, "link", name=turned)
+    back = SubElement(root, "joint", name=f"{JOINT}back:{joint.name}", type="fixed")
+    SubElement(back, "parent", link=turned)
+    SubElement(back, "child", link=LINK + joint.child)
+    _set_origin(back, inverse(A))
+
+
+def _set_origin(element: Element, T: FloatArray) -> None:
+    SubElement(element, "origin", xyz=_text(T[:3, 3]), rpy=_text(rpy_from_rotation(T[:3, :3])))
+
+
+def _text(values: Sequence[float] | FloatArray) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,85 @@
+"""A converted model as files: all of them, or none."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from hric_control.errors import CommandError, ParameterError
+from urdf_to_osim.converter import Conversion
+from urdf_to_osim.geometry import lay, refer
+
+GEOMETRY = "Geometry"  # the folder beside an .osim where OpenSim looks for mesh files
+SUFFIX = ".osim"
+
+
+@dataclass(frozen=True)
+class Written:
+    """What `write` left: the model, its mesh files in Geometry/, and the time for the meshes [s]."""
+
+    path: Path
+    meshes: tuple[Path, ...]
+    mesh_seconds: float
+
+
+def write(conversion: Conversion, path: Path | str, check: Callable[[Path], None] | None = None, cache: Path | None = None) -> Written:
+    """Write a model and its mesh files; files of the same names are replaced, others in Geometry/ left alone.
+
+    Args:
+        conversion: what to write.
+        path: of the .osim; its folder must exist.
+        check: called with the finished file at another place; what it raises stops the writing, and nothing is left behind.
+        cache: of converted meshes; `meshes.default_cache()` by default.
+
+    Raises:
+        ParameterError: the path is not that of a file that can be written.
+        DescriptionError: a mesh is missing or cannot be read; names link and address.
+        CommandError: the files cannot be written.
+    """
+    path = Path(path)
+    if path.suffix != SUFFIX or path.is_dir():
+        raise ParameterError(f"output {path} must be the name of a file that ends in {SUFFIX}")
+    if not path.parent.is_dir():
+        raise ParameterError(f"output {path}: there is no folder {path.parent}; make it first")
+    try:
+        with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as name:
+            return _write(conversion, path, Path(name), check, cache)
+    except OSError as error:
+        raise CommandError(f"output {path} cannot be written: {error.strerror or error} ({error.filename})") from error
+
+
+def _write(conversion: Conversion, path: Path, stage: Path, check: Callable[[Path], None] | None, cache: Path | None) -> Written:
+    laid = lay(conversion, stage / GEOMETRY, cache)
+    staged = stage / path.name
+    refer(conversion, None)
+    if not conversion.model.printToXML(str(staged)) or not staged.is_file():
+        raise CommandError(f"output {path}: OpenSim wrote no file")
+    os.chmod(staged, 0o644)
+    if check is not None:
+        check(staged)
+    _place(stage / GEOMETRY, path.parent / GEOMETRY, laid.files)
+    os.replace(staged, path)
+    refer(conversion, (path.parent / GEOMETRY).resolve())
+    return Written(path, tuple(path.parent / GEOMETRY / file for file in laid.files), laid.seconds)
+
+
+def _place(stage: Path, folder: Path, files: tuple[str, ...]) -> None:
+    """Move files into a folder, one whole file after the other; those that are new are taken away again if one fails."""
+    made_folder = bool(files) and not folder.exists()
+    made: list[Path] = []
+    try:
+        if made_folder:
+            folder.mkdir()
+        for file in files:
+            made += [folder / file] if not (folder / file).exists() else []
+            os.replace(stage / file, folder / file)
+    except OSError:
+        for path in made:
+            path.unlink(missing_ok=True)
+        if made_folder:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise

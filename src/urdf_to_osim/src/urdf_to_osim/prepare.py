@@ -1,0 +1,153 @@
+"""What is decided before a model is built: names, inertias, and which links become bodies."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hric_control.errors import DescriptionError, UnknownNameError
+from hric_control.plants.spatial import MassProperties
+from urdf_to_osim import inertia, urdf
+from urdf_to_osim.joints import coordinate_names
+from urdf_to_osim.options import Options
+
+# What separates and matches component paths in OpenSim, and white space.
+ILLEGAL = re.compile(r"[/\\*+\s]")
+# Components that every body, joint or model has.
+RESERVED = ("ground", "frame_geometry", "wrapobjectset", "components", "..", ".")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A description ready to be built.
+
+    Attributes:
+        robot: with inertias settled.
+        links, joints: names of the description -> names in OpenSim.
+        bodies: links that become bodies; the others are frames.
+        notes: what was repaired, kept or renamed.
+    """
+
+    robot: urdf.Robot
+    links: dict[str, str]
+    joints: dict[str, str]
+    bodies: frozenset[str]
+    notes: tuple[str, ...]
+
+
+def prepare(robot: urdf.Robot, options: Options) -> Plan:
+    """Decide names, inertias and bodies.
+
+    Raises:
+        DescriptionError: an inertia or a name that may not stay; names the element and what to do.
+        UnknownNameError: friction parameters of a joint that does not exist or has not one coordinate.
+    """
+    notes: list[str] = []
+    links = legal_names("link", robot.links, options.names, notes)
+    joints = legal_names("joint", robot.joints, options.names, notes)
+    _check_friction(robot, options)
+    _check_coordinates(robot, joints)
+    settled = _settle_inertias(robot, options, notes)
+    moved = {joint.child for joint in robot.joints.values() if joint.type != "fixed"}
+    bodies = frozenset(name for name, link in settled.links.items() if name in moved or _has_mass(link))
+    return Plan(settled, links, joints, bodies, tuple(notes))
+
+
+def legal_names(kind: str, names: Iterable[str], choice: str, notes: list[str]) -> dict[str, str]:
+    """Names of the description -> names that OpenSim allows, all different; `choice` is "refuse" or "rename".
+
+    Raises:
+        DescriptionError: a forbidden name that may not be changed.
+    """
+    names = list(names)
+    taken = {name for name in names if not _illegal(name)}
+    legal: dict[str, str] = {}
+    for name in names:
+        if not (reason := _illegal(name)):
+            legal[name] = name
+            continue
+        if choice == "refuse":
+            raise DescriptionError(f"{kind} {name!r}: OpenSim forbids the name ({reason}); rename it, or convert with names rename")
+        legal[name] = _free(f"{name}_{kind}" if name in RESERVED else ILLEGAL.sub("_", name), taken)
+        taken.add(legal[name])
+        notes.append(f"{kind} {name!r}: renamed to {legal[name]}, since {reason}")
+    return legal
+
+
+def _check_friction(robot: urdf.Robot, options: Options) -> None:
+    single = [joint.name for joint in robot.joints.values() if joint.type in urdf.ONE_COORDINATE]
+    for name in options.friction_parameters:
+        if name not in single:
+            raise UnknownNameError("joint", name, single, "friction_parameters")
+
+
+def _check_coordinates(robot: urdf.Robot, names: dict[str, str]) -> None:
+    """Forces find coordinates by name: those of planar and floating joints must not be another joint's name."""
+    owner: dict[str, str] = {}
+    for joint in robot.joints.values():
+        for coordinate in coordinate_names(joint, names[joint.name]):
+            if coordinate in owner:
+                raise DescriptionError(
+                    f"joint {joint.name}: its coordinate {coordinate} is also one of joint {owner[coordinate]}; rename one of them"
+                )
+            owner[coordinate] = joint.name
+
+
+def _illegal(name: str) -> str:
+    if name in RESERVED:
+        return "it is one of its own"
+    found = sorted(set(ILLEGAL.findall(name)))
+    return f"it contains {' '.join(map(repr, found))}" if found else ""
+
+
+def _free(wish: str, taken: set[str]) -> str:
+    candidate, number = wish, 2
+    while candidate in taken:
+        candidate, number = f"{wish}_{number}", number + 1
+    return candidate
+
+
+def _settle_inertias(robot: urdf.Robot, options: Options, notes: list[str]) -> urdf.Robot:
+    links = dict(robot.links)
+    for name, link in robot.links.items():
+        if link.mass is not None:
+            mass, note = inertia.settled(name, link.mass, options.inertia)
+            links[name] = replace(link, mass=mass)
+            notes += [note] if note else []
+    # From the leaves inwards, since what a link gets counts for the one before it.
+    for joint in reversed(robot.joints.values()):
+        reason = "" if joint.type == "fixed" else _carries_nothing(joint, robot.joints.values(), links)
+        if reason and options.inertia != "repair":
+            raise DescriptionError(f"link {joint.child}: {reason}; give it an <inertial>, make the joint fixed, or convert with inertia repair")
+        if reason:
+            links[joint.child] = replace(links[joint.child], mass=_least())
+            notes.append(f"link {joint.child}: {reason}; it got {inertia.LEAST_MASS:g} kg and {inertia.LEAST_INERTIA:g} kg m^2")
+    return replace(robot, links=links)
+
+
+def _least() -> MassProperties:
+    return MassProperties(inertia.LEAST_MASS, np.zeros(3), inertia.LEAST_INERTIA * np.eye(3))
+
+
+def _carries_nothing(joint: urdf.Joint, joints: Iterable[urdf.Joint], links: dict[str, urdf.Link]) -> str:
+    """Why OpenSim cannot hold a moved link without mass; empty if it can: something with mass is fixed to it or follows at the next joint."""
+    joints = list(joints)
+    group, followed = [joint.child], False
+    for name in group:
+        if _has_mass(links[name]):
+            return ""
+        outboard = [other for other in joints if other.parent == name]
+        if any(other.type != "fixed" and _has_mass(links[other.child]) for other in outboard):
+            return ""
+        followed = followed or any(other.type != "fixed" for other in outboard)
+        group += [other.child for other in outboard if other.type == "fixed"]
+    if followed:
+        return f"joint {joint.name} moves it, and neither it nor the link that follows has mass, which OpenSim cannot hold"
+    return f"joint {joint.name} moves it, but it and what is fixed to it have no mass"
+
+
+def _has_mass(link: urdf.Link) -> bool:
+    return link.mass is not None and link.mass.mass > 0.0

@@ -1,0 +1,224 @@
+"""Proof of a conversion: the file, read back, against a rigid-body library and closed forms over random states."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from hric_control.errors import DescriptionError
+from hric_control.plants.spatial import FloatArray
+from urdf_to_osim import closed_form, states
+from urdf_to_osim.converter import Conversion, convert
+from urdf_to_osim.options import Options
+from urdf_to_osim.oracle import Oracle
+from urdf_to_osim.reading import Reading
+from urdf_to_osim.urdf import ONE_COORDINATE, Joint
+
+TOLERANCE = 1e-9
+"""Largest error, relative to the largest value compared where that is above 1 [SI]; our choice, a thousand times what the sums lose by rounding."""
+LIGHT = "mass matrix / inertia"
+"""Error of an element of the mass matrix relative to the two joints' own inertia: what an absolute error hides in a small robot."""
+LIGHT_TOLERANCE = 1e-6
+LIMITS = {LIGHT: LIGHT_TOLERANCE}
+UNITS = {"frames": "m, 1", "couplers": "rad, m, 1/s", "mass matrix": "kg m^2, kg", LIGHT: "1", "effort limits": "N m, N"}
+
+
+@dataclass
+class Proof:
+    """Largest errors over the states.
+
+    Attributes:
+        errors: what was compared -> largest error; only what the robot has.
+        states: number of random states.
+        seconds: time that it took [s].
+    """
+
+    states: int
+    errors: dict[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @property
+    def failed(self) -> list[str]:
+        """What is above its tolerance or not a number."""
+        return [name for name, error in self.errors.items() if not error <= LIMITS.get(name, TOLERANCE)]
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything is within its tolerance."""
+        return bool(self.errors) and not self.failed
+
+    def compare(self, name: str, found: FloatArray, wanted: FloatArray) -> None:
+        """Add an error, relative to the largest wanted value where that is above 1."""
+        scale = max(1.0, float(np.max(np.abs(wanted), initial=0.0)))
+        self._add(name, float(np.max(np.abs(found - wanted), initial=0.0)) / scale)
+
+    def compare_mass(self, found: FloatArray, wanted: FloatArray) -> None:
+        """Add the errors of a mass matrix."""
+        self.compare("mass matrix", found, wanted)
+        own = np.sqrt(np.diag(wanted))
+        self._add(LIGHT, float(np.max(np.abs(found - wanted) / np.outer(own, own), initial=0.0)))
+
+    def _add(self, name: str, error: float) -> None:
+        known = self.errors.get(name, 0.0)
+        self.errors[name] = error if math.isnan(error) or error > known else known
+
+    def table(self) -> str:
+        """The errors for a reader."""
+        lines = [f"{'compared':<24}{'unit':<14}{'largest error':>14}{'tolerance':>12}"]
+        for name, error in self.errors.items():
+            verdict = "" if name not in self.failed else "  FAILED"
+            lines.append(f"{name:<24}{UNITS.get(name, 'N m, N'):<14}{error:>14.1e}{LIMITS.get(name, TOLERANCE):>12.0e}{verdict}")
+        return "\n".join(lines)
+
+
+def prove(path: Path | str, urdf_xml: str, options: Options | None = None, states: int = 100, seed: int = 0) -> Proof:
+    """Compare a written model with the description that it was made from.
+
+    Args:
+        path: the .osim file.
+        urdf_xml: the description, pure URDF.
+        options: those of the conversion.
+        states: number of random states.
+        seed: of the random numbers.
+
+    Returns:
+        The errors; `passed` tells whether they are small enough.
+
+    Raises:
+        DescriptionError: OpenSim or pinocchio cannot use the model, or it cannot move: a joint moves no inertia.
+    """
+    started = time.perf_counter()
+    options = options or Options()
+    proof = _Prover(convert(urdf_xml, options), urdf_xml, Path(path), options).run(states, seed)
+    proof.seconds = time.perf_counter() - started
+    return proof
+
+
+class _Prover:
+    """The comparisons of one file."""
+
+    def __init__(self, conversion: Conversion, urdf_xml: str, path: Path, options: Options) -> None:
+        self.options = options
+        self.names = conversion.plan.joints
+        self.oracle = Oracle(conversion.plan, urdf_xml, options.gravity, options.up)
+        self.joints = self.oracle.joints
+        paths = [name for joint in self.joints for name in conversion.joints[joint.name].paths]
+        self.reading = Reading(path, paths, {name: frame.path for name, frame in conversion.frames.items()})
+        # Joints with one coordinate, as pinocchio reads them, and where it stands.
+        counts = [len(conversion.joints[joint.name].coordinates) for joint in self.joints]
+        starts = np.cumsum([0, *counts])
+        self.single = {
+            joint.name: (self.oracle.described(joint), int(start))
+            for joint, start in zip(self.joints, starts, strict=False)
+            if joint.type in ONE_COORDINATE
+        }
+        self.size = int(starts[-1])
+
+    def run(self, count: int, seed: int) -> Proof:
+        proof, random = Proof(count), np.random.default_rng(seed)
+        for _ in range(count):
+            self._rigid(proof, random)
+            if self.single:
+                self._forces(proof, random)
+        return proof
+
+    def _rigid(self, proof: Proof, random: np.random.Generator) -> None:
+        x = np.array([value for joint in self.joints for value in states.coordinates(joint, random)])
+        xd, xdd = random.normal(size=(2, self.size))
+        self.reading.move(x, np.zeros(self.size))
+        wanted = self.oracle.frames(x)
+        found = self.reading.frames()
+        proof.compare("frames", np.array([found[name] for name in wanted]), np.array(list(wanted.values())))
+        if not self.size:
+            return
+        mass = self.oracle.mass(x)
+        self._check_movable(mass)
+        proof.compare_mass(self.reading.mass(), mass)
+        proof.compare("gravity", self.reading.inverse_dynamics(np.zeros(self.size)), self.oracle.gravity(x))
+        self.reading.move(x, xd)
+        proof.compare("inverse dynamics", self.reading.inverse_dynamics(xdd), self.oracle.inverse_dynamics(x, xd, xdd))
+        if not np.isfinite(self.reading.accelerations()).all():
+            raise DescriptionError("OpenSim finds no finite accelerations for this robot; check the masses and inertias of its links")
+
+    def _check_movable(self, mass: FloatArray) -> None:
+        own = np.sqrt(np.abs(np.diag(mass)))
+        owners = [joint.name for joint in self.joints for _ in self._coordinates(joint)]
+        if not own.all():
+            raise DescriptionError(f"joint {owners[int(np.argmin(own))]} moves no inertia; give the links that it moves an <inertial>")
+        values, vectors = np.linalg.eigh(mass / np.outer(own, own))
+        if values[0] < 1e-13:
+            guilty = sorted({owners[i] for i in np.flatnonzero(np.abs(vectors[:, 0]) > 0.1)})
+            raise DescriptionError(
+                f"joints {', '.join(guilty)} can move together without moving any inertia; give the links between them an <inertial>"
+            )
+
+    @staticmethod
+    def _coordinates(joint: Joint) -> range:
+        return range({"planar": 3, "floating": 6}.get(joint.type, 1))
+
+    def _forces(self, proof: Proof, random: np.random.Generator) -> None:
+        x = np.array([value for joint in self.joints for value in states.coordinates(joint, random)])
+        xd = states.speeds(self.size, random)
+        for joint, place in self.single.values():
+            x[place] = states.around_stops(joint, random, self.options)
+        self.reading.move(x, xd)
+        none = self.reading.inverse_dynamics(np.zeros(self.size))
+        for kind in ("damping", "friction", "stop"):
+            self._compare_force(proof, kind, none, x, xd)
+        self._compare_actuators(proof, none, random)
+        self._compare_couplers(proof, x, xd)
+
+    def _law(self, kind: str, joint: Joint, q: float, dq: float) -> float:
+        if kind == "damping":
+            return closed_form.damping(joint, dq) if self.options.damping else 0.0
+        if kind == "friction":
+            return closed_form.friction(joint, dq, self.options) if self.options.friction != "none" else 0.0
+        return closed_form.stop(joint, q, dq, self.options) if self.options.stops else 0.0
+
+    def _compare_force(self, proof: Proof, kind: str, none: FloatArray, x: FloatArray, xd: FloatArray) -> None:
+        names = [name for name in self.reading.forces if name.endswith(f"_{kind}")]
+        wanted = np.zeros(self.size)
+        for joint, place in self.single.values():
+            wanted[place] = self._law(kind, joint, float(x[place]), float(xd[place]))
+        if not names and not wanted.any():
+            return
+        with self.reading.acting(names):
+            found = none - self.reading.inverse_dynamics(np.zeros(self.size))
+        # Taken from a difference of efforts, so what these lose by rounding counts.
+        scale = max(1.0, float(np.max(np.abs(none))))
+        proof.compare({"stop": "stops"}.get(kind, kind), found / scale, wanted / scale)
+
+    def _compare_actuators(self, proof: Proof, none: FloatArray, random: np.random.Generator) -> None:
+        driven = {f"{self.names[name]}_actuator": (joint, place) for name, (joint, place) in self.single.items() if joint.mimic is None}
+        if not self.options.actuators or not driven:
+            return
+        values = {name: float(random.normal()) for name in driven}
+        wanted = np.zeros(self.size)
+        for name, (_, place) in driven.items():
+            wanted[place] = values[name]
+        with self.reading.acting(driven):
+            self.reading.control(values)
+            found = none - self.reading.inverse_dynamics(np.zeros(self.size))
+        scale = max(1.0, float(np.max(np.abs(none))))
+        proof.compare("actuators", found / scale, wanted / scale)
+        limits = self.reading.control_limits()
+        ends = np.array([[-joint.effort, joint.effort] for joint, _ in driven.values()])
+        read = np.array([limits[name] for name in driven])
+        bounded = np.isfinite(ends)
+        unbounded = 0.0 if np.array_equal(read[~bounded], ends[~bounded]) else math.inf
+        proof.compare("effort limits", np.append(read[bounded], unbounded), np.append(ends[bounded], 0.0))
+
+    def _compare_couplers(self, proof: Proof, x: FloatArray, xd: FloatArray) -> None:
+        off, off_speed = [], []
+        for joint, place in self.single.values():
+            if joint.mimic is not None:
+                source = self.single[joint.mimic.joint][1]
+                off.append(joint.mimic.multiplier * x[source] + joint.mimic.offset - x[place])
+                off_speed.append(joint.mimic.multiplier * xd[source] - xd[place])
+        if off:
+            q_error, u_error = self.reading.coupler_errors()
+            proof.compare("couplers", np.concatenate([q_error, u_error]), np.array([*off, *off_speed]))

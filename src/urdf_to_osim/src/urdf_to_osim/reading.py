@@ -1,0 +1,120 @@
+"""A model read back from its file, asked in the order of the description's joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import opensim
+
+from hric_control.errors import DescriptionError
+from hric_control.plants.spatial import FloatArray
+from urdf_to_osim import turns
+
+
+class Reading:
+    """An .osim file.
+
+    Args:
+        path: the file.
+        coordinates: paths of coordinates; all arrays follow them.
+        frames: name -> path of a frame.
+
+    Raises:
+        DescriptionError: OpenSim cannot load or initialise it.
+    """
+
+    def __init__(self, path: Path, coordinates: Sequence[str], frames: dict[str, str]) -> None:
+        try:
+            self.model = opensim.Model(str(path))
+            self.state = self.model.initSystem()
+        except RuntimeError as error:
+            raise DescriptionError(f"OpenSim cannot use the model: {turns.said(error)}") from error
+        self._coordinates = [opensim.Coordinate.safeDownCast(self.model.getComponent(name)) for name in coordinates]
+        self._frames = {name: opensim.PhysicalFrame.safeDownCast(self.model.getComponent(frame)) for name, frame in frames.items()}
+        self._places = self._find_places()
+        self._solver = opensim.InverseDynamicsSolver(self.model)
+        self.forces = {force.getName(): force for force in map(self.model.updForceSet().get, range(self.model.getForceSet().getSize()))}
+        self.only(())
+
+    def _find_places(self) -> list[int]:
+        """Where each coordinate's speed stands in Simbody's order, found by giving each its own value."""
+        for number, coordinate in enumerate(self._coordinates, 1):
+            coordinate.setSpeedValue(self.state, float(number))
+        values = list(self.state.getU().to_numpy())
+        return [values.index(float(number)) for number in range(1, len(self._coordinates) + 1)]
+
+    def only(self, names: Iterable[str]) -> None:
+        """Let only these forces act, and gravity."""
+        acting = set(names)
+        for name, force in self.forces.items():
+            force.setAppliesForce(self.state, name in acting)
+
+    def move(self, x: FloatArray, xd: FloatArray) -> None:
+        """Put all coordinates and their speeds, shape (n,) each, without regard to couplers."""
+        for coordinate, value, speed in zip(self._coordinates, x, xd, strict=True):
+            coordinate.setValue(self.state, float(value), False)
+            coordinate.setSpeedValue(self.state, float(speed))
+        self.model.realizeVelocity(self.state)
+
+    def frames(self) -> dict[str, FloatArray]:
+        """Pose of each frame in ground, shape (4, 4) [m]."""
+        poses = {}
+        for name, frame in self._frames.items():
+            pose, T = frame.getTransformInGround(self.state), np.eye(4)
+            R, p = pose.R(), pose.p()
+            T[:3] = [[*(R.get(i, j) for j in range(3)), p.get(i)] for i in range(3)]
+            poses[name] = T
+        return poses
+
+    def mass(self) -> FloatArray:
+        """Mass matrix, shape (n, n) [kg m^2, kg m, kg]."""
+        matrix = opensim.Matrix()
+        self.model.getMatterSubsystem().calcM(self.state, matrix)
+        return np.array(matrix.to_numpy())[np.ix_(self._places, self._places)]
+
+    def inverse_dynamics(self, xdd: FloatArray) -> FloatArray:
+        """Efforts that give accelerations xdd, shape (n,), against gravity and the forces that act, without couplers [N m or N]."""
+        acceleration = opensim.Vector(len(self._places), 0.0)
+        for place, value in zip(self._places, xdd, strict=True):
+            acceleration.set(place, float(value))
+        efforts = self._solver.solve(self.state, acceleration)
+        return np.array(efforts.to_numpy())[self._places]
+
+    def accelerations(self) -> FloatArray:
+        """Accelerations under gravity and the forces that act, with couplers, shape (n,)."""
+        self.model.realizeAcceleration(self.state)
+        return np.array(self.state.getUDot().to_numpy())[self._places]
+
+    def coupler_errors(self) -> tuple[FloatArray, FloatArray]:
+        """What the couplers are off in position and speed, in the order of the constraints."""
+        self.model.realizeVelocity(self.state)
+        return np.array(self.state.getQErr().to_numpy()), np.array(self.state.getUErr().to_numpy())
+
+    @contextmanager
+    def acting(self, names: Iterable[str]) -> Iterator[None]:
+        """These forces and gravity act inside."""
+        self.only(names)
+        try:
+            yield
+        finally:
+            self.only(())
+
+    def control(self, values: dict[str, float]) -> None:
+        """Set controls of actuators by name [N m or N]."""
+        self.model.realizeVelocity(self.state)
+        controls = opensim.Vector(self.model.getNumControls(), 0.0)
+        for index, name in enumerate(self.actuators()):
+            controls.set(index, values[name])
+        self.model.setControls(self.state, controls)
+
+    def actuators(self) -> list[str]:
+        """Names of the actuators in the order of the controls."""
+        return [force.getName() for force in self.forces.values() if opensim.CoordinateActuator.safeDownCast(force) is not None]
+
+    def control_limits(self) -> dict[str, tuple[float, float]]:
+        """Least and greatest control of each actuator [N m or N]."""
+        drives = {name: opensim.CoordinateActuator.safeDownCast(self.forces[name]) for name in self.actuators()}
+        return {name: (drive.getMinControl(), drive.getMaxControl()) for name, drive in drives.items()}
