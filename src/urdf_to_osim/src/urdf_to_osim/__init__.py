@@ -1,5 +1,11 @@
 """Robot descriptions (URDF) as OpenSim models, proved against a rigid-body library."""
 
+# ruff: noqa: E402  (the libraries must be loaded before the first module that imports them)
+
+from urdf_to_osim.loading import load_opensim
+
+load_opensim()
+
 from urdf_to_osim.converter import Conversion as Conversion
 from urdf_to_osim.converter import FrameMap as FrameMap
 from urdf_to_osim.converter import JointMap as JointMap

@@ -11,8 +11,6 @@ import opensim
 
 from hric_control.plants.spatial import FloatArray
 
-opensim.Logger.removeFileSink()  # no opensim.log where the user happens to stand
-
 # z of the description along y of OpenSim's ground, x along x: R_ground_base = Rx(-90 deg).
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 

@@ -1,0 +1,135 @@
+"""Forward dynamics with rotor inertia, brakes and constraints, from OpenSim's own acceleration and mass matrix.
+
+OpenSim knows the links only: its acceleration a solves  M a = f + G' lambda,  with all forces of the model in f (gravity, velocity terms, damping).
+Rotors add B = diag(b), and tau acts in the joints besides. Wanted is x with
+    (M + B) x = f + tau + G' mu,   G x = G a,
+in which f need not be known: M a differs from it by a G' lambda, which mu takes up. So (M + B) x = M a + tau + G' nu.
+Braked joints have x = 0 and leave the equations; what their rows lack is the effort of the brake.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg.lapack import dposv
+
+from hric_control.errors import HricError
+from hric_control.plant import FloatArray
+from opensim_ros_control.engine import Engine
+
+Places = npt.NDArray[np.intp]
+Losses = Callable[[FloatArray], FloatArray]
+"""Speeds -> efforts that friction takes away, both of shape (nu,)."""
+DIVERGED = 1e9
+"""A speed beyond any [rad/s or m/s]."""
+
+
+class Dynamics:
+    """du/dt of one model.
+
+    Args:
+        engine: the model.
+        inertia: of the rotors, shape (nu,) [kg m^2].
+        losses: friction beyond the model's own forces; None for none.
+    """
+
+    def __init__(self, engine: Engine, inertia: FloatArray, losses: Losses | None) -> None:
+        self.engine, self._losses = engine, losses
+        self._rotors = np.diag(inertia)
+        self._bare = not inertia.any() and not engine.constraints
+        self._all = np.arange(engine.nu, dtype=np.intp)
+        self._free: Places | None = None
+        self._braked: list[int] = []
+
+    def brake(self, braked: Sequence[int]) -> None:
+        """These coordinates do not move from now on, the others do."""
+        self._braked = sorted(braked)
+        self._free = np.setdiff1d(self._all, np.array(self._braked, dtype=np.intp)) if self._braked else None
+
+    def evaluate(self, y: FloatArray, tau: FloatArray) -> FloatArray:
+        """du/dt, shape (nu,), in this state, as the engine takes it, under the efforts tau, shape (nu,)."""
+        engine = self.engine
+        engine.put_y(y)
+        self._a = a = engine.acceleration()
+        if self._losses is not None:
+            tau = tau - self._losses(y[engine.nu : 2 * engine.nu])
+        if self._bare and self._free is None:
+            return a + engine.divided_by_mass(tau)
+        M = engine.mass_matrix()
+        self._inertia = M + self._rotors
+        self._drive = M @ a + tau
+        if self._free is None and not engine.constraints:
+            return self._solve(self._inertia, self._drive)
+        return self._constrained(self._drive)
+
+    @staticmethod
+    def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
+        _, x, info = dposv(A, b)
+        if info != 0:  # not positive definite: a description with tensors that no body has
+            x = np.linalg.solve(A, b)
+        return np.asarray(x)
+
+    def _constrained(self, drive: FloatArray) -> FloatArray:
+        free = self._all if self._free is None else self._free
+        x = np.zeros_like(drive)
+        if len(free) == 0:
+            return x
+        A = self._inertia[np.ix_(free, free)]
+        if not self.engine.constraints:
+            x[free] = self._solve(A, drive[free])
+            return x
+        G = self.engine.constraint_jacobian()
+        W = self._solve(A, G[:, free].T)
+        x0 = self._solve(A, drive[free])
+        # Least squares: braked joints may leave constraints without anything to move.
+        nu = np.linalg.lstsq(G[:, free] @ W, G @ self._a - G[:, free] @ x0, rcond=None)[0]
+        x[free] = x0 + W @ nu
+        return x
+
+    def response(self) -> FloatArray:
+        """Change of du/dt per effort, shape (nu, nu), in the state that was evaluated last; braked joints do not answer."""
+        n = self.engine.nu
+        free = self._all if self._free is None else self._free
+        K = np.zeros((n, n))
+        A = (self.engine.mass_matrix() + self._rotors)[np.ix_(free, free)]
+        inverse = np.linalg.inv(A)
+        if self.engine.constraints:
+            G = self.engine.constraint_jacobian()[:, free]
+            W = inverse @ G.T
+            inverse = inverse - W @ np.linalg.pinv(G @ W) @ W.T
+        K[np.ix_(free, free)] = inverse
+        return K
+
+    def brake_efforts(self, x: FloatArray) -> FloatArray:
+        """Efforts of the brakes with du/dt = x in the state that was evaluated last, shape (nu,), zero for free joints [N m]."""
+        efforts = np.zeros_like(x)
+        efforts[self._braked] = (self._inertia @ x - self._drive)[self._braked]
+        return efforts
+
+    def stopped(self, y: FloatArray) -> FloatArray:
+        """The state after the brakes have closed in y: the joints that they hold stand at once, the impulse goes through the others."""
+        n, braked = self.engine.nu, self._braked
+        u = y[n : 2 * n]
+        if not braked or not u[braked].any():
+            return y
+        self.engine.put_y(y)
+        self.engine.acceleration()
+        M = self.engine.mass_matrix() + self._rotors
+        free = self._all if self._free is None else self._free
+        A, new = M[np.ix_(free, free)], np.zeros(n)
+        new[free] = u[free] + np.linalg.solve(A, M[free][:, braked] @ u[braked])
+        if self.engine.constraints:
+            G = self.engine.constraint_jacobian()[:, free]
+            W = np.linalg.solve(A, G.T)
+            new[free] -= W @ np.linalg.lstsq(G @ W, G @ new[free], rcond=None)[0]
+        after = y.copy()
+        after[n : 2 * n] = new
+        return after
+
+
+def check_finite(values: Sequence[float], u: Sequence[float]) -> None:
+    """Raises HricError, with the speeds u, when values are beyond any: one that is no number spoils the sum."""
+    if not -DIVERGED < sum(values) < DIVERGED:
+        raise HricError(f"the simulation diverged: joint velocities {list(u)} rad/s")

@@ -1,0 +1,252 @@
+"""One OpenSim model with one state, read and written as arrays.
+
+All vectors are in the order of the multibody tree, which is not that of the description: `place` tells where a coordinate stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import opensim
+
+from hric_control.errors import HricError, UnknownNameError
+from hric_control.plant import FloatArray
+from opensim_ros_control.robot_model import Built
+
+opensim.Logger.setLevelString("Error")
+
+to_vector = opensim.Vector.createFromMat
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Time [s], and all state variables by their paths: what a new build of the model continues from."""
+
+    time: float
+    values: dict[str, float]
+
+
+class Engine:
+    """A model made ready to run.
+
+    Attributes:
+        built: what it was made of.
+        model, system_state: OpenSim's objects; the state belongs to the engine.
+        place: index of each coordinate, by its path, in q and u.
+        state_names: paths of OpenSim's state variables, in its order.
+        straight: whether dq/dt = u for all coordinates.
+        constraints: number of constraint equations (mimic joints and the like).
+        frames: by "link" or "model::link".
+        actuators: of coordinates, with their places. In `system_state` they are off: the efforts enter beside the model, which is cheaper.
+    """
+
+    def __init__(self, built: Built) -> None:
+        self.built = built
+        self.model = built.model
+        try:
+            self.system_state = opensim.State(self.model.initSystem())
+        except RuntimeError as error:
+            raise HricError(f"OpenSim refuses the model: {str(error).strip().splitlines()[0]}") from error
+        self.matter = self.model.getMatterSubsystem()
+        state = self.system_state
+        self.nu, self.nz = state.getNU(), state.getNZ()
+        self._M, self._answer = opensim.Matrix(self.nu, self.nu), opensim.Vector(self.nu, 0.0)
+        self._M_values = np.empty((self.nu, self.nu))
+        self.coordinates = self._coordinates()
+        self.place = {path: self._index(coordinate) for path, coordinate in self.coordinates.items()}
+        self._slots = self._position_slots() if state.getNQ() != self.nu else None
+        self.straight = self._is_straight()
+        self.constraints = self._count_constraints()
+        self.frames = {name: opensim.Frame.safeDownCast(self.model.getComponent(path)) for name, path in built.frames.items()}
+        self.actuators = self._actuators()
+        for _, actuator in self.actuators:
+            actuator.setAppliesForce(state, False)
+        self._controls: FloatArray = self.model.getDefaultControls().to_numpy()
+        self._control_numbers = self._control_places()
+        self._direct = (
+            self._control_numbers.tolist() == list(range(self.nu)) == [place for place, _ in self.actuators] and len(self._controls) == self.nu
+        )
+        self.state_names = [self.model.getStateVariableNames().get(i) for i in range(self.model.getNumStateVariables())]
+
+    def _coordinates(self) -> dict[str, opensim.Coordinate]:
+        found = self.model.getCoordinateSet()
+        return {found.get(i).getAbsolutePathString(): found.get(i) for i in range(found.getSize())}
+
+    def _actuators(self) -> list[tuple[int, opensim.CoordinateActuator]]:
+        found = self.model.getActuators()
+        actuators = [opensim.CoordinateActuator.safeDownCast(found.get(i)) for i in range(found.getSize())]
+        return [(self.place[a.getCoordinate().getAbsolutePathString()], a) for a in actuators if a is not None]
+
+    def _control_places(self) -> npt.NDArray[np.intp]:
+        """Where the controls of `actuators` stand among all controls of the model, which are in the order of its actuators."""
+        found, numbers, number = self.model.getActuators(), [], 0
+        for i in range(found.getSize()):
+            if opensim.CoordinateActuator.safeDownCast(found.get(i)) is not None:
+                numbers.append(number)
+            number += found.get(i).numControls()
+        return np.array(numbers, dtype=np.intp)
+
+    def controls(self, efforts: FloatArray) -> FloatArray:
+        """Default controls of the model with these efforts, shape (nu,), on the coordinates that have actuators."""
+        if self._direct:
+            return efforts
+        self._controls[self._control_numbers] = efforts[[place for place, _ in self.actuators]]
+        return self._controls
+
+    def _index(self, coordinate: opensim.Coordinate) -> int:
+        state = opensim.State(self.system_state)
+        state.setU(opensim.Vector(self.nu, 0.0))
+        coordinate.setSpeedValue(state, 1.0)
+        return int(np.argmax(state.getU().to_numpy()))
+
+    def _position_slots(self) -> npt.NDArray[np.intp]:
+        """Where each coordinate stands among OpenSim's positions: a free joint has one more of them than it uses."""
+        slots = np.zeros(self.nu, dtype=np.intp)
+        for path, coordinate in self.coordinates.items():
+            state = opensim.State(self.system_state)
+            before = state.getQ().to_numpy().copy()
+            coordinate.setValue(state, coordinate.getValue(state) + 0.125, False)
+            slots[self.place[path]] = int(np.argmax(np.abs(state.getQ().to_numpy() - before)))
+        return slots
+
+    def _is_straight(self) -> bool:
+        state = opensim.State(self.system_state)
+        numbers = np.random.default_rng(0)
+        q, u = numbers.uniform(0.2, 1.0, self.nu), numbers.uniform(0.2, 1.0, self.nu)
+        state.setQ(to_vector(self._slotted(q)))
+        state.setU(to_vector(u))
+        self.model.realizeVelocity(state)
+        return bool(np.array_equal(self.positions(state.getQDot()), u))
+
+    def _slotted(self, q: FloatArray) -> FloatArray:
+        """Positions as OpenSim stores them."""
+        if self._slots is None:
+            return q
+        full = np.zeros(self.system_state.getNQ())
+        full[self._slots] = q
+        return full
+
+    def positions(self, vector: opensim.Vector) -> FloatArray:
+        """OpenSim's positions, or their rates, as one number per coordinate, shape (nu,)."""
+        values = vector.to_numpy()
+        return np.asarray(values if self._slots is None else values[self._slots])
+
+    def _count_constraints(self) -> int:
+        self.model.realizeVelocity(self.system_state)
+        matrix = opensim.Matrix()
+        self.matter.calcG(self.system_state, matrix)
+        return int(matrix.nrow())
+
+    # -- the state -----------------------------------------------------------------------------------------------------------------------
+
+    def put(self, q: FloatArray, u: FloatArray) -> None:
+        """Set positions and speeds, both of shape (nu,)."""
+        self.system_state.setQ(to_vector(self._slotted(q)))
+        self.system_state.setU(to_vector(u))
+
+    def put_y(self, y: FloatArray) -> None:
+        """Set all that is integrated: positions q, speeds u, and what else the model's parts have (z), shape (2 nu + nz,)."""
+        if self._slots is None:
+            self.system_state.setY(to_vector(y))
+            return
+        n = self.nu
+        self.put(y[:n], y[n : 2 * n])
+        if self.nz:
+            self.system_state.setZ(to_vector(y[2 * n :]))
+
+    def q(self) -> FloatArray:
+        """Positions of the state, shape (nu,) [rad or m]."""
+        return self.positions(self.system_state.getQ())
+
+    def u(self) -> FloatArray:
+        """Speeds of the state, shape (nu,) [rad/s or m/s]."""
+        return np.asarray(self.system_state.getU().to_numpy())
+
+    def y_of(self, state: opensim.State) -> FloatArray:
+        """All that is integrated of a state of this model, as `put_y` takes it."""
+        if self._slots is None:
+            y: FloatArray = state.getY()._to_numpy(2 * self.nu + self.nz)
+            return y
+        parts = [self.positions(state.getQ()), state.getU().to_numpy()]
+        return np.concatenate([*parts, state.getZ().to_numpy()] if self.nz else parts)
+
+    def in_order_of_names(self, rows: FloatArray) -> FloatArray:
+        """States as `put_y` takes them, one per row, with their numbers in the order of `state_names`."""
+        y: FloatArray = np.random.default_rng(0).uniform(0.2, 1.0, int(rows.shape[1]))
+        state = opensim.State(self.system_state)
+        self.put_y(y)
+        values = self.model.getStateVariableValues(self.system_state).to_numpy()
+        self.system_state = state
+        return np.asarray(rows[:, [int(np.argmin(np.abs(y - value))) for value in values]])
+
+    def snapshot(self) -> Snapshot:
+        """Everything that a new build continues from."""
+        state = self.system_state
+        values = self.model.getStateVariableValues(state).to_numpy()
+        return Snapshot(state.getTime(), dict(zip(self.state_names, values.tolist(), strict=True)))
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Take over the values of all state variables that this model has too."""
+        state = self.system_state
+        state.setTime(snapshot.time)
+        before = self.model.getStateVariableValues(state).to_numpy().tolist()
+        values = [snapshot.values.get(name, value) for name, value in zip(self.state_names, before, strict=True)]
+        self.model.setStateVariableValues(state, to_vector(np.array(values)))
+
+    # -- what the model makes of it ------------------------------------------------------------------------------------------------------
+
+    def acceleration(self) -> FloatArray:
+        """du/dt of the model alone, without rotor inertia and what acts in the joints from outside the model, shape (nu,)."""
+        self.model.realizeAcceleration(self.system_state)
+        a: FloatArray = self.system_state.getUDot()._to_numpy(self.nu)
+        return a
+
+    def mass_matrix(self) -> FloatArray:
+        """Shape (nu, nu) [kg m^2], valid until the next call; positions must be realized."""
+        self.matter.calcM(self.system_state, self._M)
+        self._M._to_numpy(self._M_values.view())  # OpenSim turns the view's axes round, which does not matter to a symmetric matrix
+        return self._M_values
+
+    def divided_by_mass(self, efforts: FloatArray) -> FloatArray:
+        """M^-1 times efforts, shape (nu,); the acceleration must be realized."""
+        self.matter.multiplyByMInv(self.system_state, to_vector(efforts), self._answer)
+        a: FloatArray = self._answer._to_numpy(self.nu)
+        return a
+
+    def constraint_jacobian(self) -> FloatArray:
+        """G with G du/dt given by the constraints, shape (constraints, nu); velocities must be realized."""
+        matrix = opensim.Matrix()
+        self.matter.calcG(self.system_state, matrix)
+        return np.asarray(matrix.to_numpy())
+
+    def velocity_at(self, q: FloatArray, u: FloatArray) -> FloatArray:
+        """dq/dt with other speeds, shape (nu,)."""
+        self.put(q, u)
+        self.model.realizeVelocity(self.system_state)
+        return self.positions(self.system_state.getQDot())
+
+    def rate(self, y: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """dy/dt with this du/dt in the state that was realized last, shape (2 nu + nz,)."""
+        n = self.nu
+        result = np.empty_like(y)
+        result[:n] = y[n : 2 * n] if self.straight else self.positions(self.system_state.getQDot())
+        result[n : 2 * n] = acceleration
+        if self.nz:
+            result[2 * n :] = self.z_rate()
+        return result
+
+    def z_rate(self) -> FloatArray:
+        """dz/dt, shape (nz,); the acceleration must be realized."""
+        return np.asarray(self.system_state.getZDot().to_numpy())
+
+    def frame(self, name: str) -> opensim.Frame:
+        """A frame by "link" or "model::link".
+
+        Raises:
+            UnknownNameError: no such frame.
+        """
+        if name not in self.frames:
+            raise UnknownNameError("link", name, self.frames, self.model.getName())
+        return self.frames[name]

@@ -1,0 +1,156 @@
+"""What acts in a step besides the robot's joints: contact and wrenches, as efforts on the coordinates; and the joint loads that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
+
+import numpy as np
+
+from hric_control.plant import Contact
+from hric_control.plants.reactions import JointReaction
+from hric_control.plants.spatial import FloatArray
+from hric_control.plants.surfaces import Surface, combine
+from hric_control.plants.wrenches import Wrenches
+from opensim_ros_control.collision import MARGIN, Collider, Collisions, Meeting
+from opensim_ros_control.contact import Point, RigidContact, push_apart
+from opensim_ros_control.engine import Engine
+from opensim_ros_control.kinematics import Kinematics
+from opensim_ros_control.reactions import Load, Reactions
+from opensim_ros_control.robot import Robot
+
+
+class Forces:
+    """Decided once at the beginning of each step and held over it.
+
+    Args:
+        robot: takes the efforts; `bind` before the first step and after each new build of its model.
+        R_ground_world: turn of the world in OpenSim's ground, shape (3, 3).
+
+    Attributes:
+        wrenches: from outside.
+    """
+
+    def __init__(self, robot: Robot, R_ground_world: FloatArray) -> None:
+        config = robot.config
+        self._robot, self._R, self._dt = robot, R_ground_world, config.time_step
+        self.wrenches = Wrenches(config.time_step)
+        self._accurate = config.integrator == "accurate"
+        # Semi-implicit positions are those of the end of the step: there the force of the beginning is the right one.
+        self._ahead = 0.5 * self._dt if self._accurate else 0.0
+        self._rigid = RigidContact(self._dt)
+        self.forget()
+
+    def forget(self) -> None:
+        """Bodies were put elsewhere: no contact, no step before, no memory."""
+        self._rigid.forget()
+        self._points: list[Point] = []
+        self._pushed: list[Load] = []
+        self._before: FloatArray | None = None
+
+    def bind(self, kinematics: Kinematics, collisions: Collisions, surfaces: Mapping[str, Surface], reactions: Reactions) -> None:
+        """All that depends on one build of the model; surfaces by the names of the models."""
+        self._kinematics, self._collisions, self._reactions = kinematics, collisions, reactions
+        self._laws = {(a, b): combine(surfaces[a], surfaces[b]) for a in surfaces for b in surfaces}
+        self._rub = {(a, b): surfaces[a].friction * surfaces[b].friction for a in surfaces for b in surfaces}
+        self._points, self._pushed, self._before = [], [], None
+
+    def act(self, frame: Callable[[str], str]) -> None:
+        """Decide what acts in the coming step, and tell the robot; `frame` names the engine's frame of "model::link"."""
+        robot = self._robot
+        self._before = robot.y
+        if not self._collisions.pairs and not self.wrenches.active and robot.external is None:
+            return
+        self._points, self._pushed = [], []
+        robot.touch = robot.external = None
+        near = self._collisions.near(robot.y[: robot.engine.nu])
+        if not near and not self.wrenches.active:
+            return
+        engine = robot.engine
+        engine.put_y(robot.y)
+        engine.model.realizePosition(engine.system_state)
+        self._kinematics.forget()
+        efforts = self._wrench_efforts(engine, frame)
+        if near:
+            self._meet(near)
+            soft = [point for point in self._points if point.law[0] is not None]
+            hard = [point for point in self._points if point.law[0] is None]
+            efforts += push_apart(soft, robot.y[engine.nu : 2 * engine.nu], self._ahead)
+            if hard:
+                robot.touch = lambda v, gain: self._rigid.solve(hard, v, gain)
+        if self._points or self.wrenches.active:
+            robot.external = efforts
+        self.wrenches.count_step()
+
+    def _wrench_efforts(self, engine: Engine, frame: Callable[[str], str]) -> FloatArray:
+        efforts = np.zeros(engine.nu)
+        for wrench in self.wrenches.active:
+            number, T_body_link = self._kinematics.carrier(engine.frame(frame(wrench.body)))
+            T = self._kinematics.pose(number) @ T_body_link
+            load = Load(number, T[:3, :3] @ wrench.point + T[:3, 3], self._R @ wrench.force, self._R @ wrench.torque)
+            efforts += self._kinematics.jacobian(number, load.position).T @ np.concatenate([load.torque, load.force])
+            self._pushed.append(load)
+        return efforts
+
+    def _law(self, a: Collider, b: Collider) -> tuple[float | None, float, float]:
+        law = self._laws[a.model, b.model]
+        return law if law is not None else (None, 0.0, self._rub[a.model, b.model])
+
+    def _meet(self, near: Sequence[int]) -> None:
+        """All points of contact of this step."""
+        found = self._collisions.meetings(near, self._kinematics.pose, lambda a, b: self._laws[a.model, b.model] is None)
+        meetings = sorted(found, key=lambda m: (m.a.link, m.b.link))
+        for _, group in groupby(meetings, key=lambda m: (m.a.link, m.b.link)):
+            of_links = list(group)
+            law = self._law(of_links[0].a, of_links[0].b)
+            if law[0] is not None:
+                # One spring per pair of links: a link of several shapes is not stiffer for it.
+                deepest = max(of_links, key=lambda m: m.touch.depth)
+                self._add(deepest, law, [(deepest.touch.points[0], deepest.touch.depth)], 0)
+                continue
+            for number, meeting in enumerate(of_links):
+                self._add(meeting, law, self._collisions.depths(meeting), number)
+
+    def _add(self, meeting: Meeting, law: tuple[float | None, float, float], points: Sequence[tuple[FloatArray, float]], number: int) -> None:
+        a, b, normal = meeting.a, meeting.b, meeting.touch.normal
+        for k, (point, depth) in enumerate(points):
+            if depth <= -MARGIN:
+                continue
+            J = self._relative(a, b, point)
+            key = (a.link, b.link, number, k)
+            self._points.append(Point(a.link, b.link, (a.mobile, b.mobile), point, normal, depth, J, law, key, np.zeros(3)))
+
+    def _relative(self, a: Collider, b: Collider, point: FloatArray) -> FloatArray:
+        """Velocity of a seen from b at a point per speed, shape (3, nu); the ground, number 0, does not move."""
+        if b.mobile == 0:
+            return self._kinematics.jacobian(a.mobile, point)[3:]
+        J_b = self._kinematics.jacobian(b.mobile, point)[3:]
+        return -J_b if a.mobile == 0 else self._kinematics.jacobian(a.mobile, point)[3:] - J_b
+
+    # -- what came of it -----------------------------------------------------------------------------------------------------------------
+
+    def contacts(self) -> list[Contact]:
+        """Contacts of the last step that carry a force or overlap."""
+        R = self._R.T
+        result = []
+        for point in self._points:
+            force = float(point.force @ point.normal)
+            if force > 0.0 or (point.depth > 0.0 and point.law[0] is None):
+                p, n = (R @ point.position).tolist(), (R @ point.normal).tolist()
+                result.append(Contact(point.a, point.b, (p[0], p[1], p[2]), (n[0], n[1], n[2]), point.depth, force))
+        return result
+
+    def reactions(self) -> list[JointReaction]:
+        """Loads of the robot's moving joints in the last step; empty before the first of a build.
+
+        The acceleration is that between its ends; accurate steps take it in their middle, to second order, semi-implicit ones where they begin.
+        """
+        before, after, n = self._before, self._robot.y, self._robot.engine.nu
+        if before is None or before is after:
+            return []
+        du = (after[n : 2 * n] - before[n : 2 * n]) / self._dt
+        outside = list(self._pushed)
+        for point in self._points:
+            for number, sign in zip(point.bodies, (1.0, -1.0), strict=True):
+                outside.append(Load(number, point.position, sign * point.force, np.zeros(3)))
+        return self._reactions.loads(0.5 * (before + after) if self._accurate else before, du, outside, self._R)

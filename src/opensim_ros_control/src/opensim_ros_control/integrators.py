@@ -1,0 +1,165 @@
+"""One step of the plant, in three ways: OpenSim's own third-order integrator, ours on M + B, and semi-implicit Euler as PyBullet has it.
+
+Efforts are held over a step. A step is never longer than the plant's, so what reads the state in between sees accepted states only, in order of time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import opensim
+
+from hric_control.errors import HricError
+from hric_control.plant import FloatArray
+from opensim_ros_control.dynamics import Dynamics
+from opensim_ros_control.engine import Engine, to_vector
+from opensim_ros_control.joint_efforts import JointEfforts, Row
+
+Touch = Callable[[FloatArray, FloatArray], FloatArray]
+"""(speeds that the step would end with, shape (nu,); their change per effort, shape (nu, nu)) -> efforts of rigid contact, shape (nu,)."""
+_ROUNDS = 20
+"""At most so often do joints and contact answer each other in a step, until they agree."""
+_AGREED = 1e-9
+"""Relative change of the efforts below which they do."""
+
+LONGEST_CALL = 1e-3
+"""Most simulated time in one call of OpenSim's integrator, which keeps all other threads waiting [s] (our choice)."""
+
+
+class Step(NamedTuple):
+    """A step that was done.
+
+    Attributes:
+        y: state at its end, in the engine's order.
+        acceleration: du/dt at its beginning, shape (nu,); None where nobody needed it.
+    """
+
+    y: FloatArray
+    acceleration: FloatArray | None
+
+
+class OwnSteps:
+    """Steps on (M + B), with friction, stops, drives and brakes."""
+
+    def __init__(self, dynamics: Dynamics, joint_efforts: JointEfforts, time_step: float) -> None:
+        self._dynamics, self._rows, self._dt = dynamics, joint_efforts, time_step
+        self._engine = dynamics.engine
+        n = self._engine.nu
+        self._q, self._u = slice(0, n), slice(n, 2 * n)
+
+    def _begin(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None) -> tuple[FloatArray, FloatArray]:
+        """(du/dt, efforts with those of all rows and of rigid contact) at the beginning of a step."""
+        dynamics, dt = self._dynamics, self._dt
+        if self._engine.nz:  # what has states of its own may follow the time
+            self._engine.system_state.setTime(time)
+        x = dynamics.evaluate(y, tau)
+        if self._rows.active or touch is not None:
+            v = y[self._u] + dt * x
+            rows = self._rows.rows(y[self._q], v)
+            if rows or touch is not None:
+                K = dynamics.response()
+                extra = self._extra(rows, touch, v, dt * K)
+                x, tau = x + K @ extra, tau + extra
+        return x, tau
+
+    def _extra(self, rows: Sequence[Row], touch: Touch | None, v: FloatArray, gain: FloatArray) -> FloatArray:
+        """Efforts of the joints' rows and of rigid contact together."""
+        if touch is None:
+            return self._rows.solve(rows, v, gain)
+        by_touch = touch(v, gain)
+        if not rows:
+            return by_touch
+        by_rows = np.zeros_like(v)
+        for _ in range(_ROUNDS):
+            before = by_rows + by_touch
+            by_rows = self._rows.solve(rows, v + gain @ by_touch, gain)
+            by_touch = touch(v + gain @ by_rows, gain)
+            both = by_rows + by_touch
+            if np.abs(both - before).max() <= _AGREED * np.abs(both).max():
+                break
+        return both
+
+    def semi_implicit(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None = None) -> Step:
+        """u += dt du/dt, then q += dt dq/dt with the new u."""
+        engine, dt = self._engine, self._dt
+        x, _ = self._begin(time, y, tau, touch)
+        end = y.copy()
+        if engine.nz:
+            end[2 * engine.nu :] += dt * engine.z_rate()
+        end[self._u] += dt * x
+        end[self._q] += dt * (end[self._u] if engine.straight else engine.velocity_at(y[self._q], end[self._u]))
+        return Step(end, x)
+
+    def third_order(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None = None) -> Step:
+        """Ralston's Runge-Kutta method of third order: stages at 0, 1/2 and 3/4 of the step, weights 2/9, 3/9 and 4/9.
+
+        A. Ralston, Runge-Kutta methods with minimum error bounds, Mathematics of Computation 16 (1962).
+        """
+        dynamics, rate, dt = self._dynamics, self._engine.rate, self._dt
+        x1, tau = self._begin(time, y, tau, touch)
+        rate1 = rate(y, x1)
+        y2 = y + 0.5 * dt * rate1
+        rate2 = rate(y2, dynamics.evaluate(y2, tau))
+        y3 = y + 0.75 * dt * rate2
+        rate3 = rate(y3, dynamics.evaluate(y3, tau))
+        return Step(y + dt / 9.0 * (2.0 * rate1 + 3.0 * rate2 + 4.0 * rate3), x1)
+
+
+class ManagerSteps:
+    """OpenSim's own integrator of third order, with error control, by its Manager. Knows nothing of rotors, brakes and rows.
+
+    Args:
+        engine: the model.
+        time_step: [s].
+        accuracy: of the error control, as OpenSim defines it.
+    """
+
+    def __init__(self, engine: Engine, time_step: float, accuracy: float) -> None:
+        self._engine, self._accuracy = engine, accuracy
+        self._calls = max(1, math.ceil(time_step / LONGEST_CALL - 1e-9))
+        self._part = time_step / self._calls
+        self._manager: opensim.Manager | None = None
+        self._last: FloatArray | None = None
+        self._set_controls = engine.model.setDefaultControls
+
+    def _start(self, time: float, y: FloatArray) -> opensim.Manager:
+        engine = self._engine
+        engine.put_y(y)
+        state = opensim.State(engine.system_state)
+        # From zero, so that equal starts give equal bits whenever they happen; what has states of its own may follow the time.
+        self._origin, self._steps = (time if engine.nz else 0.0), 0
+        state.setTime(self._origin)
+        for _, actuator in engine.actuators:
+            actuator.setAppliesForce(state, True)
+        # A Manager of its own for each start: one that was used keeps what it thinks of the end of its last step.
+        self._manager = manager = opensim.Manager(engine.model)
+        manager.setIntegratorMethod(opensim.Manager.IntegratorMethod_RungeKutta3)
+        manager.setIntegratorAccuracy(self._accuracy)
+        manager.setIntegratorMaximumStepSize(self._part)
+        manager.setWriteToStorage(False)
+        manager.setPerformAnalyses(False)
+        manager.initialize(state)
+        self._running = manager.getState()
+        return manager
+
+    def step(self, time: float, y: FloatArray, tau: FloatArray) -> Step:
+        """Advance; y is either what the last step ended with, or set from outside."""
+        manager = self._manager
+        if manager is None or y is not self._last:
+            manager = self._start(time, y)
+        running = self._running
+        # All efforts in one call. It does not invalidate what the state had computed with those before: touching the speeds does.
+        self._set_controls(to_vector(self._engine.controls(tau)))
+        running.updU()
+        try:
+            for _ in range(self._calls):
+                self._steps += 1
+                running = manager.integrate(self._origin + self._steps * self._part)
+        except RuntimeError as error:
+            raise HricError(f"OpenSim could not integrate: {str(error).strip().splitlines()[0]}") from error
+        self._running = running
+        self._last = end = self._engine.y_of(running)
+        return Step(end, None)

@@ -1,0 +1,139 @@
+"""Efforts within bounds that bring joints to a wanted speed in one step: Coulomb friction, joint stops, velocity and position drives.
+
+Each is a row: joint i, effort e_i within [low, high], wanted speed w. With the speeds v that the step would end with otherwise and the answer K dt
+of the speeds to efforts, e is such that each joint reaches its w, or its effort is at the bound that keeps it from that (projected Gauss-Seidel).
+The efforts are held over the step, as commands are; so friction holds exactly up to its value, a stop is rigid and takes the joint's energy at any
+step and any inertia. A stop lets a joint come no nearer than it can stand at the end of the step; a joint that is beyond it returns by a fifth of
+the way in each step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hric_control.plant import FloatArray
+from hric_control.plants.stops import StopMemory
+
+RETURN = 0.2
+"""Share of the way beyond a stop that is taken back in one step; the same as the usual engines' (our choice)."""
+NEAR = 0.01
+"""A stop that is nearer than this, beyond what the joint travels in two steps, is looked at [rad or m] (our choice)."""
+_SWEEPS = 50
+_TOLERANCE = 1e-12
+"""Relative change of the efforts at which the iteration ends."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """An effort within [low, high] [N m or N] that drives `joint` to `speed` [rad/s or m/s]; whether by a drive, whose effort is told."""
+
+    joint: int
+    low: float
+    high: float
+    speed: float
+    drive: bool = False
+
+
+@dataclass
+class JointEfforts:
+    """The rows of one robot; all by places in the tree.
+
+    Args:
+        coulomb: joint -> Coulomb friction [N m or N], where there is some.
+        stops: ranges by `stop_joints`, and which stops are still open.
+        stop_joints: places of the joints in the order of `stops`.
+        time_step: [s].
+
+    Attributes:
+        drives: rows of velocity and position drives for the coming step.
+        active: whether there may be rows in the coming step.
+        driven: joint -> effort of its drive in the last step [N m or N].
+    """
+
+    coulomb: dict[int, float]
+    stops: StopMemory
+    stop_joints: list[int]
+    time_step: float
+    drives: list[Row] = field(default_factory=list)
+    active: bool = True
+    driven: dict[int, float] = field(default_factory=dict)
+    _before: dict[tuple[int, float], float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        ranges = zip(self.stop_joints, self.stops.limits, strict=True)
+        self._ranges = [(place, low, high) for place, (low, high) in ranges if low > -math.inf or high < math.inf]
+        self.forget()
+
+    def forget(self) -> None:
+        """The state was set from outside: the iteration starts from nothing, and stops may be anywhere."""
+        self._before.clear()
+        self._way = self._fastest = 0.0
+
+    @property
+    def always(self) -> bool:
+        """Whether there are rows in every step."""
+        return bool(self.coulomb or self.drives)
+
+    def near_stop(self, q: Sequence[float], u: Sequence[float]) -> bool:
+        """Whether a stop could act in the coming step. Joints cannot come near one before they have travelled the least way to one."""
+        fastest = max(max(u), -min(u)) * self.time_step
+        self._way -= max(fastest, self._fastest)
+        self._fastest = fastest
+        if self._way > fastest:
+            return False
+        ways = [min(q[place] - low, high - q[place]) for place, low, high in self._ranges]
+        self._way = min(ways, default=math.inf) - NEAR
+        return self._way <= 2.0 * fastest
+
+    def rows(self, q: FloatArray, v: FloatArray) -> list[Row]:
+        """What may act in a step from positions q that would end with speeds v."""
+        rows = [Row(i, -F, F, 0.0) for i, F in self.coulomb.items()]
+        rows += self.drives
+        return rows + self._stop_rows(q, v)
+
+    def _stop_rows(self, q: FloatArray, v: FloatArray) -> list[Row]:
+        rows = []
+        for i, (place, (low, high)) in enumerate(zip(self.stop_joints, self.stops.limits, strict=True)):
+            below, above = self.stops.waiting.get(i, (False, False))
+            margin = NEAR + 2.0 * self.time_step * abs(float(v[place]))
+            if not below and q[place] < low + margin:
+                rows.append(Row(place, 0.0, math.inf, self._speed(low - float(q[place]), q[place] >= low)))
+            if not above and q[place] > high - margin:
+                rows.append(Row(place, -math.inf, 0.0, self._speed(high - float(q[place]), q[place] <= high)))
+        return rows
+
+    def _speed(self, way: float, inside: bool) -> float:
+        return way / self.time_step if inside else RETURN * way / self.time_step
+
+    def solve(self, rows: Sequence[Row], v: FloatArray, gain: FloatArray) -> FloatArray:
+        """Efforts of all rows together, shape (nu,) [N m or N].
+
+        Args:
+            rows: what may act.
+            v: speeds at the end of the step without them, shape (nu,).
+            gain: change of these speeds per effort, shape (nu, nu).
+        """
+        efforts = [min(max(self._before.get((row.joint, row.low), 0.0), row.low), row.high) for row in rows]
+        v = v + sum((e * gain[:, row.joint] for e, row in zip(efforts, rows, strict=True)), np.zeros_like(v))
+        for _ in range(_SWEEPS):
+            change = 0.0
+            for k, row in enumerate(rows):
+                answer = float(gain[row.joint, row.joint])
+                if answer <= 0.0:
+                    continue  # braked
+                new = min(max(efforts[k] + (row.speed - float(v[row.joint])) / answer, row.low), row.high)
+                v += (new - efforts[k]) * gain[:, row.joint]
+                change = max(change, abs(new - efforts[k]))
+                efforts[k] = new
+            if change <= _TOLERANCE * max(map(abs, efforts), default=0.0):
+                break
+        self._before = {(row.joint, row.low): e for row, e in zip(rows, efforts, strict=True)}
+        self.driven = {row.joint: e for row, e in zip(rows, efforts, strict=True) if row.drive}
+        total = np.zeros_like(v)
+        for row, effort in zip(rows, efforts, strict=True):
+            total[row.joint] += effort
+        return total

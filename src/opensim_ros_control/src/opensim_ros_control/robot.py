@@ -1,0 +1,254 @@
+"""The robot in OpenSim: its joints, what acts in them, and one step of that."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hric_control.errors import CommandError
+from hric_control.plant import FloatArray
+from hric_control.plants.friction import JointLosses, sigmoid_parameters
+from hric_control.plants.modes import Mode
+from hric_control.plants.stops import StopMemory
+from opensim_ros_control.config import OpenSimConfig
+from opensim_ros_control.dynamics import Dynamics, Losses, check_finite
+from opensim_ros_control.engine import Engine
+from opensim_ros_control.integrators import ManagerSteps, OwnSteps, Step, Touch
+from opensim_ros_control.joint_efforts import JointEfforts, Row
+from opensim_ros_control.robot_model import RobotModel
+
+
+class State(NamedTuple):
+    """Positions [rad or m] and speeds [rad/s or m/s] of all coordinates, shape (nu,) each."""
+
+    q: FloatArray
+    u: FloatArray
+
+
+class Robot:
+    """One robot with a fixed base in an OpenSim model, which may hold other things too.
+
+    Vectors are in the tree's order of the model's coordinates; `user` holds the places of the actuated joints in it, in the user's order.
+
+    Args:
+        model: builds the model.
+        joint_names: the actuated joints.
+        config: the plant's parameters.
+
+    Attributes:
+        config: as given.
+        engine: the model of the present.
+        time: [s].
+        y: state at the end of the last step: positions, speeds, and what else the model integrates.
+        q, u: positions and speeds in it as floats [rad or m, rad/s or m/s].
+        effort: of the actuated joints in the last step, in the user's order [N m].
+        external: efforts that act on the coordinates in the coming steps besides the robot's, shape (nu,); None for none.
+        touch: rigid contact in the coming step; None for none.
+    """
+
+    def __init__(self, model: RobotModel, joint_names: Sequence[str], config: OpenSimConfig) -> None:
+        self.model, self.joint_names, self.config = model, tuple(joint_names), config
+        self._joints = list(model.joints.values())
+        self._names = [joint.name for joint in self._joints]
+        numbers = [self._names.index(name) for name in self.joint_names]
+        self._modes = [Mode.EFFORT] * len(numbers)
+        self._on = [False] * len(numbers)
+        self._numbers = numbers
+        self._velocity = [model.velocity_limits[name] for name in self.joint_names]
+        self.stops = StopMemory([(joint.lower, joint.upper) for joint in self._joints])
+        bound = [self._joints[i].effort if config.effort_limits else math.inf for i in numbers]
+        self._bounds = [(-effort, effort) for effort in bound]
+        self._half = 0.5 * config.time_step if config.half_step_readout and config.integrator == "semi_implicit" else 0.0
+        self.effort = [0.0] * len(numbers)
+        self.external: FloatArray | None = None
+        self.touch: Touch | None = None
+        self._bind(Engine(model.build()))
+        self.time = 0.0
+        self._set_y(self.engine.y_of(self.engine.system_state))
+
+    # -- the model -----------------------------------------------------------------------------------------------------------------------
+
+    def _bind(self, engine: Engine) -> None:
+        """Set everything up on a model that was built."""
+        config = self.config
+        self.engine = engine
+        path = engine.built.coordinates
+        self._places = [engine.place[path[name]] for name in self._names]
+        self.user = [self._places[i] for i in self._numbers]
+        self.straight = self.user == list(range(engine.nu))
+        inertia = np.zeros(engine.nu)
+        inertia[self.user] = config.rotor_inertia
+        losses = self._losses()
+        self._dynamics = Dynamics(engine, inertia, losses)
+        coulomb = [(place, joint.friction) for place, joint in zip(self._places, self._joints, strict=True)]
+        sticking = {place: F for place, F in coulomb if F > 0.0} if config.friction == "coulomb" else {}
+        self._rows = JointEfforts(sticking, self.stops, self._places, config.time_step)
+        self._own = OwnSteps(self._dynamics, self._rows, config.time_step)
+        self._manager = ManagerSteps(engine, config.time_step, config.accuracy)
+        self._plain = config.integrator == "accurate" and losses is None and not inertia.any() and not sticking
+        self._own_step = self._own.semi_implicit if config.integrator == "semi_implicit" else self._own.third_order
+        self._mimics = [
+            (place, engine.place[path[joint.mimic.joint]], joint.mimic.multiplier, joint.mimic.offset)
+            for place, joint in zip(self._places, self._joints, strict=True)
+            if joint.mimic is not None
+        ]
+
+    def _losses(self) -> Losses | None:
+        if self.config.friction != "identified":
+            return None
+        phi: list[tuple[float, float, float]] = [(0.0, 0.0, 0.0)] * self.engine.nu
+        for place, values in zip(self.user, sigmoid_parameters(self.config.friction_parameters, self.joint_names), strict=True):
+            phi[place] = values
+        nothing = [0.0] * self.engine.nu
+        subtract = JointLosses(nothing, phi).subtract  # damping acts in the model
+        return lambda u: -np.array(subtract(nothing, u.tolist()))
+
+    def build_again(self, prepare: Callable[[Engine], None] | None = None) -> None:
+        """The model anew, continuing where everything is; `prepare` may set states of what is new in it."""
+        self._write_state()
+        snapshot = self.engine.snapshot()
+        engine = Engine(self.model.build())
+        engine.restore(snapshot)
+        if prepare is not None:
+            prepare(engine)
+        self.external = self.touch = None
+        self._bind(engine)
+        self._set_y(engine.y_of(engine.system_state))
+        self._close_brakes()
+
+    def _write_state(self) -> None:
+        self.engine.put_y(self.y)
+        self.engine.system_state.setTime(self.time)
+
+    def _set_y(self, y: FloatArray) -> None:
+        n = self.engine.nu
+        self.y, values = y, y.tolist()
+        self.q: list[float] = values[:n]
+        self.u: list[float] = values[n : 2 * n]
+
+    def synchronised(self) -> Engine:
+        """The engine with the present state in it, velocities realized: for poses and twists."""
+        self._write_state()
+        self.engine.model.realizeVelocity(self.engine.system_state)
+        return self.engine
+
+    # -- putting the robot somewhere -----------------------------------------------------------------------------------------------------
+
+    def place(self, q: Sequence[float], dq: Sequence[float]) -> None:
+        """Put the actuated joints at q, dq; the robot's other joints stay where they are, at rest."""
+        for values in (q, dq):
+            self._check_length(values)
+        if not all(map(math.isfinite, [*q, *dq])):
+            raise CommandError(f"q and dq must be finite; got {list(q)} and {list(dq)}")
+        y, n = self.y.copy(), self.engine.nu
+        y[[n + place for place in self._places]] = 0.0
+        # The read-out goes half a step back, so the engine starts half a step ahead.
+        for place, x, v in zip(self.user, q, dq, strict=True):
+            y[place], y[n + place] = x + self._half * v, v
+        for place, source, multiplier, offset in self._mimics:
+            y[place], y[n + place] = multiplier * y[source] + offset, multiplier * y[n + source]
+        self._set_y(y)
+        self.effort = [0.0] * len(q)
+        self.stops.place([self.q[place] for place in self._places])
+        self._rows.forget()
+        self._close_brakes()
+
+    def _check_length(self, values: Sequence[object]) -> None:
+        if len(values) != len(self.joint_names):
+            raise CommandError(f"got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})")
+
+    def pick(self, values: list[float]) -> list[float]:
+        """Those of the actuated joints, in the user's order, among those of all coordinates."""
+        return values if self.straight else [values[place] for place in self.user]
+
+    @property
+    def state(self) -> State:
+        """Positions and speeds as arrays."""
+        n = self.engine.nu
+        return State(self.y[:n], self.y[n : 2 * n])
+
+    # -- modes and brakes ----------------------------------------------------------------------------------------------------------------
+
+    def set_modes(self, modes: Sequence[Mode]) -> None:
+        """What the commands of the actuated joints mean from now on."""
+        self._modes = list(modes)
+        self._close_brakes()
+
+    def set_brakes(self, on: Sequence[bool]) -> None:
+        """Lock or free the actuated joints."""
+        self._on = [bool(b) for b in on]
+        self._close_brakes()
+
+    def _close_brakes(self) -> None:
+        """A brake that closes stops its joint at once, as one that is far stronger than the joint."""
+        modes = list(zip(self.user, self._modes, self._on, strict=True))
+        braked = [place for place, mode, on in modes if on or mode is Mode.BRAKE]
+        if self.config.passive_joints == "locked":
+            braked += [place for place in self._places if place not in self.user]
+        self._braked = [on or mode is Mode.BRAKE for _, mode, on in modes]
+        self._driven = [mode in (Mode.VELOCITY, Mode.POSITION) and not on for _, mode, on in modes]
+        self._any_braked, self._any_driven = bool(braked), any(self._driven)
+        self._rows.drives = []
+        self._dynamics.brake(braked)
+        y = self._dynamics.stopped(self.y)
+        if y is not self.y:
+            self._set_y(y)
+
+    def _drive_rows(self, values: Sequence[float]) -> list[Row]:
+        rows = []
+        for i, (place, number, mode) in enumerate(zip(self.user, self._numbers, self._modes, strict=True)):
+            if self._driven[i]:
+                joint = self._joints[number]
+                speed = values[i]
+                if mode is Mode.POSITION:
+                    speed = (values[i] - self.q[place]) / self.config.time_step
+                    speed = min(max(speed, -self._velocity[i]), self._velocity[i])
+                rows.append(Row(place, -joint.effort, joint.effort, speed, drive=True))
+        return rows
+
+    # -- one step ------------------------------------------------------------------------------------------------------------------------
+
+    def step(self, values: Sequence[float]) -> None:
+        """Act in the joints and advance.
+
+        Args:
+            values: commands of the actuated joints, in the meaning of their modes.
+        """
+        efforts = [low if v < low else high if v > high else v for v, (low, high) in zip(values, self._bounds, strict=True)]
+        check_finite(efforts, self.u)  # an effort that is no number must not reach an integrator with error control
+        rows = self._rows
+        if self._any_braked or self._any_driven:
+            efforts = [0.0 if b or d else e for e, b, d in zip(efforts, self._braked, self._driven, strict=True)]
+            rows.drives = self._drive_rows(values)
+        rows.active = rows.always or rows.near_stop(self.q, self.u)
+        tau = np.array(efforts if self.straight else self._spread(efforts))
+        if self._plain and not rows.active and self._untouched():
+            self._finish(self._manager.step(self.time, self.y, tau), efforts)
+        else:
+            tau = tau if self.external is None else tau + self.external
+            self._finish(self._own_step(self.time, self.y, tau, self.touch), efforts)
+
+    def _untouched(self) -> bool:
+        return not (self._any_braked or self._any_driven or self.external is not None or self.touch is not None)
+
+    def _spread(self, efforts: Sequence[float]) -> list[float]:
+        full = [0.0] * self.engine.nu
+        for place, value in zip(self.user, efforts, strict=True):
+            full[place] = value
+        return full
+
+    def _finish(self, step: Step, efforts: list[float]) -> None:
+        self.time += self.config.time_step
+        self._set_y(step.y)
+        self.effort = efforts
+        check_finite(self.u, self.u)
+        if self._any_braked and step.acceleration is not None:
+            brakes = self.pick(self._dynamics.brake_efforts(step.acceleration).tolist())
+            self.effort = [b if on else e for e, b, on in zip(efforts, brakes, self._braked, strict=True)]
+        if self._any_driven:
+            self.effort = [self._rows.driven.get(place, e) for place, e in zip(self.user, self.effort, strict=True)]
+        if self.stops.waiting:
+            self.stops.check([self.q[place] for place in self._places])

@@ -1,0 +1,172 @@
+"""Collision shapes of a description, for coal: the collision library that comes with pinocchio."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import coal
+import numpy as np
+
+from hric_control.errors import DescriptionError, HricError
+from hric_control.plants.capsules import join_capsules
+from hric_control.plants.resources import resolve
+from hric_control.plants.spatial import FloatArray
+from hric_control.plants.urdf_tree import origin
+
+FAR = 1e9
+"""Radius of what has no end [m]."""
+
+
+_POINT = 1e-6
+"""Radius of the ball that stands for a point [m]; any small one does."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One shape of a link.
+
+    Attributes:
+        geometry: coal's.
+        T_link_shape: its pose in the link, shape (4, 4).
+        radius: of a ball about the link's origin that holds it [m].
+    """
+
+    geometry: Any
+    T_link_shape: FloatArray
+    radius: float
+
+
+def _numbers(element: Element, attribute: str, count: int, where: str) -> list[float]:
+    text = element.get(attribute, "")
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(0.0 < value < FAR for value in values):
+        raise DescriptionError(f'{where}: {attribute}="{text}" must be {count} positive number(s)')
+    return values
+
+
+@lru_cache(maxsize=64)
+def _hull(path: str, scale: tuple[float, float, float]) -> Any:
+    mesh = coal.MeshLoader().load(path, np.array(scale))
+    mesh.buildConvexHull(True, "Qt")
+    return mesh.convex
+
+
+def _mesh(element: Element, where: str) -> Any:
+    scale = _numbers(element, "scale", 3, where) if element.get("scale") else [1.0, 1.0, 1.0]
+    address = element.get("filename", "")
+    try:
+        return _hull(str(resolve(address)), (scale[0], scale[1], scale[2]))
+    except (HricError, RuntimeError, ValueError) as error:
+        raise DescriptionError(f"{where}: mesh {address}: {error}") from error
+
+
+def _geometry(shape: Element, where: str) -> Any:
+    kinds = list(shape.findall("geometry/*"))
+    if len(kinds) != 1:
+        raise DescriptionError(f"{where}: needs one shape in <geometry>; it has {len(kinds)}")
+    (kind,) = kinds
+    if kind.tag == "box":
+        return coal.Box(*_numbers(kind, "size", 3, where))
+    if kind.tag == "sphere":
+        return coal.Sphere(*_numbers(kind, "radius", 1, where))
+    if kind.tag in ("cylinder", "capsule"):
+        make = coal.Cylinder if kind.tag == "cylinder" else coal.Capsule
+        return make(*_numbers(kind, "radius", 1, where), *_numbers(kind, "length", 1, where))
+    if kind.tag == "mesh":
+        return _mesh(kind, where)
+    raise DescriptionError(f"{where}: shape {kind.tag!r} is not known; valid: box, sphere, cylinder, capsule, mesh")
+
+
+def shapes(collisions: Sequence[Element], where: str) -> list[Shape]:
+    """Shapes of a link; a cylinder with balls at its ends is one capsule, a mesh is its convex hull.
+
+    Args:
+        collisions: elements of the description.
+        where: "link name", for error texts.
+
+    Raises:
+        DescriptionError: a shape that cannot be used.
+    """
+    result = []
+    for element in join_capsules(collisions, f"collision of {where}"):
+        geometry, T = _geometry(element, f"collision of {where}"), origin(element.find("origin"), f"collision of {where}")
+        geometry.computeLocalAABB()
+        centre = T[:3, :3] @ np.asarray(geometry.aabb_center) + T[:3, 3]
+        result.append(Shape(geometry, T, float(np.linalg.norm(centre)) + float(geometry.aabb_radius)))
+    return result
+
+
+def plane() -> Shape:
+    """The half-space below z = 0 of the link."""
+    return Shape(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), np.eye(4), FAR)
+
+
+def pose(T: FloatArray) -> Any:
+    """For coal, from shape (4, 4)."""
+    return coal.Transform3s(T[:3, :3], T[:3, 3])
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Where two shapes meet, or nearly do.
+
+    Attributes:
+        points: middle of the overlap, shape (3,) each [m].
+        normal: from b to a, unit vector.
+        depth: of the deepest point, negative for a gap [m].
+    """
+
+    points: list[FloatArray]
+    normal: FloatArray
+    depth: float
+
+
+class Pairing:
+    """Asks coal about two shapes; keeps its requests and results."""
+
+    def __init__(self, margin: float) -> None:
+        self._margin = margin
+        self._distance, self._distance_request = coal.DistanceResult(), coal.DistanceRequest()
+        self._distance_request.enable_signed_distance = True
+        self._point = coal.Sphere(_POINT)
+        self._result = coal.CollisionResult()
+        self._request = coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, 1)
+        self._request.security_margin = margin
+        self._patch_request = coal.ContactPatchRequest()
+        self._patch = coal.ContactPatchResult(self._patch_request)
+
+    def distance(self, a: Any, T_a: Any, b: Any, T_b: Any) -> float:
+        """Signed distance [m]."""
+        self._distance.clear()
+        return float(coal.distance(a, T_a, b, T_b, self._distance_request, self._distance))
+
+    def touch(self, a: Any, T_a: Any, b: Any, T_b: Any) -> Touch | None:
+        """The meeting of two shapes that are nearer than the margin."""
+        self._result.clear()
+        if not coal.collide(a, T_a, b, T_b, self._request, self._result):
+            return None
+        contact = self._result.getContact(0)
+        # coal's normal goes from the first shape to the second.
+        return Touch([np.array(contact.pos)], -np.array(contact.normal), -float(contact.penetration_depth))
+
+    def beyond(self, point: FloatArray, shape: Any, T: Any) -> float:
+        """How far a point is outside a shape; negative inside [m]."""
+        self._distance.clear()
+        at = coal.Transform3s(np.eye(3), point)
+        return float(coal.distance(self._point, at, shape, T, self._distance_request, self._distance)) + _POINT
+
+    def patch(self, a: Any, T_a: Any, b: Any, T_b: Any) -> list[FloatArray]:
+        """Corners of the area in which the shapes of the last `touch` meet; empty where coal finds none."""
+        self._patch.clear()
+        coal.computeContactPatch(a, T_a, b, T_b, self._result, self._patch_request, self._patch)
+        if self._patch.numContactPatches() == 0:
+            return []
+        patch = self._patch.getContactPatch(0)
+        return [np.array(patch.getPoint(i)) for i in range(patch.size())]

@@ -1,0 +1,52 @@
+"""Robots in OpenSim for the tests."""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of seven rows gain nothing from threads
+
+import re
+
+import numpy as np
+import pytest
+
+import panda_description
+from opensim_ros_control.plant import OpenSimPlant
+
+PANDA = [f"panda_joint{i}" for i in range(1, 8)]
+
+
+def without_stops(urdf):
+    return re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="-1000" upper="1000"', urdf)
+
+
+@pytest.fixture(scope="session")
+def panda_urdf():
+    return panda_description.load(meshes=False, collision=False)
+
+
+@pytest.fixture(scope="session")
+def wide_panda_urdf(panda_urdf):
+    return without_stops(panda_urdf)
+
+
+@pytest.fixture(scope="session")
+def contact_urdf():
+    return panda_description.load(meshes=False)
+
+
+@pytest.fixture
+def make_plant():
+    """Plants, the Panda's joints and no friction by default; put at q."""
+
+    def make(urdf, joints=PANDA, q=None, **config):
+        plant = OpenSimPlant(urdf, joints, config)
+        if q is not None:
+            plant.reset(q)
+        return plant
+
+    return make
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)

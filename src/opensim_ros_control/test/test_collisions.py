@@ -1,0 +1,94 @@
+"""Which pairs are looked at, and rigid contact against closed formulas."""
+
+import numpy as np
+import pytest
+from two_link import two_link_urdf
+
+from hric_control.errors import DescriptionError
+from opensim_ros_control.collision import MARGIN, Collisions
+from opensim_ros_control.contact import Point, RigidContact
+from opensim_ros_control.shapes import Pairing, pose
+
+TABLE = "package://pybullet_ros_control/worlds/table.yaml"
+
+
+def gaps(plant, pairs):
+    """True signed distance of each pair, by asking for all of them."""
+    kinematics, ask = plant.world.forces._kinematics, Pairing(MARGIN)
+    plant.robot.synchronised()
+    kinematics.forget()
+    placed = [[pose(kinematics.pose(c.mobile) @ c.T_body_shape) for c in pair] for pair in pairs]
+    return [ask.distance(a.shape.geometry, T_a, b.shape.geometry, T_b) for (a, b), (T_a, T_b) in zip(pairs, placed, strict=True)]
+
+
+def test_no_pair_that_is_near_is_left_out(make_plant, contact_urdf, rng):
+    """The arm swings by random efforts over a table, a cube falls: the bound on what moved is never too small, and it saves most of the questions."""
+    plant = make_plant(contact_urdf, world=TABLE, rotor_inertia=0.0)
+    looked_at = near = asked = 0
+    for _ in range(3):
+        plant.reset(rng.uniform([-2.0, -1.0, -2.0, -2.5, -2.0, 0.5, -2.0], [2.0, 1.0, 2.0, -0.5, 2.0, 3.0, 2.0]))
+        for _ in range(60):
+            plant.apply(rng.uniform(-40.0, 40.0, 7) * [1, 1, 1, 1, 0.1, 0.1, 0.1])
+            plant.step()
+            collisions = plant.world.forces._collisions
+            found = set(collisions.near(plant.robot.y[: plant.robot.engine.nu]))
+            true = {i for i, gap in enumerate(gaps(plant, collisions.pairs)) if gap < MARGIN}
+            assert true <= found
+            looked_at, near, asked = looked_at + len(found), near + len(true), asked + len(collisions.pairs)
+    assert near > 0
+    assert looked_at < 0.1 * asked
+
+
+def test_without_pairs_nothing_is_near():
+    assert Collisions([], 3).near(np.zeros(3)) == []
+
+
+def on_a_floor(x, y, friction, depth=0.0):
+    """A point of a rigid body of 1 kg whose speeds are those of its centre; turning about y by the third speed, with 0.01 kg m^2."""
+    J = np.array([[1.0, 0.0, 0.0, y], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -x]])
+    return Point("a", "b", (1, 0), np.zeros(3), np.array([0.0, 0.0, 1.0]), depth, J, (None, 0.0, friction), (x,), np.zeros(3))
+
+
+GAIN = 1e-3 * np.diag([1.0, 1.0, 1.0, 100.0])
+
+
+def test_a_body_on_two_points_stops_and_shares_its_weight_by_their_distances():
+    points = [on_a_floor(-0.1, 0.0, 0.5), on_a_floor(0.3, 0.0, 0.5)]
+    efforts = RigidContact(1e-3).solve(points, np.array([0.0, 0.0, -9.81e-3, 0.0]), GAIN)
+    assert [point.force[2] for point in points] == pytest.approx([9.81 * 0.75, 9.81 * 0.25])
+    assert efforts == pytest.approx([0.0, 0.0, 9.81, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize(("push", "slides"), [(4.0, False), (6.0, True)])
+def test_friction_sticks_within_its_cone_and_slides_on_it(push, slides):
+    point = on_a_floor(0.0, 0.0, 0.5)
+    RigidContact(1e-3).solve([point], np.array([1e-3 * push, 0.0, -10e-3, 0.0]), GAIN)
+    assert point.force == pytest.approx([-5.0 if slides else -push, 0.0, 10.0], abs=1e-3)
+
+
+def test_rigid_contact_never_pulls_and_leaves_a_gap_its_time():
+    contact, leaving, far = RigidContact(1e-3), on_a_floor(0.0, 0.0, 0.5), on_a_floor(0.0, 0.0, 0.5, depth=-1e-3)
+    assert contact.solve([leaving], np.array([0.0, 0.0, 0.1, 0.0]), GAIN) == pytest.approx(0.0, abs=0.0)
+    assert contact.solve([far], np.array([0.0, 0.0, -0.9, 0.0]), GAIN) == pytest.approx(0.0, abs=0.0)
+    assert contact.solve([far], np.array([0.0, 0.0, -1.1, 0.0]), GAIN)[2] == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ('<box size="1 1"/>', r'collision of link a: size="1 1" must be 3 positive number'),
+        ('<sphere radius="-1"/>', 'collision of link a: radius="-1" must be 1 positive number'),
+        ('<cone radius="1"/>', "collision of link a: shape 'cone' is not known; valid: box, sphere, cylinder, capsule, mesh"),
+        ('<mesh filename="package://nowhere/none.stl"/>', "collision of link a: mesh package://nowhere/none.stl: no package 'nowhere'"),
+        ("", "collision of link a: needs one shape"),
+    ],
+)
+def test_a_bad_shape_is_refused_by_its_link_and_the_world_is_as_before(make_plant, shape, message):
+    plant = make_plant(two_link_urdf(), ["joint1", "joint2"])
+    urdf = f"""<robot name="r"><link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+      <collision><geometry>{shape}</geometry></collision></link></robot>"""
+    with pytest.raises(DescriptionError, match=message):
+        plant.spawn("thing", urdf, np.eye(4))
+    assert plant.model_names() == []
+    plant.apply([0.0, 0.0])
+    plant.step()

@@ -1,0 +1,72 @@
+"""Joint loads against pinocchio's inverse dynamics, and against what contact and wrenches do to them."""
+
+import numpy as np
+import pinocchio
+import pytest
+
+POSE = [0.1, -0.5, 0.2, -2.0, 0.3, 1.5, 0.4]
+STILL = [0.0, 0.0, 0.0]
+
+
+def loads(urdf, q, dq, ddq):
+    """(origin, force, torque) of each joint on its child, world frame."""
+    model = pinocchio.buildModelFromXML(urdf)
+    data = model.createData()
+    pinocchio.rnea(model, data, q, dq, ddq)
+    pinocchio.forwardKinematics(model, data, q)
+    turns = [np.array(data.oMi[j].rotation) for j in range(model.njoints)]
+    return [(np.array(data.oMi[j].translation), turns[j] @ data.f[j].linear, turns[j] @ data.f[j].angular) for j in range(1, model.njoints)]
+
+
+def error(plant, expected):
+    found = plant.joint_reactions()
+    assert [reaction.joint for reaction in found] == list(plant.joint_names)
+    pairs = [(vector, wanted) for reaction, row in zip(found, expected, strict=True) for vector, wanted in zip(vectors(reaction), row, strict=True)]
+    return max(np.abs(np.array(vector) - wanted).max() for vector, wanted in pairs)
+
+
+def vectors(reaction):
+    return reaction.position, reaction.force, reaction.torque
+
+
+@pytest.mark.parametrize("rotor", [0.0, 0.1])
+@pytest.mark.parametrize("integrator", ["accurate", "semi_implicit"])
+def test_joint_loads_of_a_moving_arm_are_those_of_its_inverse_dynamics(make_plant, panda_urdf, rng, integrator, rotor):
+    plant = make_plant(panda_urdf, rotor_inertia=rotor, integrator=integrator, half_step_readout=False)
+    plant.reset(POSE, rng.uniform(-1.0, 1.0, 7))
+    before = [np.array(part) for part in plant.engine_state()]
+    assert plant.joint_reactions() == []
+    plant.apply(rng.uniform(-5.0, 5.0, 7))
+    plant.step()
+    after = [np.array(part) for part in plant.engine_state()]
+    middle = [0.5 * (a + b) for a, b in zip(before, after, strict=True)]
+    q, dq = middle if integrator == "accurate" else before
+    assert error(plant, loads(panda_urdf, q, dq, (after[1] - before[1]) / 1e-3)) < 1e-9
+
+
+def test_a_wrench_on_the_hand_goes_through_all_joints(make_plant, panda_urdf):
+    plant = make_plant(panda_urdf, q=POSE, gravity=STILL)
+    plant.set_brakes([True] * 7)
+    force, torque = np.array([3.0, -8.0, 5.0]), np.array([0.4, -0.3, 0.9])
+    plant.apply_wrench("panda_hand", force, torque, STILL, -1.0)
+    plant.apply([0.0] * 7)
+    plant.step()
+    hand = plant.link_state("panda_hand")[0][:3, 3]
+    for reaction in plant.joint_reactions():
+        assert np.array(reaction.force) == pytest.approx(-force, abs=1e-9)
+        assert np.array(reaction.torque) == pytest.approx(-torque - np.cross(hand - reaction.position, force), abs=1e-9)
+
+
+def test_what_presses_on_the_hand_is_carried_by_the_first_joint(make_plant, contact_urdf, tmp_path):
+    """A ball on a spring: the arm's base carries the arm's own weight and the force that the contact tells."""
+    hand = make_plant(contact_urdf, q=POSE).link_state("panda_hand")[0][:3, 3]
+    world = tmp_path / "world.yaml"
+    at = [float(hand[0]), float(hand[1]), float(hand[2]) + 0.093]
+    world.write_text(f"objects: [{{name: ball, shape: sphere, size: 0.06, pose: {{xyz: {at}}}, contact: penalty, stiffness: 20000.0}}]")
+    plant = make_plant(contact_urdf, q=POSE, world=str(world), gravity=STILL)
+    plant.set_brakes([True] * 7)
+    plant.apply([0.0] * 7)
+    plant.step()
+    on_hand = sum(c.force * (1 if c.body_a.startswith("panda::") else -1) * np.array(c.normal) for c in plant.contacts())
+    assert np.linalg.norm(on_hand) > 1.0
+    assert np.array(plant.joint_reactions()[0].force) == pytest.approx(-on_hand, abs=1e-9)
