@@ -188,7 +188,7 @@ def test_success_rate_counts_the_last_hundred_cycles_from_the_first_command() ->
 
 
 def test_the_friction_law_is_the_plants() -> None:
-    from pybullet_ros_control.friction import JointLosses, sigmoid_parameters
+    from hric_control.plants.friction import JointLosses, sigmoid_parameters
 
     dq = [0.3, -0.2, 0.1, 1.5, -2.0, 0.0, 0.01]
     plant = JointLosses([0.0] * 7, sigmoid_parameters(FRICTION, JOINTS)).subtract([0.0] * 7, dq)

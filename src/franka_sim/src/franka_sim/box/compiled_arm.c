@@ -1,106 +1,140 @@
-/* The kinematic fields of the state at once, and inverse dynamics; compiled behind model_library/arm.c, whose functions it uses.
- *
- * fields:
- *
- * in:  q 7, q_d 7, dq_d 7, tau_ext 7, thresholds of contact: torques 7, wrench on K 6, F_T_EE 16, F_T_K 16, the least singular value 1
- * out: O_T_EE 16, O_T_EE_d 16, O_dP_EE_d 6, O_F_ext 6, K_F_ext 6, joint_contact 7, cartesian_contact 6 */
-#define N 6
-#define SWEEPS 30
-#define ROUNDING 1e-30
+/* The kinematic fields of the state at once, inverse dynamics, and the estimate of the external torque; compiled behind model_library/arm.c, whose
+ * functions it uses. compiled_arm.py and compiled_fields.py have the same layouts. */
+#include <float.h>
 
-/* Eigenvalues (on the diagonal of A) and eigenvectors (columns of V) of a symmetric matrix by cyclic Jacobi rotations
- * (Golub and Van Loan, Matrix Computations, 4th ed., sec. 8.5). */
-static void eigen(double A[N][N], double V[N][N]) {
-  for (int i = 0; i < N; ++i)
-    for (int j = 0; j < N; ++j) V[i][j] = i == j;
-  for (int sweep = 0; sweep < SWEEPS; ++sweep) {
-    double off = 0.0, diagonal = 0.0;
-    for (int i = 0; i < N; ++i) {
-      diagonal += A[i][i] * A[i][i];
-      for (int j = 0; j < i; ++j) off += A[i][j] * A[i][j];
+#define N 6
+
+/* What one state is made of; members named as in the state. Column-major. */
+typedef struct {
+  /* each cycle */
+  double q[7], q_d[7], dq[7], dq_d[7], ddq_d[7], tau_J[7], tau_before[7], tau_J_d[7];
+  double tau_ext_hat_filtered[7], joint_collision[7], cartesian_collision[6], generated; /* generated: not 0 with a Cartesian generator */
+  /* told; thresholds of contact: nominal, and while the desired motion accelerates */
+  double period, least_singular_value, elbow_flip, torques[7], forces[6], torques_acceleration[7], forces_acceleration[6];
+  double F_T_EE[16], EE_T_K[16], F_T_NE[16], NE_T_EE[16], m_ee, F_x_Cee[3], I_ee[9], m_load, F_x_Cload[3], I_load[9], O_ddP_O[3];
+  /* computed */
+  double O_T_EE[16], O_F_ext_hat_K[6], K_F_ext_hat_K[6], joint_contact[7], cartesian_contact[6], dtau_J[7], elbow[2];
+  /* computed, where no Cartesian generator writes them */
+  double O_T_EE_d[16], O_T_EE_c[16], O_dP_EE_d[6], elbow_d[2], elbow_c[2], O_dP_EE_c[6], O_ddP_EE_c[6], delbow_c[2], ddelbow_c[2];
+} Fields;
+
+/* A - shift 1 = L L' (Cholesky; Golub and Van Loan, Matrix Computations, 4th ed., sec. 4.2); 0 if that is not positive definite: A has an
+ * eigenvalue that is not above the shift. */
+static int factor(const double A[N][N], double shift, double L[N][N]) {
+  for (int j = 0; j < N; ++j)
+    for (int i = j; i < N; ++i) {
+      double sum = i == j ? A[i][i] - shift : A[i][j];
+      for (int k = 0; k < j; ++k) sum -= L[i][k] * L[j][k];
+      if (i > j)
+        L[i][j] = sum / L[j][j];
+      else if (sum > 0.0)
+        L[j][j] = sqrt(sum);
+      else
+        return 0;
     }
-    if (!(off > ROUNDING * diagonal)) return;
-    for (int p = 0; p < N; ++p)
-      for (int q = p + 1; q < N; ++q) {
-        if (A[p][q] == 0.0) continue;
-        const double tau = (A[q][q] - A[p][p]) / (2.0 * A[p][q]);
-        const double t = (tau >= 0.0 ? 1.0 : -1.0) / (fabs(tau) + sqrt(1.0 + tau * tau)), c = 1.0 / sqrt(1.0 + t * t), s = t * c;
-        for (int k = 0; k < N; ++k) {
-          const double a = A[k][p], b = A[k][q], v = V[k][p], w = V[k][q];
-          A[k][p] = c * a - s * b;
-          A[k][q] = s * a + c * b;
-          V[k][p] = c * v - s * w;
-          V[k][q] = s * v + c * w;
-        }
-        for (int k = 0; k < N; ++k) {
-          const double a = A[p][k], b = A[q][k];
-          A[p][k] = c * a - s * b;
-          A[q][k] = s * a + c * b;
-        }
-      }
-  }
+  return 1;
 }
 
 /* The wrench F of least squares in tau = J^T F, that is (J J^T) F = J tau; zero where J has a singular value below `least`. J: column-major. */
 static void wrench(const double J[42], const double tau[JOINTS], double least, double F[N]) {
-  double A[N][N], V[N][N], Jtau[N];
+  double A[N][N], L[N][N];
   memset(F, 0, N * sizeof(double));
-  for (int i = 0; i < N; ++i) {
-    Jtau[i] = 0.0;
-    for (int k = 0; k < JOINTS; ++k) Jtau[i] += J[N * k + i] * tau[k];
-    for (int j = 0; j < N; ++j) {
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j <= i; ++j) {
       A[i][j] = 0.0;
       for (int k = 0; k < JOINTS; ++k) A[i][j] += J[N * k + i] * J[N * k + j];
     }
+  if (!factor(A, least * least, L) || !factor(A, 0.0, L)) return;
+  for (int i = 0; i < N; ++i) {
+    for (int k = 0; k < JOINTS; ++k) F[i] += J[N * k + i] * tau[k];
+    for (int k = 0; k < i; ++k) F[i] -= L[i][k] * F[k];
+    F[i] /= L[i][i];
   }
-  eigen(A, V);
-  for (int k = 0; k < N; ++k)
-    if (!(A[k][k] >= least * least)) return;
-  for (int k = 0; k < N; ++k) {
-    double along = 0.0;
-    for (int i = 0; i < N; ++i) along += V[i][k] * Jtau[i];
-    for (int i = 0; i < N; ++i) F[i] += V[i][k] * along / A[k][k];
+  for (int i = N - 1; i >= 0; --i) {
+    for (int k = i + 1; k < N; ++k) F[i] -= L[k][i] * F[k];
+    F[i] /= L[i][i];
   }
 }
 
-EXPORT void fields(const double *in, double *out) {
-  const double *q = in, *q_d = in + 7, *dq_d = in + 14, *tau = in + 21, *torques = in + 28, *forces = in + 35;
-  const double *F_T_EE = in + 41, *F_T_K = in + 57, least = in[73];
-  double J[42], *twist = out + 32, *O_F = out + 38, *K_F = out + 44, *joint_contact = out + 50, *cartesian_contact = out + 57;
+static double side(const Fields *f, const double q[JOINTS]) { return q[3] > f->elbow_flip ? 1.0 : -1.0; }
+
+static void measured(Fields *f) {
+  double J[42];
+  Pose poses[JOINTS + 1], tool, stiffness;
+  forward(f->q, poses);
+  beyond_flange(&poses[FLANGE], f->F_T_EE, &tool);
+  write_pose(&tool, f->O_T_EE);
+  beyond_flange(&tool, f->EE_T_K, &stiffness);
+  write_jacobian(poses, JOINTS, &stiffness, 0, J);
+  wrench(J, f->tau_ext_hat_filtered, f->least_singular_value, f->O_F_ext_hat_K);
+  rotate_back(stiffness.R, f->O_F_ext_hat_K, f->K_F_ext_hat_K);
+  rotate_back(stiffness.R, f->O_F_ext_hat_K + 3, f->K_F_ext_hat_K + 3);
+}
+
+static void desired(Fields *f) {
+  double J[42];
   Pose poses[JOINTS + 1], tool;
-  forward(q_d, poses);
-  beyond_flange(&poses[FLANGE], F_T_EE, &tool);
-  write_pose(&tool, out + 16);
+  forward(f->q_d, poses);
+  beyond_flange(&poses[FLANGE], f->F_T_EE, &tool);
+  write_pose(&tool, f->O_T_EE_d);
+  memcpy(f->O_T_EE_c, f->O_T_EE_d, sizeof f->O_T_EE_c);
   write_jacobian(poses, JOINTS, &tool, 0, J);
   for (int i = 0; i < N; ++i) {
-    twist[i] = 0.0;
-    for (int k = 0; k < JOINTS; ++k) twist[i] += J[N * k + i] * dq_d[k];
+    f->O_dP_EE_d[i] = 0.0;
+    for (int k = 0; k < JOINTS; ++k) f->O_dP_EE_d[i] += J[N * k + i] * f->dq_d[k];
+    f->O_dP_EE_c[i] = f->O_ddP_EE_c[i] = 0.0;
   }
-  forward(q, poses);
-  beyond_flange(&poses[FLANGE], F_T_EE, &tool);
-  write_pose(&tool, out);
-  beyond_flange(&poses[FLANGE], F_T_K, &tool);
-  write_jacobian(poses, JOINTS, &tool, 0, J);
-  wrench(J, tau, least, O_F);
-  rotate_back(tool.R, O_F, K_F);
-  rotate_back(tool.R, O_F + 3, K_F + 3);
-  for (int i = 0; i < JOINTS; ++i) joint_contact[i] = fabs(tau[i]) > torques[i];
-  for (int i = 0; i < N; ++i) cartesian_contact[i] = fabs(K_F[i]) > forces[i];
+  f->elbow_d[0] = f->elbow_c[0] = f->q_d[2];
+  f->elbow_d[1] = f->elbow_c[1] = side(f, f->q_d);
+  for (int i = 0; i < 2; ++i) f->delbow_c[i] = f->ddelbow_c[i] = 0.0;
 }
 
-/* M(q) ddq + C(q, dq) dq + g(q): inverse dynamics (recursive Newton-Euler), gravity as an acceleration of the base.
- *
- * in: q 7, dq 7, ddq 7, gravity in the base frame 3, then of all that is mounted at the flange, in its frame: inertia about the centre of mass 9, mass 1,
- * centre of mass 3;  out: torque 7 */
-EXPORT void inverse_dynamics(const double *in, double *out) {
-  const double *q = in, *dq = in + 7, *ddq = in + 14, *gravity = in + 21, *I_total = in + 24, m_total = in[33], *com_total = in + 34;
+EXPORT void fields(Fields *f) {
+  int accelerating = 0;
+  measured(f);
+  f->elbow[0] = f->q[2];
+  f->elbow[1] = side(f, f->q);
+  if (f->generated == 0.0) desired(f);
+  for (int i = 0; i < JOINTS; ++i) accelerating |= f->ddq_d[i] != 0.0;
+  const double *torques = accelerating ? f->torques_acceleration : f->torques, *forces = accelerating ? f->forces_acceleration : f->forces;
+  for (int i = 0; i < JOINTS; ++i) {
+    f->joint_contact[i] = fabs(f->tau_ext_hat_filtered[i]) > torques[i];
+    f->dtau_J[i] = (f->tau_J[i] - f->tau_before[i]) / f->period;
+  }
+  for (int i = 0; i < N; ++i) f->cartesian_contact[i] = fabs(f->K_F_ext_hat_K[i]) > forces[i];
+}
+
+/* Compute the fields, then the numbers of a datagram, each from its place in them. */
+EXPORT void numbers_d(Fields *f, const int *places, int n, double *out) {
+  fields(f);
+  for (int i = 0; i < n; ++i) out[i] = ((const double *)f)[places[i]];
+}
+
+/* The same in 32 bits; what is too large becomes the largest number. */
+EXPORT void numbers_f(Fields *f, const int *places, int n, float *out) {
+  fields(f);
+  for (int i = 0; i < n; ++i) {
+    const double x = ((const double *)f)[places[i]];
+    out[i] = x > FLT_MAX ? FLT_MAX : x < -FLT_MAX ? -FLT_MAX : (float)x;
+  }
+}
+
+typedef struct {
+  double gravity[3]; /* in the base frame */
+  double inertia[9], mass, com[3]; /* of all that is mounted at the flange, in its frame, inertia about the centre of mass */
+} Told;
+
+static const double STILL[JOINTS];
+
+/* M(q) ddq + C(q, dq) dq + g(q): inverse dynamics (recursive Newton-Euler), gravity as an acceleration of the base. */
+static void newton_euler(const Told *told, const double q[JOINTS], const double dq[JOINTS], const double ddq[JOINTS], double out[JOINTS]) {
   Pose poses[JOINTS + 1];
   Body bodies[JOINTS];
   Spatial S[JOINTS], v = {{0}, {0}}, a = {{0}, {0}}, wrench[JOINTS], sum = {{0}, {0}};
-  for (int k = 0; k < 3; ++k) a.v[k] = -gravity[k];
+  for (int k = 0; k < 3; ++k) a.v[k] = -told->gravity[k];
   forward(q, poses);
   joint_twists(poses, S);
-  moving_bodies(poses, I_total, m_total, com_total, bodies);
+  moving_bodies(poses, told->inertia, told->mass, told->com, bodies);
   for (int i = 0; i < JOINTS; ++i) {
     Spatial step;
     for (int k = 0; k < 3; ++k) {
@@ -123,4 +157,25 @@ EXPORT void inverse_dynamics(const double *in, double *out) {
     }
     out[i] = power(&S[i], &sum);
   }
+}
+
+/* in: q, dq, ddq */
+EXPORT void inverse_dynamics(const Told *told, const double in[3 * JOINTS], double out[JOINTS]) {
+  newton_euler(told, in, in + JOINTS, in + 2 * JOINTS, out);
+}
+
+typedef struct {
+  double q[7], dq[7], q_now[7], dq_now[7], tau[7], friction[7], value[7]; /* each cycle */
+  double gravity[7]; /* at q_now */
+  double rotors[7], rate, gain; /* told once */
+} Estimate;
+
+/* One cycle of estimates.ExternalTorque, and the gravity of the next one. */
+EXPORT void external_torque(const Told *told, Estimate *e) {
+  double ddq[JOINTS], expected[JOINTS];
+  for (int i = 0; i < JOINTS; ++i) ddq[i] = e->rate * (e->dq_now[i] - e->dq[i]);
+  newton_euler(told, e->q, e->dq, ddq, expected);
+  for (int i = 0; i < JOINTS; ++i)
+    e->value[i] += e->gain * (e->tau[i] - expected[i] - e->rotors[i] * ddq[i] - e->friction[i] - e->value[i]);
+  newton_euler(told, e->q_now, STILL, STILL, e->gravity);
 }

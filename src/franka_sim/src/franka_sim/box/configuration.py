@@ -60,10 +60,12 @@ class ConfiguredBox:
         self.model, self.config, self.report = model, config, report or (lambda text: None)
         self.told = Told()
         self._friction = None if config.friction is None else friction_law(config.friction, model.joint_names)
-        self._external = ExternalTorque(model, config, compiled)
-        self.state = BoxState(model, config.time_step, config.collision_behavior, wrench_estimator(model, config.least_singular_value))
+        self._external, self._compiled = ExternalTorque(model, config, compiled), compiled
+        estimate_wrench = wrench_estimator(model, config.least_singular_value) if compiled is None else compiled.fields.wrench
+        self.state = BoxState(model, config.time_step, config.collision_behavior, estimate_wrench)
         self.state.tau_ext_hat_filtered = self._external.value
-        self.state.compiled = compiled
+        self.state.compiled = None if compiled is None else compiled.fields
+        self._take_gravity()
         self.joint_impedance = JointImpedanceLaw(model, config.limits, config.rotor_inertia, config.time_step)
         self._cartesian_impedance: CartesianImpedanceLaw | None = None
         self._cartesian_revision = -1
@@ -92,10 +94,16 @@ class ConfiguredBox:
             return Outcome.INVALID_ARGUMENT
         return Outcome.SUCCESS
 
+    def _take_gravity(self) -> None:
+        """q (7 floats) [rad] -> g(q), 7 floats [N m], of what the box was told; and none is computed yet."""
+        self._gravity: Callable[[Floats], list[float]] = self.model.gravity_list if self._compiled is None else self._compiled.gravity
+        self._gravity_torque: list[float] | None = None
+
     def _tell_model(self, what: str, change: Callable[[], object]) -> Outcome:
         def all_of_it() -> None:
             change()
             self._external.take_model()
+            self._take_gravity()
             self.state.take_configuration()
 
         return self._tell(what, all_of_it)

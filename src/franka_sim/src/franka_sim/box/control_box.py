@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import add
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotMode, errors
@@ -26,6 +27,8 @@ _OUTCOMES = {
     Event.CONNECTION_LOST: Outcome.ABORTED,
 }
 _COLLISIONS = frozenset(("joint_reflex", "cartesian_reflex"))
+_WATCHED = (RobotMode.MOVE, RobotMode.GUIDING)
+"""Modes in which the measured state can be a reflex."""
 _LOST: Errors = frozenset(("communication_constraints_violation",))
 
 
@@ -143,7 +146,7 @@ class ControlBox(ConfiguredBox):
         state.q[:], state.q_d[:] = q, q
         state.robot_mode, state.tick = RobotMode.IDLE, state.tick + 1
         self._external.reset()
-        self._fresh = True
+        self._gravity_torque, self._fresh = None, True
 
     def _clear_errors(self) -> None:
         state = self.state
@@ -201,12 +204,12 @@ class ControlBox(ConfiguredBox):
         if self._fresh:
             self._begin(q)
         else:
-            self._external.update(state.q, state.dq, dq, tau_J, self._friction_torque)
+            self._gravity_torque = self._external.update(state.q, state.dq, q, dq, tau_J, self._friction_torque)
         state.tau_before[:] = state.tau_J
         state.q[:], state.dq[:], state.tau_J[:] = q, dq, tau_J
         state.time = time
         state.tick += 1
-        if self.config.reflexes and state.robot_mode in (RobotMode.MOVE, RobotMode.GUIDING):
+        if state.robot_mode in _WATCHED and self.config.reflexes:
             wrong = self._reflexes.errors(state)
             if wrong:
                 self._reflex(wrong)
@@ -230,10 +233,10 @@ class ControlBox(ConfiguredBox):
             state.q_d[:], state.tau_J_d[:] = state.q, tau
         else:
             tau = self._hold()
-        torque = [a + b for a, b in zip(tau, self.model.gravity_list(state.q), strict=True)]
+        torque = [*map(add, tau, self._gravity_torque or self._gravity(state.q))]
         if self._friction is not None:
             friction = self._friction_torque = self._friction(state.dq)
-            torque = [a + b for a, b in zip(torque, friction, strict=True)]
+            torque = [*map(add, torque, friction)]
         return torque
 
     def _hold(self) -> list[float]:

@@ -11,7 +11,7 @@ import PyKDL
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import RobotState
-from franka_sim.box.compiled_arm import CompiledArm
+from franka_sim.box.compiled_arm import CompiledArm, Update
 from franka_sim.box.config import BoxConfig
 
 Vector = Sequence[float]
@@ -61,6 +61,7 @@ class ExternalTorque:
         self._rate = 1.0 / config.time_step
         self._gain = 1.0 - math.exp(-2.0 * math.pi * config.external_torque_cutoff * config.time_step)
         self.value = [0.0] * 7
+        self._update: Update = self._update_by_kdl if compiled is None else compiled.estimator(self._rotors, self._rate, self._gain)
         self.take_model()
 
     def take_model(self) -> None:
@@ -69,28 +70,36 @@ class ExternalTorque:
             self._expected = _InverseDynamics(self._model).torque
         else:
             self._compiled.take_model(self._model)
-            self._expected = self._compiled.inverse_dynamics
 
     def reset(self) -> None:
         """Forget the past."""
         self.value[:] = [0.0] * 7
 
-    def update(self, q: Vector, dq: Vector, dq_now: Vector, tau: Vector, friction: Vector | None) -> None:
+    def update(self, q: Vector, dq: Vector, q_now: Vector, dq_now: Vector, tau: Vector, friction: Vector | None) -> list[float]:
         """One cycle.
 
         Args:
             q, dq: position and velocity at the beginning of the cycle, 7 floats [rad], [rad/s].
-            dq_now: velocity at its end.
+            q_now, dq_now: at its end.
             tau: torque during the cycle, 7 floats [N m].
             friction: at dq, 7 floats [N m], or None: nothing known.
+
+        Returns:
+            g(q_now), 7 floats [N m]: the next thing that the box needs of the same model.
         """
-        rate, gain, value = self._rate, self._gain, self.value
+        return self._update(self.value, q, dq, q_now, dq_now, tau, friction)
+
+    def _update_by_kdl(
+        self, value: list[float], q: Vector, dq: Vector, q_now: Vector, dq_now: Vector, tau: Vector, friction: Vector | None
+    ) -> list[float]:
+        rate, gain = self._rate, self._gain
         ddq = [rate * (b - a) for a, b in zip(dq, dq_now, strict=True)]
         expected = self._expected(q, dq, ddq)
         rows = zip(value, tau, expected, self._rotors, ddq, strict=True)
         value[:] = [r + gain * (t - e - b * a - r) for r, t, e, b, a in rows]
         if friction is not None:
             value[:] = [r - gain * f for r, f in zip(value, friction, strict=True)]
+        return self._model.gravity_list(q_now)
 
 
 def wrench_estimator(model: KdlFrankaModel, least_singular_value: float) -> Callable[[RobotState], tuple[list[float], list[float]]]:

@@ -59,9 +59,10 @@ class Reflexes:
     def errors(self, state: BoxState) -> Errors:
         """What is wrong with the measured state, by libfranka's names; marks the collisions in it."""
         q, tau = state.q, state.tau_ext_hat_filtered
-        speed = sum(map(mul, map(abs, state.dq), self._bodies.reach))
+        moving = [*map(abs, state.dq)]
+        speed = sum(map(mul, moving, self._bodies.reach))
         # NaN is within nothing.
-        if not speed <= self._slow and not all([-v <= x <= v for x, v in zip(state.dq, self._velocity, strict=True)]):
+        if not speed <= self._slow and not all(map(le, moving, self._velocity)):
             return JOINT_VELOCITY
         if not (all(map(le, self._lower, q)) and all(map(le, q, self._upper))):
             return JOINT_POSITION

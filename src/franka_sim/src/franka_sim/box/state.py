@@ -15,7 +15,7 @@ from franka_sim.box.config import CollisionBehavior
 from franka_sim.box.requests import ControllerMode, GeneratorMode
 
 if TYPE_CHECKING:
-    from franka_sim.box.compiled_arm import CompiledArm
+    from franka_sim.box.compiled_fields import CompiledFields
 
 ELBOW_FLIP = -0.467002423653011
 """Position of joint 4 at which the elbow changes its side (libfranka, RobotState::elbow) [rad]."""
@@ -93,7 +93,7 @@ class BoxState(RobotState):
         estimate_wrench: Callable[[BoxState], tuple[list[float], list[float]]],
     ) -> None:
         self.computed_at: dict[str, int] = {}
-        self.compiled: CompiledArm | None = None
+        self.compiled: CompiledFields | None = None
         self.controller_mode, self.generator_mode = ControllerMode.OTHER, GeneratorMode.IDLE
         super().__init__()
         self.model, self.period, self.thresholds, self.estimate_wrench = model, period, thresholds, estimate_wrench

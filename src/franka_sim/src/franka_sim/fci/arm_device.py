@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from franka_sim.box.compiled_arm import CompiledArm
+from franka_sim.box.compiled_fields import CompiledFields
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import MotionCommand, MoveRequest, Outcome
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.hand_service import Hand
+from franka_sim.fci.wire import StateCodec
 from hric_control.errors import CommandError, HricError
 from hric_control.plant import Plant
 
@@ -26,7 +27,7 @@ class ArmDevice:
         model_library: makes the compiled model of protocol 5.
         q: pose of the start and of `reset`, 7 floats [rad].
         hand: at the flange, or None.
-        fields: fills in what clients are sent each cycle; None: the state computes it when it is read.
+        fields: computes what clients are sent in each state; None: the state does so by itself.
 
     Attributes:
         state: of the box.
@@ -41,10 +42,11 @@ class ArmDevice:
         model_library: Callable[[], bytes],
         q: Sequence[float],
         hand: Hand | None = None,
-        fields: CompiledArm | None = None,
+        fields: CompiledFields | None = None,
     ) -> None:
         self.plant, self.box, self.hand, self.state = plant, box, hand, box.state
         self._fields = fields
+        self._codec: StateCodec | None = None
         self.urdf, self.model_library = urdf, model_library
         self._q_start = list(q)
         self._q, self._dq, self._tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
@@ -91,8 +93,14 @@ class ArmDevice:
     def _read(self) -> None:
         self.plant.read_state(self._q, self._dq, self._tau)
         self.box.read(self._q, self._dq, self._tau, self._cycles * self._period)
-        if self._fields is not None:
-            self._fields.fill(self.state)
+
+    def encode(self, codec: StateCodec, message_id: int) -> bytes:
+        """The state as a datagram, its numbers by compiled code where there is any."""
+        if self._fields is None:
+            return codec.encode(message_id, self.state)
+        if codec is not self._codec:
+            self._codec, self._pack = codec, self._fields.packer(codec.names, codec.real)
+        return codec.join(message_id, self._pack(self.state), self.state)
 
     def push(self, link: str, force: Sequence[float], duration: float) -> None:
         """Act on a link's origin: force in the world frame [N], for a time [s]."""

@@ -113,7 +113,7 @@ class ArmService(Service):
         self._device.cycle(command)
         self.message_id += 1
         if self.client is not None:
-            self.client.link.send(self._protocol.state.encode(self.message_id, self._device.state))
+            self.client.link.send(self._device.encode(self._protocol.state, self.message_id))
         self._report()
 
     def _report(self) -> None:

@@ -8,6 +8,7 @@ from typing import Protocol
 from franka_hw_interface.robot_state import RobotMode, RobotState
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
 from franka_sim.fci.hand_service import Hand
+from franka_sim.fci.wire import StateCodec
 from hric_control.errors import CommandError, HricError
 
 Floats = Sequence[float]
@@ -36,6 +37,9 @@ class Device(Protocol):
 
     def cycle(self, command: MotionCommand | None) -> None:
         """One millisecond: act on the command (None: lost), then `state` is the new one."""
+
+    def encode(self, codec: StateCodec, message_id: int) -> bytes:
+        """The state as a datagram."""
 
     def take_finished(self) -> Outcome | None:
         """How a motion ended since the last call."""
@@ -126,6 +130,10 @@ class ConstantDevice:
         if command is not None and command.finished and self.state.robot_mode is RobotMode.MOVE:
             self._end()
             self._finished = Outcome.SUCCESS
+
+    def encode(self, codec: StateCodec, message_id: int) -> bytes:
+        """As any state is."""
+        return codec.encode(message_id, self.state)
 
     def take_finished(self) -> Outcome | None:
         """How a motion ended since the last call."""

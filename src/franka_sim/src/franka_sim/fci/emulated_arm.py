@@ -43,7 +43,7 @@ def make_arm(options: argparse.Namespace, robot: Robot) -> ArmDevice:
     box = ControlBox(model, config, lambda text: LOG.warning("%s", text), compiled)
     plant = plugins.find(plugins.PLANT, options.plant)(urdf_xml, model.joint_names, plant_config)
     hand = None if options.no_hand else Gripper()
-    return ArmDevice(plant, box, robot.served_urdf, lambda: _library(robot), options.q_start, hand, compiled)
+    return ArmDevice(plant, box, robot.served_urdf, lambda: _library(robot), options.q_start, hand, None if compiled is None else compiled.fields)
 
 
 def _library(robot: Robot) -> bytes:

@@ -86,13 +86,21 @@ class StateCodec:
     Args:
         real: struct's letter of a number, "d" or "f".
         accelerometers: whether their two blocks follow.
+
+    Attributes:
+        names: the fields that are numbers, in their order.
+        size: of the datagram [bytes].
     """
+
+    names = (*_BEFORE_EE, "m_ee", *_EE, "m_load", *_AFTER_LOAD)
 
     def __init__(self, real: str, accelerometers: bool) -> None:
         extra = ACCELEROMETERS if accelerometers else 0
         self._struct = struct.Struct(f"<Q{NUMBERS + extra}{real}BB41s41sB{real}")
+        self._head, self._tail = struct.Struct("<Q"), struct.Struct(f"<BB41s41sB{real}")
         self.size = self._struct.size
-        self._extra = [0.0] * extra
+        self.real, self._extra = real, [0.0] * extra
+        self._no_accelerations = bytes(struct.calcsize(f"<{extra}{real}"))
         self._before_ee, self._ee, self._after_load = attrgetter(*_BEFORE_EE), attrgetter(*_EE), attrgetter(*_AFTER_LOAD)
         self._errors: dict[frozenset[str], bytes] = {}
 
@@ -105,7 +113,20 @@ class StateCodec:
         """
         flat = chain.from_iterable
         numbers = [*flat(self._before_ee(state)), state.m_ee, *flat(self._ee(state)), state.m_load, *flat(self._after_load(state))]
-        tail = (
+        tail = self._modes(state)
+        try:
+            return self._struct.pack(message_id, *numbers, *self._extra, *tail)
+        except OverflowError:  # an arm that has blown up does not take the server with it
+            numbers = [min(max(number, -MAX_FLOAT32), MAX_FLOAT32) for number in numbers]
+            return self._struct.pack(message_id, *numbers, *self._extra, *tail)
+
+    def join(self, message_id: int, numbers: bytes, state: Any) -> bytes:
+        """The same datagram from numbers that were packed elsewhere: the fields of `names` one after the other, little endian."""
+        return self._head.pack(message_id) + numbers + self._no_accelerations + self._tail.pack(*self._modes(state))
+
+    def _modes(self, state: Any) -> tuple[int, int, bytes, bytes, int, float]:
+        """What stands behind the numbers."""
+        return (
             state.generator_mode,
             state.controller_mode,
             self._flags(state.current_errors),
@@ -113,11 +134,6 @@ class StateCodec:
             state.robot_mode,
             state.control_command_success_rate,
         )
-        try:
-            return self._struct.pack(message_id, *numbers, *self._extra, *tail)
-        except OverflowError:  # an arm that has blown up does not take the server with it
-            numbers = [min(max(number, -MAX_FLOAT32), MAX_FLOAT32) for number in numbers]
-            return self._struct.pack(message_id, *numbers, *self._extra, *tail)
 
     def _flags(self, names: frozenset[str]) -> bytes:
         flags = self._errors.get(names)
