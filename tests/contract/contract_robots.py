@@ -1,4 +1,4 @@
-"""The RobotHW back ends that the contract is tested on, each driven alike: in process on PyBullet, and through libfranka on an emulated box."""
+"""The RobotHW back ends that the contract is tested on, each driven alike: in process on both engines, and through libfranka on an emulated box."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from franka_msgs.msg import ErrorRecoveryGoal
 from franka_real.franka_hw import FrankaHW
 from franka_sim.franka_hw_sim import FrankaHWSim
 
-BACKENDS = ("pybullet", "panda", "fr3")
-"""In process; through libfranka 0.9 and through pylibfranka, on an emulated box in another process."""
+PLANTS = {"pybullet": "pybullet_ros_control/PyBulletPlant", "opensim": "opensim_ros_control/OpenSimPlant"}
+BACKENDS = (*PLANTS, "panda", "fr3")
+"""In process on each engine; through libfranka 0.9 and through pylibfranka, on an emulated box in another process."""
 
 
 class Boxes:
@@ -22,14 +23,20 @@ class Boxes:
 
     def __init__(self) -> None:
         self._stack = ExitStack()
-        self._addresses: dict[str, str] = {}
+        self._boxes: dict[str, tuple[str, Any]] = {}
 
     def address(self, robot: str) -> str:
         """Of the box of this kind."""
-        if robot not in self._addresses:
-            words = ("--robot", robot, "--no-collision", "--real-time-factor", "0")
-            self._addresses[robot] = self._stack.enter_context(control_box(*words))[0]
-        return self._addresses[robot]
+        if robot not in self._boxes:
+            words = ("--robot", robot, "--no-collision", "--real-time-factor", "0", "--console")
+            self._boxes[robot] = self._stack.enter_context(control_box(*words))
+        return self._boxes[robot][0]
+
+    def order(self, robot: str, line: str) -> None:
+        """A line to the console of the box; it acts between two of the next cycles."""
+        console = self._boxes[robot][1].stdin
+        console.write(line + "\n")
+        console.flush()
 
     def close(self) -> None:
         self._stack.close()
@@ -44,8 +51,8 @@ def connected(backend: str, boxes: Boxes, **parameters: Any) -> Iterator[Robot]:
         boxes: the control boxes.
         parameters: private ones of the robot.
     """
-    if backend == "pybullet":
-        own = {"real_time_factor": 0.0, "plant": {"collision": False, "self_collision": False}}
+    if backend in PLANTS:
+        own = {"real_time_factor": 0.0, "plant_type": PLANTS[backend], "plant": {"collision": False, "self_collision": False}}
         robot = Robot(FrankaHWSim(), {"robot": {**own, **parameters}})
     else:
         robot = Robot(FrankaHW(), {"robot": {"robot_ip": boxes.address(backend), "robot": backend, **QUIET, **parameters}})

@@ -10,9 +10,12 @@ from hric_experiments import bag_reader, differences, files, metrics, table
 from hric_experiments.experiment import MetricsSpec
 from hric_experiments.run_folder import RunFolder
 
+OPENSIM = "opensim_ros_control/OpenSimPlant"
+"""Plant whose runs leave files for OpenSim's own tools."""
+
 
 def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, Any]:
-    """Compute metrics.json, the figures and summary.txt of a run, replacing those that are there.
+    """Compute metrics.json, the figures and summary.txt of a run, and what OpenSim replays of a run in it, replacing those that are there.
 
     Args:
         path: the run folder.
@@ -38,6 +41,10 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
     files.write_json(folder.metrics_path, result)
     report = table.render(run, result)
     files.write_text(folder.path / "summary.txt", report)
+    if (definition.get("robot") or {}).get("plant_type") == OPENSIM:
+        from hric_experiments import opensim_files
+
+        opensim_files.write(folder, run, record.log)
     if figures:
         from hric_experiments.figures import draw_all
 

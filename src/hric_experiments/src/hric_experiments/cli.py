@@ -11,7 +11,7 @@ from pathlib import Path
 import yaml
 
 from hric_control.errors import HricError
-from hric_experiments import experiment, overrides
+from hric_experiments import experiment, overrides, study
 from hric_experiments.run_folder import RunFolder, runs_root
 
 INTERRUPTED_CODE = 130
@@ -25,14 +25,21 @@ def run(arguments: Sequence[str]) -> int:
         epilog="overrides (or the dotted path of any key of the experiment file, e.g. robot.plant.friction:=identified):\n" + overrides.help_text(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("experiment", help=f"one of: {', '.join(experiment.names())}; or the path of a YAML file")
+    parser.add_argument(
+        "experiment", help=f"one of: {', '.join(experiment.names())}; a study: {', '.join(study.names())}; or the path of a YAML file"
+    )
     parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes to the experiment file")
+    parser.add_argument("--form", action="append", default=[], metavar="NAME", help="of a study: only this form, may be repeated")
     parser.add_argument("--seed", type=int, default=0, help="seed of everything random (0)")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/ of the workspace)")
     parser.add_argument("--quiet", action="store_true", help="no progress bar and no report, only errors and the run folder")
     parser.add_argument("--no-figures", action="store_true", help="do not draw")
     given = parser.parse_args(list(arguments))
     _log_to_terminal(given.quiet)
+    if given.experiment in study.names():
+        return _run_study(given)
+    if given.form:
+        raise experiment.ExperimentError(f"{given.experiment} is no study, so it has no form {given.form[0]}; studies: {', '.join(study.names())}")
     from hric_experiments import headless
 
     definition = experiment.load(given.experiment, given.overrides)
@@ -48,14 +55,36 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
+def _run_study(given: argparse.Namespace) -> int:
+    from hric_experiments import study_run
+
+    wanted = study.load(given.experiment)
+    result = study_run.run(
+        wanted,
+        wanted.chosen(given.form),
+        given.overrides,
+        seed=given.seed,
+        root=runs_root(given.runs),
+        progress=not given.quiet,
+        figures=not given.no_figures,
+    )
+    print(f"\n{result.metrics['report']}\nstudy: {result.folder}")
+    if result.interrupted:
+        print("interrupted; the runs that were made are kept", file=sys.stderr)
+        return INTERRUPTED_CODE
+    return 0 if result.passed else 1
+
+
 def list_experiments(arguments: Sequence[str]) -> int:
     """List the experiments."""
     argparse.ArgumentParser("rosrun hric_experiments list", description="List the experiments of the workspace.").parse_args(list(arguments))
     names = experiment.names()
-    width = max(map(len, names), default=0)
+    width = max(map(len, names + study.names()), default=0)
     for name in names:
         definition = experiment.load(name)
         print(f"{name:<{width}}  {definition.duration:g} s  {definition.description}")
+    for name in study.names():
+        print(f"{name:<{width}}  study  {study.load(name).description}")
     return 0
 
 

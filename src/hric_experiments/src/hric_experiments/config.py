@@ -34,3 +34,8 @@ def experiments_path() -> Path:
 def references_path() -> Path:
     """Folder of the reference set-ups that reports compare with."""
     return package_path() / "config" / "references"
+
+
+def studies_path() -> Path:
+    """Folder of the study files."""
+    return package_path() / "config" / "studies"

@@ -19,7 +19,7 @@ from hric_control.errors import HricError
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.local_node import LocalNode
 from hric_control.robot_app import RobotApp
-from hric_experiments import description, experiment, limits, parameters, provenance
+from hric_experiments import description, experiment, files, limits, parameters, provenance
 from hric_experiments.analysis import analyse
 from hric_experiments.bag_writer import BagWriter
 from hric_experiments.experiment import Experiment, SetPoint
@@ -105,6 +105,7 @@ def run(
     node = LocalNode(tree)
     folder = RunFolder.create(root, definition.name)
     folder.write(_head(definition, arguments, seed, tree, folder))
+    files.write_text(folder.urdf_path, urdf)
     try:
         interrupted = _simulate(node, definition, folder, progress)
     except BaseException as error:
@@ -154,11 +155,17 @@ def _simulate(node: LocalNode, definition: Experiment, folder: RunFolder, progre
             wall = time.perf_counter() - wall
         status = INTERRUPTED if interrupted else COMPLETED
         reached = app.cycles * app.loop.time_step if app.loop is not None else 0.0
-        folder.update(status=status, finished=iso_now(), real_time_factor=round(reached / wall, 3))
+        folder.update(status=status, finished=iso_now(), real_time_factor=round(reached / wall, 3), **_arm_error(app))
         _check_controllers(app, definition, interrupted)
         return interrupted
     finally:
         app.shutdown()
+
+
+def _arm_error(app: RobotApp) -> dict[str, str]:
+    """Why an arm stands in its error state at the end, with the names of its errors; nothing of one in good order."""
+    error: str = getattr(app.hw, "error", "")
+    return {"arm_error": error} if error else {}
 
 
 def _run(app: RobotApp, node: LocalNode, definition: Experiment, progress: bool) -> bool:

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 from hric_control.errors import HricError
 from hric_control.ros_node import RosNode
 from hric_experiments import experiment as experiments
-from hric_experiments import limits, live_node, overrides, provenance, rosbag_process
+from hric_experiments import files, limits, live_node, overrides, provenance, rosbag_process
 from hric_experiments.rosbag_process import RosbagProcess
 from hric_experiments.run_folder import COMPLETED, INTERRUPTED, RUNNING, RunFolder, iso_now, runs_root
 
@@ -44,6 +44,8 @@ class Recorder:
         name = FREE_RUN if self._free else definition.name
         self.folder = RunFolder.create(runs_root(rospy.get_param("~runs", "") or None), name)
         self.folder.write(self._run(definition, name))
+        if urdf := _description():
+            files.write_text(self.folder.urdf_path, urdf)
         self._topics = [rospy.resolve_name(str(topic)) for topic in rospy.get_param("~topics", [])]
         self._node_name = rosbag_node(rospy.get_name().rpartition("/")[2])
         self._process = self._start()
@@ -70,9 +72,8 @@ class Recorder:
 
     @staticmethod
     def _limits() -> dict[str, dict[str, float]]:
-        namespace = rospy.get_namespace()
-        description = rospy.get_param(rospy.search_param("robot_description") or "robot_description", "")
-        return limits.table(description, RosNode(namespace)) if description else {}
+        description = _description()
+        return limits.table(description, RosNode(rospy.get_namespace())) if description else {}
 
     def _start(self) -> RosbagProcess:
         command = rosbag_process.arguments(self.folder.bag_path, self._topics, str(rospy.get_param("~exclude", "")), self._node_name)
@@ -131,6 +132,11 @@ class Recorder:
     def close(self) -> None:
         """At shutdown: an experiment that is still being recorded was interrupted."""
         self.stop(COMPLETED if self._free else INTERRUPTED, SHUTDOWN_TIMEOUT)
+
+
+def _description() -> str:
+    """URDF on the parameter server, nearest to this node; empty: there is none."""
+    return str(rospy.get_param(rospy.search_param("robot_description") or "robot_description", ""))
 
 
 def subscribed(node: str, topics: set[str]) -> bool:

@@ -27,7 +27,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
     "inertials": ("robot.description.inertials", "barycentric or thesis"),
     "damping": ("robot.description.damping", "viscous joint damping [N m s/rad]"),
     "friction": ("robot.description.friction", "none, coulomb or identified"),
-    "simulator": ("robot.plant_type", "pybullet, or the plugin type of a plant"),
+    "simulator": ("robot.plant_type", "pybullet, opensim, or the plugin type of a plant"),
     "rotor_inertia": ("robot.plant.rotor_inertia", "rotor inertia seen at the joint, number or list [kg m^2]"),
     "world": ("robot.plant.world", "world file, path or package:// address"),
     "gui": ("robot.plant.gui", "show the engine's window"),
@@ -36,7 +36,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
 """Short names for the keys that are changed most; {controller} is the controller of the first set point."""
 
 FRICTIONS = ("none", "coulomb", "identified")
-SIMULATORS = {"pybullet": "pybullet_ros_control/PyBulletPlant"}
+SIMULATORS = {"pybullet": "pybullet_ros_control/PyBulletPlant", "opensim": "opensim_ros_control/OpenSimPlant"}
 
 
 def help_text() -> str:

@@ -15,15 +15,18 @@ from typing import Any
 
 from hric_experiments import config
 
-DISTRIBUTIONS = ("numpy", "pybullet", "scipy", "xacro", "rosbags", "matplotlib")
+DISTRIBUTIONS = ("numpy", "pybullet", "opensim", "panda-python", "pylibfranka", "scipy", "xacro", "rosbags", "matplotlib")
 ROS_PACKAGES = ("rospy", "rosbag", "roslaunch", "kdl_parser")
 HRIC_PACKAGES = (
     "hric_control",
     "hric_controllers",
     "hric_experiments",
     "franka_hw_interface",
+    "franka_real",
     "franka_sim",
+    "opensim_ros_control",
     "pybullet_ros_control",
+    "urdf_to_osim",
     "panda_description",
     "hric_msgs",
 )

@@ -88,6 +88,11 @@ class RunFolder:
         """Where the metrics are or will be."""
         return self.path / "metrics.json"
 
+    @property
+    def urdf_path(self) -> Path:
+        """Where the robot's description is or will be."""
+        return self.path / "robot.urdf"
+
     def write(self, data: dict[str, Any]) -> None:
         """Write run.yaml."""
         files.write_yaml(self.path / "run.yaml", data)
