@@ -17,7 +17,7 @@ from bringup_master import MasterError, call, choose, free_port  # noqa: E402
 
 NAMES = (
     "env", "robot_ip", "robot", "simulator", "controller", "experiment", "rviz", "gui", "ns", "xyz", "kp", "q_start", "real_time_factor", "world",
-    "arm_id", "rotor_inertia",
+    "arm_id", "rotor_inertia", "load_gripper",
 )  # fmt: skip
 CHOICES = Choices(("joint_state_controller", "joint_pd_controller", "effort_joint_trajectory_controller"), ("pd_step", "thesis_step"))
 
@@ -38,6 +38,7 @@ def checked(*arguments: str) -> dict[str, str]:
         ("experiment:=step", ("pd_step, thesis_step", ".yaml")),
         ("experiment:=/nowhere/x.yaml", ("/nowhere/x.yaml", "no such file")),
         ("rviz:=yes", ("true, false, auto",)),
+        ("load_gripper:=yes", ("true, false, auto",)),
         ("ns:=a-b", ("namespace",)),
         ("arm_id:=2nd", ("letters",)),
         ("xyz:=1,2", ("three numbers",)),

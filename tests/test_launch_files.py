@@ -42,12 +42,14 @@ def test_the_default_brings_up_the_robot_its_controllers_a_recorder_and_no_exper
         "/spawner": "hric_experiments/spawn",
         "/robot_state_publisher": "robot_state_publisher/robot_state_publisher",
         "/recorder": "hric_experiments/recorder",
+        "/franka_gripper": "franka_sim/franka_gripper",
     }
     values = parameters(config)
     assert values["/use_sim_time"] is True
     assert values["/joint_pd_controller/type"] == "hric_controllers/JointPDController"
     assert "panda_joint7" in str(values["/robot_description"]) and "panda_hand" in str(values["/robot_description"])
     assert values["/robot"]["real_time_factor"] == 1.0
+    assert values["/franka_gripper/robot_joint_states"] == "/joint_states"
     assert "controllers:=[joint_state_controller,franka_state_controller,joint_pd_controller]" in str(values["/spawner/overrides"])
 
 
@@ -72,6 +74,29 @@ def test_every_argument_reaches_the_robot() -> None:
     assert values["/left/joint_pd_controller/joints"][0] == "left_arm_joint1"
     assert "/left/recorder" not in nodes(config)
     assert "controllers:=[joint_state_controller,franka_state_controller]" in str(values["/left/spawner/overrides"])
+
+
+@pytest.mark.parametrize(
+    ("given", "started"),
+    [
+        (("hand:=false",), False),
+        (("hand:=true", "experiment:=pd_step"), True),
+        (("load_gripper:=false",), False),
+    ],
+)
+def test_the_gripper_comes_with_the_hand_or_as_asked(given: tuple[str, ...], started: bool) -> None:
+    assert ("/franka_gripper" in nodes(loaded(*given))) == started
+
+
+def test_the_gripper_is_the_arms_own() -> None:
+    config = loaded("ns:=left", "arm_id:=left_arm", "env:=real", "robot_ip:=127.0.0.2")
+    values = parameters(config)
+    assert nodes(config)["/left/franka_gripper"] == "franka_real/franka_gripper"
+    assert values["/left/franka_gripper/robot_ip"] == "127.0.0.2"
+    assert values["/left/franka_gripper/arm_id"] == "left_arm"
+    assert values["/left/franka_gripper/robot_joint_states"] == "/left/joint_states"
+    assert 'type="prismatic"' in str(values["/left/description_with_fingers"])
+    assert 'type="prismatic"' not in str(values["/left/robot_description"]), "what the arm is reckoned with stays"
 
 
 def test_rviz_starts_when_asked_for_and_by_default_where_a_display_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from fci_peer import control_box, log_of
 
 from hric_experiments import bag_reader, experiment, headless
@@ -33,6 +35,12 @@ def through_libfranka(folder: Path, robot: str, name: str, *arguments: str, q_st
 def positions(path: Path) -> np.ndarray:
     """Joint positions of every cycle, shape (n, 7) [rad]."""
     return bag_reader.read(next(path.glob("*.bag"))).log.position
+
+
+def head(path: Path) -> dict[str, Any]:
+    """run.yaml."""
+    contents: dict[str, Any] = yaml.safe_load((path / "run.yaml").read_text())
+    return contents
 
 
 def difference(a: Path, b: Path) -> float:
@@ -63,3 +71,10 @@ def test_the_raw_step_of_the_thesis_ends_in_a_reflex_by_name(tmp_path: Path) -> 
     path, said = through_libfranka(tmp_path, "panda", "thesis_step", "gravity:=false", "duration:=0.5", q_start=zeros)
     assert "joint_velocity_violation (panda_joint4" in said
     assert np.abs(np.diff(positions(path), axis=0)[-50:]).max() < 1e-6  # it stands
+    assert "joint_velocity_violation" in head(path)["arm_error"]
+
+
+def test_a_run_whose_arm_ends_in_its_error_state_says_so_and_one_in_good_order_does_not(tmp_path: Path) -> None:
+    fast = ("duration:=1.5", "kp:=200", "kd:=5", "parameters.joint_pd_controller.profile.velocity:=5.0")
+    assert "joint_velocity_violation" in head(run(tmp_path / "fast", "pd_step", *fast))["arm_error"]
+    assert "arm_error" not in head(run(tmp_path / "usual", "pd_step", "duration:=0.2"))

@@ -7,10 +7,12 @@ from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
+import pinocchio
 import pytest
 from driven_robot import JOINTS, QUIET, Law, Robot
 from fci_peer import control_box
 
+import panda_description
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaPoseCartesianInterface, FrankaVelocityCartesianInterface
 from franka_hw_interface.modes import HOLD
 from franka_hw_interface.robot_state import RobotMode
@@ -259,6 +261,22 @@ def test_controllers_get_the_model_that_is_asked_for_with_the_load_that_is_told(
     robot.run(0.002)
     assert np.abs(handle.gravity() - before).max() > 1.0
     assert robot.node.call("franka_control/set_load", SetLoadRequest(0.0, [0.0] * 3, [0.0] * 9)).success
+
+
+def test_a_base_that_is_mounted_at_an_angle_turns_the_gravity_of_the_pandas_own_model_too(boxes) -> None:
+    tilted = panda_description.load(meshes=False, collision=False, rpy="0 0.5 0")
+    own = {"robot_ip": boxes["panda"][0], "robot": "panda", "model": "libfranka", **QUIET}
+    robot = Robot(FrankaHW(), {"robot_description": tilted, "robot": own})
+    try:
+        model, q = robot.hw.get(FrankaModelInterface).model, robot.positions
+        assert type(model).__name__ == "LibfrankaModel"
+        assert model.gravity_base == pytest.approx([9.81 * np.sin(0.5), 0.0, -9.81 * np.cos(0.5)], abs=1e-9)
+        pin = pinocchio.buildModelFromXML(tilted)
+        expected = pinocchio.computeGeneralizedGravity(pin, pin.createData(), np.array(q))
+        assert np.allclose(model.gravity(q), expected, atol=1e-4)
+        assert np.abs(model.gravity(q, [0.0, 0.0, -9.81]) - expected).max() > 1.0
+    finally:
+        robot.close()
 
 
 def test_an_error_of_the_loop_itself_reaches_the_caller_and_the_arm_can_be_used_again(connect) -> None:

@@ -93,7 +93,7 @@ def pose(k):
     T = list(first[1])
     T[14] -= 0.05 * ramp(k)[0]
     return franka.CartesianPose(T)
-joint, found = franka.ControllerMode.JointImpedance, {}
+joint, cartesian, found = franka.ControllerMode.JointImpedance, franka.ControllerMode.CartesianImpedance, {}
 position = lambda k: franka.JointPositions([q + 0.1 * ramp(k)[0] * (i == 3) for i, q in enumerate(first[0])])
 velocity = lambda k: franka.JointVelocities([100.0 * ramp(k)[1] * (i == 3) for i in range(7)])
 twist = lambda k: franka.CartesianVelocities([0.0, 0.0, -50.0 * ramp(k)[1], 0.0, 0.0, 0.0])
@@ -101,6 +101,8 @@ found["joint position"] = run("start_joint_position_control", position, joint)[0
 found["joint velocity"] = run("start_joint_velocity_control", velocity, joint)[0][3]
 found["Cartesian pose"] = 2.0 * -run("start_cartesian_pose_control", pose, joint)[1][14]
 found["Cartesian velocity"] = 2.0 * -run("start_cartesian_velocity_control", twist, joint)[1][14]
+found["joint position, Cartesian impedance"] = run("start_joint_position_control", position, cartesian)[0][3]
+found["Cartesian pose, Cartesian impedance"] = 2.0 * -run("start_cartesian_pose_control", pose, cartesian)[1][14]
 print(json.dumps(found))
 """
 )
@@ -117,6 +119,45 @@ for _ in range(2):
 print(robot.read_once().robot_mode)
 robot.automatic_error_recovery()
 print(robot.read_once().robot_mode, repr(robot.read_once().current_errors), repr(robot.read_once().last_motion_errors))
+"""
+)
+NAN_PANDA = (
+    CONNECT_PANDA
+    + """
+def bad(state, period):
+    return franka.Torques([0.0] * 6 + [math.nan])
+try:
+    robot.control(bad)
+except Exception as error:
+    print(" ".join(str(error).split()))
+count = 0
+def good(state, period):
+    global count
+    count += 1
+    torques = franka.Torques([0.0] * 7)
+    return franka.motion_finished(torques) if count == 100 else torques
+robot.control(good)
+print(count)
+"""
+)
+NAN_FR3 = (
+    CONNECT_FR3
+    + """
+control = robot.start_torque_control()
+control.readOnce()
+try:
+    control.writeOnce(franka.Torques([0.0] * 6 + [math.nan]))
+except Exception as error:
+    print(" ".join(str(error).split()))
+del control
+control, count = robot.start_torque_control(), 0
+while count < 100:
+    control.readOnce()
+    count += 1
+    torques = franka.Torques([0.0] * 7)
+    torques.motion_finished = count == 100
+    control.writeOnce(torques)
+print(count)
 """
 )
 SETTERS = (

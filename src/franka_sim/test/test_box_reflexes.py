@@ -98,6 +98,23 @@ def test_a_joint_that_is_too_fast_stops(make_box, torques) -> None:
     check_reflex(arm, "joint_velocity_violation")
 
 
+def test_an_end_effector_that_is_too_fast_stops_though_no_joint_is(make_box, torques) -> None:
+    arm = make_box(q=[-1.0, 0.0, 0.0, -1.8, 0.0, 1.6, 0.785])
+    wanted, begin = [1.8, -1.7, 0.0, 1.8, 0.0, 1.5, 0.0], arm.cycles
+
+    def command():
+        share = min((arm.cycles - begin) * 2e-3, 1.0)
+        rows = zip(wanted, arm.state.dq, arm.state.tau_J_d, strict=True)
+        return torques(*(min(max(20.0 * (share * v - dq), tau - 0.9), tau + 0.9) for v, dq, tau in rows))
+
+    arm.box.set_collision_behavior(*[[1e3] * 7] * 4, *[[1e4] * 6] * 4)
+    arm.start()
+    assert arm.until_reflex(command, 2000)
+    limits = arm.box.config.limits
+    assert all(abs(v) < limit for v, limit in zip(arm.state.dq, limits.velocity, strict=True))
+    check_reflex(arm, "cartesian_velocity_violation")
+
+
 def test_a_joint_that_reaches_its_limit_stops_and_may_then_move_inwards(make_box, torques) -> None:
     arm = make_box(q=[2.85, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
     arm.start()

@@ -207,6 +207,15 @@ def test_joint_states_carry_half_the_opening_for_each_finger_at_the_rate():
     assert message.header.stamp.to_sec() == pytest.approx(time)
 
 
+def test_the_robots_joint_states_get_the_fingers_where_asked_for():
+    bench = Bench(robot_joint_states="/joint_states")
+    bench.run(seconds=1.0)
+    own, robots = bench.messages["/franka_gripper/joint_states"], bench.messages["/joint_states"]
+    assert len(robots) == len(own) == pytest.approx(30, abs=1)
+    assert robots[-1][1].name == ["panda_finger_joint1", "panda_finger_joint2"]
+    assert "/joint_states" not in Bench().node.topics()
+
+
 def test_joint_states_go_on_after_time_went_back():
     bench = Bench()
     bench.run(seconds=5.0)
@@ -234,6 +243,7 @@ def test_shutdown_stops_the_fingers_ends_the_goals_and_takes_all_back():
         ({"default_grasp_epsilon": {"inner": -0.1}}, "default_grasp_epsilon/inner is -0.1"),
         ({"joint_names": ["one"]}, "joint_names is ['one']; valid: the names of the two finger joints"),
         ({"arm_id": ""}, "arm_id is ''"),
+        ({"robot_joint_states": 5}, "robot_joint_states is 5; valid: a topic"),
     ],
 )
 def test_a_bad_parameter_is_refused_by_name(params, words):

@@ -68,7 +68,8 @@ class GripperActions:
         self._inbox: deque[Callable[[], None]] = deque()
         self._running: list[_Running] = []
         self._next_publish = float("-inf")
-        self._joint_states = node.advertise("joint_states", JointState, queue_size=1)
+        topics = ["joint_states"] + ([settings.robot_joint_states] if settings.robot_joint_states else [])
+        self._joint_states = [node.advertise(topic, JointState, queue_size=1) for topic in topics]
         self._kinds = {
             "homing": _Kind(HomingAction, HomingResult, lambda goal: hand.homing()),
             "move": _Kind(MoveAction, MoveResult, lambda goal: hand.move(goal.width, goal.speed)),
@@ -114,7 +115,7 @@ class GripperActions:
         for running in self._running:
             running.goal.cancel(self._result(running, "the gripper was shut down"), "the gripper was shut down")
         self._running.clear()
-        for registration in (*self._servers, self._joint_states):
+        for registration in (*self._servers, *self._joint_states):
             registration.unregister()
 
     def _begin(self, name: str, goal: GoalHandle) -> None:
@@ -171,4 +172,5 @@ class GripperActions:
         message.name = list(self._settings.joint_names)
         message.position = [0.5 * self._hand.width] * 2
         message.velocity, message.effort = [0.0, 0.0], [0.0, 0.0]
-        self._joint_states.publish(message)
+        for publisher in self._joint_states:
+            publisher.publish(message)

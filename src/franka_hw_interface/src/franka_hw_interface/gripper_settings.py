@@ -19,6 +19,7 @@ class GripperSettings:
         publish_rate: of the joint states [Hz].
         default_speed: of `gripper_action` [m/s].
         epsilon_inner, epsilon_outer: of `gripper_action`: how much narrower and wider than expected an object may be [m].
+        robot_joint_states: topic that gets the fingers' joint states as well, e.g. that of the whole robot; empty: none.
     """
 
     joint_names: tuple[str, str] = ("panda_finger_joint1", "panda_finger_joint2")
@@ -26,10 +27,11 @@ class GripperSettings:
     default_speed: float = 0.1
     epsilon_inner: float = 0.005
     epsilon_outer: float = 0.005
+    robot_joint_states: str = ""
 
 
 def read_settings(node: Node) -> GripperSettings:
-    """`joint_names` (else those of `arm_id`), `publish_rate`, `default_speed`, `default_grasp_epsilon/inner` and `/outer`.
+    """`joint_names` (else those of `arm_id`), `publish_rate`, `default_speed`, `default_grasp_epsilon/inner` and `/outer`, `robot_joint_states`.
 
     Raises:
         ParameterError: one is not valid; the message gives its name and what would be.
@@ -41,12 +43,16 @@ def read_settings(node: Node) -> GripperSettings:
     names = node.param("joint_names", [f"{arm_id}_finger_joint1", f"{arm_id}_finger_joint2"])
     if not isinstance(names, list | tuple) or len(names) != 2 or not all(isinstance(name, str) and name for name in names):
         raise ParameterError(f"{node.resolve('joint_names')} is {names!r}; valid: the names of the two finger joints")
+    topic = node.param("robot_joint_states", rule.robot_joint_states)
+    if not isinstance(topic, str):
+        raise ParameterError(f"{node.resolve('robot_joint_states')} is {topic!r}; valid: a topic, e.g. /joint_states, or an empty text")
     return GripperSettings(
         (names[0], names[1]),
         _number(node, "publish_rate", rule.publish_rate, positive=True),
         _number(node, "default_speed", rule.default_speed, positive=True),
         _number(node, "default_grasp_epsilon/inner", rule.epsilon_inner),
         _number(node, "default_grasp_epsilon/outer", rule.epsilon_outer),
+        topic,
     )
 
 

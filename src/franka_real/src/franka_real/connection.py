@@ -104,4 +104,5 @@ def models(settings: Settings, arm: Backend, kdl: KdlFrankaModel, description: s
 
     if settings.robot == "fr3":
         return [LibfrankaModel.for_fr3(arm.load_model(), arm.read_once(), description, settings.arm_id), kdl]
-    return [LibfrankaModel.for_panda(arm.load_model(), arm.read_once()), kdl]
+    # libfranka for the Panda does not tell how the base is mounted; the description does.
+    return [LibfrankaModel.for_panda(arm.load_model(), arm.read_once(), kdl.gravity_base.tolist()), kdl]

@@ -27,6 +27,8 @@ from hric_control.robot_hw import OnCycle
 
 LATE = 1.5 * PERIOD
 """A state that comes so long after the one before was not the next one [s]."""
+STORED = 100
+"""More states than libfranka's socket stores."""
 
 
 class FrankaHW(CommandedArm):
@@ -173,10 +175,20 @@ class FrankaHW(CommandedArm):
         try:
             self._arm.control(mode, cycle)
         except RobotError as error:
-            self._fail(str(error))
+            self._fail(self._with_names(str(error)))
         finally:
             self.mode = HOLD
             self._tell_losses(mode)
+
+    def _with_names(self, text: str) -> str:
+        """libfranka leaves the names out where the arm ended the motion before its first state; the states that follow have them."""
+        if "aborted by reflex" not in text or "[" in text:
+            return text
+        for _ in range(STORED):
+            self._take(self._arm.read_once())
+            if self.robot_state.current_errors:
+                break
+        return f"{text} [{', '.join(sorted(self.robot_state.current_errors))}]"
 
     def _tell_losses(self, mode: Mode) -> None:
         if self.losses:
