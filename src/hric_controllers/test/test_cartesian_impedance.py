@@ -86,7 +86,7 @@ def test_the_equilibrium_follows_a_target_with_the_filters_time_constant():
     assert desired == pytest.approx(0.1 * (1.0 - math.exp(-1.0)), rel=1e-6)
 
 
-@pytest.mark.parametrize("stiffness", [200.0, 800.0])
+@pytest.mark.parametrize("stiffness", [200.0, pytest.param(800.0, marks=pytest.mark.slow)])
 def test_a_constant_wrench_displaces_it_by_the_wrench_over_the_stiffness(stiffness):
     bench = rig(translational_stiffness=stiffness, rotational_stiffness=20.0)
     before = pose_of(bench.state)
@@ -109,6 +109,7 @@ def test_after_the_wrench_it_comes_back():
     assert np.abs(displacement(bench, before)).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_live_stiffness_changes_the_displacement_under_the_same_wrench():
     bench = rig()
     before = pose_of(bench.state)
@@ -153,7 +154,7 @@ def cartesian_inertia(bench):
     return np.linalg.inv(J @ np.linalg.solve(mass, J.T))
 
 
-@pytest.mark.parametrize("ratio", [0.2, 1.0])
+@pytest.mark.parametrize("ratio", [0.2, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_it_swings_out_as_its_damping_ratio_says(ratio):
     bench = rig(translational_damping_ratio=ratio, rotational_damping_ratio=ratio)
     inertia = cartesian_inertia(bench)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -14,7 +15,7 @@ from hric_control import realtime
 from hric_control.controller import Controller
 from hric_control.errors import CommandError, ParameterError
 from hric_control.hardware_interface import EffortJointInterface
-from hric_control.node import Node
+from hric_control.node import Node, Registration
 from hric_control.realtime import LatestValue
 from hric_control.robot_hw import RobotHW
 from hric_controllers.cartesian_law import Arm, CartesianLaw, Compliance, FloatArray, Pose
@@ -28,7 +29,10 @@ from hric_controllers.stability import rotor_inertia
 
 
 class CartesianImpedanceController(Controller):
-    """The law of `cartesian_law`, with a limit on the rate of torque; parameters and topics: INTERFACE.md."""
+    """The law of `cartesian_law`, with a limit on the rate of torque; parameters and topics: INTERFACE.md.
+
+    A subclass may lead the equilibrium by other means: it overrides the four methods about the input.
+    """
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read everything first, then advertise, so that a refusal leaves nothing behind."""
@@ -47,13 +51,32 @@ class CartesianImpedanceController(Controller):
         self._rotors = np.diag(rotor_inertia(robot_hw, node, self.joints)[0])
         self._law = CartesianLaw(read_compliance(node), number(node, "filter_time", 0.2, minimum=0.0))
         self._rotatum = number(node, "rotatum_limit", 1000.0, minimum=0.0)
-        self._jump = JumpLimit(number(node, "largest_step", 0.3, above=0.0), number(node, "largest_turn", 1.6, above=0.0))
+        self._read_input()
         self._posture = self._read_posture(root_node)
-        self._target: LatestValue[Pose | None] = LatestValue(None)
         self._gains: LatestValue[Compliance | None] = LatestValue(None)
         self._state_time = Every(number(node, "state_publish_rate", 100.0, minimum=0.0))
         self._running = False
         self._open()
+
+    def _read_input(self) -> None:
+        """What says where the equilibrium is: parameters."""
+        node = self._node
+        self._jump = JumpLimit(number(node, "largest_step", 0.3, above=0.0), number(node, "largest_turn", 1.6, above=0.0))
+        self._target: LatestValue[Pose | None] = LatestValue(None)
+
+    def _open_input(self) -> Sequence[Registration]:
+        """The same: topics."""
+        return [self._node.subscribe("equilibrium_pose", PoseStamped, self._on_equilibrium, queue_size=1)]
+
+    def _start_input(self) -> None:
+        """The same: the controller starts."""
+        self._target.take_new()
+
+    def _lead(self, time: float, period: float) -> None:
+        """The same: lead the law's equilibrium on by one period [s]."""
+        target = self._target.take_new()
+        if target is not None:
+            self._law.target = target
 
     def _read_posture(self, root_node: Node) -> list[float] | None:
         """Where the null space goes, 7 floats [rad]; None: to where the arm is at the start."""
@@ -79,7 +102,7 @@ class CartesianImpedanceController(Controller):
         )
         self._registrations = [
             node.live_parameters(live_parameters(self._wanted), self._on_gains),
-            node.subscribe("equilibrium_pose", PoseStamped, self._on_equilibrium, queue_size=1),
+            *self._open_input(),
             *self._publishers,
         ]
 
@@ -110,7 +133,7 @@ class CartesianImpedanceController(Controller):
         gains = self._gains.take_new()
         if gains is not None:
             self._law.wanted = gains
-        self._target.take_new()
+        self._start_input()
         self._law.start(self._measured(), q if self._posture is None else self._posture)
         self._last: FloatArray = np.array(self._gravity(q)) if self._gravity else np.zeros(7)
         self._state_time.restart()
@@ -119,9 +142,8 @@ class CartesianImpedanceController(Controller):
     def update(self, time: float, period: float) -> None:
         """One millisecond of the law."""
         law, model, robot = self._law, self._model, self._robot
-        target, gains = self._target.take_new(), self._gains.take_new()
-        if target is not None:
-            law.target = target
+        gains = self._gains.take_new()
+        self._lead(time, period)
         if gains is not None:
             law.wanted = gains
         law.advance(period)

@@ -2,13 +2,13 @@
 
 With e the pose error in base axes (position, then rotation vector), J the Jacobian of the end effector, M the mass matrix and B the rotor inertia:
 
-    F   = -K e - D J dq                     K, D diagonal;  D = 2 zeta sqrt(K)  (zeta = 1: critical for a unit inertia)
+    F   = -K e - D (J dq - v)               K, D diagonal;  D = 2 zeta sqrt(K)  (zeta = 1: critical for a unit inertia)
     tau = J^T F + N tau_0 + C dq            tau_0 = k_n (q_n - q) - 2 sqrt(k_n) dq
     N   = 1 - J^T (J (M+B)^-1 J^T)^-1 J (M+B)^-1
 
-The rule for D and tau_0 are those of franka_ros's CartesianImpedanceExampleController; N is the dynamically consistent projector (Khatib 1987,
-"A unified approach for motion and force control of robot manipulators"), so that the posture accelerates the end effector no more than it
-displaces it: not at all.
+v is the velocity of an equilibrium that moves by plan, zero otherwise. The rule for D and tau_0 are those of franka_ros's
+CartesianImpedanceExampleController; N is the dynamically consistent projector (Khatib 1987, "A unified approach for motion and force control of robot
+manipulators"), so that the posture accelerates the end effector no more than it displaces it: not at all.
 """
 
 from __future__ import annotations
@@ -119,6 +119,7 @@ class CartesianLaw:
     Attributes:
         pose, target: equilibrium in force, and where it goes.
         compliance, wanted: gains in force, and where they go.
+        twist: v, shape (6,) [m/s], [rad/s]; zero unless somebody sets it.
         wrench: F of the last cycle, shape (6,) [N], [N m].
     """
 
@@ -128,12 +129,13 @@ class CartesianLaw:
         self._share = (0.0, 1.0)  # (period, part of the way in one such period)
         self.pose = self.target = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         self.posture = np.zeros(7)
-        self.wrench = np.zeros(6)
+        self.twist, self.wrench = np.zeros(6), np.zeros(6)
         self._take_gains()
 
     def start(self, pose: Pose, posture: Sequence[float]) -> None:
         """The equilibrium stands at `pose`, the null space goes to `posture`, 7 floats [rad]; gains on their way are in force."""
         self.pose = self.target = pose
+        self.twist = np.zeros(6)
         self.posture = np.array(posture)
         self.compliance = self.wanted
         self._take_gains()
@@ -160,7 +162,7 @@ class CartesianLaw:
         """Torque without gravity, shape (7,) [N m]."""
         J = arm.jacobian
         dq = np.array(arm.dq)
-        self.wrench = wrench = -self._stiffness * measured.error(self.pose) - self._damping * (J @ dq)
+        self.wrench = wrench = -self._stiffness * measured.error(self.pose) - self._damping * (J @ dq - self.twist)
         tau: FloatArray = J.T @ wrench + arm.coriolis
         k = self.compliance.nullspace_stiffness
         if k > 0.0:

@@ -104,20 +104,25 @@ class TrapezoidProfile:
     def plan_from(self, time: float, position: Sequence[float], velocity: Sequence[float], goal: Sequence[float]) -> None:
         """Go from a given state, n floats each [rad], [rad/s], to `goal` [rad], starting at `time` [s]."""
         way = [end - begin for begin, end in zip(position, goal, strict=True)]
-        limits = zip(way, velocity, self._v, self._a, strict=True)
-        self.duration = max(shortest_duration(x, w, v, a) for x, w, v, a in limits)
         self._start, self._goal = time, list(goal)
-        accelerations = self._accelerations(way, velocity)
-        self._phases = [_phases(begin, x, w, a, self.duration) for begin, x, w, a in zip(position, way, velocity, accelerations, strict=True)]
-
-    def _accelerations(self, way: Sequence[float], velocity: Sequence[float]) -> list[float]:
-        """From rest all joints share the phases of the slowest, which makes the path a straight line; in motion each uses its limit."""
         if any(velocity) or not any(way):
-            return self._a
+            limits = list(zip(way, velocity, self._v, self._a, strict=True))
+            self.duration = max(shortest_duration(x, w, v, a) for x, w, v, a in limits)
+            motions = [(w, a, cruise_velocity(x, w, a, self.duration)) for x, w, _, a in limits]
+        else:
+            motions = self._from_rest(way)
+        self._phases = [_phases(begin, *motion, self.duration) for begin, motion in zip(position, motions, strict=True)]
+
+    def _from_rest(self, way: Sequence[float]) -> list[tuple[float, float, float]]:
+        """Start velocity, acceleration and cruise velocity of each joint: they share the phases of the slowest, on a straight line.
+
+        The cruise velocity does not come from the duration, which would cost it half of its digits where it is not held.
+        """
         rate_v = min(v / abs(x) for x, v in zip(way, self._v, strict=True) if x)
         rate_a = min(a / abs(x) for x, a in zip(way, self._a, strict=True) if x)
         self.duration = shortest_duration(1.0, 0.0, rate_v, rate_a)
-        return [rate_a * abs(x) if x else a for x, a in zip(way, self._a, strict=True)]
+        peak = min(rate_v, math.sqrt(rate_a))
+        return [(0.0, rate_a * abs(x) if x else a, peak * x) for x, a in zip(way, self._a, strict=True)]
 
     def sample(self, time: float) -> tuple[list[float], list[float]]:
         """Position [rad] and velocity [rad/s] at `time` [s], n floats each; the lists may be shared: do not write into them."""
@@ -140,8 +145,7 @@ class TrapezoidProfile:
         return position, velocity
 
 
-def _phases(begin: float, x: float, w: float, a: float, duration: float) -> tuple[float, ...]:
-    cruise = cruise_velocity(x, w, a, duration)
+def _phases(begin: float, w: float, a: float, cruise: float, duration: float) -> tuple[float, ...]:
     t1 = abs(cruise - w) / a
     t2 = max(t1, duration - abs(cruise) / a)
     a1 = math.copysign(a, cruise - w)

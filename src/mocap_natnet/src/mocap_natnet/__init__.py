@@ -1,0 +1,1 @@
+"""Motion capture over NatNet: codec, client, and an emulated Motive."""

@@ -1,0 +1,8 @@
+"""The NatNet client: a session without sockets, and the client on UDP around it."""
+
+from mocap_natnet.client.client import NatNetClient
+from mocap_natnet.client.health import Health
+from mocap_natnet.client.session import Received, Session
+from mocap_natnet.client.settings import Settings
+
+__all__ = ["Health", "NatNetClient", "Received", "Session", "Settings"]

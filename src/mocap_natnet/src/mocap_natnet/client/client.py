@@ -1,0 +1,178 @@
+"""The client on UDP: sockets and a thread around a `Session`."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable
+
+from mocap_natnet.client.health import Health, health
+from mocap_natnet.client.session import CONNECT_PERIOD, NAME, Received, Session
+from mocap_natnet.client.settings import Route, Settings
+from mocap_natnet.codec import CodecError
+from mocap_natnet.codec.descriptions import Model
+from mocap_natnet.codec.packets import MAX_PAYLOAD, NAME_SIZE, Message, packet, split
+
+POLL = 0.02
+"""Longest sleep [s]."""
+RECEIVE_BUFFER = 1 << 22
+"""Asked of the kernel, which may grant less [bytes]; it holds seconds of frames."""
+
+
+class NatNetClient:
+    """Talks to a server from a thread of its own. Use as a context, or `start()` and `close()`.
+
+    The callbacks run in that thread and must be quick: while one runs, frames wait in the kernel.
+
+    Args:
+        settings: how to find the server.
+        on_frame, on_model, on_restart: see `Session`.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        on_frame: Callable[[Received], None] = lambda frame: None,
+        on_model: Callable[[Model], None] = lambda model: None,
+        on_restart: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.settings = settings
+        self.session = Session(settings, on_frame, on_model, on_restart)
+        self._server = settings.server
+        self._command = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._command.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        self._command.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        self._command.bind(("", 0))
+        self._data: list[socket.socket] = []
+        self._route: Route | None = None
+        self._trouble = self._send_trouble = ""
+        self._next_discovery = self._next_route = 0
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def server(self) -> str:
+        """Address of the server, "" while it is looked for."""
+        return self._server
+
+    def start(self) -> None:
+        """Run in a thread."""
+        self._thread = threading.Thread(target=self._run, name="natnet client", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End; no callback runs afterwards."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        with contextlib.suppress(OSError):
+            if self._server:
+                self._command.sendto(packet(Message.DISCONNECT), (self._server, self.settings.command_port))
+        for one in (self._command, *self._data):
+            one.close()
+
+    def __enter__(self) -> NatNetClient:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def ask(self, words: str, timeout: float = 2.0) -> bytes:
+        """Send a request and wait for its answer; not from a callback. Raises CommandError."""
+        return self.session.requests.ask(words, timeout)
+
+    def health(self) -> Health:
+        """How the conversation goes."""
+        return health(self.session, self._server, time.monotonic_ns(), self._trouble or self._send_trouble)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            self._send(time.monotonic_ns())
+            self._listen()
+            ready, _, _ = select.select([self._command, *self._data], [], [], POLL)
+            for one in ready:
+                self._drain(one)
+
+    def _drain(self, one: socket.socket) -> None:
+        """Take what has arrived, and no more than what fits between two polls."""
+        for _ in range(200):
+            try:
+                datagram, sender = one.recvfrom(MAX_PAYLOAD + 5, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return
+            except OSError:  # a port that nobody listens on, told by the network
+                continue
+            now = time.monotonic_ns()
+            if one is self._command and not self._is_server(datagram, sender[0]):
+                self.session.statistics.refused["stranger"] += 1
+                continue
+            self.session.receive(datagram, now)
+
+    def _is_server(self, datagram: bytes, sender: str) -> bool:
+        """Whether the server sent this; without one, who tells of itself becomes it."""
+        if not self._server:
+            with contextlib.suppress(CodecError):
+                if split(datagram)[0] == Message.SERVERINFO:
+                    self._server = sender
+        return sender == self._server
+
+    def _send(self, now: int) -> None:
+        if self._server:
+            datagrams, where = self.session.poll(now), self._server
+        elif now >= self._next_discovery:
+            self._next_discovery = now + CONNECT_PERIOD
+            datagrams, where = [packet(Message.DISCOVERY, NAME.encode().ljust(NAME_SIZE + 8, b"\0"))], self.settings.discovery
+        else:
+            return
+        for datagram in datagrams:
+            try:
+                self._command.sendto(datagram, (where, self.settings.command_port))
+                self._send_trouble = ""
+            except OSError as error:
+                self._send_trouble = f"command channel: nothing can be sent to {where}: {error.strerror or error}"
+
+    def _listen(self) -> None:
+        """Open the sockets of the route that the server tells; again after trouble."""
+        route = self.session.route
+        now = time.monotonic_ns()
+        if route is None or (route == self._route and (not self._trouble or now < self._next_route)):
+            return
+        for one in self._data:
+            one.close()
+        self._data, self._route, self._trouble, self._next_route = [], route, "", now + CONNECT_PERIOD
+        if route.multicast:
+            self._open(route.group, route.port, route.group)
+        if route.unicast:
+            self._open("", route.port, "")
+
+    def _open(self, address: str, port: int, group: str) -> None:
+        one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            one.bind((address, port))
+            if group:
+                one.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + socket.inet_aton(self._local()))
+        except OSError as error:
+            one.close()
+            if group:  # unicast frames may come to the command socket all the same
+                self._trouble = f"data channel: cannot join group {group}:{port} on {self._local()}: {error.strerror or error}; set `local`"
+            return
+        self._data.append(one)
+
+    def _local(self) -> str:
+        """Address of the network card that faces the server."""
+        if self.settings.local:
+            return self.settings.local
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.connect((self._server, self.settings.command_port))
+            except OSError:
+                return "0.0.0.0"
+            address: str = probe.getsockname()[0]
+            return address

@@ -1,0 +1,65 @@
+"""What a client counts."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+
+NS = 1_000_000_000
+RATE_WINDOW = NS
+"""[ns]"""
+
+
+@dataclass
+class Statistics:
+    """Counts since the start.
+
+    Attributes:
+        frames: that were used.
+        lost: numbers that were left out between frames.
+        refused: datagrams that were not used, by reason; "duplicate" and "late" are frames that came twice or after a later one.
+        connects: how often a connection was asked for.
+        restarts: how often the server was found to be another one, or begun anew.
+        skipped: bytes that frames held beyond what is known of their bitstream.
+        means: frames by what told their time.
+    """
+
+    frames: int = 0
+    lost: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+    connects: int = 0
+    restarts: int = 0
+    skipped: int = 0
+    means: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        self._recent: deque[tuple[int, int]] = deque()
+
+    def frame(self, received: int, exposed: int, means: str, skipped: int) -> None:
+        """Count a frame.
+
+        Args:
+            received: [ns].
+            exposed: middle of the exposure [ns].
+            means: what told it.
+            skipped: bytes.
+        """
+        self.frames += 1
+        self.skipped += skipped
+        self.means[means] += 1
+        self._recent.append((received, exposed))
+        self._forget(received)
+
+    def rate(self, now: int) -> float:
+        """Frames in the last second [Hz]."""
+        self._forget(now)
+        return len(self._recent) * NS / RATE_WINDOW
+
+    def latency(self) -> float:
+        """Mean time from exposure to arrival in the last second [s]; NaN without frames."""
+        recent = tuple(self._recent)
+        return sum(received - exposed for received, exposed in recent) / len(recent) / NS if recent else float("nan")
+
+    def _forget(self, now: int) -> None:
+        while self._recent and self._recent[0][0] < now - RATE_WINDOW:
+            self._recent.popleft()

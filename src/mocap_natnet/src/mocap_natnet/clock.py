@@ -1,0 +1,212 @@
+"""When a frame was exposed, told by the monotonic clock of this machine, and by the clock of the run.
+
+The clocks of server and client differ by tens of parts per million; their relation is a line, fitted to echoes (Cristian 1989).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from itertools import islice
+
+from mocap_natnet.codec.types import Frame
+
+WINDOW = 30.0
+"""Echoes older than this are forgotten [s]."""
+ROUND_TRIP_SPREAD = 50e-6
+"""Echoes whose round trip is longer than the best one by more than this tell less than the others and are not used [s]."""
+SLOPE_SPAN = 2.0
+"""Echoes must span this much before a drift is read from them [s] (our choice)."""
+MAX_DRIFT = 500e-6
+"""No two quartz clocks differ by more (our choice)."""
+RESTART_ERROR = 5e-3
+"""An echo that misses the line by more than its round trip and this [s] tells of another clock; ..."""
+RESTART_ECHOES = 3
+"""... as many in a row, and the line is begun anew (our choice)."""
+MINIMUM_WINDOW = 10.0
+"""Window of the running minimum [s]."""
+NS = 1_000_000_000
+LATEST, CLOCK_ERROR = NS, NS // 100
+"""A frame that claims to be older than this, or to come from the future by more than that, has a wrong time [ns] (our choice)."""
+
+
+def fit_line(points: Iterable[tuple[float, float]], slope_limit: float) -> tuple[float, float]:
+    """(offset, slope) of the least-squares line through points; the slope is cut to its limit."""
+    xy = list(points)
+    n = len(xy)
+    mean_x, mean_y = sum(x for x, _ in xy) / n, sum(y for _, y in xy) / n
+    sxx = sum((x - mean_x) ** 2 for x, _ in xy)
+    slope = sum((x - mean_x) * (y - mean_y) for x, y in xy) / sxx if sxx > 0 else 0.0
+    slope = min(max(slope, -slope_limit), slope_limit)
+    return mean_y - slope * mean_x, slope
+
+
+class EchoClock:
+    """Maps ticks of the server to the monotonic clock here.
+
+    Args:
+        frequency: ticks per second.
+
+    Attributes:
+        round_trip: the best one in the window [s], or None.
+        restarts: how often the server's clock was found to be another one.
+    """
+
+    def __init__(self, frequency: float) -> None:
+        self._frequency = frequency
+        self.restarts = 0
+        self._clear()
+
+    def _clear(self) -> None:
+        self._echoes: deque[tuple[float, float, float]] = deque()  # server time, offset, round trip, relative to the first echo
+        self._origin: tuple[int, int] | None = None  # ns here, ticks there
+        self._offset = self._slope = 0.0
+        self._misses = 0
+        self.round_trip: float | None = None
+
+    @property
+    def synchronised(self) -> bool:
+        """Whether there was an echo."""
+        return self._origin is not None
+
+    @property
+    def drift(self) -> float:
+        """How much faster the server's clock runs, in parts per million."""
+        return -1e6 * self._slope
+
+    def add(self, sent: int, received: int, ticks: int) -> None:
+        """An echo.
+
+        Args:
+            sent, received: by the clock here [ns].
+            ticks: of the server in between.
+        """
+        if received < sent:
+            return
+        if self._origin is None:
+            self._origin = ((sent + received) // 2, ticks)
+        server = (ticks - self._origin[1]) / self._frequency
+        offset = ((sent + received) / 2 - self._origin[0]) / NS - server
+        round_trip = (received - sent) / NS
+        if self._echoes and abs(offset - self._line(server)) > round_trip + RESTART_ERROR:
+            self._misses += 1
+            if self._misses < RESTART_ECHOES:
+                return
+            self._clear()
+            self.restarts += 1
+            self.add(sent, received, ticks)
+            return
+        self._misses = 0
+        self._echoes.append((server, offset, round_trip))
+        while self._echoes[0][0] < server - WINDOW:
+            self._echoes.popleft()
+        self._fit()
+
+    def local(self, ticks: int) -> int | None:
+        """The time here at which the server's clock showed `ticks` [ns]; None before the first echo."""
+        if self._origin is None:
+            return None
+        server = (ticks - self._origin[1]) / self._frequency
+        return self._origin[0] + round((server + self._line(server)) * NS)
+
+    def _line(self, server: float) -> float:
+        return self._offset + self._slope * server
+
+    def _fit(self) -> None:
+        best = min(round_trip for _, _, round_trip in self._echoes)
+        good = [(server, offset) for server, offset, round_trip in self._echoes if round_trip <= best + ROUND_TRIP_SPREAD]
+        self.round_trip = best
+        spans = good[-1][0] - good[0][0] >= SLOPE_SPAN
+        self._offset, self._slope = fit_line(good, MAX_DRIFT if spans else 0.0)
+        if not spans:
+            self._offset = sum(offset for _, offset in good) / len(good)
+
+
+class RunningMinimum:
+    """The smallest difference of two clocks in a window: what is left of a delay that varies."""
+
+    def __init__(self) -> None:
+        self._falling: deque[tuple[float, float]] = deque()
+
+    def add(self, time: float, difference: float) -> float:
+        """The smallest one, with this one [s]."""
+        while self._falling and self._falling[-1][1] >= difference:
+            self._falling.pop()
+        self._falling.append((time, difference))
+        while self._falling[0][0] < time - MINIMUM_WINDOW:
+            self._falling.popleft()
+        return self._falling[0][1]
+
+
+class ExposureClock:
+    """When the middle of a frame's exposure was, by the best means that there is.
+
+    Args:
+        nominal_latency: from there to the arrival, where the server does not tell [s].
+    """
+
+    def __init__(self, nominal_latency: float) -> None:
+        self._nominal = round(nominal_latency * NS)
+        self._minimum = RunningMinimum()
+        self.echo: EchoClock | None = None
+
+    def restart(self, frequency: float) -> None:
+        """Another server, or the same one anew.
+
+        Args:
+            frequency: ticks per second of its clock, 0 where it has none.
+        """
+        self.echo = EchoClock(frequency) if frequency > 0 else None
+        self._minimum = RunningMinimum()
+
+    def exposed(self, frame: Frame, received: int) -> tuple[int, str]:
+        """(time here [ns], by which means): "mid-exposure", "transmission", "time stamp" or "reception", never after the reception."""
+        suffix = frame.suffix
+        if self.echo is not None and self.echo.synchronised and (suffix.mid_exposure or suffix.transmitted):
+            if suffix.mid_exposure:
+                local, means = self.echo.local(suffix.mid_exposure), "mid-exposure"
+            else:
+                local, means = self.echo.local(suffix.transmitted), "transmission"
+                local = None if local is None else local - self._nominal
+            if local is not None and -LATEST < local - received < CLOCK_ERROR:
+                return min(local, received), means
+        if suffix.time_stamp:
+            least = self._minimum.add(received / NS, received / NS - suffix.time_stamp)
+            return min(round((suffix.time_stamp + least) * NS), received) - self._nominal, "time stamp"
+        return received - self._nominal, "reception"
+
+
+class RunClock:
+    """Maps the monotonic clock here to the time of the run, by a line through pairs that whoever owns the run tells.
+
+    Args:
+        window: how much of the past counts [s].
+    """
+
+    def __init__(self, window: float = 2.0) -> None:
+        self._window = round(window * NS)
+        self._pairs: deque[tuple[int, float]] = deque()
+        self._line = (0.0, 0.0)
+
+    def add(self, monotonic: int, run: float) -> None:
+        """A pair. The line begins anew where the time of the run goes back or stands still.
+
+        Args:
+            monotonic: [ns].
+            run: time of the run [s].
+        """
+        if self._pairs and (run <= self._pairs[-1][1] or monotonic <= self._pairs[-1][0]):
+            self._pairs.clear()
+        self._pairs.append((monotonic, run))
+        while self._pairs[0][0] < monotonic - self._window:
+            self._pairs.popleft()
+        first, begin = self._pairs[0]
+        self._line = fit_line((((at - first) / NS, time - begin) for at, time in islice(self._pairs, None)), float("inf"))
+
+    def run_time(self, monotonic: int) -> float | None:
+        """The time of the run [s]; None before the first pair."""
+        if not self._pairs:
+            return None
+        first, begin = self._pairs[0]
+        slope = self._line[1] if len(self._pairs) > 1 else 1.0
+        return begin + self._line[0] + slope * (monotonic - first) / NS

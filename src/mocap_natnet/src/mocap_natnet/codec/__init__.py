@@ -1,0 +1,49 @@
+"""NatNet on the wire: bytes to values and back, without sockets. Little endian, packed.
+
+`Codec` reads and writes one bitstream; a datagram that cannot be read is a `CodecError` with a reason, whatever its bytes are.
+"""
+
+from __future__ import annotations
+
+from mocap_natnet.codec.descriptions import Model
+from mocap_natnet.codec.errors import REASONS, CodecError
+from mocap_natnet.codec.frame import FrameDecoder
+from mocap_natnet.codec.frame_writer import FrameEncoder
+from mocap_natnet.codec.layout import FIRST, LAST, Version, layout, parse, text
+from mocap_natnet.codec.model import decode_model
+from mocap_natnet.codec.model_writer import encode_model
+from mocap_natnet.codec.packets import HEADER, Message, packet
+from mocap_natnet.codec.types import Frame
+
+__all__ = ["FIRST", "LAST", "REASONS", "Codec", "CodecError", "Version", "parse", "text"]
+
+
+class Codec:
+    """Frames and descriptions of one bitstream, as whole datagrams.
+
+    Args:
+        version: the bitstream.
+
+    Raises:
+        CodecError: the bitstream is not known.
+    """
+
+    def __init__(self, version: Version) -> None:
+        self.layout = layout(version)
+        self._decoder, self._encoder = FrameDecoder(self.layout), FrameEncoder(self.layout)
+
+    def decode_frame(self, datagram: bytes, end: int | None = None) -> Frame:
+        """A FRAMEOFDATA datagram, whose header was looked at (`packets.split`). Raises CodecError."""
+        return self._decoder.decode(datagram, HEADER.size, end)
+
+    def encode_frame(self, frame: Frame) -> bytes:
+        """A FRAMEOFDATA datagram. Raises CodecError where it is too long."""
+        return packet(Message.FRAMEOFDATA, self._encoder.encode(frame))
+
+    def decode_model(self, datagram: bytes, end: int | None = None) -> Model:
+        """A MODELDEF datagram. Raises CodecError."""
+        return decode_model(self.layout, datagram, HEADER.size, end)
+
+    def encode_model(self, model: Model) -> bytes:
+        """A MODELDEF datagram. Raises CodecError where it is too long."""
+        return packet(Message.MODELDEF, encode_model(self.layout, model))

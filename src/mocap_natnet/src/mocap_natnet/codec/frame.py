@@ -1,0 +1,148 @@
+"""The payload of FRAMEOFDATA."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from mocap_natnet.codec.errors import CodecError
+from mocap_natnet.codec.layout import Layout
+from mocap_natnet.codec.reader import COUNT_AND_SIZE, INT, VECTOR, Reader
+from mocap_natnet.codec.types import TRACKED, Analog, Asset, BodyMarker, Frame, Marker, MarkerSet, RigidBody, Skeleton, Suffix, Vector
+
+T = TypeVar("T")
+
+_ASSET_BODY = struct.Struct("<i3f4ffh")
+_ASSET_MARKER = struct.Struct("<i3ffhf")
+_MIN_BODY = 32
+"""Bytes of id, position and orientation: the least that a rigid body takes."""
+_BODY_HEAD = struct.Struct("<i3f4f")
+
+
+class FrameDecoder:
+    """Reads the frames of one bitstream.
+
+    Args:
+        layout: of the bitstream.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        self._sections: list[Callable[[Reader, int], Any]] = [_marker_sets, _unlabelled, self._bodies, self._skeletons]
+        self._sections += [_assets] if layout.assets else [_nothing]
+        self._sections += [self._markers]
+        self._sections += [_analogs if flag else _nothing for flag in (layout.force_plates, layout.devices)]
+        self._sized = layout.sizes
+        self._body_tail = struct.Struct("<fh" if layout.body_flags else "<f")
+        self._plain_suffix = layout.suffix_fields == (*Suffix._fields[1:], "end_tag")
+
+    def decode(self, data: bytes, offset: int = 0, end: int | None = None) -> Frame:
+        """A frame.
+
+        Args:
+            data: datagram or payload.
+            offset: where the payload begins.
+            end: where it ends.
+
+        Raises:
+            CodecError: it cannot be read; nothing of it is to be used.
+        """
+        reader = Reader(data, offset, len(data) if end is None else end)
+        number = reader.integer()
+        section = self._section_with_size if self._sized else self._section
+        values = [() if read is _nothing else section(reader, read) for read in self._sections]
+        suffix = self._suffix(reader)
+        return Frame(number, *values, suffix, reader.skipped + reader.left)  # type: ignore[arg-type, call-arg]
+
+    def _section(self, reader: Reader, read: Callable[[Reader, int], T]) -> T | tuple[()]:
+        number = reader.integer()
+        if number == 0:
+            return ()
+        if number < 0:
+            raise CodecError("count", f"{number} elements at {reader.offset}")
+        return read(reader, number)
+
+    def _section_with_size(self, reader: Reader, read: Callable[[Reader, int], T]) -> T | tuple[()]:
+        number, size = reader.unpack(COUNT_AND_SIZE)
+        if number == 0 and size == 0:
+            return ()
+        if number < 0:
+            raise CodecError("count", f"{number} elements at {reader.offset}")
+        return reader.sized(reader.offset, size, lambda inner: read(inner, number))
+
+    def _bodies(self, reader: Reader, number: int) -> tuple[RigidBody, ...]:
+        layout = self._layout
+        if layout.body_markers:
+            _check(reader, number, _MIN_BODY)
+            return tuple(self._body_with_markers(reader) for _ in range(number))
+        _check(reader, number, layout.body.size)
+        return tuple([RigidBody(v[0], v[1:4], v[4:8], v[8], v[9]) for v in reader.array(layout.body, number)])
+
+    def _body_with_markers(self, reader: Reader) -> RigidBody:
+        head = reader.unpack(_BODY_HEAD)
+        number = reader.count(20)
+        positions = reader.array(VECTOR, number)
+        ids = reader.unpack(struct.Struct(f"<{number}i"))
+        sizes = reader.unpack(struct.Struct(f"<{number}f"))
+        markers = tuple(map(BodyMarker, positions, ids, sizes))
+        mean_error, *flags = reader.unpack(self._body_tail)
+        return RigidBody(head[0], head[1:4], head[4:8], mean_error, flags[0] if flags else TRACKED, markers)
+
+    def _skeletons(self, reader: Reader, number: int) -> tuple[Skeleton, ...]:
+        _check(reader, number, 8)
+        return tuple(Skeleton(reader.integer(), self._bodies(reader, reader.count(_MIN_BODY))) for _ in range(number))
+
+    def _markers(self, reader: Reader, number: int) -> tuple[Marker, ...]:
+        layout = self._layout
+        _check(reader, number, layout.marker.size)
+        return tuple([Marker(v[0], v[1:4], *v[4:]) for v in reader.array(layout.marker, number)])
+
+    def _suffix(self, reader: Reader) -> Suffix:
+        values = reader.unpack(self._layout.suffix)
+        if values[-1] != 0 and self._layout.tail_known:
+            raise CodecError("end tag", f"{values[-1]} instead of 0 at {reader.offset - INT.size}")
+        if self._plain_suffix:
+            return Suffix(0.0, *values[:-1])
+        return Suffix(**dict(zip(self._layout.suffix_fields[:-1], values, strict=False)))
+
+
+def _check(reader: Reader, number: int, size: int) -> None:
+    if number * size > reader.left:
+        raise CodecError("count", f"{number} elements of {size} bytes or more at {reader.offset}, {reader.left} bytes are left")
+
+
+def _nothing(reader: Reader, number: int) -> tuple[()]:
+    """A section that the bitstream lacks."""
+    return ()
+
+
+def _marker_sets(reader: Reader, number: int) -> tuple[MarkerSet, ...]:
+    _check(reader, number, 5)
+    return tuple(MarkerSet(reader.name(), reader.vectors()) for _ in range(number))
+
+
+def _unlabelled(reader: Reader, number: int) -> tuple[Vector, ...]:
+    _check(reader, number, VECTOR.size)
+    return tuple(reader.array(VECTOR, number))
+
+
+def _assets(reader: Reader, number: int) -> tuple[Asset, ...]:
+    _check(reader, number, 12)
+    return tuple(_asset(reader) for _ in range(number))
+
+
+def _asset(reader: Reader) -> Asset:
+    asset = reader.integer()
+    bodies = [RigidBody(v[0], v[1:4], v[4:8], v[8], v[9]) for v in reader.array(_ASSET_BODY, reader.count(_ASSET_BODY.size))]
+    markers = [Marker(v[0], v[1:4], *v[4:]) for v in reader.array(_ASSET_MARKER, reader.count(_ASSET_MARKER.size))]
+    return Asset(asset, tuple(bodies), tuple(markers))
+
+
+def _analogs(reader: Reader, number: int) -> tuple[Analog, ...]:
+    _check(reader, number, 8)
+    return tuple(Analog(reader.integer(), tuple(_samples(reader) for _ in range(reader.count(4)))) for _ in range(number))
+
+
+def _samples(reader: Reader) -> tuple[float, ...]:
+    return reader.unpack(struct.Struct(f"<{reader.count(4)}f"))

@@ -1,0 +1,128 @@
+"""Which field exists in which bitstream: the one table that depends on the version.
+
+Sources: public captures of Motive sessions (2.5 to 3.0) and what several independent public decoders agree on (3.0 to 4.2).
+Later bitstreams are read as 4.2.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from dataclasses import dataclass
+from struct import Struct
+
+from mocap_natnet.codec.errors import CodecError
+
+Version = tuple[int, int]
+"""Major and minor number of a bitstream; 2.10 is (2, 10) and later than (2, 9)."""
+
+FIRST: Version = (2, 5)
+LAST: Version = (4, 5)
+"""The oldest and the newest bitstream that is read."""
+NEWEST_KNOWN: Version = (4, 2)
+"""The newest one whose layout is known; those after it are read by their section sizes, and what follows their known part is left alone."""
+
+SINCE: dict[str, Version] = {
+    "body_flags": (2, 6),
+    "marker_flags": (2, 6),
+    "frame_flags": (2, 6),
+    "time_stamp": (2, 6),
+    "time_stamp_double": (2, 7),
+    "force_plates": (2, 9),
+    "devices": (2, 11),
+    "residual": (3, 0),
+    "ticks": (3, 0),
+    "clock_frequency": (3, 0),
+    "marker_names": (4, 0),
+    "sizes": (4, 1),
+    "assets": (4, 1),
+    "precision_time": (4, 1),
+    "rotation_offset": (4, 2),
+}
+"""First bitstream that has the field. Skeletons and labelled markers are in all that are read."""
+UNTIL: dict[str, Version] = {"body_markers": (3, 0), "latency": (3, 0)}
+"""First bitstream that lacks the field: the markers of a body within the frame (in the description from 3.0 on), and the software latency."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A bitstream's layout. Each flag is one of SINCE or UNTIL.
+
+    Attributes:
+        version: the bitstream.
+        tail_known: whether what follows a known part is an error of the stream.
+        body: rigid body without markers: id, position, orientation, mean error, flags.
+        marker: labelled marker.
+        suffix: everything behind the last section.
+        suffix_fields: its names, in order.
+    """
+
+    version: Version
+    body_flags: bool
+    marker_flags: bool
+    frame_flags: bool
+    time_stamp: bool
+    time_stamp_double: bool
+    force_plates: bool
+    devices: bool
+    residual: bool
+    ticks: bool
+    clock_frequency: bool
+    marker_names: bool
+    sizes: bool
+    assets: bool
+    precision_time: bool
+    rotation_offset: bool
+    body_markers: bool
+    latency: bool
+    tail_known: bool
+    body: Struct
+    marker: Struct
+    suffix: Struct
+    suffix_fields: tuple[str, ...]
+
+
+@functools.cache
+def layout(version: Version) -> Layout:
+    """The layout of a bitstream. Raises CodecError where the bitstream is not known."""
+    if not FIRST <= version <= LAST:
+        raise CodecError("version", f"bitstream {text(version)}; this codec reads {text(FIRST)} to {text(LAST)}")
+    flags = {name: version >= since for name, since in SINCE.items()} | {name: version < until for name, until in UNTIL.items()}
+    fields = _suffix_fields(flags)
+    return Layout(
+        version=version,
+        tail_known=version <= NEWEST_KNOWN,
+        body=Struct("<i3f4ff" + "h" * flags["body_flags"]),
+        marker=Struct("<i3ff" + "h" * flags["marker_flags"] + "f" * flags["residual"]),
+        suffix=Struct("<" + "".join(fields.values())),
+        suffix_fields=tuple(fields),
+        **flags,
+    )
+
+
+def _suffix_fields(flags: dict[str, bool]) -> dict[str, str]:
+    """Names and struct letters of the suffix, in their order."""
+    fields = {"latency": "f"} if flags["latency"] else {}
+    fields |= {"time_code": "I", "time_code_subframe": "I"}
+    if flags["time_stamp"]:
+        fields["time_stamp"] = "d" if flags["time_stamp_double"] else "f"
+    if flags["ticks"]:
+        fields |= {"mid_exposure": "Q", "received": "Q", "transmitted": "Q"}
+    if flags["precision_time"]:
+        fields |= {"precision_seconds": "I", "precision_fraction": "I"}
+    if flags["frame_flags"]:
+        fields["flags"] = "h"
+    return fields | {"end_tag": "i"}
+
+
+def text(version: Version) -> str:
+    """As people write it: "4.1"."""
+    return f"{version[0]}.{version[1]}"
+
+
+def parse(words: str) -> Version:
+    """A bitstream from "4.1" or "4.1.0.0". Raises CodecError."""
+    found = re.fullmatch(r"(\d{1,3})\.(\d{1,3})(\.\d{1,3}){0,2}", words.strip())
+    if not found:
+        raise CodecError("version", f"bitstream {words!r}; valid: major.minor, e.g. 4.1")
+    return int(found[1]), int(found[2])

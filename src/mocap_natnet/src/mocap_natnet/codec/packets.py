@@ -1,0 +1,186 @@
+"""Message ids, the header of a datagram, and the small messages: connection, server information, echo."""
+
+from __future__ import annotations
+
+import socket
+import struct
+from enum import IntEnum
+from typing import NamedTuple
+
+from mocap_natnet.codec.errors import CodecError
+from mocap_natnet.codec.layout import Version, text
+
+COMMAND_PORT = 1510
+DATA_PORT = 1511
+MULTICAST_GROUP = "239.255.42.99"
+MAX_PAYLOAD = 65503
+"""Of one datagram [bytes]."""
+HEADER = struct.Struct("<HH")
+"""Message id, number of payload bytes."""
+NAME_SIZE = 256
+_SERVER_OLD = struct.Struct("<256s4B4B")
+_SERVER_NEW = struct.Struct("<256s4B4BQHB4s")
+_SENDER_SIZE = 264
+_ECHO_REQUEST = struct.Struct("<Q")
+_ECHO_RESPONSE = struct.Struct("<QQ")
+
+
+class Message(IntEnum):
+    """Message ids."""
+
+    CONNECT = 0
+    SERVERINFO = 1
+    REQUEST = 2
+    RESPONSE = 3
+    REQUEST_MODELDEF = 4
+    MODELDEF = 5
+    REQUEST_FRAMEOFDATA = 6
+    FRAMEOFDATA = 7
+    MESSAGESTRING = 8
+    DISCONNECT = 9
+    KEEPALIVE = 10
+    DISCONNECT_BY_TIMEOUT = 11
+    ECHO_REQUEST = 12
+    ECHO_RESPONSE = 13
+    DISCOVERY = 14
+    UNRECOGNIZED_REQUEST = 100
+
+
+_KNOWN = frozenset(int(message) for message in Message)
+
+
+def packet(message: Message, payload: bytes = b"") -> bytes:
+    """A datagram. Raises CodecError where the payload is too long for one."""
+    if len(payload) > MAX_PAYLOAD:
+        raise CodecError("length", f"{len(payload)} bytes of payload; a datagram holds {MAX_PAYLOAD}")
+    return HEADER.pack(message, len(payload)) + payload
+
+
+def split(datagram: bytes) -> tuple[int, int]:
+    """(message id, end of the payload); the payload begins behind the header.
+
+    A datagram may be longer than its header says (vendor samples append a NUL), not shorter; the lengths of UNRECOGNIZED_REQUEST mean nothing.
+
+    Raises:
+        CodecError: no header, an unknown message, or fewer bytes than said.
+    """
+    if len(datagram) < HEADER.size:
+        raise CodecError("short", f"{len(datagram)} bytes, less than a header")
+    message, size = HEADER.unpack_from(datagram)
+    if message not in _KNOWN:
+        raise CodecError("unknown message", f"message id {message}")
+    end = HEADER.size + size
+    if end > len(datagram):
+        if message == Message.UNRECOGNIZED_REQUEST:
+            return message, len(datagram)
+        raise CodecError("length", f"the header says {size} bytes, {len(datagram) - HEADER.size} came")
+    return message, end
+
+
+class ServerInfo(NamedTuple):
+    """What a server says of itself.
+
+    Attributes:
+        name: of the application.
+        application: its version.
+        version: bitstream that it speaks; revision and build are 0 in all that were seen.
+        clock_frequency: ticks per second of its clock, from 3.0 on, else 0.
+        data_port: from 3.0 on, else 0.
+        multicast: whether it streams to a group; None below 3.0, where it does not say.
+        group: address of the group, "" below 3.0.
+    """
+
+    name: str
+    application: tuple[int, int, int, int]
+    version: Version
+    clock_frequency: int = 0
+    data_port: int = 0
+    multicast: bool | None = None
+    group: str = ""
+
+
+def encode_server_info(info: ServerInfo, rubbish: bytes = b"") -> bytes:
+    """The payload of SERVERINFO.
+
+    Args:
+        info: what to say.
+        rubbish: what real packets hold behind the name's NUL.
+    """
+    name = (info.name.encode()[: NAME_SIZE - 1] + b"\0" + rubbish)[:NAME_SIZE].ljust(NAME_SIZE, b"\0")
+    head = (name, *info.application, *info.version, 0, 0)
+    if info.version < (3, 0):
+        return _SERVER_OLD.pack(*head)
+    return _SERVER_NEW.pack(*head, info.clock_frequency, info.data_port, bool(info.multicast), socket.inet_aton(info.group or MULTICAST_GROUP))
+
+
+def decode_server_info(payload: bytes) -> ServerInfo:
+    """The payload of SERVERINFO; a bitstream that the codec does not know is told, not refused here. Raises CodecError."""
+    if len(payload) < _SERVER_OLD.size:
+        raise CodecError("short", f"server information of {len(payload)} bytes; valid: {_SERVER_OLD.size} or {_SERVER_NEW.size}")
+    raw, *numbers = _SERVER_OLD.unpack_from(payload)
+    name = raw.split(b"\0", 1)[0].decode(errors="replace")
+    application, version = (numbers[0], numbers[1], numbers[2], numbers[3]), (numbers[4], numbers[5])
+    if version < (3, 0):
+        return ServerInfo(name, application, version)
+    if len(payload) < _SERVER_NEW.size:
+        raise CodecError("short", f"server information of {len(payload)} bytes for bitstream {text(version)}; valid: {_SERVER_NEW.size}")
+    frequency, port, multicast, group = _SERVER_NEW.unpack_from(payload)[-4:]
+    return ServerInfo(name, application, version, frequency, port, multicast != 0, socket.inet_ntoa(group))
+
+
+class Connect(NamedTuple):
+    """What a client asks for when it connects.
+
+    Attributes:
+        name: of the application, "" where it says none.
+        version: wanted bitstream, None for the server's newest.
+        subscribed_only: whether it wants only the data that it subscribes to.
+    """
+
+    name: str = ""
+    version: Version | None = None
+    subscribed_only: bool = False
+
+
+def encode_connect(connect: Connect) -> bytes:
+    """The longest form of the payload of CONNECT: sender and options."""
+    name = connect.name.encode()[: NAME_SIZE - 1].ljust(NAME_SIZE, b"\0")
+    return name + bytes(8) + bytes([connect.subscribed_only, *(connect.version or (0, 0)), 0, 0])
+
+
+def decode_connect(payload: bytes) -> Connect:
+    """Any form of CONNECT: empty, "Ping", a sender, a sender with options and what some add behind them."""
+    if len(payload) < _SENDER_SIZE:
+        return Connect()
+    name = payload[:NAME_SIZE].split(b"\0", 1)[0].decode(errors="replace")
+    options = payload[_SENDER_SIZE:]
+    if len(options) < 5:
+        return Connect(name)
+    version = (options[1], options[2])
+    return Connect(name, version if any(version) else None, options[0] != 0)
+
+
+def encode_echo_request(stamp: int) -> bytes:
+    """The payload of ECHO_REQUEST: a stamp of the client's clock, any unit."""
+    return _ECHO_REQUEST.pack(stamp)
+
+
+def decode_echo_request(payload: bytes) -> int:
+    """The stamp. Raises CodecError."""
+    if len(payload) < _ECHO_REQUEST.size:
+        raise CodecError("short", f"echo request of {len(payload)} bytes")
+    stamp: int = _ECHO_REQUEST.unpack_from(payload)[0]
+    return stamp
+
+
+def encode_echo_response(stamp: int, ticks: int) -> bytes:
+    """The payload of ECHO_RESPONSE: the client's stamp, the server's ticks when it arrived."""
+    return _ECHO_RESPONSE.pack(stamp, ticks)
+
+
+def decode_echo_response(payload: bytes) -> tuple[int, int]:
+    """(client's stamp, server's ticks). Raises CodecError."""
+    if len(payload) < _ECHO_RESPONSE.size:
+        raise CodecError("short", f"echo response of {len(payload)} bytes")
+    stamp, ticks = _ECHO_RESPONSE.unpack_from(payload)
+    return stamp, ticks

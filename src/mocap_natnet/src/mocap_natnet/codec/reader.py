@@ -1,0 +1,99 @@
+"""Reads a datagram front to back; every count and length is checked against the bytes that are left before it is used."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from mocap_natnet.codec.errors import CodecError
+from mocap_natnet.codec.types import Vector
+
+T = TypeVar("T")
+
+INT = struct.Struct("<i")
+COUNT_AND_SIZE = struct.Struct("<ii")
+VECTOR = struct.Struct("<3f")
+
+
+class Reader:
+    """A cursor in a datagram.
+
+    Args:
+        data: the bytes.
+        offset: where to begin.
+        end: where to stop; what lies behind is not looked at.
+
+    Attributes:
+        skipped: bytes that were passed over by a size.
+    """
+
+    __slots__ = ("data", "end", "offset", "skipped")
+
+    def __init__(self, data: bytes, offset: int, end: int) -> None:
+        self.data, self.offset, self.end, self.skipped = data, offset, end, 0
+
+    @property
+    def left(self) -> int:
+        """Bytes up to the end."""
+        return self.end - self.offset
+
+    def unpack(self, layout: struct.Struct) -> tuple[Any, ...]:
+        """Fields of a fixed layout."""
+        begin = self.offset
+        stop = begin + layout.size
+        if stop > self.end:
+            raise CodecError("short", f"{layout.size} bytes wanted at {begin}, {self.end - begin} are left")
+        self.offset = stop
+        return layout.unpack_from(self.data, begin)
+
+    def integer(self) -> int:
+        """An int32."""
+        value: int = self.unpack(INT)[0]
+        return value
+
+    def count(self, size: int) -> int:
+        """A count of elements that take at least `size` bytes each."""
+        number = self.integer()
+        if number < 0 or number * size > self.end - self.offset:
+            raise CodecError("count", f"{number} elements of {size} bytes or more at {self.offset}, {self.left} bytes are left")
+        return number
+
+    def name(self) -> str:
+        """Text up to and including its NUL."""
+        stop = self.data.find(b"\0", self.offset, self.end)
+        if stop < 0:
+            raise CodecError("name", f"no end of the name at {self.offset}")
+        begin, self.offset = self.offset, stop + 1
+        try:
+            return self.data[begin:stop].decode()
+        except UnicodeDecodeError as error:
+            raise CodecError("name", f"the name at {begin} is not UTF-8") from error
+
+    def array(self, layout: struct.Struct, number: int) -> list[tuple[Any, ...]]:
+        """`number` elements of one layout; the count was checked."""
+        begin = self.offset
+        self.offset = begin + number * layout.size
+        if self.offset > self.end:
+            raise CodecError("short", f"{number} elements of {layout.size} bytes wanted at {begin}, {self.end - begin} bytes are left")
+        return list(layout.iter_unpack(self.data[begin : self.offset]))
+
+    def vectors(self) -> tuple[Vector, ...]:
+        """A count and as many positions."""
+        number = self.count(VECTOR.size)
+        return tuple(self.array(VECTOR, number)) if number else ()
+
+    def names(self, number: int) -> tuple[str, ...]:
+        """As many names."""
+        return tuple(self.name() for _ in range(number))
+
+    def sized(self, begin: int, size: int, read: Callable[[Reader], T]) -> T:
+        """Read what `size` bytes from `begin` on hold, then go behind them, whatever of it was understood."""
+        stop = begin + size
+        if size < 0 or stop > self.end:
+            raise CodecError("size", f"{size} bytes said at {begin}, {self.end - begin} are left")
+        inner = Reader(self.data, begin, stop)
+        value = read(inner)
+        self.skipped += inner.left + inner.skipped
+        self.offset = stop
+        return value

@@ -1,0 +1,165 @@
+"""The node `natnet_client`."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger, TriggerResponse
+from tf2_msgs.msg import TFMessage
+
+from hric_control.errors import HricError
+from hric_control.ros_node import RosNode
+from mocap_natnet.client import NatNetClient, Received
+from mocap_natnet.clock import RunClock
+from mocap_natnet.codec.descriptions import Model
+from mocap_natnet.parameters import read_publishing, read_settings
+from mocap_natnet.process import run
+from mocap_natnet.publisher import MocapPublisher, static_transform
+
+NS = 1e-9
+_RESTART = "restart"
+_SERVICES = {
+    "start_recording": ("StartRecording",),
+    "stop_recording": ("StopRecording",),
+    "live_mode": ("LiveMode",),
+    "edit_mode": ("EditMode",),
+}
+
+
+class ClientNode:
+    """The client, its publisher in a thread of its own, diagnostics and services.
+
+    Args:
+        node: private node.
+
+    Raises:
+        HricError: a parameter is not valid.
+    """
+
+    def __init__(self, node: RosNode) -> None:
+        self._node = node
+        self._settings, self._publishing = read_settings(node), read_publishing(node)
+        self._clock, self._clock_lock = RunClock(), threading.Lock()
+        self._simulated = bool(node.param("/use_sim_time", False))
+        if self._simulated:
+            node.subscribe("/clock", Clock, self._on_clock, queue_size=0)
+        self._publisher = MocapPublisher(node, self._publishing, self._run_time)
+        self._queue: queue.SimpleQueue[Received | Model | str | None] = queue.SimpleQueue()
+        self._client = NatNetClient(self._settings, self._queue.put, self._queue.put, lambda: self._queue.put(_RESTART))
+        self._diagnostics = node.advertise("/diagnostics", DiagnosticArray)
+        self._health = ""
+        for name in _SERVICES:
+            node.service(name, Trigger, lambda request, name=name: self._serve(name))  # type: ignore[misc]
+        self._static = self._publish_static()
+        self._thread = threading.Thread(target=self._work, name="mocap publisher", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+        self._client.start()
+
+    def close(self) -> None:
+        """End."""
+        self._client.close()
+        self._queue.put(None)
+        self._thread.join(2.0)
+
+    def report(self) -> None:
+        """Publish the diagnostics; log when the state changes."""
+        state, values = self._client.health(), self._values()
+        if state.level and state.text != self._health:
+            (self._node.log_error if state.level == DiagnosticStatus.ERROR else self._node.log_warn)(state.text)
+        elif not state.level and self._health != "":
+            self._node.log_info(state.text)
+        self._health = state.text if state.level else ""
+        message = DiagnosticArray()
+        message.header.stamp = self._node.now()
+        pairs = [KeyValue(key, str(value)) for key, value in values.items()]
+        name = f"{self._node.namespace.strip('/')}: stream"
+        message.status.append(DiagnosticStatus(state.level, name, state.text, self._client.server, pairs))
+        self._diagnostics.publish(message)
+
+    def _values(self) -> dict[str, object]:
+        session, tracker = self._client.session, self._publisher.tracker
+        statistics, echo = session.statistics, session.clock.echo
+        values: dict[str, object] = {
+            "rate [Hz]": f"{statistics.rate(time.monotonic_ns()):.0f}",
+            "frames": statistics.frames,
+            "frames lost": statistics.lost,
+            "latency [ms]": f"{1e3 * statistics.latency():.2f}",
+            "connects": statistics.connects,
+            "restarts": statistics.restarts,
+            "waiting to be published": self._queue.qsize(),
+            "before the run's time was known": self._publisher.untimed,
+            "bytes not understood": statistics.skipped,
+        }
+        if echo is not None and echo.round_trip is not None:
+            values |= {"round trip [us]": f"{1e6 * echo.round_trip:.0f}", "clock drift [ppm]": f"{echo.drift:.1f}"}
+        values |= {f"times from {means}": count for means, count in statistics.means.copy().items()}
+        values |= {f"refused: {reason}": count for reason, count in statistics.refused.copy().items()}
+        values |= {f"implausible: {reason}": count for reason, count in tracker.plausibility.refused.copy().items()}
+        return values | {f"tracking lost: {body}": count for body, count in tracker.lost.copy().items()}
+
+    def _work(self) -> None:
+        while (item := self._queue.get()) is not None:
+            if rospy.is_shutdown():
+                return
+            if isinstance(item, Received):
+                self._publisher.publish(item)
+            elif isinstance(item, Model):
+                self._publisher.describe(item)
+            else:
+                self._publisher.restart()
+
+    def _run_time(self, monotonic: int) -> float | None:
+        if not self._simulated:
+            return monotonic * NS + (time.time_ns() - time.monotonic_ns()) * NS
+        with self._clock_lock:
+            return self._clock.run_time(monotonic)
+
+    def _on_clock(self, message: Any) -> None:
+        now = time.monotonic_ns()
+        with self._clock_lock:
+            self._clock.add(now, message.clock.to_sec())
+
+    def _publish_static(self) -> Any:
+        message = static_transform(self._publishing, self._node.now())
+        if message is None:
+            return None
+        publisher = self._node.advertise("/tf_static", TFMessage, latch=True)
+        publisher.publish(message)
+        return publisher
+
+    def _serve(self, name: str) -> Any:
+        try:
+            if name == "start_recording" and self._publishing.take:
+                self._client.ask(f"SetRecordTakeName,{self._publishing.take}")
+            for words in _SERVICES[name]:
+                answer = self._client.ask(words)
+                if len(answer) >= 4 and any(answer[:4]):
+                    return TriggerResponse(False, f"Motive refuses {words}")
+        except HricError as error:
+            return TriggerResponse(False, str(error))
+        return TriggerResponse(True, "done")
+
+
+def main(text: str) -> int:
+    """Run the node until it is told to end.
+
+    Args:
+        text: for --help.
+    """
+
+    def make(private: RosNode) -> tuple[Callable[[], None], Callable[[], None]]:
+        node = ClientNode(private)
+        node.start()
+        return node.report, node.close
+
+    return run("natnet_client", text, make)

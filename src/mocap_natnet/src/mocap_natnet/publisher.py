@@ -1,0 +1,143 @@
+"""Publishes frames: the same from a wire, on rospy, and headless on a LocalNode."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+from geometry_msgs.msg import Point, PointStamped, Pose2D, PoseStamped
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
+
+from hric_control import stamps
+from hric_control.node import Node, Publisher
+from hric_msgs.msg import MocapData
+from mocap_natnet import messages
+from mocap_natnet.client import Received
+from mocap_natnet.codec.descriptions import Model
+from mocap_natnet.parameters import Publishing
+from mocap_natnet.plausibility import Plausibility
+from mocap_natnet.poses import Pose, compose, from_rotation_vector
+from mocap_natnet.tracking import TrackedBody, Tracker
+
+NS = 1e-9
+
+
+def ros_name(body: str) -> str:
+    """A name that ROS takes for a topic and a frame."""
+    clean = re.sub(r"\W", "_", body, flags=re.ASCII)
+    return clean if re.match(r"[A-Za-z]", clean) else f"body_{clean}"
+
+
+class MocapPublisher:
+    """Turns frames into messages. One thread calls it.
+
+    Args:
+        node: where to advertise.
+        publishing: what, and how.
+        run_time: maps the monotonic clock [ns] to the time of the run [s]; None while that is not known: nothing is published then.
+
+    Attributes:
+        tracker: names and judges the bodies.
+        untimed: frames that came before the time of the run was known.
+    """
+
+    def __init__(self, node: Node, publishing: Publishing, run_time: Callable[[int], float | None]) -> None:
+        self._node, self._publishing, self._run_time = node, publishing, run_time
+        base = publishing.base_from_mocap if publishing.base_frame else None
+        self.tracker = Tracker(publishing.up_axis, base, Plausibility(publishing.limits))
+        self.untimed = 0
+        self._data = node.advertise("/hric/perception/mocap", MocapData, queue_size=100)
+        self._point = node.advertise("/mocap/marker", Point, queue_size=100)
+        self._stamped = node.advertise("/mocap/marker_stamped", PointStamped, queue_size=100)
+        self._tf = node.advertise("/tf", TFMessage, queue_size=100) if publishing.tf_rate else None
+        self._balls = node.advertise("/mocap/markers", MarkerArray, queue_size=10) if publishing.markers_rate else None
+        self._poses: dict[str, Publisher] = {}
+        self._grounds: dict[str, Publisher] = {}
+        self._next_tf = self._next_balls = float("-inf")
+        self._told: dict[str, bool] = {}
+
+    def describe(self, model: Model) -> None:
+        """Take a description."""
+        self.tracker.describe(model)
+
+    def restart(self) -> None:
+        """Another stream."""
+        self.tracker.restart()
+        self._next_tf = self._next_balls = float("-inf")
+
+    def publish(self, received: Received) -> None:
+        """Publish a frame."""
+        time = self._run_time(received.exposed)
+        if time is None or time < 0:
+            self.untimed += 1
+            return
+        head = messages.header(stamps.to_time(time), self._publishing.frame)
+        frame = received.frame
+        bodies = self.tracker.bodies(frame, received.exposed * NS, received.received * NS)
+        markers = self.tracker.markers(frame)
+        latency = (received.received - received.exposed) * NS if received.means != "reception" else float("nan")
+        self._data.publish(messages.mocap_data(head, frame.number, bodies, markers, latency))
+        self._publish_bodies(head, bodies)
+        if self._tf is not None and time >= self._next_tf:
+            self._next_tf = _next(self._next_tf, time, self._publishing.tf_rate)
+            self._publish_tf(self._tf, head, bodies, self.tracker.bones(frame))
+        if self._balls is not None and time >= self._next_balls:
+            self._next_balls = _next(self._next_balls, time, self._publishing.markers_rate)
+            self._balls.publish(messages.marker_array(head, markers))
+
+    def _publish_bodies(self, head: Any, bodies: list[TrackedBody]) -> None:
+        followed = next((body for body in bodies if self._publishing.body in ("", body.name)), None)
+        if followed is not None and followed.valid:
+            stamped = messages.point_stamped(head, followed)
+            self._point.publish(stamped.point)
+            self._stamped.publish(stamped)
+        for body in bodies:
+            self._tell(body)
+            if body.valid:
+                self._pose(body.name).publish(messages.pose_stamped(head, body))
+                if self._publishing.preset.ground_pose:
+                    self._ground(body.name).publish(messages.ground_pose(body))
+
+    def _publish_tf(self, tf: Publisher, head: Any, bodies: list[TrackedBody], bones: list[tuple[str, Pose]]) -> None:
+        child = self._publishing.preset.child
+        transforms = [messages.transform_stamped(head, child.format(ros_name(body.name)), body.pose) for body in bodies if body.valid]
+        transforms += [messages.transform_stamped(head, "/".join(map(ros_name, name.split("/"))), pose) for name, pose in bones]
+        if transforms:
+            tf.publish(TFMessage(transforms))
+
+    def _pose(self, body: str) -> Publisher:
+        if body not in self._poses:
+            self._poses[body] = self._node.advertise(self._publishing.preset.pose.format(ros_name(body)), PoseStamped, queue_size=100)
+        return self._poses[body]
+
+    def _ground(self, body: str) -> Publisher:
+        if body not in self._grounds:
+            self._grounds[body] = self._node.advertise(self._publishing.preset.ground_pose.format(ros_name(body)), Pose2D, queue_size=100)
+        return self._grounds[body]
+
+    def _tell(self, body: TrackedBody) -> None:
+        """Log when tracking is lost and found."""
+        if self._told.get(body.name) != body.valid:
+            if body.valid:
+                self._node.log_info(f"{body.name}: tracked")
+            elif body.name in self._told:
+                self._node.log_warn(f"{body.name}: tracking lost")
+            self._told[body.name] = body.valid
+
+
+def static_transform(publishing: Publishing, stamp: Any) -> Any:
+    """tf2_msgs/TFMessage: the pose of the stream's frame in the base, axes of the stream included; None where no base is named."""
+    if not publishing.base_frame:
+        return None
+    axes = Pose((0.0, 0.0, 0.0), from_rotation_vector((math.pi / 2, 0.0, 0.0))) if publishing.up_axis == "y" else Pose()
+    pose = compose(publishing.base_from_mocap, axes)
+    return TFMessage([messages.transform_stamped(messages.header(stamp, publishing.base_frame), publishing.preset.frame, pose)])
+
+
+def _next(due: float, time: float, rate: float) -> float:
+    """When the next one is due, on a grid, so that a rate is kept on average [s]."""
+    following = due + 1 / rate
+    return following if following > time else time + 1 / rate

@@ -1,0 +1,9 @@
+"""An emulated Motive: a scene, the protocol without sockets, and a server on UDP."""
+
+from mocap_natnet.server.motive import Motive
+from mocap_natnet.server.scene import Body, Faults, Plate, Scene
+from mocap_natnet.server.server import MotiveServer
+from mocap_natnet.server.settings import Settings
+from mocap_natnet.server.sources import Sinusoid, Source, Track, from_file
+
+__all__ = ["Body", "Faults", "Motive", "MotiveServer", "Plate", "Scene", "Settings", "Sinusoid", "Source", "Track", "from_file"]

@@ -1,0 +1,245 @@
+"""What Motive says on the wire, without sockets: frames of a scene, answers to requests, who gets what."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from mocap_natnet.codec import Codec, CodecError, Version, packets, parse, text
+from mocap_natnet.codec.packets import HEADER, Message, ServerInfo, packet
+from mocap_natnet.codec.types import EDIT_MODE, MODEL_CHANGED, RECORDING, VERSION_CHANGED, Frame, Suffix
+from mocap_natnet.server.scene import Scene
+from mocap_natnet.server.settings import Settings
+
+Address = tuple[str, int]
+Outgoing = list[tuple[bytes, Address]]
+
+NAME = "Motive"
+APPLICATION = (3, 1, 0, 0)
+RUBBISH = bytes(range(0x80, 0x100)) * 2
+"""Real packets hold what the memory held before behind the name."""
+_OK = struct.pack("<i", 0)
+_FAILED = struct.pack("<i", 1)
+_DONE_BY_NAME = ("LiveMode", "EditMode", "StartRecording", "StopRecording", "TimelinePlay", "TimelineStop", "SetRecordTakeName")
+_ACCEPTED = frozenset((
+    *("SetPlaybackTakeName", "SetPlaybackStartFrame", "SetPlaybackStopFrame", "SetPlaybackCurrentFrame", "SetPlaybackLooping", "SetCurrentSession"),
+    *("EnableAsset", "DisableAsset", "SubscribeToData", "SubscribeByID", "SubscribedDataOnly"),
+))  # fmt: skip
+"""Answered with "done" and without effect."""
+
+
+@dataclass
+class _Client:
+    """Who gets frames by unicast."""
+
+    version: Version
+    heard: float
+
+
+class Motive:
+    """The server's state.
+
+    Args:
+        settings: how it streams.
+        scene: what it sees.
+
+    Attributes:
+        recording: whether a take is being recorded.
+        take: its name.
+        live: False in edit mode, in which nothing is streamed.
+    """
+
+    def __init__(self, settings: Settings, scene: Scene) -> None:
+        self.settings, self.scene = settings, scene
+        self.recording, self.take, self.live = False, "", True
+        self._version = settings.version
+        self._codecs: dict[Version, Codec] = {}
+        self._clients: dict[Address, _Client] = {}
+        self._pending_flags = 0
+
+    @property
+    def clients(self) -> tuple[Address, ...]:
+        """Who gets frames by unicast."""
+        return tuple(self._clients)
+
+    @property
+    def version(self) -> Version:
+        """The bitstream that it speaks now."""
+        return self._version
+
+    def change_version(self, version: Version) -> None:
+        """Speak another bitstream from the next frame on, as after a change of Motive's settings. Raises CodecError."""
+        self._codec(version)
+        self._version, self._pending_flags = version, self._pending_flags | VERSION_CHANGED
+        for client in self._clients.values():
+            client.version = version
+
+    def change_scene(self, scene: Scene) -> None:
+        """See something else from the next frame on; that frame tells that the description changed."""
+        self.scene, self._pending_flags = scene, self._pending_flags | MODEL_CHANGED
+
+    def delay(self, number: int) -> float | None:
+        """Latency of a frame [s]; None: it is lost. Repeats with the seed."""
+        settings = self.settings
+        if not settings.jitter and not settings.loss:
+            return settings.latency
+        share, lost = np.random.default_rng((settings.seed, number, 1)).random(2).tolist()
+        return None if lost < settings.loss else settings.latency + share * settings.jitter
+
+    def frame(self, number: int) -> Frame:
+        """The frame whose exposure's middle is at number / rate of the stream; sent after its latency."""
+        settings = self.settings
+        time = number * settings.period
+        sent = time + (self.delay(number) or settings.latency)
+        flags = (RECORDING if self.recording else 0) | (0 if self.live else EDIT_MODE) | self._pending_flags
+        self._pending_flags = 0
+        suffix = Suffix(
+            time_stamp=time,
+            mid_exposure=settings.ticks(time) if settings.exposure_known else 0,
+            received=settings.ticks(max(time, sent - min(settings.latency, 0.0009))),  # a capture shows 0.9 ms of software
+            transmitted=settings.ticks(sent),
+            flags=flags,
+        )
+        return self.scene.frame(number, time, settings.period)._replace(suffix=suffix)
+
+    def datagram(self, frame: Frame, version: Version | None = None) -> bytes:
+        """A frame in a bitstream (default: the server's)."""
+        return self._codec(version or self._version).encode_frame(frame)
+
+    def stream(self, frame: Frame, time: float) -> Outgoing:
+        """The datagrams of a frame and where they go.
+
+        Args:
+            frame: of `frame()`.
+            time: of the stream, to forget silent clients by [s].
+        """
+        settings = self.settings
+        if not self.live:
+            return []
+        if settings.transport == "multicast":
+            return [(self.datagram(frame), (settings.group, settings.data_port))]
+        if settings.client_timeout:
+            self._clients = {key: client for key, client in self._clients.items() if time - client.heard <= settings.client_timeout}
+        made = {client.version: b"" for client in self._clients.values()}
+        for version in made:
+            made[version] = self.datagram(frame, version)
+        found: Outgoing = []
+        for address, client in self._clients.items():
+            if settings.unicast_to in ("endpoint", "both"):
+                found.append((made[client.version], address))
+            if settings.unicast_to in ("data_port", "both") and address[1] != settings.data_port:
+                found.append((made[client.version], (address[0], settings.data_port)))
+        return found
+
+    def answer(self, datagram: bytes, sender: Address, time: float) -> Outgoing:
+        """The answers to a datagram; none to what is no request.
+
+        Args:
+            datagram: as it came.
+            sender: who sent it.
+            time: of the stream when it came [s].
+        """
+        try:
+            message, end = packets.split(datagram)
+        except CodecError:
+            return []
+        payload = datagram[HEADER.size : end]
+        if client := self._clients.get(sender):
+            client.heard = time
+        if message == Message.CONNECT:
+            return [(self._connect(datagram[HEADER.size :], sender, time), sender)]
+        if message == Message.DISCOVERY:
+            return [(self._server_info(self._version), sender)] if self._version >= (3, 0) else []
+        if message == Message.REQUEST_MODELDEF:
+            return [(self._codec(self._version_of(sender)).encode_model(self.scene.model()), sender)]
+        if message == Message.ECHO_REQUEST:
+            return self._echo(payload, sender, time)
+        if message == Message.REQUEST:
+            return [(self._request(payload.split(b"\0", 1)[0].decode(errors="replace"), sender), sender)]
+        if message == Message.REQUEST_FRAMEOFDATA:
+            number = max(0, int(time * self.settings.rate))
+            return [(self.datagram(self.frame(number), self._version_of(sender)), sender)]
+        if message == Message.DISCONNECT:
+            self._clients.pop(sender, None)
+        return []
+
+    def _codec(self, version: Version) -> Codec:
+        if version not in self._codecs:
+            self._codecs[version] = Codec(version)
+        return self._codecs[version]
+
+    def _version_of(self, sender: Address) -> Version:
+        client = self._clients.get(sender)
+        return client.version if client else self._version
+
+    def _may_speak(self, version: Version) -> bool:
+        """Whether a unicast client may ask for a bitstream."""
+        return self.settings.transport == "unicast" and self._version >= (3, 0) and (3, 0) <= version <= self._version
+
+    def _connect(self, payload: bytes, sender: Address, time: float) -> bytes:
+        wanted = packets.decode_connect(payload).version
+        version = wanted if wanted and self._may_speak(wanted) else self._version
+        if self.settings.transport == "unicast":
+            self._clients[sender] = _Client(version, time)
+        return self._server_info(version)
+
+    def _server_info(self, version: Version) -> bytes:
+        settings = self.settings
+        info = ServerInfo(NAME, APPLICATION, version, settings.frequency, settings.data_port, settings.transport == "multicast", settings.group)
+        return packet(Message.SERVERINFO, packets.encode_server_info(info, RUBBISH))
+
+    def _echo(self, payload: bytes, sender: Address, time: float) -> Outgoing:
+        if self._version < (3, 0) or len(payload) < 8:
+            return []
+        stamp = packets.decode_echo_request(payload)
+        return [(packet(Message.ECHO_RESPONSE, packets.encode_echo_response(stamp, self.settings.ticks(time))), sender)]
+
+    def _request(self, words: str, sender: Address) -> bytes:
+        name, _, argument = words.partition(",")
+        if name == "Bitstream":
+            return self._bitstream(argument, sender)
+        values = {
+            "FrameRate": struct.pack("<f", self.settings.rate),
+            "UnitsToMillimeters": struct.pack("<f", 1000.0),
+            "CurrentMode": struct.pack("<i", 0 if self.live else 2),
+            "AnalogSamplesPerMocapFrame": struct.pack("<i", max((plate.samples for plate in self.scene.plates), default=0)),
+            "CurrentTakeLength": _OK,
+            "CurrentSessionPath": b"emulated\0",
+        }
+        if name in values:
+            return packet(Message.RESPONSE, values[name])
+        if name in _ACCEPTED:
+            return packet(Message.RESPONSE, _OK)
+        if name in _DONE_BY_NAME:
+            return packet(Message.RESPONSE, _OK if self._control(name, argument) else _FAILED)
+        return packet(Message.UNRECOGNIZED_REQUEST)
+
+    def _control(self, name: str, argument: str) -> bool:
+        """Carry out a command of the timeline; False where it cannot be done now."""
+        if name == "StartRecording":
+            if not self.live:
+                return False
+            self.recording = True
+        elif name == "StopRecording":
+            self.recording = False
+        elif name in ("LiveMode", "EditMode"):
+            self.live = name == "LiveMode"
+            self.recording = self.recording and self.live
+        elif name == "SetRecordTakeName":
+            self.take = argument
+        return True
+
+    def _bitstream(self, argument: str, sender: Address) -> bytes:
+        if not argument:
+            return packet(Message.RESPONSE, f"Bitstream,{text(self._version_of(sender))}".encode() + b"\0")
+        try:
+            version = parse(argument)
+        except CodecError:
+            return packet(Message.RESPONSE, _FAILED)
+        client = self._clients.get(sender)
+        if client is None or not self._may_speak(version):
+            return packet(Message.RESPONSE, _FAILED)
+        client.version, self._pending_flags = version, self._pending_flags | VERSION_CHANGED
+        return packet(Message.RESPONSE, _OK)

@@ -1,0 +1,222 @@
+"""What the emulated cameras see: rigid bodies with markers, force plates, and what goes wrong with them."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hric_control.errors import ParameterError
+from mocap_natnet.codec import descriptions as d
+from mocap_natnet.codec.types import OF_ASSET, POINT_CLOUD, TRACKED, Analog, Frame, Marker, MarkerSet, RigidBody, Vector
+from mocap_natnet.poses import UP_AXES, Pose, from_rotation_vector, multiply, pose_stream_axes, stream_axes, transform
+from mocap_natnet.server.sources import Source
+
+TRIANGLE: tuple[Vector, ...] = ((0.06, -0.02, 0.0), (-0.04, -0.03, 0.0), (-0.02, 0.05, 0.0))
+"""Three markers about their centroid, no two sides alike [m] (our choice)."""
+MARKER_SIZE = 0.014
+"""Diameter of a common passive marker [m]."""
+MARKER_FLAGS = POINT_CLOUD | OF_ASSET
+"""As captures show them for a marker of an asset."""
+PLATE_CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body.
+
+    Args:
+        name: in the description.
+        source: what moves it.
+        id: streaming id, 1 to 32767.
+        markers: in the body, z up [m].
+    """
+
+    name: str
+    source: Source
+    id: int = 1
+    markers: tuple[Vector, ...] = TRIANGLE
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.id <= 32767:
+            raise ParameterError(f"body {self.name!r} has streaming id {self.id}; valid: 1 to 32767")
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A force plate of 0.6 x 0.4 m.
+
+    Args:
+        source: time of the stream [s] -> Fx, Fy, Fz [N], Mx, My, Mz [N m], in the plate's axes.
+        id, serial: as described.
+        centre: of the surface, z up [m].
+        samples: per frame of the cameras.
+    """
+
+    source: Callable[[float], tuple[float, ...]]
+    id: int = 1
+    serial: str = "emulated-1"
+    centre: Vector = (0.0, 0.0, 0.0)
+    samples: int = 5
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What is wrong with what is seen; all of it repeats with the seed.
+
+    Args:
+        noise: of a body's position, standard deviation per axis [m].
+        rotation_noise: of its orientation, per axis [rad].
+        marker_noise: of each marker besides [m].
+        occlusions: (begin [s], duration [s], name of the body or "" for all).
+        occlusion_rate: random ones of all bodies [1/s].
+        occlusion_length: mean duration of those [s].
+        seed: of all that is random.
+    """
+
+    noise: float = 0.0
+    rotation_noise: float = 0.0
+    marker_noise: float = 0.0
+    occlusions: tuple[tuple[float, float, str], ...] = ()
+    occlusion_rate: float = 0.0
+    occlusion_length: float = 0.3
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("noise", "rotation_noise", "marker_noise", "occlusion_rate", "occlusion_length"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ParameterError(f"{name} is {value}; valid: finite, 0 or more")
+        if not all(math.isfinite(begin) and math.isfinite(duration) for begin, duration, _ in self.occlusions):
+            raise ParameterError(f"occlusions are {self.occlusions}; valid: finite begin and duration")
+        if self.seed < 0:
+            raise ParameterError(f"seed is {self.seed}; valid: 0 or more")
+
+
+@dataclass
+class Scene:
+    """Bodies and plates, as frames and as a description.
+
+    Args:
+        bodies: with different names and ids.
+        plates: force plates.
+        faults: what is wrong with what is seen.
+        up: axis that points up in the stream, y or z.
+        describe_plates: whether the description tells of the plates; some clients cannot read it.
+    """
+
+    bodies: tuple[Body, ...] = ()
+    plates: tuple[Plate, ...] = ()
+    faults: Faults = field(default_factory=Faults)
+    up: str = "y"
+    describe_plates: bool = True
+
+    def __post_init__(self) -> None:
+        if self.up not in UP_AXES:
+            raise ParameterError(f"the axis that points up is {self.up!r}; valid: {', '.join(UP_AXES)}")
+        for what, keys in (("names", {body.name for body in self.bodies}), ("streaming ids", {body.id for body in self.bodies})):
+            if len(keys) != len(self.bodies):
+                raise ParameterError(f"two bodies share one of the {what}: {', '.join(f'{body.name} ({body.id})' for body in self.bodies)}")
+        self._last: dict[str, Pose] = {}
+        self._blinks = _Blinks(self.faults)
+
+    def frame(self, number: int, time: float, period: float) -> Frame:
+        """What is seen at the middle of an exposure.
+
+        Args:
+            number: of the frame.
+            time: of the stream [s].
+            period: between frames [s]; the samples of a plate are spread over the one before `time`.
+        """
+        random = np.random.default_rng((self.faults.seed, number))
+        bodies, markers, sets = [], [], []
+        for body in self.bodies:
+            pose = self._noisy(body.source(time), random)
+            hidden = self._hidden(body.name, time)
+            if not hidden:
+                self._last[body.name] = pose
+                seen = self._markers(body, pose, random)
+                markers += seen
+                sets.append(MarkerSet(body.name, tuple(marker.position for marker in seen)))
+            told = pose_stream_axes(self.up, self._last.get(body.name, Pose()))
+            error = self.faults.marker_noise
+            bodies.append(RigidBody(body.id, told.position, told.orientation, error, 0 if hidden else TRACKED))
+        positions = tuple(marker.position for marker in markers)
+        plates = tuple(self._plate(plate, time, period) for plate in self.plates)
+        return Frame(number, (*sets, MarkerSet("all", positions)), positions, tuple(bodies), (), (), tuple(markers), plates)
+
+    def model(self) -> d.Model:
+        """The description."""
+        found: list[d.Description] = []
+        for body in self.bodies:
+            names = tuple(f"Marker{index}" for index in range(1, len(body.markers) + 1))
+            found.append(d.MarkerSetDescription(body.name, names))
+        found.append(
+            d.MarkerSetDescription("all", tuple(f"{body.name}_{index}" for body in self.bodies for index in range(1, len(body.markers) + 1)))
+        )
+        for body in self.bodies:
+            markers = [d.DescribedMarker(stream_axes(self.up, marker), 0, f"Marker{index}") for index, marker in enumerate(body.markers, 1)]
+            found.append(d.RigidBodyDescription(body.name, body.id, markers=tuple(markers)))
+        if self.describe_plates:
+            found += [self._described(plate) for plate in self.plates]
+        return d.Model(tuple(found))
+
+    def _hidden(self, name: str, time: float) -> bool:
+        listed = any(begin <= time < begin + duration and who in ("", name) for begin, duration, who in self.faults.occlusions)
+        return listed or self._blinks.at(time)
+
+    def _noisy(self, pose: Pose, random: np.random.Generator) -> Pose:
+        faults = self.faults
+        if faults.noise:
+            dx, dy, dz = (faults.noise * random.standard_normal(3)).tolist()
+            x, y, z = pose.position
+            pose = pose._replace(position=(x + dx, y + dy, z + dz))
+        if faults.rotation_noise:
+            turn = from_rotation_vector((faults.rotation_noise * random.standard_normal(3)).tolist())
+            pose = pose._replace(orientation=multiply(turn, pose.orientation))
+        return pose
+
+    def _markers(self, body: Body, pose: Pose, random: np.random.Generator) -> list[Marker]:
+        noise = (self.faults.marker_noise * random.standard_normal((len(body.markers), 3))).tolist()
+        found = []
+        for index, (marker, (dx, dy, dz)) in enumerate(zip(body.markers, noise, strict=True), 1):
+            x, y, z = transform(pose, marker)
+            position = stream_axes(self.up, (x + dx, y + dy, z + dz))
+            found.append(Marker(body.id << 16 | index, position, MARKER_SIZE, MARKER_FLAGS, self.faults.marker_noise))
+        return found
+
+    def _plate(self, plate: Plate, time: float, period: float) -> Analog:
+        times = [time - period * (plate.samples - 1 - index) / plate.samples for index in range(plate.samples)]
+        samples = [plate.source(at) for at in times]
+        return Analog(plate.id, tuple(zip(*samples, strict=True)) if samples else ((),) * len(PLATE_CHANNELS))
+
+    def _described(self, plate: Plate) -> d.ForcePlateDescription:
+        x, y, z = plate.centre
+        a, b, c, e = (stream_axes(self.up, (x + dx, y + dy, z)) for dx, dy in ((0.3, 0.2), (0.3, -0.2), (-0.3, -0.2), (-0.3, 0.2)))
+        identity = tuple(np.eye(12).ravel().tolist())
+        return d.ForcePlateDescription(plate.id, plate.serial, 0.6, 0.4, (0.0, 0.0, 0.0), identity, (a, b, c, e), 2, 0, PLATE_CHANNELS)
+
+
+class _Blinks:
+    """Random occlusions, drawn as time goes on."""
+
+    def __init__(self, faults: Faults) -> None:
+        self._faults, self._random = faults, np.random.default_rng((faults.seed, 2**31))
+        self._begins: list[float] = []
+        self._ends: list[float] = []
+        self._until = 0.0
+
+    def at(self, time: float) -> bool:
+        """Whether one is going on."""
+        if self._faults.occlusion_rate <= 0:
+            return False
+        while self._until <= time:
+            begin = self._until + self._random.exponential(1 / self._faults.occlusion_rate)
+            self._until = begin + self._random.exponential(self._faults.occlusion_length)
+            self._begins.append(begin)
+            self._ends.append(self._until)
+        index = bisect_right(self._begins, time) - 1
+        return index >= 0 and time < self._ends[index]

@@ -1,0 +1,169 @@
+"""A scene from YAML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hric_control.errors import ParameterError, UnknownNameError
+from mocap_natnet.codec.types import Vector
+from mocap_natnet.poses import Pose, from_rotation_vector
+from mocap_natnet.server.scene import Body, Faults, Plate, Scene
+from mocap_natnet.server.sources import Sinusoid, Source, Track, from_file
+
+DEFAULT_BODIES = (Body("marker", Sinusoid()),)
+"""One body on a sinusoid along x: 0.1 m, 0.25 Hz, as in the marker tracking of the thesis."""
+
+
+def load(path: Path, faults: Faults, up: str, describe_plates: bool = True) -> Scene:
+    """The scene of a file (INTERFACE.md gives its keys). Raises ParameterError, UnknownNameError."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ParameterError(f"scene {path}: {error}") from error
+    table = _Table(str(path), content)
+    table.only("bodies", "plates")
+    bodies = tuple(_body(entry, path.parent, number) for number, entry in enumerate(table.tables("bodies"), 1))
+    plates = tuple(_plate(entry, number) for number, entry in enumerate(table.tables("plates"), 1))
+    if not bodies and not plates:
+        raise ParameterError(f"{path} has neither bodies nor plates")
+    return Scene(bodies, plates, faults, up, describe_plates)
+
+
+class _Table:
+    """A mapping of the file, and where it stands."""
+
+    def __init__(self, where: str, content: Any) -> None:
+        if not isinstance(content, Mapping):
+            raise ParameterError(f"{where} is {content!r}; valid: a mapping")
+        self.where, self._content = where, content
+
+    def only(self, *names: str) -> None:
+        """Refuse other keys."""
+        for name in self._content:
+            if name not in names:
+                raise UnknownNameError("key", name, names, self.where)
+
+    def tables(self, name: str) -> list[_Table]:
+        """A list of mappings."""
+        entries = self._content.get(name) or []
+        if not isinstance(entries, list):
+            raise ParameterError(f"{name} in {self.where} is {entries!r}; valid: a list")
+        return [_Table(f"{self.where}: {name}[{index}]", entry) for index, entry in enumerate(entries)]
+
+    def table(self, name: str) -> _Table:
+        """A mapping."""
+        return _Table(f"{self.where}: {name}", self._content.get(name))
+
+    def text(self, name: str, default: str | None = None) -> str:
+        """A text."""
+        value = self._content.get(name, default)
+        if not isinstance(value, str) or not value or "\0" in value:
+            raise ParameterError(f"{name} in {self.where} is {value!r}; valid: a text")
+        return value
+
+    def integer(self, name: str, default: int) -> int:
+        """A whole number, 0 or more."""
+        value = self._content.get(name, default)
+        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+            raise ParameterError(f"{name} in {self.where} is {value!r}; valid: a whole number, 0 or more")
+        return value
+
+    def number(self, name: str, default: float) -> float:
+        """A finite number."""
+        return self._numbers(name, [self._content.get(name, default)], 1)[0]
+
+    def vector(self, name: str, default: Vector) -> Vector:
+        """Three numbers."""
+        x, y, z = self._numbers(name, self._content.get(name, list(default)), 3)
+        return x, y, z
+
+    def rows(self, name: str, *lengths: int) -> list[list[float]]:
+        """Rows of numbers of one of the lengths."""
+        rows = self._content.get(name) or []
+        if not isinstance(rows, list):
+            raise ParameterError(f"{name} in {self.where} is {rows!r}; valid: a list of lists of numbers")
+        return [self._numbers(f"{name}[{index}]", row, *lengths) for index, row in enumerate(rows)]
+
+    def numbers(self, name: str, length: int, default: list[float]) -> list[float]:
+        """That many numbers."""
+        return self._numbers(name, self._content.get(name, default), length)
+
+    def _numbers(self, name: str, value: Any, *lengths: int) -> list[float]:
+        good = isinstance(value, list) and len(value) in lengths
+        if not good or not all(isinstance(part, int | float) and not isinstance(part, bool) and math.isfinite(part) for part in value):
+            raise ParameterError(f"{name} in {self.where} is {value!r}; valid: {' or '.join(map(str, lengths))} finite numbers")
+        return [float(part) for part in value]
+
+
+def _body(table: _Table, folder: Path, number: int) -> Body:
+    table.only("name", "id", "markers", "motion")
+    markers = tuple((row[0], row[1], row[2]) for row in table.rows("markers", 3))
+    body = Body(table.text("name"), _motion(table.table("motion"), folder), table.integer("id", number))
+    return Body(body.name, body.source, body.id, markers) if markers else body
+
+
+def _motion(table: _Table, folder: Path) -> Source:
+    kind = table.text("type")
+    if kind not in _MOTIONS:
+        raise UnknownNameError("motion", kind, _MOTIONS, table.where)
+    return _MOTIONS[kind](table, folder)
+
+
+def _still(table: _Table, folder: Path) -> Source:
+    table.only("type", "position", "rotation")
+    pose = Pose(table.vector("position", (0.0, 0.0, 1.0)), from_rotation_vector(table.vector("rotation", (0.0, 0.0, 0.0))))
+    return Track([0.0], [pose])
+
+
+def _sinusoid(table: _Table, folder: Path) -> Source:
+    table.only("type", "centre", "amplitude", "frequency", "begin", "rotation")
+    base = Sinusoid()
+    return Sinusoid(
+        table.vector("centre", base.centre),
+        table.vector("amplitude", base.amplitude),
+        table.number("frequency", base.frequency),
+        table.number("begin", base.begin),
+        table.vector("rotation", base.rotation),
+    )
+
+
+def _track(table: _Table, folder: Path) -> Source:
+    table.only("type", "points")
+    rows = table.rows("points", 4, 7)
+    poses = [Pose((row[1], row[2], row[3]), from_rotation_vector(row[4:] or [0.0, 0.0, 0.0])) for row in rows]
+    try:
+        return Track([row[0] for row in rows], poses, minimum_jerk=table.text("type") == "minimum_jerk")
+    except ParameterError as error:
+        raise ParameterError(f"{table.where}: {error}") from error
+
+
+def _file(table: _Table, folder: Path) -> Source:
+    table.only("type", "path")
+    return from_file(folder / table.text("path"))
+
+
+def _plate(table: _Table, number: int) -> Plate:
+    table.only("id", "serial", "centre", "samples", "wrench")
+    wrench = tuple(table.numbers("wrench", 6, [0.0] * 6))
+    base = Plate(lambda time: wrench)
+    return Plate(
+        base.source,
+        table.integer("id", number),
+        table.text("serial", f"emulated-{number}"),
+        table.vector("centre", base.centre),
+        table.integer("samples", base.samples),
+    )
+
+
+_MOTIONS: dict[str, Callable[[_Table, Path], Source]] = {
+    "still": _still,
+    "sinusoid": _sinusoid,
+    "minimum_jerk": _track,
+    "line": _track,
+    "file": _file,
+}

@@ -1,0 +1,121 @@
+"""From a frame of the stream to bodies and markers in the axes that are published."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from mocap_natnet.codec.descriptions import Model, RigidBodyDescription, SkeletonDescription
+from mocap_natnet.codec.types import OCCLUDED, TRACKED, Frame, Marker, RigidBody, Vector
+from mocap_natnet.plausibility import Plausibility
+from mocap_natnet.poses import Pose, compose, normalized, pose_stream_axes, pose_z_up, transform, z_up
+
+
+class TrackedBody(NamedTuple):
+    """A body as published; the pose is the last good one where tracking is not valid."""
+
+    name: str
+    id: int
+    pose: Pose
+    valid: bool
+    mean_error: float
+
+
+class TrackedMarker(NamedTuple):
+    """A labelled marker that is seen; the name is "body/marker", or "" where the description has none."""
+
+    name: str
+    id: int
+    position: Vector
+    size: float
+
+
+@dataclass
+class Tracker:
+    """Maps, names and judges what a frame holds.
+
+    Args:
+        up: axis that points up in the stream, y or z.
+        base_from_mocap: pose of the mocap frame (z up) in the robot's base; turns and moves positions and orientations together.
+            None: everything stays in the axes of the stream.
+        plausibility: judge of the poses, in the mocap frame with z up.
+
+    Attributes:
+        lost: times that the tracking of a body ended, by name.
+    """
+
+    up: str
+    base_from_mocap: Pose | None
+    plausibility: Plausibility
+    lost: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._described: dict[int, RigidBodyDescription] = {}
+        self._bones: dict[tuple[int, int], str] = {}
+        self._last: dict[int, Pose] = {}
+        self._valid: dict[int, bool] = {}
+
+    def describe(self, model: Model) -> None:
+        """Take the names of the bodies."""
+        self._described = model.bodies
+        skeletons = (one for one in model.descriptions if isinstance(one, SkeletonDescription))
+        self._bones = {(skeleton.id, bone.id & 0xFFFF): f"{skeleton.name}/{bone.name}" for skeleton in skeletons for bone in skeleton.bodies}
+
+    def restart(self) -> None:
+        """Another stream. Where the bodies were still tells which poses are plausible: a body is a body, and the times are those of this machine."""
+        self._last.clear()
+        self._valid.clear()
+
+    def name(self, body: int) -> str:
+        """Of a body, as described; before the description "body_<id>"."""
+        described = self._described.get(body)
+        return described.name if described and described.name else f"body_{body}"
+
+    def bodies(self, frame: Frame, exposed: float, received: float) -> list[TrackedBody]:
+        """The rigid bodies of a frame.
+
+        Args:
+            frame: as read.
+            exposed, received: its times [s].
+        """
+        return [self._body(body, exposed, received) for body in frame.bodies]
+
+    def markers(self, frame: Frame) -> list[TrackedMarker]:
+        """The labelled markers of a frame that are seen and whose position is finite."""
+        return [self._marker(marker) for marker in frame.markers if not marker.flags & OCCLUDED and all(abs(p) < 1e6 for p in marker.position)]
+
+    def bones(self, frame: Frame) -> list[tuple[str, Pose]]:
+        """("skeleton/bone", pose) of each bone that is tracked and has a pose; Motive must stream bones in global coordinates."""
+        found = []
+        for skeleton in frame.skeletons:
+            for bone in skeleton.bodies:
+                pose = pose_z_up(self.up, Pose(bone.position, bone.orientation))
+                if bone.flags & TRACKED and self.plausibility.possible(pose):
+                    number = bone.id & 0xFFFF
+                    name = self._bones.get((skeleton.id, number), f"skeleton_{skeleton.id}/bone_{number}")
+                    exact = Pose(pose.position, normalized(pose.orientation))
+                    base = self.base_from_mocap
+                    found.append((name, pose_stream_axes(self.up, exact) if base is None else compose(base, exact)))
+        return found
+
+    def _body(self, body: RigidBody, exposed: float, received: float) -> TrackedBody:
+        name, pose = self.name(body.id), None
+        if body.flags & TRACKED:
+            pose = self.plausibility.accept(body.id, pose_z_up(self.up, Pose(body.position, body.orientation)), exposed, received)
+        if pose is not None:
+            base = self.base_from_mocap
+            self._last[body.id] = pose_stream_axes(self.up, pose) if base is None else compose(base, pose)
+        elif self._valid.get(body.id):
+            self.lost[name] = self.lost.get(name, 0) + 1
+        self._valid[body.id] = pose is not None
+        return TrackedBody(name, body.id, self._last.get(body.id, Pose()), pose is not None, body.mean_error)
+
+    def _marker(self, marker: Marker) -> TrackedMarker:
+        body, member = marker.id >> 16, marker.id & 0xFFFF
+        described = self._described.get(body)
+        name = ""
+        if described and 1 <= member <= len(described.markers):
+            name = f"{described.name}/{described.markers[member - 1].name or member}"
+        base = self.base_from_mocap
+        position = marker.position if base is None else transform(base, z_up(self.up, marker.position))
+        return TrackedMarker(name, marker.id, position, marker.size)

@@ -1,0 +1,167 @@
+"""The client and the emulated Motive on real sockets: both transports, discovery, restarts, requests, rubbish."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import socket
+import struct
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hric_control.errors import CommandError, HricError
+from mocap_natnet.client import NatNetClient, Received, Settings
+from mocap_natnet.client.health import ERROR, OK
+from mocap_natnet.plausibility import Limits, Plausibility
+from mocap_natnet.poses import Pose
+from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Sinusoid
+from mocap_natnet.server import Settings as ServerSettings
+from mocap_natnet.tracking import Tracker
+
+sys.path.insert(0, str(Path(__file__).parent))
+from motive_process import free_port, motive
+from natnet_samples import Sample
+
+PATIENCE = 20.0
+"""For a busy machine [s]."""
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+def wait(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.01)
+
+
+def server(ports: tuple[int, int], **settings: object) -> MotiveServer:
+    made = ServerSettings(command_port=ports[0], data_port=ports[1], **settings)
+    return MotiveServer(Motive(made, Scene((Body("marker", Sinusoid()),))))
+
+
+def client(ports: tuple[int, int], frames: list[Received], **settings: object) -> NatNetClient:
+    return NatNetClient(Settings(**{"command_port": ports[0], "local": "127.0.0.1", **settings}), frames.append)
+
+
+@pytest.mark.parametrize("transport", ["multicast", "unicast"])
+def test_frames_arrive_in_order_and_at_their_places(transport: str, stack: ExitStack) -> None:
+    ports, frames = (free_port(), free_port()), []
+    stack.enter_context(motive("--transport", transport, "--command-port", str(ports[0]), "--data-port", str(ports[1]), "--up", "z"))
+    one = stack.enter_context(client(ports, frames))
+    wait(lambda: len(frames) > 240 and one.session.model is not None)
+    assert one.health().level == OK
+    assert one.session.statistics.lost == 0
+    for received in frames:
+        expected = 0.1 * math.sin(2 * math.pi * 0.25 * received.frame.number / 240)
+        assert received.frame.bodies[0].position == pytest.approx((expected, 0.0, 1.0), abs=1e-6)
+    ask = one.ask("FrameRate")
+    assert struct.unpack("<f", ask)[0] == 240.0
+
+
+@pytest.mark.parametrize("unicast_to", ["data_port", "both"])
+def test_unicast_to_the_data_port_arrives_too_and_no_frame_twice(unicast_to: str, stack: ExitStack) -> None:
+    ports, frames = (free_port(), free_port()), []
+    stack.enter_context(server(ports, transport="unicast", unicast_to=unicast_to))
+    stack.enter_context(client(ports, frames))
+    wait(lambda: len(frames) > 60)
+    numbers = [received.frame.number for received in frames]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+
+
+def test_a_server_is_found_by_discovery(stack: ExitStack) -> None:
+    ports, frames = (free_port(), free_port()), []
+    stack.enter_context(server(ports))
+    one = stack.enter_context(client(ports, frames, server="", discovery="127.0.0.1"))
+    wait(lambda: len(frames) > 10)
+    assert one.server == "127.0.0.1"
+
+
+def test_the_client_may_start_first_and_the_server_may_come_back_as_another(stack: ExitStack) -> None:
+    ports, frames = (free_port(), free_port()), []
+    one = stack.enter_context(client(ports, frames, data_port=ports[1]))  # a server below 3.0 does not tell it
+    wait(lambda: one.health().level == ERROR)
+    assert f"127.0.0.1:{ports[0]} does not answer" in one.health().text
+    for transport, version in (("multicast", (4, 1)), ("unicast", (3, 0)), ("multicast", (2, 9))):
+        before = len(frames)
+        with server(ports, transport=transport, version=version):
+            wait(lambda before=before: len(frames) > before + 60)
+            assert one.session.info.version == version
+        wait(lambda: one.health().level == ERROR)
+
+
+def test_a_request_that_nobody_knows_or_answers_is_an_error(stack: ExitStack) -> None:
+    ports, frames = (free_port(), free_port()), []
+    one = stack.enter_context(client(ports, frames))
+    with pytest.raises(CommandError, match="does not answer"):
+        one.ask("StartRecording", 0.1)
+    with server(ports) as there:
+        wait(lambda: len(frames) > 5)
+        with pytest.raises(CommandError, match="does not know"):
+            one.ask("Fly")
+        one.ask("SetRecordTakeName,run")
+        one.ask("StartRecording")
+        assert there.motive.recording and there.motive.take == "run"
+
+
+def test_times_on_a_real_socket_are_those_of_the_exposure(stack: ExitStack) -> None:
+    ports, frames = (free_port(), free_port()), []
+    there = stack.enter_context(server(ports, drift=50.0))
+    one = stack.enter_context(client(ports, frames))
+    wait(lambda: sum(received.means == "mid-exposure" for received in frames) > 480)
+    errors = [received.exposed / 1e9 - there._began - received.frame.number / 240 for received in frames if received.means == "mid-exposure"]
+    assert abs(np.median(errors)) < 0.1e-3
+    assert one.session.statistics.latency() > 0.005
+
+
+def test_twenty_thousand_bad_datagrams_are_counted_and_move_nothing(stack: ExitStack) -> None:
+    ports, frames, poses = (free_port(), free_port()), [], []
+    tracker = Tracker("y", Pose(), Plausibility(Limits()))
+
+    def take(received: Received) -> None:
+        frames.append(received)
+        poses.extend(body for body in tracker.bodies(received.frame, received.exposed / 1e9, received.received / 1e9) if body.valid and body.id == 1)
+
+    stack.enter_context(server(ports, transport="unicast", version=(3, 0)))
+    one = stack.enter_context(NatNetClient(Settings(command_port=ports[0]), take))
+    wait(lambda: len(frames) > 20)
+    random = np.random.default_rng(0)
+    everything = one.session._codec.encode_frame(Sample(1).frame())
+    endpoint = one._command.getsockname()[1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        out.bind(("127.0.0.1", 0))
+        for number in range(20_000):
+            datagram = bytearray(one.session._codec.encode_frame(frames[-1].frame) if number % 2 else everything)
+            for _ in range(int(random.integers(1, 4))):
+                datagram[int(random.integers(0, len(datagram)))] = int(random.integers(0, 256))
+            cut = int(random.integers(0, len(datagram))) if number % 5 == 0 else len(datagram)
+            out.sendto(random.bytes(cut) if number % 7 == 0 else datagram[:cut], ("127.0.0.1", (ports[1], endpoint, ports[0])[number % 3]))
+    before = len(frames)
+    wait(lambda: len(frames) > before + 60 and one.health().level == OK)
+    assert sum(one.session.statistics.refused.values()) > 5_000
+    steps = [math.dist(a.pose.position, b.pose.position) for a, b in itertools.pairwise(poses)]
+    assert len(poses) > 60 and max(steps) < 0.3  # at most what the largest speed allows in the time that is believed
+
+
+def test_a_port_that_is_taken_is_told(stack: ExitStack) -> None:
+    ports = free_port(), free_port()
+    stack.enter_context(server(ports))
+    with pytest.raises(HricError, match=f"UDP port {ports[0]}"):
+        server(ports)
+
+
+def test_a_network_that_cannot_be_reached_is_told(stack: ExitStack) -> None:
+    ports, frames = (free_port(), free_port()), []
+    stack.enter_context(server(ports))
+    one = stack.enter_context(client(ports, frames, local="203.0.113.9"))
+    wait(lambda: one.session.info is not None and one.health().level == ERROR and "203.0.113.9" in one.health().text)

@@ -1,0 +1,96 @@
+"""Clocks of server, client and run, against the truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mocap_natnet.clock import NS, EchoClock, ExposureClock, RunClock, RunningMinimum
+from mocap_natnet.codec.types import Frame, Suffix
+
+FREQUENCY = 3_312_787
+START = 123_456 * NS
+
+
+def echoes(clock: EchoClock, begin: float, end: float, drift: float, epoch: float = 900.0, busy: float = 0.2) -> None:
+    """Ten a second, some of them slow on one way."""
+    random = np.random.default_rng(round(1e3 * begin))
+    for t in np.arange(begin, end, 0.1):
+        there, back = 30e-6 + random.exponential([5e-6, 5e-6])
+        if random.random() < busy:
+            there += random.exponential(5e-3)
+        ticks = round((epoch + (t + there) * (1 + drift)) * FREQUENCY)
+        clock.add(START + round(t * NS), START + round((t + there + back) * NS), ticks)
+
+
+def ticks_at(t: float, drift: float, epoch: float = 900.0) -> int:
+    return round((epoch + t * (1 + drift)) * FREQUENCY)
+
+
+@pytest.mark.parametrize("drift", [0.0, 50e-6, -50e-6, 200e-6])
+def test_ticks_become_local_times_within_20_us_after_the_window_is_full(drift: float) -> None:
+    clock = EchoClock(FREQUENCY)
+    echoes(clock, 0.0, 60.0, drift)
+    errors = [clock.local(ticks_at(t, drift)) / NS - START / NS - t for t in (58.0, 60.0, 60.2)]
+    assert max(map(abs, errors)) < 20e-6
+    assert clock.drift == pytest.approx(1e6 * drift, abs=1.0)
+
+
+def test_the_first_second_is_within_a_tenth_of_a_millisecond() -> None:
+    clock = EchoClock(FREQUENCY)
+    assert not clock.synchronised and clock.local(5) is None
+    for end in (0.3, 0.6, 1.0):
+        echoes(clock, end - 0.3, end, 50e-6, busy=0.0)
+        assert clock.local(ticks_at(end, 50e-6)) == pytest.approx(START + end * NS, abs=0.1e-3 * NS)
+
+
+def test_another_clock_is_noticed_after_three_echoes() -> None:
+    clock = EchoClock(FREQUENCY)
+    echoes(clock, 0.0, 10.0, 0.0)
+    echoes(clock, 10.0, 11.0, 0.0, epoch=17.0, busy=0.0)
+    assert clock.restarts == 1
+    assert clock.local(ticks_at(11.0, 0.0, 17.0)) == pytest.approx(START + 11.0 * NS, abs=0.1e-3 * NS)
+
+
+def test_a_single_wrong_echo_changes_nothing() -> None:
+    clock = EchoClock(FREQUENCY)
+    echoes(clock, 0.0, 10.0, 0.0)
+    before = clock.local(ticks_at(10.0, 0.0))
+    clock.add(START + 10 * NS, START + 10 * NS + 50_000, 2**63)
+    clock.add(START + 10 * NS, START + 9 * NS, 5)
+    assert clock.local(ticks_at(10.0, 0.0)) == before and clock.restarts == 0
+
+
+def test_an_exposure_in_the_future_or_far_in_the_past_is_not_believed() -> None:
+    clock = ExposureClock(0.0055)
+    clock.restart(FREQUENCY)
+    assert clock.echo is not None
+    echoes(clock.echo, 0.0, 5.0, 0.0)
+    now = START + 5 * NS
+    for t, means in ((4.99, "mid-exposure"), (3.5, "reception"), (5.5, "reception")):
+        exposed, told = clock.exposed(Frame(1, suffix=Suffix(mid_exposure=ticks_at(t, 0.0), transmitted=1)), now)
+        assert told == means
+        assert exposed == pytest.approx(START + 4.99 * NS if means == "mid-exposure" else now - 5_500_000, abs=1e5)
+
+
+def test_the_running_minimum_is_that_of_the_window() -> None:
+    random, minimum, seen = np.random.default_rng(0), RunningMinimum(), []
+    for index, value in enumerate(random.random(3000).tolist()):
+        seen.append((index * 0.02, value))
+        assert minimum.add(index * 0.02, value) == min(v for t, v in seen[-600:] if t >= index * 0.02 - 10.0)
+
+
+def test_the_time_of_the_run_is_read_from_a_line_through_late_ticks() -> None:
+    random, clock = np.random.default_rng(0), RunClock()
+    assert clock.run_time(START) is None
+    for index in range(500):
+        clock.add(START + round((index * 0.02 + random.exponential(20e-6)) * NS), 7.0 + 0.5 * index * 0.01 * 2)
+    assert clock.run_time(START + round(9.985 * NS)) == pytest.approx(7.0 + 0.5 * 9.985, abs=2e-5)
+
+
+def test_a_run_that_jumps_back_begins_a_new_line() -> None:
+    clock = RunClock()
+    for index in range(100):
+        clock.add(START + index * 10_000_000, 50.0 + index * 0.01)
+    clock.add(START + NS, 0.0)
+    assert clock.run_time(START + NS + 5_000_000) == pytest.approx(0.005)

@@ -1,0 +1,41 @@
+"""What reading a frame costs, beside a decoder of another author in the same run."""
+
+from __future__ import annotations
+
+import sys
+import timeit
+from pathlib import Path
+
+import pytest
+
+from mocap_natnet.codec import Codec
+from mocap_natnet.codec.packets import split
+
+sys.path.insert(0, str(Path(__file__).parent))
+from natnet_samples import one_body_frame
+
+natnet_frame = pytest.importorskip("natnet.data_frame")
+LOOPS, ROUNDS = 500, 5
+
+
+@pytest.mark.parametrize("version", [(3, 0), (4, 1), (4, 2)])
+@pytest.mark.parametrize("bare", [True, False], ids=["the body alone", "with its markers"])
+def test_a_frame_of_one_body_costs_at_most_0_7_of_the_other_decoder(version: tuple[int, int], bare: bool) -> None:
+    from natnet.packet_buffer import PacketBuffer
+    from natnet.version import Version
+
+    codec, their_version = Codec(version), Version(*version)
+    frame = one_body_frame()._replace(marker_sets=(), unlabelled=(), markers=()) if bare else one_body_frame()
+    datagram = codec.encode_frame(frame)
+
+    def ours() -> None:
+        _, end = split(datagram)
+        codec.decode_frame(datagram, end)
+
+    def theirs() -> None:
+        buffer = PacketBuffer(datagram)
+        buffer.read_uint16(), buffer.read_uint16()
+        natnet_frame.DataFrame.read_from_buffer(buffer, their_version)
+
+    rounds = [(timeit.timeit(ours, number=LOOPS), timeit.timeit(theirs, number=LOOPS)) for _ in range(ROUNDS)]
+    assert min(our for our, _ in rounds) <= 0.7 * min(their for _, their in rounds)

@@ -1,0 +1,217 @@
+"""What the emulated cameras see: bodies, markers, plates, faults; and the pose of a body from its markers."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from hric_control.errors import CommandError, HricError, ParameterError
+from mocap_natnet.codec import Codec
+from mocap_natnet.codec.types import TRACKED
+from mocap_natnet.plausibility import Limits, Plausibility
+from mocap_natnet.poses import Pose, angle_between, compose, from_rotation_vector, multiply, pose_stream_axes, pose_z_up, transform, z_up
+from mocap_natnet.rigid_body import Fit, inverse
+from mocap_natnet.server import Body, Faults, Motive, Plate, Scene, Settings, Sinusoid, Track, from_file
+from mocap_natnet.server.scene import TRIANGLE
+from mocap_natnet.server.scene_file import load
+from mocap_natnet.tracking import Tracker
+
+TURNING = Sinusoid((0.4, 0.1, 1.0), (0.1, 0.05, 0.02), 0.25, 0.0, (0.5, -0.4, 0.3))
+
+
+def tracker(up: str, base: Pose | None = None) -> Tracker:
+    return Tracker(up, base or Pose(), Plausibility(Limits()))
+
+
+def random_pose(random: np.random.Generator) -> Pose:
+    q = Rotation.random(rng=random).as_quat().tolist()
+    return Pose(tuple(random.normal(size=3).tolist()), tuple(q))
+
+
+def test_rotations_agree_with_scipy() -> None:
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        a, b, p = random_pose(random), random_pose(random), tuple(random.normal(size=3).tolist())
+        ra, rb = Rotation.from_quat(a.orientation), Rotation.from_quat(b.orientation)
+        assert transform(a, p) == pytest.approx(ra.apply(p) + a.position, abs=1e-12)
+        assert Rotation.from_quat(multiply(a.orientation, b.orientation)).as_matrix() == pytest.approx((ra * rb).as_matrix(), abs=1e-12)
+        assert transform(compose(a, b), p) == pytest.approx(transform(a, transform(b, p)), abs=1e-12)
+        assert transform(inverse(a), transform(a, p)) == pytest.approx(p, abs=1e-12)
+        assert angle_between(a.orientation, b.orientation) == pytest.approx((ra.inv() * rb).magnitude(), abs=1e-9)
+        assert from_rotation_vector(p) == pytest.approx(Rotation.from_rotvec(p).as_quat(), abs=1e-12)
+
+
+def test_y_up_is_turned_about_x_as_in_the_thesis() -> None:
+    R = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    random = np.random.default_rng(1)
+    pose = random_pose(random)
+    turned = pose_z_up("y", pose)
+    assert turned.position == pytest.approx(R @ pose.position)
+    expected = R @ Rotation.from_quat(pose.orientation).as_matrix() @ R.T
+    assert Rotation.from_quat(turned.orientation).as_matrix() == pytest.approx(expected, abs=1e-12)
+    assert pose_stream_axes("y", turned) == pose
+
+
+def test_y_up_and_z_up_streams_give_the_same_motion_in_the_base() -> None:
+    base = Pose((0.5, -0.2, 0.1), from_rotation_vector((0.1, 0.2, 1.2)))
+    codec, found = Codec((4, 1)), {}
+    for up in ("y", "z"):
+        scene, judge = Scene((Body("hand", TURNING),), up=up), tracker(up, base)
+        judge.describe(codec.decode_model(codec.encode_model(scene.model())))
+        frames = [codec.decode_frame(codec.encode_frame(scene.frame(n, n / 240, 1 / 240))) for n in range(480)]
+        found[up] = [(judge.bodies(frame, n / 240, n / 240)[0], judge.markers(frame)) for n, frame in enumerate(frames)]
+    for n, ((y, y_markers), (z, z_markers)) in enumerate(zip(found["y"], found["z"], strict=True)):
+        assert y.valid and z.valid and y.name == "hand"
+        truth = compose(base, TURNING(n / 240))
+        assert math.dist(y.pose.position, z.pose.position) < 1e-6
+        assert math.dist(y.pose.position, truth.position) < 1e-6
+        assert angle_between(y.pose.orientation, z.pose.orientation) < 1e-6
+        assert angle_between(y.pose.orientation, truth.orientation) < 1e-6
+        for one, other in zip(y_markers, z_markers, strict=True):
+            assert one.name == other.name and math.dist(one.position, other.position) < 1e-6
+    assert [marker.name for marker in found["y"][0][1]] == ["hand/Marker1", "hand/Marker2", "hand/Marker3"]
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_the_body_from_three_markers_by_kabsch_is_the_streamed_one(up: str) -> None:
+    codec, scene = Codec((4, 2)), Scene((Body("hand", TURNING),), up=up)
+    (body,) = codec.decode_model(codec.encode_model(scene.model())).bodies.values()
+    for n in range(0, 960, 40):
+        frame = codec.decode_frame(codec.encode_frame(scene.frame(n, n / 240, 1 / 240)))
+        fit = Fit([marker.position for marker in body.markers], [marker.position for marker in frame.markers])
+        assert fit.pose.position == pytest.approx(frame.bodies[0].position, abs=1e-6)
+        assert angle_between(fit.pose.orientation, frame.bodies[0].orientation) < 1e-5
+        assert fit.rms < 1e-6
+
+
+def test_kabsch_agrees_with_scipy_under_noise() -> None:
+    random = np.random.default_rng(2)
+    for _ in range(20):
+        points, pose = random.normal(size=(5, 3)), random_pose(random)
+        seen = np.array([transform(pose, tuple(p)) for p in points]) + 0.01 * random.normal(size=(5, 3))
+        fit = Fit(points, seen)
+        theirs, _ = Rotation.align_vectors(seen - seen.mean(axis=0), points - points.mean(axis=0))
+        assert Rotation.from_quat(fit.pose.orientation).as_matrix() == pytest.approx(theirs.as_matrix(), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [(TRIANGLE[:2], "three or more"), (((0, 0, 0), (1, 0, 0), (2, 0, 0)), "one line"), ((TRIANGLE[0], TRIANGLE[1], (math.nan, 0, 0)), "finite")],
+)
+def test_markers_that_give_no_pose_are_refused(points: tuple, words: str) -> None:
+    with pytest.raises(CommandError, match=words):
+        Fit(points, points)
+
+
+def test_noise_has_the_wanted_size_and_repeats_with_the_seed() -> None:
+    def positions(seed: int) -> np.ndarray:
+        scene = Scene((Body("hand", Track([0.0], [Pose()])),), (), Faults(noise=1e-4, seed=seed), "z")
+        return np.array([scene.frame(n, n / 240, 1 / 240).bodies[0].position for n in range(2000)])
+
+    assert positions(1).std(axis=0) == pytest.approx([1e-4] * 3, rel=0.1)
+    assert np.array_equal(positions(1), positions(1)) and not np.array_equal(positions(1), positions(2))
+
+
+def test_an_occluded_body_keeps_its_last_pose_without_the_flag_and_its_markers_are_gone() -> None:
+    scene = Scene((Body("hand", TURNING), Body("tool", TURNING, 2)), (), Faults(occlusions=((0.5, 0.25, "hand"),)))
+    seen = [scene.frame(n, n / 100, 0.01) for n in range(100)]
+    assert [bool(frame.bodies[0].flags & TRACKED) for frame in seen] == [not 50 <= n < 75 for n in range(100)]
+    assert all(frame.bodies[1].flags & TRACKED for frame in seen)
+    assert seen[60].bodies[0].position == seen[49].bodies[0].position
+    assert len(seen[60].markers) == 3 and len(seen[80].markers) == 6
+
+
+def test_random_occlusions_have_the_wanted_share() -> None:
+    scene = Scene((Body("hand", TURNING),), (), Faults(occlusion_rate=1.0, occlusion_length=0.25, seed=1))
+    hidden = [not scene.frame(n, n / 20, 0.05).bodies[0].flags & TRACKED for n in range(8000)]
+    assert np.mean(hidden) == pytest.approx(0.25 / 1.25, abs=0.05)
+
+
+def test_a_force_plate_streams_its_samples_and_its_description() -> None:
+    scene = Scene((), (Plate(lambda t: (t, 0.0, -700.0, 0.0, 0.0, 0.0), samples=4),))
+    codec = Codec((4, 1))
+    (plate,) = codec.decode_frame(codec.encode_frame(scene.frame(10, 1.0, 0.1))).force_plates
+    assert plate.channels[0] == pytest.approx([0.925, 0.95, 0.975, 1.0])
+    assert plate.channels[2] == (-700.0,) * 4
+    described = codec.decode_model(codec.encode_model(scene.model())).descriptions[-1]
+    assert described.channels == ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+    assert {tuple(round(x, 6) for x in z_up("y", corner)) for corner in described.corners} == {(x, y, 0.0) for x in (0.3, -0.3) for y in (0.2, -0.2)}
+
+
+def test_minimum_jerk_goes_from_rest_to_rest() -> None:
+    track = Track([1.0, 2.0], [Pose((0.0, 0.0, 0.0)), Pose((0.2, 0.0, 0.0), from_rotation_vector((0.0, 0.0, 1.0)))], minimum_jerk=True)
+    assert track(0.0).position == (0.0, 0.0, 0.0) and track(3.0).position == (0.2, 0.0, 0.0)
+    assert track(1.5).position[0] == pytest.approx(0.1)
+    assert angle_between(track(1.5).orientation, (0.0, 0.0, 0.0, 1.0)) == pytest.approx(0.5)
+    u = np.linspace(0, 1, 101)
+    assert [track(1 + x).position[0] for x in u] == pytest.approx((0.2 * (10 * u**3 - 15 * u**4 + 6 * u**5)).tolist())
+
+
+def test_a_trajectory_comes_from_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "track.csv"
+    path.write_text("time,x,y,z,qx,qy,qz,qw\n0,0,0,1,0,0,0,1\n1,0.5,0,1,0,0,0,2\n")
+    assert from_file(path)(0.5) == Pose((0.25, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("0,1,2\n", "line 1"), ("0,0,0,0\n0,1,1,1\n", "rise"), ("0,a,0,0\n", "line 1"), ("0,0,0,0,0,0,0,0\n", "zero"), ("", "one at least")],
+)
+def test_a_bad_trajectory_is_refused_with_its_line(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "track.csv"
+    path.write_text(text)
+    with pytest.raises(ParameterError, match=words):
+        from_file(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("bodies: [{name: a, motion: {type: jump}}]", "minimum_jerk"),
+        ("bodies: [{name: a, colour: red, motion: {type: still}}]", "colour"),
+        ("bodies: [{name: a}]", "motion"),
+        ("bodies: [{name: a, motion: {type: still}}, {name: a, motion: {type: still}}]", "share"),
+        ("bodies: [{name: a, id: 0, motion: {type: still}}]", "streaming id 0"),
+        ("bodies: [{name: a, motion: {type: still, position: [1, .nan, 0]}}]", "finite"),
+        ("bodies: 3", "list"),
+        ("{}", "neither"),
+        ("[", "scene"),
+    ],
+)
+def test_a_bad_scene_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(text)
+    with pytest.raises(HricError, match=words):
+        load(path, Faults(), "y")
+
+
+def test_implausible_poses_count_as_lost_by_reason() -> None:
+    judge = Plausibility(Limits(speed=5.0))
+    good, q = Pose((0.0, 0.0, 1.0)), (0.0, 0.0, 0.0, 1.0)
+    assert judge.accept(1, good, 0.0, 0.0) == good
+    assert judge.accept(1, Pose((math.nan, 0.0, 1.0), q), 0.1, 0.1) is None
+    assert judge.accept(1, Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 0.9)), 0.1, 0.1) is None
+    assert judge.accept(1, Pose((0.0, 0.0, 99.0), q), 0.1, 0.1) is None
+    assert judge.accept(1, Pose((0.6, 0.0, 1.0), q), 0.1, 0.1) is None
+    assert judge.refused == {"not finite": 1, "not a unit quaternion": 1, "outside the volume": 1, "too fast": 1}
+    assert judge.accept(1, Pose((0.6, 0.0, 1.0), q), 0.13, 0.13) is not None
+
+
+def test_a_frame_that_lies_about_its_time_cannot_make_a_jump_plausible() -> None:
+    judge = Plausibility(Limits(speed=5.0))
+    assert judge.accept(1, Pose(), 10.0, 10.0)
+    assert judge.accept(1, Pose((1.0, 0.0, 0.0)), 19.0, 10.004) is None
+    assert judge.accept(1, Pose((1.0, 0.0, 0.0)), 1.0, 10.008) is None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"rate": 0.0}, {"rate": math.nan}, {"transport": "broadcast"}, {"group": "10.0.0.1"}, {"ip": "here"}, {"loss": 1.5}, {"version": (5, 0)}],
+)
+def test_a_wrong_setting_is_refused_by_name(wrong: dict) -> None:
+    with pytest.raises(HricError, match="5\\.0" if "version" in wrong else next(iter(wrong))):
+        Motive(Settings(**wrong), Scene())
