@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -49,8 +49,12 @@ def shot(display: str, path: Path) -> npt.NDArray[np.float64]:
     return picture
 
 
-def wait_for_picture(display: str, path: Path, timeout: float) -> npt.NDArray[np.float64]:
-    """Wait until the arm is drawn and the window stands still: many pixels that are much brighter or darker than the background around them."""
+def wait_for_picture(display: str, path: Path, timeout: float, died: Callable[[], bool]) -> npt.NDArray[np.float64]:
+    """Wait until the arm is drawn and the window stands still: many pixels that are much brighter or darker than the background around them.
+
+    Raises:
+        AssertionError: not in `timeout` [s], or what draws it has `died`.
+    """
     deadline = time.monotonic() + timeout
     before = shot(display, path)
     while True:
@@ -58,6 +62,7 @@ def wait_for_picture(display: str, path: Path, timeout: float) -> npt.NDArray[np
         picture = shot(display, path)
         if arm_pixels(picture) > 5000 and changed_pixels(before, picture) < STILL:
             return picture
+        assert not died(), "what draws the arm died"
         assert time.monotonic() < deadline, f"no arm on the display after {timeout:g} s; see {path}"
         before = picture
 
