@@ -69,6 +69,20 @@ def test_frames_arrive_in_order_and_at_their_places(transport: str, stack: ExitS
     assert struct.unpack("<f", ask)[0] == 240.0
 
 
+def test_the_time_out_that_rospy_sets_for_all_sockets_does_not_keep_the_client_waiting(stack: ExitStack) -> None:
+    before = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(60.0)
+    stack.callback(socket.setdefaulttimeout, before)
+    ports, frames = (free_port(), free_port()), []
+    stack.enter_context(server(ports, transport="unicast"))
+    one = client(ports, frames)
+    one.start()
+    wait(lambda: len(frames) > 60)
+    begun = time.monotonic()
+    one.close()
+    assert time.monotonic() - begun < PATIENCE
+
+
 @pytest.mark.parametrize("unicast_to", ["data_port", "both"])
 def test_unicast_to_the_data_port_arrives_too_and_no_frame_twice(unicast_to: str, stack: ExitStack) -> None:
     ports, frames = (free_port(), free_port()), []

@@ -15,6 +15,7 @@ from mocap_natnet.client.settings import Route, Settings
 from mocap_natnet.codec import CodecError
 from mocap_natnet.codec.descriptions import Model
 from mocap_natnet.codec.packets import MAX_PAYLOAD, NAME_SIZE, Message, packet, split
+from mocap_natnet.sockets import datagram_socket
 
 POLL = 0.02
 """Longest sleep [s]."""
@@ -42,7 +43,7 @@ class NatNetClient:
         self.settings = settings
         self.session = Session(settings, on_frame, on_model, on_restart)
         self._server = settings.server
-        self._command = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._command = datagram_socket()
         self._command.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         self._command.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         self._command.bind(("", 0))
@@ -151,7 +152,7 @@ class NatNetClient:
             self._open("", route.port, "")
 
     def _open(self, address: str, port: int, group: str) -> None:
-        one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        one = datagram_socket()
         try:
             one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
@@ -169,7 +170,7 @@ class NatNetClient:
         """Address of the network card that faces the server."""
         if self.settings.local:
             return self.settings.local
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        with datagram_socket() as probe:
             try:
                 probe.connect((self._server, self.settings.command_port))
             except OSError:

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from hric_control.errors import HricError
 from mocap_natnet.codec.types import Frame
 from mocap_natnet.server.motive import Motive, Outgoing
+from mocap_natnet.sockets import datagram_socket
 
 LOG = logging.getLogger("hric.mocap_natnet")
 MAX_DATAGRAM = 65536
@@ -42,9 +43,9 @@ class MotiveServer:
         self._clock, self._stop = clock, threading.Event()
         self._thread: threading.Thread | None = None
         settings = motive.settings
-        self._command = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._command = datagram_socket()
         # The port of the data socket is any that is free: bound to the data port it would take this machine's unicast frames away from the clients.
-        self._data = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._data = datagram_socket()
         try:
             self._command.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
             self._command.bind((settings.ip, settings.command_port))
