@@ -77,7 +77,15 @@ def test_a_namespace_holds_all_of_the_robot_and_a_second_bring_up_there_is_refus
     topics = system.run("rostopic", "list").stdout.split()
     assert {"/left/joint_states", "/left/control_log", "/left/effort_joint_trajectory_controller/command"} <= set(topics)
     outside = {topic for topic in topics if not topic.startswith("/left/")}
-    assert outside <= {"/clock", "/tf", "/tf_static", "/rosout", "/rosout_agg", "/diagnostics"}
+    assert outside <= {
+        "/clock",
+        "/tf",
+        "/tf_static",
+        "/rosout",
+        "/rosout_agg",
+        "/diagnostics",
+        "/hric/perception/mocap",
+    }  # one clock, one motion capture
     joints = system.run("rostopic", "echo", "-n1", "/left/joint_states/name", timeout=60.0)
     assert "left_arm_joint1" in joints.stdout
     again = system.run("scripts/bringup", "ns:=left")
