@@ -2,25 +2,12 @@
 
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 
 import panda_description
 from hric_control.plants.urdf_tree import parse_urdf
 from pybullet_ros_control.pid import Pid, PidGains
-from pybullet_ros_control.rotor_inertia import make_balance
 from pybullet_ros_control.urdf_model import prepare
-
-
-@pytest.mark.parametrize("n", [1, 2, 7, 9])
-def test_the_written_out_solver_solves(rng, n):
-    half = rng.uniform(-1, 1, (n, n))
-    M, b = half @ half.T + 0.1 * np.eye(n), rng.uniform(0, 1, n)
-    h, t, v = rng.uniform(-5, 5, (3, n))
-    effort, velocity = make_balance(n)(tuple(map(tuple, M.tolist())), tuple(h), tuple(t), tuple(b), tuple(v), 1e-3)
-    x = np.linalg.solve(M + np.diag(b), t - h)
-    assert effort == pytest.approx((t - b * x).tolist(), abs=1e-9)
-    assert velocity == pytest.approx((v + 1e-3 * x).tolist(), abs=1e-12)
 
 
 def test_rigid_clusters_become_one_link_and_keep_every_frame():

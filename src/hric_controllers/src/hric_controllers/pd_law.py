@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from hric_control.vectors import add, near, spring_damper
+
 Gravity = Callable[[list[float]], list[float]]
 """q (n floats) [rad] -> gravity torque (n floats) [N m]."""
 
@@ -59,12 +61,11 @@ class PdLaw:
         """
         if self._ramp_start is not None:
             self._advance(time, self._ramp_start)
-        # zip without strict: this line runs every millisecond, and the lengths were checked where the lists came from.
-        tau = [p * (r - x) - d * v for p, d, r, x, v in zip(self.kp, self.kd, q_d, q, dq)]  # noqa: B905
+        tau = spring_damper(self.kp, self.kd, q_d, q, dq)
         if gravity is not None:
-            tau = [t + g for t, g in zip(tau, gravity(q))]  # noqa: B905
+            tau = add(tau, gravity(q))
         step = self._rotatum * period
-        if step > 0.0:
-            tau = [b - step if t < b - step else b + step if t > b + step else t for t, b in zip(tau, self.last)]  # noqa: B905
+        if step > 0.0 and not near(tau, self.last, [step] * len(tau)):
+            tau = [b - step if t < b - step else b + step if t > b + step else t for t, b in zip(tau, self.last, strict=True)]
         self.last = tau
         return tau

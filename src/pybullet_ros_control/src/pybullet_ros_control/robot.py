@@ -14,10 +14,11 @@ from hric_control.plants.friction import JointLosses, sigmoid_parameters
 from hric_control.plants.modes import Mode
 from hric_control.plants.spatial import MassProperties
 from hric_control.plants.urdf_tree import Joint, UrdfTree
+from pybullet_ros_control.balance import Matrix, Vector
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.masks import apply_masks
 from pybullet_ros_control.motors import JointMotors
-from pybullet_ros_control.rotor_inertia import Matrix, RotorInertia, Vector
+from pybullet_ros_control.rotor_inertia import RotorInertia
 from pybullet_ros_control.stops import JointStops
 from pybullet_ros_control.urdf_model import EngineModel, prepare
 

@@ -15,14 +15,12 @@ rigid object it does not: the engine parts them after the impulse of the bare li
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pybullet
 
-Matrix = Sequence[Sequence[float]]
-Vector = Sequence[float]
-Balance = Callable[[Matrix, Vector, Vector, Vector, Vector, float], tuple[list[float], list[float]]]
+from pybullet_ros_control.balance import Matrix, Vector, make_balance
 
 _NOTICEABLE_VELOCITY = 1e-9
 """Below this a difference between predicted and engine velocity is rounding [rad/s]."""
@@ -33,40 +31,6 @@ _FRICTION_TOLERANCE = 1e-12
 """Relative change of the friction at which its iteration ends."""
 _NEGLIGIBLE_EFFORT = 1e-7
 """Below this, with no difference left, the engine is taken to add nothing [N m]."""
-
-
-def _balance_lines(n: int) -> list[str]:
-    """(M + B) = L D L' with d_i = 1 / D_i and c_ij = l_ij D_j, then L y = t - h and D L' x = y."""
-    lines = []
-    for i in range(n):
-        for j in range(i):
-            lines.append(f"c{i}_{j} = m{i}_{j}" + "".join(f" - c{i}_{k} * l{j}_{k}" for k in range(j)))
-        lines += [f"l{i}_{j} = c{i}_{j} * d{j}" for j in range(i)]
-        lines.append(f"d{i} = 1.0 / (m{i}_{i} + b{i}" + "".join(f" - c{i}_{k} * l{i}_{k}" for k in range(i)) + ")")
-    for i in range(n):
-        lines.append(f"y{i} = t{i} - h{i}" + "".join(f" - l{i}_{k} * y{k}" for k in range(i)))
-    for i in reversed(range(n)):
-        lines.append(f"x{i} = y{i} * d{i}" + "".join(f" - l{k}_{i} * x{k}" for k in range(i + 1, n)))
-    return lines
-
-
-def make_balance(n: int) -> Balance:
-    """A function (M, h, t, b, v, dt) -> (t - b x, v + dt x) with x solving (M + diag(b)) x = t - h, on plain floats, for n x n matrices.
-
-    It is the square-root-free Cholesky method written out line by line for this n: for seven joints 7 us, where numpy and LAPACK need over 20 us,
-    most of it for turning tuples into arrays and back. Only the lower triangle of the symmetric positive definite M is read.
-    """
-
-    def row(letter: str) -> str:
-        return "(" + "".join(f"{letter}{i}, " for i in range(n)) + ")"
-
-    matrix = "(" + "".join("(" + "".join(f"m{i}_{j}, " if j <= i else "_, " for j in range(n)) + "), " for i in range(n)) + ")"
-    torque = "[" + ", ".join(f"t{i} - b{i} * x{i}" for i in range(n)) + "]"
-    velocity = "[" + ", ".join(f"v{i} + dt * x{i}" for i in range(n)) + "]"
-    lines = [f"{matrix} = M", *(f"{row(x)} = {x}" for x in "htbv"), *_balance_lines(n), f"return {torque}, {velocity}"]
-    scope: dict[str, Balance] = {}
-    exec("def balance(M, h, t, b, v, dt):\n    " + "\n    ".join(lines), {}, scope)
-    return scope["balance"]
 
 
 class RotorInertia:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import struct
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,14 +11,16 @@ from typing import Any
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_sim.box.compiled_fields import CompiledFields
 from franka_sim.model_library import SOURCE
-from franka_sim.model_library.compiler import compile_cached
 from franka_sim.model_library.parameters import c_parameters
+from hric_control.compiler import compile_cached
 from hric_control.errors import HricError
+from hric_control.vectors import put, take
 
 OWN_SOURCE = Path(__file__).with_name("compiled_arm.c")
-_TOLD, _MOTION, _JOINTS = struct.Struct("16d"), struct.Struct("21d"), struct.Struct("7d")
-_CYCLE, _RESULT, _CONSTANTS = struct.Struct("49d"), struct.Struct("7d7d"), struct.Struct("9d")
-_RESULT_AT, _CONSTANTS_AT = 42 * 8, 56 * 8
+_TOLD, _MOTION, _JOINTS = 16, 21, 7
+"""Sizes of what goes to and fro [doubles]."""
+_VALUE, _GRAVITY, _CONSTANTS, _ESTIMATE = 42, 49, 56, 65
+"""Places in the C struct Estimate, and its size [doubles]."""
 
 Vector = Sequence[float]
 Update = Callable[[list[float], Vector, Vector, Vector, Vector, Vector, Vector | None], list[float]]
@@ -57,28 +58,28 @@ class CompiledArm:
         self.fields = CompiledFields(library, least_singular_value)
         self._inverse_dynamics = _function(library.inverse_dynamics, 3)
         self._external_torque = _function(library.external_torque, 2)
-        self._told, self._told_at = _buffer(_TOLD.size)
-        self._motion, motion_at = _buffer(_MOTION.size)
-        self._rest, rest_at = _buffer(_MOTION.size)  # dq and ddq stay zero
-        self._torque, torque_at = _buffer(_JOINTS.size)
+        self._told, self._told_at = _buffer(_TOLD)
+        self._motion, motion_at = _buffer(_MOTION)
+        self._rest, rest_at = _buffer(_MOTION)  # dq and ddq stay zero
+        self._torque, torque_at = _buffer(_JOINTS)
         self._moving, self._resting = (self._told_at, motion_at, torque_at), (self._told_at, rest_at, torque_at)
 
     def take_model(self, model: KdlFrankaModel) -> None:
         """What the arm carries, and how it is mounted."""
         total = model.total_inertial
-        _TOLD.pack_into(self._told, 0, *model.gravity_base.tolist(), *total.inertia.ravel().tolist(), total.mass, *total.com.tolist())
+        put(self._told, 0, model.gravity_base.tolist(), total.inertia.ravel().tolist(), [total.mass], total.com.tolist())
 
     def inverse_dynamics(self, q: Vector, dq: Vector, ddq: Vector) -> list[float]:
         """M(q) ddq + C(q, dq) dq + g(q), 7 floats [N m]; q, dq, ddq: 7 floats [rad], [rad/s], [rad/s^2]. After `take_model`."""
-        _MOTION.pack_into(self._motion, 0, *q, *dq, *ddq)
+        put(self._motion, 0, q, dq, ddq)
         self._inverse_dynamics(*self._moving)
-        return [*_JOINTS.unpack_from(self._torque)]
+        return take(self._torque, 0, 7)
 
     def gravity(self, q: Vector) -> list[float]:
         """g(q), 7 floats [N m]; q: 7 floats [rad]. After `take_model`."""
-        _JOINTS.pack_into(self._rest, 0, *q)
+        put(self._rest, 0, q)
         self._inverse_dynamics(*self._resting)
-        return [*_JOINTS.unpack_from(self._torque)]
+        return take(self._torque, 0, 7)
 
     def estimator(self, rotors: Vector, rate: float, gain: float) -> Update:
         """The update of `estimates.ExternalTorque` as a function (value, q, dq, q_now, dq_now, tau, friction) -> g(q_now); it changes value in place.
@@ -88,23 +89,22 @@ class CompiledArm:
             rate: cycles per second [1/s].
             gain: share of the low-pass filter per cycle [1].
         """
-        values, at = _buffer(_CONSTANTS_AT + _CONSTANTS.size)
-        _CONSTANTS.pack_into(values, _CONSTANTS_AT, *rotors, rate, gain)
+        values, at = _buffer(_ESTIMATE)
+        put(values, _CONSTANTS, rotors, (rate, gain))
         compute, told_at = self._external_torque, self._told_at
 
         def update(value: list[float], q: Vector, dq: Vector, q_now: Vector, dq_now: Vector, tau: Vector, friction: Vector | None) -> list[float]:
-            _CYCLE.pack_into(values, 0, *q, *dq, *q_now, *dq_now, *tau, *(friction or _NONE), *value)
+            put(values, 0, q, dq, q_now, dq_now, tau, friction or _NONE, value)
             compute(told_at, at)
-            result = [*_RESULT.unpack_from(values, _RESULT_AT)]
-            value[:] = result[:7]
-            return result[7:]
+            value[:] = take(values, _VALUE, 7)
+            return take(values, _GRAVITY, 7)
 
         return update
 
 
 def _buffer(size: int) -> tuple[Any, int]:
-    """(memory, its address); size: [bytes]."""
-    memory = ctypes.create_string_buffer(size)
+    """(memory, its address); size: [doubles]."""
+    memory = ctypes.create_string_buffer(8 * size)
     return memory, ctypes.addressof(memory)
 
 

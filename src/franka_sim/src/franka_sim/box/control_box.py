@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from operator import add
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotMode, errors
@@ -17,6 +16,7 @@ from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand
 from franka_sim.box.table import Event, next_mode
 from franka_sim.box.wording import describe
 from hric_control.errors import CommandError
+from hric_control.vectors import add
 
 _ZEROS = [0.0] * 7
 _OUTCOMES = {
@@ -233,10 +233,10 @@ class ControlBox(ConfiguredBox):
             state.q_d[:], state.tau_J_d[:] = state.q, tau
         else:
             tau = self._hold()
-        torque = [*map(add, tau, self._gravity_torque or self._gravity(state.q))]
+        torque = add(tau, self._gravity_torque or self._gravity(state.q))
         if self._friction is not None:
             friction = self._friction_torque = self._friction(state.dq)
-            torque = [*map(add, torque, friction)]
+            torque = add(torque, friction)
         return torque
 
     def _hold(self) -> list[float]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from operator import le, mul
+from operator import mul
 
 from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import NO_ERRORS, Errors
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.self_collision import SelfCollision
 from franka_sim.box.state import BoxState
+from hric_control.vectors import smaller, within
 
 JOINT_VELOCITY: Errors = frozenset(("joint_velocity_violation",))
 JOINT_POSITION: Errors = frozenset(("joint_position_limits_violation",))
@@ -37,8 +38,6 @@ class Reflexes:
         self._range = [x + margin for x in limits.lower], [x - margin for x in limits.upper]
         self._lower, self._upper = (list(row) for row in self._range)
         self._speed = limits.translation.velocity
-        # Each |dq_i| reach_i is at most their sum: a sum below this cannot hide a joint that is too fast.
-        self._slow = min(v * r for v, r in zip(limits.velocity, config.reach, strict=True))
         # |tau_ext|^2 below which no threshold of a joint or of the wrench is reached: |F| <= |tau_ext| / (least singular value).
         self._gate = 0.0
 
@@ -59,15 +58,12 @@ class Reflexes:
     def errors(self, state: BoxState) -> Errors:
         """What is wrong with the measured state, by libfranka's names; marks the collisions in it."""
         q, tau = state.q, state.tau_ext_hat_filtered
-        moving = [*map(abs, state.dq)]
-        speed = sum(map(mul, moving, self._bodies.reach))
-        # NaN is within nothing.
-        if not speed <= self._slow and not all(map(le, moving, self._velocity)):
+        if not smaller(state.dq, self._velocity):  # NaN is smaller than nothing
             return JOINT_VELOCITY
-        if not (all(map(le, self._lower, q)) and all(map(le, q, self._upper))):
+        if not within(q, self._lower, self._upper):
             return JOINT_POSITION
         collision = NO_ERRORS if sum(map(mul, tau, tau)) <= self._gate else self._collision(state)
-        return collision or self._moving_parts(state, speed)
+        return collision or self._moving_parts(state, sum(map(mul, map(abs, state.dq), self._bodies.reach)))
 
     def _moving_parts(self, state: BoxState, speed: float) -> Errors:
         if speed > self._speed and self._end_effector_speed(state) > self._speed:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 from pathlib import Path
 
-from franka_sim.model_library.compiler import compile_cached
 from franka_sim.model_library.parameters import c_parameters
+from hric_control.compiler import compile_cached
 
 SOURCE = Path(__file__).with_name("arm.c")
 

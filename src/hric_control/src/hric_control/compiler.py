@@ -21,7 +21,7 @@ TIMEOUT = 60.0
 ELF = b"\x7fELF"
 
 
-def compile_cached(source: str, name: str) -> bytes:
+def compile_cached(source: str, name: str, include: tuple[str, ...] = ()) -> bytes:
     """Compile, or take the result of an earlier time with the same source, compiler and flags.
 
     The cache is $XDG_CACHE_HOME/hric, else ~/.cache/hric. If it cannot be written, nothing is kept. A damaged file in it is compiled again.
@@ -29,6 +29,7 @@ def compile_cached(source: str, name: str) -> bytes:
     Args:
         source: C11.
         name: first part of the cached file's name.
+        include: folders with header files.
 
     Returns:
         The shared library.
@@ -36,7 +37,7 @@ def compile_cached(source: str, name: str) -> bytes:
     Raises:
         HricError: no compiler, or it failed.
     """
-    compiler = _compiler()
+    compiler = (*_compiler(), *(f"-I{folder}" for folder in include))
     key = _digest("\0".join([*compiler, *FLAGS, _version(compiler[0]), platform.machine(), source]).encode())
     folder = cache_folder()
     found = None if folder is None else _cached(folder, f"{name}_{key}_")
@@ -68,7 +69,7 @@ def _compiler() -> tuple[str, ...]:
         if path is not None:
             return (path, *candidate[1:])
     asked = f"$CC = {' '.join(given)}" if given else ", ".join(COMPILERS)
-    raise HricError(f"the model library of libfranka needs a C compiler and there is none ({asked}); install it: sudo apt install build-essential")
+    raise HricError(f"compiled code needs a C compiler and there is none ({asked}); install it: sudo apt install build-essential")
 
 
 @functools.cache
@@ -89,12 +90,12 @@ def _run(command: list[str], text: str) -> bytes:
 
 def _compile(source: str, compiler: tuple[str, ...]) -> bytes:
     try:
-        with tempfile.TemporaryDirectory(prefix="hric_model_") as folder:
-            path = Path(folder) / "model.so"
+        with tempfile.TemporaryDirectory(prefix="hric_compile_") as folder:
+            path = Path(folder) / "library.so"
             _run([*compiler, "-o", str(path), *FLAGS], source)
             return path.read_bytes()
     except OSError as error:
-        raise HricError(f"the model library cannot be compiled in {tempfile.gettempdir()}: {error.strerror or error}") from error
+        raise HricError(f"nothing can be compiled in {tempfile.gettempdir()}: {error.strerror or error}") from error
 
 
 def _cached(folder: Path, prefix: str) -> bytes | None:
@@ -114,7 +115,7 @@ def _keep(folder: Path, name: str, library: bytes) -> None:
     """Put the library into the cache, whole or not at all."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        descriptor, temporary = tempfile.mkstemp(dir=folder, prefix=".model_", suffix=".tmp")
+        descriptor, temporary = tempfile.mkstemp(dir=folder, prefix=".library_", suffix=".tmp")
     except OSError:
         return  # compiled again next time
     try:
