@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections import Counter
 from pathlib import Path
@@ -11,6 +12,11 @@ import pytest
 
 ROOT = Path(__file__).parent
 KINDS = ("unit", "integration", "rostest", "benchmark")
+REAL_TIME = re.compile(
+    "client|cost|fci|franka_hw|launch|libfranka|live|loop|node|publish|rate|realtime|run_time|services|socket|stream|switching"
+    "|third_party|tools|watchdog|who_goes|wire"
+)
+"""Names of test files that start processes or keep real time: these run alone, all others side by side."""
 # A helper file beside the tests of a package is imported by its name, which must be unique in the workspace.
 sys.path[:0] = [
     str(folder)
@@ -28,19 +34,23 @@ def kind(item: pytest.Item) -> str:
     return "integration" if "integration" in item.path.parts else "unit"
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        item.user_properties.append(("kind", kind(item)))
+        if ROOT / "tests" in item.path.parents or REAL_TIME.search(item.path.stem):
+            item.add_marker("alone")
+
+
 class Tally:
     """Counts the tests that really ran, by kind."""
 
     def __init__(self) -> None:
-        self.kinds: dict[str, str] = {}
         self.ran: Counter[str] = Counter()
-
-    def pytest_collection_finish(self, session: pytest.Session) -> None:
-        self.kinds = {item.nodeid: kind(item) for item in session.items}
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when == "call":
-            self.ran[self.kinds.get(report.nodeid, "unit")] += 1
+            self.ran[str(dict(report.user_properties)["kind"])] += 1
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.write_line(f"ran: {', '.join(f'{self.ran[name]} {name}' for name in KINDS)}")
