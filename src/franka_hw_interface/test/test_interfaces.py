@@ -12,7 +12,7 @@ from franka_hw_interface.interfaces import (
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.model import Frame, FrankaModelHandle
 from franka_hw_interface.robot_state import ERROR_NAMES, FIELD_NAMES, NO_ERRORS, RobotMode, RobotState, errors, identity16, lazy_field
-from franka_hw_interface.transforms import check_transform, column_major
+from franka_hw_interface.transforms import check_pose, check_transform, column_major
 from franka_msgs.msg import Errors, FrankaState
 from hric_control.errors import CommandError, HricError, UnknownNameError
 
@@ -185,6 +185,51 @@ def test_a_pose_command_is_taken_whole_or_refused() -> None:
     assert handle.command == (T, [0.1, -1.0])
     handle.set_command(T)
     assert handle.command == (T, None)
+
+
+SPOILT = {
+    "a column too long": lambda T: T.__setitem__(2, 1.0001 * T[2]),
+    "two columns not at right angles": lambda T: T.__setitem__(slice(4, 8), [0.6, 0.8, 0.0, 0.0]),
+    "left-handed": lambda T: T.__setitem__(slice(8, 11), [-value for value in T[8:11]]),
+    "a last row": lambda T: T.__setitem__(7, 2e-5),
+    "a last element": lambda T: T.__setitem__(15, 1.0001),
+    "an infinite position": lambda T: T.__setitem__(13, float("inf")),
+    "a NaN in the rotation": lambda T: T.__setitem__(5, float("nan")),
+    "one value less": lambda T: T.pop(),
+    "a matrix": lambda T: T.__setitem__(slice(None), [[1.0]] * 16),
+}
+
+
+@pytest.mark.parametrize("spoilt", SPOILT)
+def test_the_check_of_the_loop_refuses_what_the_thorough_one_refuses_in_the_same_words(spoilt: str) -> None:
+    T = column_major(np.array([[0.0, -1.0, 0.0, 0.3], [0.0, 0.0, -1.0, 0.1], [1.0, 0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 1.0]]))
+    check_pose(T, "T")
+    SPOILT[spoilt](T)
+    said = []
+    for check in (check_pose, check_transform):
+        with pytest.raises(CommandError) as refusal:
+            check(T, "T")
+        said.append(str(refusal.value))
+    assert said[0] == said[1]
+
+
+def test_the_two_checks_of_a_pose_agree_up_to_the_border() -> None:
+    random, taken = np.random.default_rng(0), 0
+    for _ in range(2000):
+        q, _ = np.linalg.qr(random.normal(size=(3, 3)))
+        T = np.eye(4)
+        T[:3, :3] = q + random.normal(size=(3, 3)) * 10.0 ** random.uniform(-7, -4)
+        values = column_major(T)
+        outcomes = []
+        for check in (check_pose, check_transform):
+            try:
+                check(values, "T")
+                outcomes.append(True)
+            except CommandError:
+                outcomes.append(False)
+        taken += outcomes[0]
+        assert outcomes[0] == outcomes[1]
+    assert 300 < taken < 1700
 
 
 def test_a_twist_command_is_taken_whole_or_refused() -> None:

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from franka_hw_interface.model import FrankaModel, FrankaModelHandle
 from franka_hw_interface.robot_state import RobotState, identity16
-from franka_hw_interface.transforms import check_transform
+from franka_hw_interface.transforms import check_pose
 from hric_control.errors import CommandError, HricError, UnknownNameError
 from hric_control.hardware_interface import HardwareInterface
 
@@ -122,7 +122,7 @@ class FrankaCartesianPoseHandle(FrankaStateHandle):
         Raises:
             CommandError: not a pose, not an elbow; the command before stays.
         """
-        check_transform(O_T_EE, f"pose command of {self.name}")
+        check_pose(O_T_EE, f"pose command of {self.name}")
         checked = None if elbow is None else _check_elbow(elbow)
         self._command.value[:], self._command.elbow = O_T_EE, checked
 

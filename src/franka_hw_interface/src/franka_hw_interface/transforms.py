@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -44,6 +45,44 @@ def check_transform(values: Sequence[float], what: str) -> FloatArray:
     if error > ORTHONORMAL_TOLERANCE or np.linalg.det(R) < 0.0:
         raise CommandError(f"{what}: its rotation is not orthonormal and right-handed (error {error:.1e}, determinant {np.linalg.det(R):.3f})")
     return np.ascontiguousarray(T)
+
+
+def check_pose(values: Sequence[float], what: str) -> None:
+    """The same check for one cycle of the control loop: on plain floats, in a tenth of the time, without the matrix.
+
+    Raises:
+        CommandError: as `check_transform` says it.
+    """
+    try:
+        good = _is_pose(values)
+    except TypeError:
+        good = False
+    if not good:
+        check_transform(values, what)  # says what is wrong
+
+
+def _is_pose(values: Sequence[float]) -> bool:
+    """Whether `check_transform` has nothing to say; False also where it has to look itself. Written so that a NaN fails."""
+    if len(values) != 16:
+        return False
+    a, b, c, row_1, d, e, f, row_2, g, h, i, row_3, x, y, z, one = values
+    most = ORTHONORMAL_TOLERANCE
+    return (
+        abs(a * a + b * b + c * c - 1.0) <= most
+        and abs(d * d + e * e + f * f - 1.0) <= most
+        and abs(g * g + h * h + i * i - 1.0) <= most
+        and abs(a * d + b * e + c * f) <= most
+        and abs(d * g + e * h + f * i) <= most
+        and abs(g * a + h * b + i * c) <= most
+        and (b * f - c * e) * g + (c * d - a * f) * h + (a * e - b * d) * i > 0.0
+        and abs(row_1) <= most
+        and abs(row_2) <= most
+        and abs(row_3) <= most
+        and abs(one - 1.0) <= most
+        and math.isfinite(x)
+        and math.isfinite(y)
+        and math.isfinite(z)
+    )
 
 
 def check_load(mass: float, com: Sequence[float] | FloatArray, inertia: Sequence[float] | FloatArray) -> Inertial:

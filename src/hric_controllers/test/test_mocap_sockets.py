@@ -1,0 +1,116 @@
+"""The whole way over UDP: an emulated Motive in another process, the client on its sockets, publisher, controller and arm here, paced by the wall."""
+
+import queue
+import socket
+import threading
+import time
+
+import pytest
+from mocap_rig import MocapArm
+from motive_process import free_port, motive
+from natnet_rubbish import Rubbish
+from natnet_samples import one_body_frame
+
+from mocap_natnet.client import NatNetClient, Received, Settings
+from mocap_natnet.client.health import OK
+from mocap_natnet.codec import Codec
+from mocap_natnet.codec.descriptions import Model
+from mocap_natnet.codec.types import RigidBody
+
+PATIENCE = 30.0
+"""For a busy machine [s]."""
+SPOILT, AT_ONCE = 20_000, 100
+CODEC = Codec((4, 1))
+
+
+class WireArm(MocapArm):
+    """Fed by a client on sockets, as the node feeds its publisher: through a queue.
+
+    Args:
+        ports: of the server: commands, data.
+    """
+
+    def __init__(self, ports, **changes):
+        super().__init__(**changes)
+        self.items: queue.SimpleQueue = queue.SimpleQueue()
+        put = self.items.put
+        self.client = NatNetClient(Settings(command_port=ports[0], local="127.0.0.1"), put, put, lambda: put(None))
+        self.began = 0
+
+    def run_time(self, monotonic):
+        return (monotonic - self.began) * 1e-9
+
+    def marker_cycle(self, time_now):
+        self.began = self.began or time.monotonic_ns() - round(time_now * 1e9)
+        time.sleep(max(0.0, (self.began - time.monotonic_ns()) * 1e-9 + time_now))
+        while not self.items.empty():
+            item = self.items.get()
+            if isinstance(item, Received):
+                self.publisher.publish(item)
+            elif isinstance(item, Model):
+                self.publisher.describe(item)
+            else:
+                self.publisher.restart()
+
+    def until(self, condition, then=0.0):
+        """Run until a condition holds, and for `then` [s] more."""
+        limit = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < limit, f"waited too long; the client says: {self.client.health().text}"
+            self.follow(0.05)
+        if then:
+            self.follow(then)
+
+    @property
+    def counted(self):
+        statistics = self.client.session.statistics
+        return sum(statistics.taken.values()) + sum(statistics.refused.values())
+
+
+class Flood(threading.Thread):
+    """Sends spoilt datagrams to both of the client's ports, no faster than it takes them, so that none is lost on the way."""
+
+    def __init__(self, bench, ports):
+        super().__init__(daemon=True)
+        self._bench, self._rubbish = bench, Rubbish((4, 1), 3)
+        self._where = [("127.0.0.1", ports[1]), ("127.0.0.1", bench.client._command.getsockname()[1])]
+        self.sent, self._session = 0, bench.client.session
+
+    def _genuine(self):
+        """As the newest frame of the stream."""
+        body = RigidBody(1, (0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        return CODEC.encode_frame(one_body_frame(self._session._last_number or 0)._replace(bodies=(body,)))
+
+    def run(self):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            out.bind(("127.0.0.1", 0))
+            while self.sent < SPOILT:
+                before, genuine = self._bench.counted, self._genuine()
+                for number in range(AT_ONCE):
+                    out.sendto(self._rubbish.datagram(genuine), self._where[number % 2])
+                self.sent += AT_ONCE
+                limit = time.monotonic() + PATIENCE
+                while self._bench.counted < before + AT_ONCE and time.monotonic() < limit:
+                    time.sleep(0.001)
+
+
+@pytest.fixture
+def ports():
+    return free_port(), free_port()
+
+
+def test_twenty_thousand_spoilt_datagrams_on_the_wire_cause_no_jump_and_are_counted_by_reason(ports):
+    words = ("--transport", "unicast", "--unicast-to", "data_port", "--command-port", str(ports[0]), "--data-port", str(ports[1]), "--noise", "1e-4")
+    bench = WireArm(ports)
+    with motive(*words), bench.client:
+        bench.until(lambda: bench.messages and bench.last_state().tracking == "following", 0.5)
+        flood = Flood(bench, ports)
+        flood.start()
+        bench.until(lambda: not flood.is_alive())
+        assert flood.sent == SPOILT and bench.counted >= SPOILT
+        bench.until(lambda: bench.client.health().level == OK and bench.last_state().tracking == "following", 0.5)
+    bench.check_within_limits()
+    refused = bench.client.session.statistics.refused
+    assert sum(refused.values()) > SPOILT / 2
+    assert {"short", "length", "count", "size", "unknown message", "no frame on the data channel", "unasked"} <= set(refused)
+    assert bench.publisher.tracker.plausibility.refused
