@@ -12,14 +12,16 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts/lib"))
-from bringup_arguments import ArgumentError, Choices, check, split  # noqa: E402
+from bringup_arguments import ArgumentError, Choices, check, has_mocap, motion_capture, split  # noqa: E402
 from bringup_master import MasterError, call, choose, free_port  # noqa: E402
 
 NAMES = (
     "env", "robot_ip", "robot", "simulator", "controller", "experiment", "rviz", "gui", "ns", "xyz", "kp", "q_start", "real_time_factor", "world",
-    "arm_id", "rotor_inertia", "load_gripper",
+    "arm_id", "rotor_inertia", "load_gripper", "record", "subject", "notes", "split_size", "split_duration",
+    "mocap", "mocap_server", "mocap_calibration",
 )  # fmt: skip
-CHOICES = Choices(("joint_state_controller", "joint_pd_controller", "effort_joint_trajectory_controller"), ("pd_step", "thesis_step"))
+CONTROLLERS = ("joint_state_controller", "joint_pd_controller", "effort_joint_trajectory_controller")
+CHOICES = Choices(CONTROLLERS, ("marker_tracking", "pd_step", "thesis_step"), ("marker_tracking",))
 
 
 def checked(*arguments: str) -> dict[str, str]:
@@ -35,10 +37,15 @@ def checked(*arguments: str) -> dict[str, str]:
         ("--rviz", ("--rviz", "name:=value")),
         ("controller:=pd", ("pd", "joint_pd_controller", "none")),
         ("controller:=joint_state_controller", ("effort_joint_trajectory_controller",)),
-        ("experiment:=step", ("pd_step, thesis_step", ".yaml")),
+        ("experiment:=step", ("marker_tracking, pd_step, thesis_step", ".yaml")),
         ("experiment:=/nowhere/x.yaml", ("/nowhere/x.yaml", "no such file")),
         ("rviz:=yes", ("true, false, auto",)),
         ("load_gripper:=yes", ("true, false, auto",)),
+        ("record:=later", ("true, false, on_trigger",)),
+        ("subject:=Jane Doe", ("for example subject:=P07", "names of people")),
+        ("notes:=a:=b", ("cannot contain",)),
+        ("split_size:=-1", ("0 means never",)),
+        ("split_duration:=long", ("not a number",)),
         ("ns:=a-b", ("namespace",)),
         ("arm_id:=2nd", ("letters",)),
         ("xyz:=1,2", ("three numbers",)),
@@ -53,6 +60,10 @@ def checked(*arguments: str) -> dict[str, str]:
         ("world:=nowhere.yaml", ("no such file",)),
         ("env:=real", ("robot_ip", "172.16.0.2")),
         ("robot_ip:=127.0.0.2", ("env:=real",)),
+        ("mocap:=optitrack", ("auto, none, emulated, motive",)),
+        ("mocap_server:=motive.lab", ("IPv4", "192.168.1.10")),
+        ("mocap_server:=192.168.1.10", ("motion capture", "mocap:=motive")),
+        ("mocap_calibration:=/nowhere/base.yaml", ("/nowhere/base.yaml", "no such file")),
     ],
 )
 def test_a_mistake_is_answered_with_what_is_valid(argument: str, texts: tuple[str, ...]) -> None:
@@ -60,6 +71,45 @@ def test_a_mistake_is_answered_with_what_is_valid(argument: str, texts: tuple[st
         checked(argument)
     for text in texts:
         assert text in str(error.value)
+
+
+@pytest.mark.parametrize("given", [("experiment:=marker_tracking",), ("mocap:=motive",), ("mocap:=emulated", "experiment:=pd_step")])
+def test_an_unpaced_run_has_no_motion_capture(given: tuple[str, ...]) -> None:
+    with pytest.raises(ArgumentError, match="paced; valid: a factor above 0, or the headless runner"):
+        checked(*given, "real_time_factor:=0")
+    checked(*given, "real_time_factor:=0.5")
+
+
+def test_an_experiment_with_a_motion_capture_brings_the_emulated_one_and_one_argument_the_real_one(tmp_path: Path) -> None:
+    own, other = tmp_path / "own.yaml", tmp_path / "other.yaml"
+    own.write_text("mocap: {human: {program: sinusoid}}\n")
+    other.write_text("robot: {}\n")
+    for given, wanted in (
+        ((), "none"),
+        (("experiment:=pd_step",), "none"),
+        (("experiment:=marker_tracking",), "emulated"),
+        ((f"experiment:={own}",), "emulated"),
+        ((f"experiment:={other}",), "none"),
+        (("experiment:=marker_tracking", "mocap:=none"), "none"),
+        (("experiment:=marker_tracking", "mocap:=motive", "mocap_server:=192.168.1.10"), "motive"),
+    ):
+        assert motion_capture(checked(*given), CHOICES) == wanted
+    assert not has_mocap(tmp_path / "nowhere.yaml")
+
+
+def test_a_calibration_belongs_to_a_real_motive(tmp_path: Path) -> None:
+    saved = tmp_path / "base_from_mocap.yaml"
+    saved.write_text("{}")
+    with pytest.raises(ArgumentError, match="mocap:=motive only"):
+        checked("experiment:=marker_tracking", f"mocap_calibration:={saved}")
+    assert checked("mocap:=motive", f"mocap_calibration:={saved}")["mocap_calibration"] == str(saved)
+
+
+def test_what_says_something_about_a_recording_needs_one() -> None:
+    with pytest.raises(ArgumentError, match=r"subject, split_size can be given with a recording only; valid: record:=true or record:=on_trigger"):
+        checked("record:=False", "subject:=P07", "split_size:=100")
+    given = ("record:=on_trigger", "subject:=P07", "notes:=left hand, tired", "split_duration:=60")
+    assert checked(*given) == {"record": "on_trigger", "subject": "P07", "notes": "left hand, tired", "split_duration": "60"}
 
 
 def test_an_argument_given_twice_is_refused() -> None:

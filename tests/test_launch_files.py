@@ -53,6 +53,18 @@ def test_the_default_brings_up_the_robot_its_controllers_a_recorder_and_no_exper
     assert "controllers:=[joint_state_controller,franka_state_controller,joint_pd_controller]" in str(values["/spawner/overrides"])
 
 
+@pytest.mark.parametrize("environment", [(), ("env:=real", "robot_ip:=127.0.0.2")], ids=["sim", "real"])
+def test_an_armed_recorder_is_told_who_takes_part_and_the_experiment_waits_for_it(environment: tuple[str, ...]) -> None:
+    values = parameters(
+        loaded("experiment:=pd_step", "record:=on_trigger", "subject:=007", "notes:=left hand, tired", "split_duration:=60", *environment)
+    )
+    recorder = {name: values[f"/recorder/{name}"] for name in ("start", "subject", "notes", "split_size", "split_duration")}
+    assert recorder == {"start": "on_trigger", "subject": "007", "notes": "left hand, tired", "split_size": 0, "split_duration": 60}
+    assert (values["/experiment/armed"], values["/experiment/record"]) == (True, True)
+    plain = parameters(loaded("experiment:=pd_step", "record:=True", *environment))
+    assert (plain["/recorder/start"], plain["/experiment/armed"]) == ("now", False)
+
+
 def test_an_experiment_adds_its_node_and_brings_its_own_start() -> None:
     config = loaded("experiment:=pd_step", "kp:=200")
     assert nodes(config)["/experiment"] == "hric_experiments/experiment"
@@ -60,6 +72,42 @@ def test_an_experiment_adds_its_node_and_brings_its_own_start() -> None:
     assert values["/robot"]["q_start"][3] == -0.08
     assert "kp:=200" in str(values["/experiment/overrides"])
     assert "controllers:=" not in str(values["/spawner/overrides"])
+
+
+CAPTURE = {"/natnet_client": "mocap_natnet/natnet_client", "/emulated_human": "hric_perception/emulated_human"}
+
+
+@pytest.mark.parametrize("environment", [(), ("env:=real", "robot_ip:=127.0.0.2")], ids=["sim", "real"])
+def test_an_experiment_with_a_motion_capture_brings_the_emulated_human_and_the_client(environment: tuple[str, ...]) -> None:
+    config = loaded("experiment:=marker_tracking", "mocap_server:=127.0.0.3", *environment)
+    assert nodes(config).items() >= CAPTURE.items()
+    values = parameters(config)
+    assert values["/natnet_client"]["body"] == "hand" and values["/natnet_client"]["server"] == "127.0.0.3"
+    assert values["/emulated_human"]["human"]["program"] == "sinusoid" and values["/emulated_human"]["ip"] == "127.0.0.3"
+    assert {"/natnet_client", "/emulated_human"} <= {node.namespace + node.name for node in config.nodes if node.required}
+
+
+def test_the_real_motive_takes_the_place_of_the_emulated_one_by_one_argument(tmp_path: Path) -> None:
+    saved = tmp_path / "base_from_mocap.yaml"
+    saved.write_text("base_frame: panda_link0\nbase_from_mocap: {xyz: [1, 2, 3], xyzw: [0, 0, 0, 1]}\n")
+    config = loaded("experiment:=marker_tracking", "mocap:=motive", "mocap_server:=192.168.1.10", f"mocap_calibration:={saved}", "record:=false")
+    assert "/natnet_client" in nodes(config) and "/emulated_human" not in nodes(config)
+    client = parameters(config)["/natnet_client"]
+    assert (client["body"], client["server"], client["record"], client["base_frame"]) == ("hand", "192.168.1.10", False, "panda_link0")
+    assert client["base_from_mocap"]["xyz"] == [1, 2, 3]
+
+
+def test_without_an_experiment_the_emulated_motive_has_a_body_of_its_own() -> None:
+    config = loaded("mocap:=emulated")
+    assert nodes(config).items() >= {"/natnet_client": "mocap_natnet/natnet_client", "/emulated_motive": "mocap_natnet/emulated_motive"}.items()
+
+
+@pytest.mark.parametrize(
+    ("given", "text"), [("mocap:=optitrack", "auto, none, emulated, motive"), ("real_time_factor:=0", "needs a run that is paced")]
+)
+def test_a_motion_capture_that_cannot_be_stops_the_launch_with_the_reason(given: str, text: str) -> None:
+    with pytest.raises(RLException, match=text):
+        loaded("experiment:=marker_tracking", given)
 
 
 def test_every_argument_reaches_the_robot() -> None:

@@ -18,7 +18,7 @@ import roslaunch.arg_dump
 import roslaunch.parent
 import roslaunch.pmon
 import yaml
-from bringup_arguments import ArgumentError, Choices, check, split
+from bringup_arguments import ArgumentError, Choices, check, has_mocap, motion_capture, split
 from bringup_master import DEFAULT, MasterError, choose
 
 import franka_real.probe
@@ -60,7 +60,8 @@ class Ending(roslaunch.pmon.ProcessListener):
 def choices() -> Choices:
     """Names of controllers and experiments in this workspace."""
     instances = [name for name, value in (yaml.safe_load(CONTROLLERS.read_text()) or {}).items() if isinstance(value, dict) and "type" in value]
-    return Choices(tuple(instances), tuple(sorted(path.stem for path in EXPERIMENTS.glob("*.yaml"))))
+    experiments = sorted(EXPERIMENTS.glob("*.yaml"))
+    return Choices(tuple(instances), tuple(path.stem for path in experiments), tuple(path.stem for path in experiments if has_mocap(path)))
 
 
 def help_text(documented: Documented) -> str:
@@ -75,6 +76,8 @@ def help_text(documented: Documented) -> str:
         lines.append(f"  {name}:={default}\n      {doc}")
     lines += ["", "examples:", "  scripts/bringup env:=sim", "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100"]
     lines += ["  scripts/bringup env:=real robot_ip:=172.16.0.2 experiment:=pd_step"]
+    lines += ["  scripts/bringup env:=sim experiment:=marker_tracking"]
+    lines += ["  scripts/bringup env:=sim experiment:=marker_tracking mocap:=motive mocap_server:=192.168.1.10"]
     return "\n".join(lines)
 
 
@@ -87,7 +90,8 @@ def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
     """Say what starts, and how another terminal joins."""
     task = f"experiment {arguments['experiment']}" if arguments["experiment"] != "none" else f"controller {arguments['controller']}"
     what = f"{arguments['robot']} at {arguments['robot_ip']}" if arguments["env"] == "real" else arguments["simulator"]
-    print(f"env: {arguments['env']} ({what})   {task}   rviz: {arguments['rviz']}   record: {arguments['record']}")
+    capture = f"   mocap: {arguments['mocap']}" if arguments["mocap"] != "none" else ""
+    print(f"env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}   record: {arguments['record']}")
     print(f"ROS master: {master} ({'it runs already' if running else 'started here'})")
     export = "" if master == DEFAULT else f" && export ROS_MASTER_URI={master}"
     print(f"In another terminal:  source {WORKSPACE}/scripts/env{export}")
@@ -180,6 +184,7 @@ def main(argv: list[str]) -> int:
         if arguments["env"] == "real":
             franka_real.probe.check(arguments["robot_ip"], PROBE_TIMEOUT)
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
+        arguments["mocap"] = motion_capture(arguments, choices())
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, arguments["ns"].rstrip("/") + "/robot")
     except (ArgumentError, MasterError, HricError) as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -23,10 +24,12 @@ class Choices:
     Attributes:
         controllers: instance names in controllers.yaml.
         experiments: names of the experiment files.
+        captured: those of them that have a motion capture.
     """
 
     controllers: tuple[str, ...]
     experiments: tuple[str, ...]
+    captured: tuple[str, ...] = ()
 
 
 BROADCASTERS = ("joint_state_controller", "franka_state_controller")
@@ -72,7 +75,9 @@ def check(given: Mapping[str, str], valid_names: Iterable[str], choices: Choices
             raise ArgumentError(f"no argument {name!r}{hint}; valid: {', '.join(names)}.  scripts/bringup --help explains them")
     checks = _checks(choices)
     _check_environment(given)
-    return {name: checks[name](name, value) if name in checks else value for name, value in given.items()}
+    checked = {name: checks[name](name, value) if name in checks else value for name, value in given.items()}
+    _check_mocap(checked, choices)
+    return checked
 
 
 Check = Callable[[str, str], str]
@@ -81,6 +86,8 @@ ONLY_SIMULATED = ("simulator", "gui", "world", "friction", "damping", "rotor_ine
 """Arguments that say something about the simulation."""
 ONLY_REAL = ("robot_ip", "robot")
 """Arguments that say something about the arm itself."""
+ONLY_RECORDED = ("subject", "notes", "split_size", "split_duration")
+"""Arguments that say something about the recording."""
 
 
 def _check_environment(given: Mapping[str, str]) -> None:
@@ -91,6 +98,43 @@ def _check_environment(given: Mapping[str, str]) -> None:
         raise ArgumentError(f"{', '.join(foreign)} can be given with env:={'sim' if real else 'real'} only")
     if real and "robot_ip" not in given:
         raise ArgumentError("env:=real needs the address of the arm's control box, for example robot_ip:=172.16.0.2")
+    if given.get("record", "").lower() == "false" and (unrecorded := [name for name in given if name in ONLY_RECORDED]):
+        raise ArgumentError(f"{', '.join(unrecorded)} can be given with a recording only; valid: record:=true or record:=on_trigger")
+
+
+def motion_capture(given: Mapping[str, str], choices: Choices) -> str:
+    """none, emulated or motive: auto means emulated where the experiment has a motion capture.
+
+    Args:
+        given: checked arguments.
+        choices: names that exist in this workspace.
+    """
+    asked, experiment = given.get("mocap", "auto"), given.get("experiment", "none")
+    if asked != "auto":
+        return asked
+    return "emulated" if experiment in choices.captured or (experiment.endswith((".yaml", ".yml")) and has_mocap(Path(experiment))) else "none"
+
+
+def has_mocap(path: Path) -> bool:
+    """Whether an experiment file has a motion capture; what is wrong with it is told elsewhere."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return False
+    return isinstance(content, dict) and bool(content.get("mocap"))
+
+
+def _check_mocap(given: Mapping[str, str], choices: Choices) -> None:
+    chosen = motion_capture(given, choices)
+    if chosen == "none" and given.get("mocap_server", "auto") != "auto":
+        raise ArgumentError("mocap_server can be given with a motion capture only; valid: mocap:=motive or mocap:=emulated beside it")
+    if chosen != "motive" and given.get("mocap_calibration", "none") != "none":
+        raise ArgumentError("mocap_calibration can be given with mocap:=motive only: the emulated one stands where the experiment says")
+    if chosen != "none" and _numbers("real_time_factor", _loaded("real_time_factor", given.get("real_time_factor", "1")), "1")[0] == 0.0:
+        raise ArgumentError(
+            f"real_time_factor:=0 is not possible with a motion capture (mocap:={chosen}), which comes by wire and needs a run that is paced; "
+            "valid: a factor above 0, or the headless runner, rosrun hric_experiments run"
+        )
 
 
 def _checks(choices: Choices) -> dict[str, Check]:
@@ -103,7 +147,15 @@ def _checks(choices: Choices) -> dict[str, Check]:
         "controller": _one_of(*started, "none"),
         "experiment": _experiment(choices.experiments),
         "rviz": _one_of(*BOOL, "auto"),
-        "record": _one_of(*BOOL),
+        "record": _one_of(*BOOL, "on_trigger"),
+        "subject": _subject,
+        "notes": _notes,
+        "split_size": _one_number("0 means never"),
+        "split_duration": _one_number("0 means never"),
+        "html": _one_of(*BOOL),
+        "mocap": _one_of("auto", "none", "emulated", "motive"),
+        "mocap_server": _ip_address,
+        "mocap_calibration": lambda name, value: value if value == "none" else _existing_file(name, value),
         "gui": _one_of(*BOOL),
         "hand": _one_of(*BOOL, "auto"),
         "load_gripper": _one_of(*BOOL, "auto"),
@@ -118,7 +170,7 @@ def _checks(choices: Choices) -> dict[str, Check]:
         "rotor_inertia": _number_at_least_zero,
         "kp": _number_at_least_zero,
         "kd": _number_at_least_zero,
-        "real_time_factor": _factor,
+        "real_time_factor": _one_number("1 is real time, 2 twice as fast, 0 as fast as possible"),
         "q_start": _angles,
     }
 
@@ -137,6 +189,13 @@ def _address(name: str, value: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9.:-]*[A-Za-z0-9])?", value) or value == "none":
         raise ArgumentError(f"{name}:={value} is not an address; for example {name}:=172.16.0.2")
     return value
+
+
+def _ip_address(name: str, value: str) -> str:
+    try:
+        return value if value == "auto" else str(ipaddress.IPv4Address(value))
+    except ValueError:
+        raise ArgumentError(f"{name}:={value} is not an IPv4 address; for example {name}:=192.168.1.10, or auto") from None
 
 
 def _experiment(names: tuple[str, ...]) -> Check:
@@ -199,11 +258,28 @@ def _number_at_least_zero(name: str, value: str) -> str:
     return value
 
 
-def _factor(name: str, value: str) -> str:
-    loaded = _loaded(name, value)
-    if isinstance(loaded, list) or _numbers(name, loaded, "1")[0] < 0.0:
-        raise ArgumentError(f"{name}:={value}: must be one number; 1 is real time, 2 twice as fast, 0 as fast as possible")
+def _subject(name: str, value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}", value):
+        raise ArgumentError(
+            f"{name}:={value} is no code: letters, digits, - and _, at most 32, for example {name}:=P07; names of people stay out of the data"
+        )
     return value
+
+
+def _notes(name: str, value: str) -> str:
+    if ":=" in value:
+        raise ArgumentError(f"{name} cannot contain ':=', which separates names from values")
+    return value or "none"
+
+
+def _one_number(meaning: str) -> Check:
+    def checked(name: str, value: str) -> str:
+        loaded = _loaded(name, value)
+        if isinstance(loaded, list) or _numbers(name, loaded, "1")[0] < 0.0:
+            raise ArgumentError(f"{name}:={value}: must be one number of 0 or more; {meaning}")
+        return value
+
+    return checked
 
 
 def _vector(name: str, value: str) -> str:

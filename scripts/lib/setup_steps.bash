@@ -94,9 +94,9 @@ missing_packages() {
   comm -23 <(echo "$wanted") <(dpkg-query -W -f '${db:Status-Status} ${Package}\n' $wanted 2>/dev/null | sed -n 's/^installed //p' | sort)
 }
 
-# Whatever changes the build: messages, CMake files, the list of executables.
+# Whatever changes the build: messages, CMake files, C++, the list of executables.
 build_inputs() {
-  find src -mindepth 2 \( -name CMakeLists.txt -o -name package.xml -o -name setup.py -o -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' \) \
+  find src -mindepth 2 \( -name CMakeLists.txt -o -name package.xml -o -name setup.py -o -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -path '*/cpp/*' \) \
     -print0 | sort -z | xargs -0 sha256sum
   find src -path '*/nodes/*' -not -path '*/__pycache__/*' | sort
   cat scripts/build

@@ -18,7 +18,7 @@ STANDARD_TOPICS = {"/rosout", "/rosout_agg", "/tf", "/tf_static", "/clock", "/di
 STANDARD_SERVICES = ("/get_loggers", "/set_logger_level")
 ACTION_PARTS = ("/goal", "/cancel", "/status", "/feedback", "/result")
 TESTER = "/integration_tests"
-OWN_LAUNCH_FILE = {"mocap_natnet"}
+OWN_LAUNCH_FILE = {"hric_perception", "mocap_natnet"}
 """Packages that the default bring-up does not start."""
 
 
@@ -32,7 +32,7 @@ def graph(live: LiveSystem) -> tuple[dict[str, list[str]], dict[str, list[str]],
     publishers, subscribers, services = rosgraph.Master("/pages").getSystemState()
 
     def own(nodes: list[str]) -> list[str]:
-        return [node for node in nodes if node != TESTER and not node.startswith(("/rosout", "/rostopic", "/recorder", "/spawner_", "/unspawner_"))]
+        return [node for node in nodes if node != TESTER and not node.startswith(("/rosout", "/rostopic", "/recorder_", "/spawner_", "/unspawner_"))]
 
     kept = [{topic: own(nodes) for topic, nodes in side if own(nodes)} for side in (publishers, subscribers)]
     return kept[0], kept[1], [name for name, nodes in services if own(nodes)]

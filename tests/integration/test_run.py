@@ -88,6 +88,7 @@ def test_a_namespace_holds_all_of_the_robot_and_a_second_bring_up_there_is_refus
         "/rosout",
         "/rosout_agg",
         "/diagnostics",
+        "/hric/clock",
         "/hric/perception/mocap",
     }  # one clock, one motion capture
     joints = system.run("rostopic", "echo", "-n1", "/left/joint_states/name", timeout=60.0)

@@ -164,6 +164,37 @@ def test_an_unpaced_robot_is_fast_and_loses_no_row(start):
     assert factor > 2.0  # far above real time, on any machine
 
 
+def test_pairs_tell_drivers_the_time_of_the_run_also_while_it_stands(start):
+    from std_srvs.srv import Empty
+
+    from hric_msgs.msg import ClockPair
+
+    with listening("/hric/clock", ClockPair) as pairs:
+        start("_real_time_factor:=0.5")
+        pause = caller("/toy/sim/pause_physics", Empty)
+        wait(lambda: len(pairs) > 100, 15.0)
+        (_, first), (heard, last) = pairs[-50], pairs[-1]
+        passed = 1e-9 * (last.monotonic - first.monotonic)
+        assert (last.run_time - first.run_time).to_sec() / passed == pytest.approx(0.5, abs=0.05)
+        assert 20.0 < 49 / passed <= 52.0  # 50 Hz; one that waited gives way to the next
+        assert heard - 5.0 < 1e-9 * last.monotonic <= heard
+        assert last.real_time_factor == 0.5
+        pause()
+        time.sleep(0.1)
+        begin = len(pairs)
+        wait(lambda: len(pairs) > begin + 10)
+        assert len({message.run_time.to_nsec() for _, message in pairs[begin:]}) == 1
+
+
+def test_an_unpaced_robot_says_so_to_drivers(start):
+    from hric_msgs.msg import ClockPair
+
+    with listening("/hric/clock", ClockPair) as pairs:
+        start("_real_time_factor:=0")
+        wait(lambda: pairs, 15.0)
+    assert pairs[-1][1].real_time_factor == 0.0
+
+
 def test_a_mistake_at_the_start_is_one_fatal_line_and_exit_code_1(start):
     process = start("_robot_hw:=nobody/Knows")
     output, _ = process.communicate(timeout=20.0)

@@ -133,7 +133,7 @@ def test_times_on_a_real_socket_are_those_of_the_exposure(stack: ExitStack) -> N
     there = stack.enter_context(server(ports, drift=50.0))
     one = stack.enter_context(client(ports, frames))
     wait(lambda: sum(received.means == "mid-exposure" for received in frames) > 480)
-    errors = [received.exposed / 1e9 - there._began - received.frame.number / 240 for received in frames if received.means == "mid-exposure"]
+    errors = [received.exposed / 1e9 - there._time._began - received.frame.number / 240 for received in frames if received.means == "mid-exposure"]
     assert abs(np.median(errors)) < 0.1e-3
     assert one.session.statistics.latency() > 0.005
 

@@ -94,3 +94,29 @@ def test_a_run_that_jumps_back_begins_a_new_line() -> None:
         clock.add(START + index * 10_000_000, 50.0 + index * 0.01)
     clock.add(START + NS, 0.0)
     assert clock.run_time(START + NS + 5_000_000) == pytest.approx(0.005)
+
+
+# -- time stamps that cannot be --------------------------------------------------------------------------------------------------------------
+
+
+def stamped(clock: ExposureClock, t: float, stamp: float) -> tuple[float, str]:
+    """(time of the exposure [s], what told it) of a frame that arrives at t."""
+    exposed, means = clock.exposed(Frame(1, suffix=Suffix(time_stamp=stamp)), START + round(t * NS))
+    return (exposed - START) / NS, means
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -float("inf"), 1e300, 1e6, -5.0])
+def test_a_time_stamp_that_cannot_be_is_that_of_its_arrival_and_spoils_no_other(wrong: float) -> None:
+    clock = ExposureClock(0.005)
+    for t in np.arange(0.0, 1.0, 0.01):
+        stamped(clock, t, 40.0 + t)
+    assert stamped(clock, 1.0, wrong) == (pytest.approx(0.995), "reception")
+    assert stamped(clock, 1.01, 41.01) == (pytest.approx(1.005), "time stamp")
+
+
+def test_time_stamps_of_another_clock_are_believed_from_the_third_on() -> None:
+    clock = ExposureClock(0.005)
+    for t in np.arange(0.0, 1.0, 0.01):
+        stamped(clock, t, 40.0 + t)
+    assert [stamped(clock, t, 7.0 + t)[1] for t in (1.0, 1.01, 1.02, 1.03)] == ["reception", "reception", "time stamp", "time stamp"]
+    assert stamped(clock, 1.04, 8.04)[0] == pytest.approx(1.035)

@@ -160,6 +160,19 @@ def test_nothing_is_published_before_the_time_of_the_run_is_known() -> None:
     assert seen == [] and publisher.untimed == 23
 
 
+@pytest.mark.parametrize(("jump", "rises"), [(-0.02, True), (-3.0, False)])
+def test_stamps_rise_where_the_clocks_relation_is_found_anew_and_go_back_with_the_run_alone(jump: float, rises: bool) -> None:
+    node, seen = LocalNode(), []
+    node.subscribe("/hric/perception/mocap", MocapData, seen.append)
+    publisher = MocapPublisher(
+        node, read_publishing(node), lambda monotonic: 10.0 + run_time(monotonic) + (jump if run_time(monotonic) > 0.5 else 0.0)
+    )
+    HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher).advance(1.0)
+    times = [message.header.stamp.to_sec() for message in seen]
+    assert len(times) > 200 and (times == sorted(set(times))) == rises
+    assert publisher.held == (4 if rises else 0)  # frames in 20 ms at 240 Hz
+
+
 def test_the_static_transform_takes_the_stream_to_the_base() -> None:
     node = LocalNode({"mocap": BASE}, "/mocap")
     (transform,) = static_transform(read_publishing(node), None).transforms

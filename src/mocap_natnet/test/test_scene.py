@@ -18,7 +18,7 @@ from mocap_natnet.rigid_body import Fit, inverse
 from mocap_natnet.server import Body, Faults, Motive, Plate, Scene, Settings, Sinusoid, Track, from_file
 from mocap_natnet.server.scene import TRIANGLE
 from mocap_natnet.server.scene_file import load
-from mocap_natnet.tracking import Tracker
+from mocap_natnet.tracking import MOST_NAMES, Tracker
 
 TURNING = Sinusoid((0.4, 0.1, 1.0), (0.1, 0.05, 0.02), 0.25, 0.0, (0.5, -0.4, 0.3))
 
@@ -215,3 +215,25 @@ def test_a_frame_that_lies_about_its_time_cannot_make_a_jump_plausible() -> None
 def test_a_wrong_setting_is_refused_by_name(wrong: dict) -> None:
     with pytest.raises(HricError, match="5\\.0" if "version" in wrong else next(iter(wrong))):
         Motive(Settings(**wrong), Scene())
+
+
+# -- what is told of -------------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_body_that_the_description_lacks_is_left_out_and_counted() -> None:
+    judge, scene = tracker("z"), Scene((Body("hand", TURNING), Body("tool", TURNING, 2)), up="z")
+    judge.describe(Scene((Body("hand", TURNING),), up="z").model())
+    assert [body.name for body in judge.bodies(scene.frame(1, 0.01, 0.01), 0.01, 0.01)] == ["hand"]
+    assert judge.plausibility.refused == {"not described": 1}
+
+
+def test_without_a_description_bodies_have_the_names_of_their_numbers() -> None:
+    judge, scene = tracker("z"), Scene((Body("hand", TURNING), Body("tool", TURNING, 2)), up="z")
+    assert [body.name for body in judge.bodies(scene.frame(1, 0.01, 0.01), 0.01, 0.01)] == ["body_1", "body_2"]
+
+
+def test_there_is_an_end_to_the_number_of_names_since_each_takes_a_topic() -> None:
+    judge, still = tracker("z"), Track([0.0], [Pose()])
+    told = sum(len(judge.bodies(Scene((Body("x", still, number),), up="z").frame(1, 0.0, 0.01), number, number)) for number in range(1, 700))
+    assert told == MOST_NAMES and judge.plausibility.refused == {"too many bodies": 699 - MOST_NAMES}
+    assert len(judge.bodies(Scene((Body("x", still, 1),), up="z").frame(2, 0.1, 0.01), 701.0, 701.0)) == 1

@@ -7,15 +7,20 @@ import math
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import free_port, motive
 
 RATE = 240
-SECONDS = 1.0
+ATTEMPTS = 3
+PATIENCE = 20.0
+"""For a busy machine [s]."""
 SCENE = """
 bodies:
   - name: marker
@@ -32,6 +37,18 @@ def expected(t: float) -> tuple[float, float, float]:
     return 0.4 + 0.1 * sine, 1.0 + 0.02 * sine, -(0.1 + 0.05 * sine)
 
 
+def expected_turn(t: float) -> tuple[float, float, float, float]:
+    """Its orientation, x, y, z, w: the vector part has the axes of the stream."""
+    sine = math.sin(2 * math.pi * 0.25 * t)
+    x, y, z, w = Rotation.from_rotvec([0.3 * sine, 0.2 * sine, 0.1 * sine]).as_quat()
+    return x, z, -y, w
+
+
+def angle(a: Sequence[float], b: Sequence[float]) -> float:
+    """Between two orientations; their sign means nothing [rad]."""
+    return float((Rotation.from_quat(a) * Rotation.from_quat(b).inv()).magnitude())
+
+
 def scene(folder: Path, plate: bool = False) -> list[str]:
     (folder / "scene.yaml").write_text(SCENE + (PLATE if plate else ""))
     return ["--scene", str(folder / "scene.yaml"), "--rate", str(RATE)]
@@ -46,9 +63,9 @@ def collect_natnet(ports: tuple[int, int], multicast: bool, seconds: float) -> l
         descriptions: list = []
         client.on_data_description_received_event.handlers.append(descriptions.append)
         client.request_modeldef()
-        end = time.monotonic() + seconds
+        limit = time.monotonic() + seconds + PATIENCE
         client.run_async()
-        while time.monotonic() < end:
+        while time.monotonic() < limit and not (descriptions and len(frames) >= seconds * RATE):
             time.sleep(0.05)
         client.stop_async()
     assert [body.name for body in descriptions[0].rigid_bodies] == ["marker", "counter"]
@@ -57,51 +74,65 @@ def collect_natnet(ports: tuple[int, int], multicast: bool, seconds: float) -> l
 
 def check_natnet(frames: list, seconds: float) -> None:
     numbers = [frame.prefix.frame_number for frame in frames]
-    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-    assert len(numbers) > 0.5 * RATE * seconds
+    assert len(numbers) >= RATE * seconds
     for frame in frames:
         marker, counter = frame.rigid_bodies
         assert counter.pos[0] == pytest.approx(frame.prefix.frame_number / RATE, rel=1e-6)
-        assert marker.pos == pytest.approx(expected(frame.prefix.frame_number / RATE), abs=1e-6)
+        assert marker.pos == pytest.approx(expected(frame.prefix.frame_number / RATE), abs=1e-5)
+        assert angle(marker.rot, expected_turn(frame.prefix.frame_number / RATE)) < 1e-5
         assert marker.tracking_valid
-        assert frame.suffix.timestamp == pytest.approx(frame.prefix.frame_number / RATE, abs=1e-9)
+        since_first = (frame.prefix.frame_number - numbers[0]) / RATE
+        assert frame.suffix.timestamp - frames[0].suffix.timestamp == pytest.approx(since_first, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("version", "transport"),
-    [*((version, "multicast") for version in ("3.0", "3.1", "4.0", "4.1", "4.2")), *((version, "unicast") for version in ("3.0", "4.1", "4.2"))],
-)
+each_version = pytest.mark.parametrize("version", ["3.0", "3.1", "4.0", "4.1", "4.2"])
+each_transport = pytest.mark.parametrize("transport", ["multicast", "unicast"])
+
+
+@each_version
+@each_transport
 def test_natnet_reads_every_frame(version: str, transport: str, tmp_path: Path) -> None:
-    ports = free_port(), free_port()
-    stream = ["--bitstream", version, "--transport", transport, "--command-port", str(ports[0]), "--data-port", str(ports[1])]
-    with motive(*scene(tmp_path), *stream):
-        check_natnet(collect_natnet(ports, transport == "multicast", SECONDS / 2), SECONDS / 2)
+    check_stream(version, transport, 0.3, tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("transport", ["multicast", "unicast"])
-def test_natnet_misses_nothing_in_ten_seconds(transport: str, tmp_path: Path) -> None:
-    ports = free_port(), free_port()
-    with motive(*scene(tmp_path), "--transport", transport, "--command-port", str(ports[0]), "--data-port", str(ports[1])):
-        check_natnet(collect_natnet(ports, transport == "multicast", 10.0), 10.0)
+@each_version
+@each_transport
+def test_natnet_misses_nothing_in_ten_seconds(version: str, transport: str, tmp_path: Path) -> None:
+    check_stream(version, transport, 10.0, tmp_path)
+
+
+def check_stream(version: str, transport: str, seconds: float, folder: Path) -> None:
+    """A neighbour on the machine may hold up the client until its socket overflows; that does not happen each time."""
+    for _ in range(ATTEMPTS):
+        ports = free_port(), free_port()
+        stream = ["--bitstream", version, "--transport", transport, "--command-port", str(ports[0]), "--data-port", str(ports[1])]
+        with motive(*scene(folder), *stream):
+            frames = collect_natnet(ports, transport == "multicast", seconds)
+        gaps = [b.prefix.frame_number - a.prefix.frame_number for a, b in pairwise(frames)]
+        if set(gaps) == {1}:
+            break
+    assert set(gaps) == {1}
+    check_natnet(frames, seconds)
 
 
 MOTIONCAPTURE = """
-import json, sys, time
+import json, sys
 import motioncapture
 mocap = motioncapture.connect("optitrack", {"hostname": "127.0.0.1", "interface_ip": "127.0.0.1"})
-end, rows = time.monotonic() + float(sys.argv[1]), []
-while time.monotonic() < end:
+rows = []
+while len(rows) < int(sys.argv[1]):
     mocap.waitForNextFrame()
-    rows.append({name: list(map(float, body.position)) for name, body in mocap.rigidBodies.items()})
+    bodies = mocap.rigidBodies
+    rows.append({name: [*map(float, body.position), *(float(getattr(body.rotation, part)) for part in "xyzw")] for name, body in bodies.items()})
 print(json.dumps(rows))
 """
 
 
-def run_motioncapture(seconds: float) -> list[dict[str, list[float]]]:
+def run_motioncapture(frames: int) -> list[dict[str, list[float]]]:
     """In a process of its own: it holds the interpreter while it waits, and waits for ever for a server that does not answer."""
     pytest.importorskip("motioncapture")
-    result = subprocess.run([sys.executable, "-c", MOTIONCAPTURE, str(seconds)], capture_output=True, text=True, timeout=seconds + 20)
+    result = subprocess.run([sys.executable, "-c", MOTIONCAPTURE, str(frames)], capture_output=True, text=True, timeout=frames / RATE + PATIENCE)
     assert result.returncode == 0, result.stderr
     return json.loads(result.stdout)
 
@@ -121,9 +152,10 @@ def ports_are_free() -> bool:
 @pytest.mark.parametrize("plate", [False, True], ids=["bodies", "with a force plate"])
 def test_motioncapture_reads_the_poses(plate: bool, tmp_path: Path) -> None:
     with motive(*scene(tmp_path, plate), "--bitstream", "4.1", "--transport", "multicast"):
-        rows = run_motioncapture(SECONDS)
+        rows = run_motioncapture(RATE)
     rows = [row for row in rows if {"marker", "counter"} <= set(row)]
-    assert len(rows) > 0.2 * RATE * SECONDS
+    assert len(rows) > 0.9 * RATE
     for row in rows:
         number = round(row["counter"][0] * RATE)
         assert row["marker"][:3] == pytest.approx(expected(number / RATE), abs=1e-5)
+        assert angle(row["marker"][3:], expected_turn(number / RATE)) < 1e-5

@@ -11,6 +11,7 @@ from typing import Any
 from rosgraph_msgs.msg import Clock
 
 from hric_control import manager_services, plugins, realtime, sim_services, stamps, transmission
+from hric_control.clock_pairs import ClockPairs
 from hric_control.control_log import ControlLog
 from hric_control.controller_manager import ControllerManager
 from hric_control.diagnostics import Diagnostics
@@ -75,8 +76,8 @@ class RobotApp:
         root_node: the robot's namespace.
         robot_hw_node: where the RobotHW and this class find their parameters (`robot_hw`, `control_log`, and the robot's own).
         hw: a robot that is made already (not yet initialised); None: the plugin that the parameters name.
-        live: a process with a master: `/diagnostics` come at 1 Hz of wall time from a thread, and a switch always waits for the loop. Otherwise
-            nothing happens but in the caller's thread, and a switch between two runs acts at once.
+        live: a process with a master: `/diagnostics` come at 1 Hz of wall time from a thread, drivers are told the time on `/hric/clock`, and a
+            switch always waits for the loop. Otherwise nothing happens but in the caller's thread, and a switch between two runs acts at once.
         on_clock: called with each stamp that goes out on /clock, in the loop.
 
     Attributes:
@@ -128,6 +129,9 @@ class RobotApp:
             loop.on_idle = self._drain
         self.simulated = self.loop is not None and hasattr(self.hw, "plant")
         self._clock = realtime.publisher(root, "/clock", Clock, newest_only=True) if self.simulated else None
+        self._pairs = ClockPairs(root, self._stamp, self._factor) if self._live else None
+        if self.loop is not None:
+            self.loop.on_pause = self._tell_time
         counted = hasattr(self.hw, "limiter_counts")
         self._counts = realtime.publisher(root, "limit_counts", JointLimitCounts) if counted else None
         self.log = self._make_log()
@@ -173,6 +177,8 @@ class RobotApp:
         log = self.log
         if log is not None:
             log.complete()
+        if self._pairs is not None:
+            self._pairs.tell(time)
         if self._hook is not None:
             self._hook(time)
         self.manager.update(time, period, reset_controllers)
@@ -224,6 +230,8 @@ class RobotApp:
                     self.root_node.log_warn(f"nobody listens to control_log after {timeout:g} s: run time begins without a recording of it")
                     return
                 self._publish_clock(stamps.FIRST)
+                if self.simulated:
+                    self._tell_time()
                 sleep(LISTENER_POLL)
         finally:
             self.manager.loop_timeout = patience
@@ -267,6 +275,13 @@ class RobotApp:
 
     def _period(self) -> float:
         return self.loop.time_step if self.loop is not None else 0.001
+
+    def _factor(self) -> float:
+        return self.loop.real_time_factor if self.loop is not None else 1.0
+
+    def _tell_time(self) -> None:
+        if self._pairs is not None:
+            self._pairs.tell(self._run_time())
 
     @staticmethod
     def _quiet_collector() -> None:

@@ -32,7 +32,9 @@ LATE = 0.1
 """Lag of the wall clock after which the loop starts a new time base instead of catching up [s]."""
 NAP = 0.05
 """Longest uninterrupted sleep, so that a slow loop still hears stop and pause [s]."""
-IDLE_EVERY = 0.02
+PAUSE_POLL = 0.02
+"""How often a paused loop calls `on_pause` [s]."""
+IDLE_EVERY = 0.05
 """Run time between two calls of `on_idle` when the loop is not paced [s]."""
 
 
@@ -69,7 +71,8 @@ class SimLoop:
         time: run time of the state that the next cycle reads (during a cycle: that the cycle has read) [s].
         cycles: number of cycles finished.
         after_cycle: called in the loop after each finished cycle with the run time at which that cycle measured.
-        on_idle: called in the loop every 20 ms of run time when not paced: the moment to let queued messages out. It may wait.
+        on_idle: called in the loop every 50 ms of run time when not paced: the moment to let queued messages out. It may wait.
+        on_pause: called in the loop while run time stands, every 20 ms of wall time.
     """
 
     def __init__(self, time_step: float, real_time_factor: float = 1.0) -> None:
@@ -81,6 +84,7 @@ class SimLoop:
         self.cycles = 0
         self.after_cycle: list[Callable[[float], None]] = []
         self.on_idle: Callable[[], None] | None = None
+        self.on_pause: Callable[[], None] | None = None
         self._meter = LoopMeter(time_step)
         self._stop = self._paused = self._reset = False
         self._steps = 0
@@ -274,7 +278,9 @@ class SimLoop:
         """Paused: sleep until somebody wants something."""
         self._anchor = None
         self._meter.stand()
+        if self.on_pause is not None:
+            self.on_pause()
         try:
-            self._wake.get(timeout=0.1)
+            self._wake.get(timeout=PAUSE_POLL)
         except Empty:
             return

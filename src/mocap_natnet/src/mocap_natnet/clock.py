@@ -5,11 +5,12 @@ The clocks of server and client differ by tens of parts per million; their relat
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Iterable
-from itertools import islice
 
 from mocap_natnet.codec.types import Frame
+from mocap_natnet.run_clock import RunClock as RunClock
+from mocap_natnet.run_clock import fit_line
 
 WINDOW = 30.0
 """Echoes older than this are forgotten [s]."""
@@ -25,20 +26,11 @@ RESTART_ECHOES = 3
 """... as many in a row, and the line is begun anew (our choice)."""
 MINIMUM_WINDOW = 10.0
 """Window of the running minimum [s]."""
+FAR = 1.0
+"""A delay never differs from another by as much as this [s] (our choice)."""
 NS = 1_000_000_000
 LATEST, CLOCK_ERROR = NS, NS // 100
 """A frame that claims to be older than this, or to come from the future by more than that, has a wrong time [ns] (our choice)."""
-
-
-def fit_line(points: Iterable[tuple[float, float]], slope_limit: float) -> tuple[float, float]:
-    """(offset, slope) of the least-squares line through points; the slope is cut to its limit."""
-    xy = list(points)
-    n = len(xy)
-    mean_x, mean_y = sum(x for x, _ in xy) / n, sum(y for _, y in xy) / n
-    sxx = sum((x - mean_x) ** 2 for x, _ in xy)
-    slope = sum((x - mean_x) * (y - mean_y) for x, y in xy) / sxx if sxx > 0 else 0.0
-    slope = min(max(slope, -slope_limit), slope_limit)
-    return mean_y - slope * mean_x, slope
 
 
 class EchoClock:
@@ -127,9 +119,16 @@ class RunningMinimum:
 
     def __init__(self) -> None:
         self._falling: deque[tuple[float, float]] = deque()
+        self._misses = 0
 
-    def add(self, time: float, difference: float) -> float:
-        """The smallest one, with this one [s]."""
+    def add(self, time: float, difference: float) -> float | None:
+        """The smallest one, with this one [s]; None: this one is too far from the others to be believed. Some in a row, and they begin anew."""
+        if self._falling and not abs(difference - self._falling[0][1]) < FAR:
+            self._misses += 1
+            if self._misses < RESTART_ECHOES:
+                return None
+            self._falling.clear()
+        self._misses = 0
         while self._falling and self._falling[-1][1] >= difference:
             self._falling.pop()
         self._falling.append((time, difference))
@@ -170,43 +169,8 @@ class ExposureClock:
                 local = None if local is None else local - self._nominal
             if local is not None and -LATEST < local - received < CLOCK_ERROR:
                 return min(local, received), means
-        if suffix.time_stamp:
+        if suffix.time_stamp and math.isfinite(suffix.time_stamp):
             least = self._minimum.add(received / NS, received / NS - suffix.time_stamp)
-            return min(round((suffix.time_stamp + least) * NS), received) - self._nominal, "time stamp"
+            if least is not None:
+                return min(round((suffix.time_stamp + least) * NS), received) - self._nominal, "time stamp"
         return received - self._nominal, "reception"
-
-
-class RunClock:
-    """Maps the monotonic clock here to the time of the run, by a line through pairs that whoever owns the run tells.
-
-    Args:
-        window: how much of the past counts [s].
-    """
-
-    def __init__(self, window: float = 2.0) -> None:
-        self._window = round(window * NS)
-        self._pairs: deque[tuple[int, float]] = deque()
-        self._line = (0.0, 0.0)
-
-    def add(self, monotonic: int, run: float) -> None:
-        """A pair. The line begins anew where the time of the run goes back or stands still.
-
-        Args:
-            monotonic: [ns].
-            run: time of the run [s].
-        """
-        if self._pairs and (run <= self._pairs[-1][1] or monotonic <= self._pairs[-1][0]):
-            self._pairs.clear()
-        self._pairs.append((monotonic, run))
-        while self._pairs[0][0] < monotonic - self._window:
-            self._pairs.popleft()
-        first, begin = self._pairs[0]
-        self._line = fit_line((((at - first) / NS, time - begin) for at, time in islice(self._pairs, None)), float("inf"))
-
-    def run_time(self, monotonic: int) -> float | None:
-        """The time of the run [s]; None before the first pair."""
-        if not self._pairs:
-            return None
-        first, begin = self._pairs[0]
-        slope = self._line[1] if len(self._pairs) > 1 else 1.0
-        return begin + self._line[0] + slope * (monotonic - first) / NS

@@ -10,27 +10,21 @@ from typing import Any
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
 
 from hric_control.errors import HricError
 from hric_control.ros_node import RosNode
-from mocap_natnet.client import NatNetClient, Received
-from mocap_natnet.clock import RunClock
+from mocap_natnet import take
+from mocap_natnet.client import Health, NatNetClient, Received
 from mocap_natnet.codec.descriptions import Model
 from mocap_natnet.parameters import read_publishing, read_settings
 from mocap_natnet.process import run
 from mocap_natnet.publisher import MocapPublisher, static_transform
+from mocap_natnet.run_time import RunTime
 
-NS = 1e-9
 _RESTART = "restart"
-_SERVICES = {
-    "start_recording": ("StartRecording",),
-    "stop_recording": ("StopRecording",),
-    "live_mode": ("LiveMode",),
-    "edit_mode": ("EditMode",),
-}
+_SERVICES = {"start_recording": take.START, "stop_recording": take.STOP, "live_mode": "LiveMode", "edit_mode": "EditMode"}
 
 
 class ClientNode:
@@ -46,13 +40,11 @@ class ClientNode:
     def __init__(self, node: RosNode) -> None:
         self._node = node
         self._settings, self._publishing = read_settings(node), read_publishing(node)
-        self._clock, self._clock_lock = RunClock(), threading.Lock()
-        self._simulated = bool(node.param("/use_sim_time", False))
-        if self._simulated:
-            node.subscribe("/clock", Clock, self._on_clock, queue_size=0)
-        self._publisher = MocapPublisher(node, self._publishing, self._run_time)
+        self._run_time = RunTime(node)
+        self._publisher = MocapPublisher(node, self._publishing, self._run_time.run_time)
         self._queue: queue.SimpleQueue[Received | Model | str | None] = queue.SimpleQueue()
         self._client = NatNetClient(self._settings, self._queue.put, self._queue.put, lambda: self._queue.put(_RESTART))
+        self._recorder = take.Recorder(node, self._client.ask) if take.wanted(node) else None
         self._diagnostics = node.advertise("/diagnostics", DiagnosticArray)
         self._health = ""
         for name in _SERVICES:
@@ -67,14 +59,24 @@ class ClientNode:
 
     def close(self) -> None:
         """End."""
+        self._run_time.close()
+        if self._recorder is not None:
+            self._recorder.close()
         self._client.close()
         self._queue.put(None)
         self._thread.join(2.0)
 
     def report(self) -> None:
-        """Publish the diagnostics; log when the state changes."""
+        """Publish the diagnostics; log when the state changes.
+
+        Raises:
+            HricError: the run is not paced.
+        """
+        self._run_time.tick()
         state, values = self._client.health(), self._values()
-        if state.level and state.text != self._health:
+        if state.level and self._run_time.standing:
+            state = Health(DiagnosticStatus.WARN, f"the run is paused or has not begun; {state.text}")
+        elif state.level and state.text != self._health:
             (self._node.log_error if state.level == DiagnosticStatus.ERROR else self._node.log_warn)(state.text)
         elif not state.level and self._health != "":
             self._node.log_info(state.text)
@@ -97,7 +99,9 @@ class ClientNode:
             "connects": statistics.connects,
             "restarts": statistics.restarts,
             "waiting to be published": self._queue.qsize(),
+            "time of the run from": self._run_time.source,
             "before the run's time was known": self._publisher.untimed,
+            "stamps held from going back": self._publisher.held,
             "bytes not understood": statistics.skipped,
         }
         if echo is not None and echo.round_trip is not None:
@@ -118,17 +122,6 @@ class ClientNode:
             else:
                 self._publisher.restart()
 
-    def _run_time(self, monotonic: int) -> float | None:
-        if not self._simulated:
-            return monotonic * NS + (time.time_ns() - time.monotonic_ns()) * NS
-        with self._clock_lock:
-            return self._clock.run_time(monotonic)
-
-    def _on_clock(self, message: Any) -> None:
-        now = time.monotonic_ns()
-        with self._clock_lock:
-            self._clock.add(now, message.clock.to_sec())
-
     def _publish_static(self) -> Any:
         message = static_transform(self._publishing, self._node.now())
         if message is None:
@@ -139,12 +132,10 @@ class ClientNode:
 
     def _serve(self, name: str) -> Any:
         try:
-            if name == "start_recording" and self._publishing.take:
-                self._client.ask(f"SetRecordTakeName,{self._publishing.take}")
-            for words in _SERVICES[name]:
-                answer = self._client.ask(words)
-                if len(answer) >= 4 and any(answer[:4]):
-                    return TriggerResponse(False, f"Motive refuses {words}")
+            if name == "start_recording":
+                take.start(self._client.ask, self._publishing.take)
+            else:
+                take.order(self._client.ask, _SERVICES[name])
         except HricError as error:
             return TriggerResponse(False, str(error))
         return TriggerResponse(True, "done")

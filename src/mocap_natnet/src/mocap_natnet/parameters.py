@@ -54,6 +54,8 @@ class Publishing:
         base_from_mocap: pose of the mocap frame, turned to z up, in the base.
         tf_rate: largest rate of transforms [Hz]; 0: none.
         markers_rate: largest rate of the marker array for rviz [Hz]; 0: none.
+        trail_length: how much of the followed body's way rviz shows [s]; 0: none.
+        parent_frame: frame of which tf tells where the stream's frame stands in it, while nothing is published in it; "": none, or `base_frame`.
         limits: beyond which a pose counts as lost.
         take: name of recordings; "": Motive's own.
         preset: names of topics and frames.
@@ -65,6 +67,8 @@ class Publishing:
     base_from_mocap: Pose = field(default_factory=Pose)
     tf_rate: float = 100.0
     markers_rate: float = 30.0
+    trail_length: float = 8.0
+    parent_frame: str = ""
     limits: Limits = field(default_factory=Limits)
     take: str = ""
     preset: Preset = field(default_factory=Preset)
@@ -111,6 +115,8 @@ def read_publishing(node: Node) -> Publishing:
         base_from_mocap=Pose(_vector(node, "base_from_mocap/xyz", ORIGIN), _quaternion(node, "base_from_mocap/xyzw")),
         tf_rate=_number(node, "tf_rate", rule.tf_rate),
         markers_rate=_number(node, "markers_rate", rule.markers_rate),
+        trail_length=_number(node, "trail_length", rule.trail_length),
+        parent_frame=_text(node, "parent_frame", rule.parent_frame),
         limits=limits,
         take=_text(node, "take", rule.take),
         preset=PRESETS[preset],

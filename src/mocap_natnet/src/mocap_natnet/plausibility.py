@@ -16,7 +16,7 @@ SHORTEST = 1e-4
 """Least time between two poses that a speed is read from [s] (our choice)."""
 BUNCHED = 0.02
 """The time between two exposures is believed up to that between the arrivals and this, since frames may arrive in bunches [s] (our choice)."""
-REASONS = ("not finite", "not a unit quaternion", "outside the volume", "too fast")
+REASONS = ("not finite", "not a unit quaternion", "outside the volume", "too fast", "not described", "too many bodies")
 
 
 @dataclass(frozen=True)

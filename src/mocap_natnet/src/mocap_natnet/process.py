@@ -24,7 +24,7 @@ def run(name: str, text: str, make: Callable[[RosNode], tuple[Callable[[], None]
     Args:
         name: default name.
         text: for --help.
-        make: gets the private node and starts; returns what is called each second, and what ends it. Raises HricError.
+        make: gets the private node and starts; returns what is called each second, and what ends it. All may raise HricError, which ends the node.
 
     Returns:
         the exit code.
@@ -46,6 +46,9 @@ def run(name: str, text: str, make: Callable[[RosNode], tuple[Callable[[], None]
     try:
         while not told_to_end.wait(PERIOD):
             tick()
+    except HricError as error:
+        rospy.logfatal(str(error))
+        return 1
     finally:
         close()
         rospy.signal_shutdown("told to end")

@@ -21,8 +21,13 @@ from mocap_natnet.parameters import Publishing
 from mocap_natnet.plausibility import Plausibility
 from mocap_natnet.poses import Pose, compose, from_rotation_vector
 from mocap_natnet.tracking import TrackedBody, Tracker
+from mocap_natnet.trail import Trail
 
 NS = 1e-9
+BACK = 0.1
+"""A stamp that would go back by less than this is held; by more, the run began anew [s] (our choice)."""
+LEAST_STEP = 1e-6
+"""Between two stamps [s]."""
 
 
 def ros_name(body: str) -> str:
@@ -42,18 +47,21 @@ class MocapPublisher:
     Attributes:
         tracker: names and judges the bodies.
         untimed: frames that came before the time of the run was known.
+        held: frames whose stamp would have gone back, since the relation of the two clocks was found to be another one.
     """
 
     def __init__(self, node: Node, publishing: Publishing, run_time: Callable[[int], float | None]) -> None:
         self._node, self._publishing, self._run_time = node, publishing, run_time
         base = publishing.base_from_mocap if publishing.base_frame else None
         self.tracker = Tracker(publishing.up_axis, base, Plausibility(publishing.limits))
-        self.untimed = 0
+        self.untimed = self.held = 0
+        self._last = (0, float("-inf"))
         self._data = node.advertise("/hric/perception/mocap", MocapData, queue_size=100)
         self._point = node.advertise("/mocap/marker", Point, queue_size=100)
         self._stamped = node.advertise("/mocap/marker_stamped", PointStamped, queue_size=100)
         self._tf = node.advertise("/tf", TFMessage, queue_size=100) if publishing.tf_rate else None
         self._balls = node.advertise("/mocap/markers", MarkerArray, queue_size=10) if publishing.markers_rate else None
+        self._trail = Trail(node, publishing.trail_length) if publishing.trail_length else None
         self._poses: dict[str, Publisher] = {}
         self._grounds: dict[str, Publisher] = {}
         self._next_tf = self._next_balls = float("-inf")
@@ -70,8 +78,8 @@ class MocapPublisher:
 
     def publish(self, received: Received) -> None:
         """Publish a frame."""
-        time = self._run_time(received.exposed)
-        if time is None or time < 0:
+        time = self._time(received.exposed)
+        if time is None:
             self.untimed += 1
             return
         head = messages.header(stamps.to_time(time), self._publishing.frame)
@@ -80,7 +88,7 @@ class MocapPublisher:
         markers = self.tracker.markers(frame)
         latency = (received.received - received.exposed) * NS if received.means != "reception" else float("nan")
         self._data.publish(messages.mocap_data(head, frame.number, bodies, markers, latency))
-        self._publish_bodies(head, bodies)
+        self._publish_bodies(head, time, bodies)
         if self._tf is not None and time >= self._next_tf:
             self._next_tf = _next(self._next_tf, time, self._publishing.tf_rate)
             self._publish_tf(self._tf, head, bodies, self.tracker.bones(frame))
@@ -88,12 +96,27 @@ class MocapPublisher:
             self._next_balls = _next(self._next_balls, time, self._publishing.markers_rate)
             self._balls.publish(messages.marker_array(head, markers))
 
-    def _publish_bodies(self, head: Any, bodies: list[TrackedBody]) -> None:
+    def _time(self, exposed: int) -> float | None:
+        """Time of the run at an exposure [s]; of frames in order it rises, also where the line between the two clocks is drawn anew."""
+        time = self._run_time(exposed)
+        if time is None or time < 0:
+            return None
+        before, last = self._last
+        if exposed > before and last - BACK < time <= last:
+            self.held += 1
+            time = last + LEAST_STEP
+        if exposed > before:
+            self._last = (exposed, time)
+        return time
+
+    def _publish_bodies(self, head: Any, time: float, bodies: list[TrackedBody]) -> None:
         followed = next((body for body in bodies if self._publishing.body in ("", body.name)), None)
         if followed is not None and followed.valid:
             stamped = messages.point_stamped(head, followed)
             self._point.publish(stamped.point)
             self._stamped.publish(stamped)
+            if self._trail is not None:
+                self._trail.add(head, time, followed.pose.position)
         for body in bodies:
             self._tell(body)
             if body.valid:
@@ -130,11 +153,12 @@ class MocapPublisher:
 
 def static_transform(publishing: Publishing, stamp: Any) -> Any:
     """tf2_msgs/TFMessage: the pose of the stream's frame in the base, axes of the stream included; None where no base is named."""
-    if not publishing.base_frame:
+    base = publishing.base_frame or publishing.parent_frame
+    if not base:
         return None
     axes = Pose((0.0, 0.0, 0.0), from_rotation_vector((math.pi / 2, 0.0, 0.0))) if publishing.up_axis == "y" else Pose()
     pose = compose(publishing.base_from_mocap, axes)
-    return TFMessage([messages.transform_stamped(messages.header(stamp, publishing.base_frame), publishing.preset.frame, pose)])
+    return TFMessage([messages.transform_stamped(messages.header(stamp, base), publishing.preset.frame, pose)])
 
 
 def _next(due: float, time: float, rate: float) -> float:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Hashable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mocap_natnet.codec.descriptions import Model, RigidBodyDescription, SkeletonDescription
 from mocap_natnet.codec.types import OCCLUDED, TRACKED, Frame, Marker, RigidBody, Vector
 from mocap_natnet.plausibility import Plausibility
 from mocap_natnet.poses import Pose, compose, normalized, pose_stream_axes, pose_z_up, transform, z_up
+
+MOST_NAMES = 500
+"""Bodies and bones that are told of by name; each takes a topic or a frame, and damaged descriptions hold ever new ones (our choice)."""
 
 
 class TrackedBody(NamedTuple):
@@ -54,6 +58,7 @@ class Tracker:
         self._bones: dict[tuple[int, int], str] = {}
         self._last: dict[int, Pose] = {}
         self._valid: dict[int, bool] = {}
+        self._names: set[Hashable] = set()
 
     def describe(self, model: Model) -> None:
         """Take the names of the bodies."""
@@ -72,13 +77,25 @@ class Tracker:
         return described.name if described and described.name else f"body_{body}"
 
     def bodies(self, frame: Frame, exposed: float, received: float) -> list[TrackedBody]:
-        """The rigid bodies of a frame.
+        """The rigid bodies of a frame. One that the description lacks is left out and counted; where there is none, all are told of.
 
         Args:
             frame: as read.
             exposed, received: its times [s].
         """
-        return [self._body(body, exposed, received) for body in frame.bodies]
+        return [self._body(body, exposed, received) for body in frame.bodies if self._known(body.id, self._described, self.name(body.id))]
+
+    def _known(self, id: Hashable, described: Collection[Any], name: str) -> bool:
+        """Whether a body or a bone is told of; counts why it is not."""
+        if described and id not in described:
+            reason = "not described"
+        elif (id, name) in self._names or len(self._names) < MOST_NAMES:
+            self._names.add((id, name))
+            return True
+        else:
+            reason = "too many bodies"
+        self.plausibility.refused[reason] += 1
+        return False
 
     def markers(self, frame: Frame) -> list[TrackedMarker]:
         """The labelled markers of a frame that are seen and whose position is finite."""
@@ -90,9 +107,9 @@ class Tracker:
         for skeleton in frame.skeletons:
             for bone in skeleton.bodies:
                 pose = pose_z_up(self.up, Pose(bone.position, bone.orientation))
-                if bone.flags & TRACKED and self.plausibility.possible(pose):
-                    number = bone.id & 0xFFFF
-                    name = self._bones.get((skeleton.id, number), f"skeleton_{skeleton.id}/bone_{number}")
+                number = (skeleton.id, bone.id & 0xFFFF)
+                name = self._bones.get(number, f"skeleton_{skeleton.id}/bone_{number[1]}")
+                if bone.flags & TRACKED and self._known(number, self._bones, name) and self.plausibility.possible(pose):
                     exact = Pose(pose.position, normalized(pose.orientation))
                     base = self.base_from_mocap
                     found.append((name, pose_stream_axes(self.up, exact) if base is None else compose(base, exact)))

@@ -2,7 +2,8 @@
 
 from mocap_natnet.client.client import NatNetClient
 from mocap_natnet.client.health import Health
-from mocap_natnet.client.session import Received, Session
+from mocap_natnet.client.received import Received
+from mocap_natnet.client.session import Session
 from mocap_natnet.client.settings import Settings
 
 __all__ = ["Health", "NatNetClient", "Received", "Session", "Settings"]

@@ -10,17 +10,20 @@ import time
 from collections.abc import Callable
 
 from mocap_natnet.client.health import Health, health
-from mocap_natnet.client.session import CONNECT_PERIOD, NAME, Received, Session
+from mocap_natnet.client.received import Received
+from mocap_natnet.client.session import CONNECT_PERIOD, NAME, Session
 from mocap_natnet.client.settings import Route, Settings
 from mocap_natnet.codec import CodecError
 from mocap_natnet.codec.descriptions import Model
-from mocap_natnet.codec.packets import MAX_PAYLOAD, NAME_SIZE, Message, packet, split
+from mocap_natnet.codec.packets import HEADER, MAX_PAYLOAD, NAME_SIZE, Message, packet, split
 from mocap_natnet.sockets import datagram_socket
 
 POLL = 0.02
 """Longest sleep [s]."""
 RECEIVE_BUFFER = 1 << 22
 """Asked of the kernel, which may grant less [bytes]; it holds seconds of frames."""
+
+_FRAME = HEADER.pack(Message.FRAMEOFDATA, 0)[:2]
 
 
 class NatNetClient:
@@ -109,10 +112,12 @@ class NatNetClient:
             except OSError:  # a port that nobody listens on, told by the network
                 continue
             now = time.monotonic_ns()
-            if one is self._command and not self._is_server(datagram, sender[0]):
+            if one is not self._command and not datagram.startswith(_FRAME):
+                self.session.statistics.refused["no frame on the data channel"] += 1
+            elif one is self._command and not self._is_server(datagram, sender[0]):
                 self.session.statistics.refused["stranger"] += 1
-                continue
-            self.session.receive(datagram, now)
+            else:
+                self.session.receive(datagram, now)
 
     def _is_server(self, datagram: bytes, sender: str) -> bool:
         """Whether the server sent this; without one, who tells of itself becomes it."""

@@ -53,7 +53,7 @@ def _no_answer(session: Session, server: str) -> str:
 
 
 def _no_frames(session: Session) -> str:
-    route, info, refused = session.route, session.info, session.statistics.refused
+    route, info, refused = session.route, session.info, session.statistics.refused.copy()
     assert route is not None and info is not None
     parts = ["data channel silent: the server answers, but no frame arrives"]
     if info.multicast and not route.multicast:

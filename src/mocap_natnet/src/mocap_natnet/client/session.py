@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
+from mocap_natnet.client.received import Received
 from mocap_natnet.client.requests import Requests
 from mocap_natnet.client.settings import Route, Settings
 from mocap_natnet.client.statistics import Statistics
@@ -23,6 +23,10 @@ ECHO_PERIOD = NS // 10
 """Between echoes [ns]; ten a second keep the fit within 10 us."""
 FIRST_ECHOES, FIRST_ECHO_PERIOD = 8, NS // 50
 """The first ones follow each other faster [ns] (our choice)."""
+GOOD_ROUND_TRIP = 1e-3
+"""Of the best echo [s]: the times that it gives are wrong by at most half of it. Until there is one, frames are not used, ... (our choice)"""
+CLOCK_PATIENCE = NS
+"""... for so long [ns]; then they are used with such times as there are (our choice)."""
 KEEP_ALIVE_PERIOD = NS
 """Between signs of life [ns]; the vendor's sample sends one at least every 2 s."""
 SILENT = NS // 2
@@ -34,22 +38,6 @@ a long gap, else another stream (our choice)."""
 FAILED_CONNECT_PERIOD = NS // 4
 """Least time between attempts after a datagram that could not be read [ns] (our choice)."""
 NAME = "mocap_natnet"
-
-
-class Received(NamedTuple):
-    """A frame.
-
-    Attributes:
-        frame: as read.
-        received: when it arrived, monotonic clock [ns].
-        exposed: middle of the exposure, the same clock [ns].
-        means: what told that time, see `clock.ExposureClock`.
-    """
-
-    frame: Frame
-    received: int
-    exposed: int
-    means: str
 
 
 class Session:
@@ -88,7 +76,9 @@ class Session:
         self._echoes: dict[int, None] = {}
         self._echoes_sent = 0
         self._suspect: int | None = None
-        self._connect_asked = True
+        self._connect_asked, self._connecting = True, False
+        self._described: frozenset[int] = frozenset()
+        self._undescribed, self._clock_wanted = False, 0
         self._due = dict.fromkeys(("model", "echo", "keep alive"), 0)
         self._last_connect = -NS
 
@@ -104,7 +94,7 @@ class Session:
         return Route(says is not False, says is not True, group, port)
 
     def receive(self, datagram: bytes, now: int) -> None:
-        """Take a datagram; one that cannot be used is counted by its reason.
+        """Take a datagram; each is counted, one that cannot be used by its reason.
 
         Args:
             datagram: from any socket.
@@ -112,16 +102,20 @@ class Session:
         """
         try:
             message, end = packets.split(datagram)
-            self._take(message, datagram, end, now)
+            refusal = self._take(message, datagram, end, now)
         except CodecError as error:
-            self.statistics.refused[error.reason] += 1
+            refusal = error.reason
             self._connect_asked = True  # perhaps it speaks another bitstream now
+        if refusal:
+            self.statistics.refused[refusal] += 1
+        else:
+            self.statistics.taken[Message(message).name] += 1
 
     def poll(self, now: int) -> list[bytes]:
         """What is to be sent to the server now. Call it every 20 ms or more often."""
         out: list[bytes] = []
         if self._wants_connect(now):
-            self._connect_asked, self._last_connect = False, now
+            self._connect_asked, self._connecting, self._last_connect = False, True, now
             self.statistics.connects += 1
             out.append(packet(Message.CONNECT, packets.encode_connect(Connect(NAME, self.settings.bitstream))))
         if self._codec is None or self.info is None:
@@ -131,7 +125,7 @@ class Session:
         if now >= self._due["keep alive"]:
             self._due["keep alive"] = now + KEEP_ALIVE_PERIOD
             out.append(packet(Message.KEEPALIVE))
-        if self.model is None and now >= self._due["model"]:
+        if self._wants_model and now >= self._due["model"]:
             self._due["model"] = now + MODEL_PERIOD
             out.append(packet(Message.REQUEST_MODELDEF))
         return out + self.requests.poll(now)
@@ -153,17 +147,28 @@ class Session:
         old_server = self.clock.echo is None and since >= KEEP_ALIVE_PERIOD  # it answers nothing but this
         return self._codec is None or old_server or any(self.silent(now))
 
-    def _take(self, message: int, datagram: bytes, end: int, now: int) -> None:
-        payload = datagram[HEADER.size : end]
+    @property
+    def _unsure(self) -> bool:
+        """Whether no echo told the server's clock well enough."""
+        echo = self.clock.echo
+        return echo is not None and (echo.round_trip is None or echo.round_trip > GOOD_ROUND_TRIP)
+
+    @property
+    def _wants_model(self) -> bool:
+        """Whether there is no description, or a frame held a body that it lacks."""
+        return self.model is None or self._undescribed
+
+    def _take(self, message: int, datagram: bytes, end: int, now: int) -> str:
+        """Use a datagram; "" or the reason why it is of no use."""
+        payload, refusal = datagram[HEADER.size : end], ""
         if message == Message.FRAMEOFDATA:
-            self._frame(datagram, end, now)
-            return
+            return self._frame(datagram, end, now)
         if message == Message.SERVERINFO:
-            self._server_info(packets.decode_server_info(payload))
+            refusal = self._server_info(packets.decode_server_info(payload))
         elif message == Message.MODELDEF:
-            self._describe(datagram, end)
+            refusal = self._describe(datagram, end)
         elif message == Message.ECHO_RESPONSE:
-            self._echoed(*packets.decode_echo_response(payload), now)
+            refusal = self._echoed(*packets.decode_echo_response(payload), now)
         elif message in (Message.RESPONSE, Message.UNRECOGNIZED_REQUEST):
             self.requests.answered(payload if message == Message.RESPONSE else None)
         elif message == Message.DISCONNECT_BY_TIMEOUT:
@@ -171,18 +176,26 @@ class Session:
         elif message != Message.MESSAGESTRING:
             raise CodecError("unknown message", f"{Message(message).name} is no message of a server")
         self.last_answer = now
+        return refusal
 
-    def _server_info(self, info: ServerInfo) -> None:
+    def _server_info(self, info: ServerInfo) -> str:
+        """News of the server count when they were asked for; else they are asked for."""
+        asked, self._connecting = self._connecting, False
         if info == self.info and self._codec is not None:
-            return
+            self.complaint = ""
+            return ""
+        if self.info is not None and not asked:
+            self._connect_asked = True
+            return "unasked"
         try:
             codec = Codec(info.version)
         except CodecError as error:
             self.complaint = f"{info.name or 'the server'} {'.'.join(map(str, info.application))}: {error}"
             raise
         changed = self.info is not None
-        self.info, self._codec, self.complaint = info, codec, ""
+        self._codec, self.info, self.complaint = codec, info, ""  # in this order: others may look at `info` and then at `route`
         self._begin(changed)
+        return ""
 
     def _begin(self, anew: bool) -> None:
         """Another stream, or the first one."""
@@ -190,68 +203,82 @@ class Session:
         self.clock.restart(self.info.clock_frequency)
         self.model, self._last_number, self._suspect = None, None, None
         self._echoes.clear()
-        self._echoes_sent = 0
+        self._echoes_sent = self._clock_wanted = 0
         self._due = dict.fromkeys(self._due, 0)
         if anew:
             self.statistics.restarts += 1
         self._on_restart()
 
-    def _frame(self, datagram: bytes, end: int, now: int) -> None:
+    def _frame(self, datagram: bytes, end: int, now: int) -> str:
         if self._codec is None:
-            self.statistics.refused["before server information"] += 1
-            return
+            return "before server information"
         frame = self._codec.decode_frame(datagram, end)
-        if not self._follows(frame.number):
-            return
+        if refusal := self._out_of_order(frame.number):
+            return refusal
         self._last_number, self.last_frame = frame.number, now
+        self._heed(frame)
+        self._clock_wanted = self._clock_wanted or now + CLOCK_PATIENCE
+        if self._unsure and now < self._clock_wanted:
+            return "before the clock is known"
         exposed, means = self.clock.exposed(frame, now)
         self.statistics.frame(now, exposed, means, frame.skipped)
+        self._on_frame(Received(frame, now, exposed, means))
+        return ""
+
+    def _heed(self, frame: Frame) -> None:
+        """What a frame tells of the stream."""
         if frame.suffix.flags & VERSION_CHANGED:
             self._connect_asked = True
         if frame.suffix.flags & MODEL_CHANGED:
             self.model = None
-        self._on_frame(Received(frame, now, exposed, means))
+        elif self.model is not None and not self._described.issuperset([body.id for body in frame.bodies]):
+            self._undescribed = True
 
-    def _follows(self, number: int) -> bool:
-        """Whether a frame is newer than the last; counts why it is not, and what lies between."""
+    def _out_of_order(self, number: int) -> str:
+        """Why a frame does not follow the last one, or ""; counts what lies between."""
         if self._last_number is None:
-            return True
+            return ""
         step = number - self._last_number
         if -REORDERED <= step <= 0:
-            self.statistics.refused["late" if step else "duplicate"] += 1
-            return False
+            return "late" if step else "duplicate"
         if not 0 < step <= GAP and (self._suspect is None or not 0 < number - self._suspect <= GAP):
             self._suspect = number
-            self.statistics.refused["number"] += 1
-            return False
+            return "number"
         if 0 < step <= AHEAD:
             self.statistics.lost += step - 1
         else:
             self._begin(anew=True)
             self._connect_asked = True
         self._suspect = None
-        return True
+        return ""
 
-    def _describe(self, datagram: bytes, end: int) -> None:
+    def _describe(self, datagram: bytes, end: int) -> str:
         if self._codec is None:
-            self.statistics.refused["before server information"] += 1
-            return
+            return "before server information"
+        if not self._wants_model:
+            return "unasked"
         self.model = self._codec.decode_model(datagram, end)
+        self._described, self._undescribed = frozenset(self.model.bodies), False
         self._on_model(self.model)
+        return ""
 
     def _echo(self, now: int) -> bytes:
         self._echoes_sent += 1
-        self._due["echo"] = now + (FIRST_ECHO_PERIOD if self._echoes_sent < FIRST_ECHOES else ECHO_PERIOD)
+        self._due["echo"] = now + (FIRST_ECHO_PERIOD if self._echoes_sent < FIRST_ECHOES or self._unsure else ECHO_PERIOD)
         self._echoes[now] = None
         while len(self._echoes) > 50:
             self._echoes.pop(next(iter(self._echoes)))
         return packet(Message.ECHO_REQUEST, packets.encode_echo_request(now))
 
-    def _echoed(self, stamp: int, ticks: int, now: int) -> None:
-        """The answer to an echo of ours; another one is counted."""
+    def _echoed(self, stamp: int, ticks: int, now: int) -> str:
+        """The answer to an echo of ours; another one is refused."""
         if stamp not in self._echoes:
-            self.statistics.refused["echo"] += 1
-            return
+            return "echo"
         del self._echoes[stamp]
-        if self.clock.echo is not None:
-            self.clock.echo.add(stamp, now, ticks)
+        echo = self.clock.echo
+        if echo is not None:
+            before = echo.restarts
+            echo.add(stamp, now, ticks)
+            if echo.restarts > before:  # another server, or one whose frequency was misread
+                self._connect_asked = True
+        return ""

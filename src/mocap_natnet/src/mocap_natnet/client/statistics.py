@@ -17,7 +17,8 @@ class Statistics:
     Attributes:
         frames: that were used.
         lost: numbers that were left out between frames.
-        refused: datagrams that were not used, by reason; "duplicate" and "late" are frames that came twice or after a later one.
+        taken: datagrams that were used, by message.
+        refused: all others, by reason; "duplicate" and "late" are frames that came twice or after a later one.
         connects: how often a connection was asked for.
         restarts: how often the server was found to be another one, or begun anew.
         skipped: bytes that frames held beyond what is known of their bitstream.
@@ -26,6 +27,7 @@ class Statistics:
 
     frames: int = 0
     lost: int = 0
+    taken: Counter[str] = field(default_factory=Counter)
     refused: Counter[str] = field(default_factory=Counter)
     connects: int = 0
     restarts: int = 0
@@ -48,18 +50,14 @@ class Statistics:
         self.skipped += skipped
         self.means[means] += 1
         self._recent.append((received, exposed))
-        self._forget(received)
+        while self._recent[0][0] < received - RATE_WINDOW:
+            self._recent.popleft()
 
     def rate(self, now: int) -> float:
-        """Frames in the last second [Hz]."""
-        self._forget(now)
-        return len(self._recent) * NS / RATE_WINDOW
+        """Frames in the last second [Hz]; from any thread."""
+        return sum(received >= now - RATE_WINDOW for received, _ in tuple(self._recent)) * NS / RATE_WINDOW
 
     def latency(self) -> float:
-        """Mean time from exposure to arrival in the last second [s]; NaN without frames."""
+        """Mean time from exposure to arrival in the last second in which frames came [s]; NaN without frames; from any thread."""
         recent = tuple(self._recent)
         return sum(received - exposed for received, exposed in recent) / len(recent) / NS if recent else float("nan")
-
-    def _forget(self, now: int) -> None:
-        while self._recent and self._recent[0][0] < now - RATE_WINDOW:
-            self._recent.popleft()

@@ -4,32 +4,47 @@ from __future__ import annotations
 
 import argparse
 import logging
+import math
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Protocol
 
 from hric_control.errors import HricError, ParameterError
 from mocap_natnet.codec import FIRST, LAST, parse, text
 from mocap_natnet.poses import UP_AXES
 from mocap_natnet.server.motive import Motive
 from mocap_natnet.server.scene import Faults, Scene
-from mocap_natnet.server.scene_file import DEFAULT_BODIES, load
+from mocap_natnet.server.scene_file import DEFAULT_BODIES, Live, load
 from mocap_natnet.server.server import LOG, MotiveServer
 from mocap_natnet.server.settings import TRANSPORTS, UNICAST_TO, Settings
+from mocap_natnet.server.stream_time import Clock
+
+CLOCKS = ("run", "wall")
+TICK = 1.0
+"""Between ticks [s]."""
+
+
+class LiveScene(Live, Protocol):
+    """Sources whose bodies move in the time of the run."""
+
+    run_of: Callable[[float], float | None]
 
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     made = argparse.ArgumentParser(
         prog="rosrun mocap_natnet emulated_motive",
-        description="An emulated Motive that streams by NatNet to any client. Needs no ROS master.",
+        description="An emulated Motive that streams by NatNet to any client. Needs no ROS master; where one is, the stream goes by the run's time.",
     )
     add = made.add_argument
     add("--scene", type=Path, metavar="FILE", help="YAML with bodies and plates (default: a body `marker` on a sinusoid of 0.1 m, 0.25 Hz along x)")
     add("--up", choices=UP_AXES, default="y", help="axis that points up in the stream (default: %(default)s)")
     add("--hide-plates", action="store_true", help="stream force plates without describing them, for clients that cannot read that")
+    add("--clock", choices=CLOCKS, default="run", help="run: stream in the time of the run where a ROS master answers; wall (default: %(default)s)")
     add("--duration", type=float, default=0.0, metavar="S", help="end after this time [s]; 0: never (default: %(default)s)")
     _add_stream(made)
     _add_faults(made)
@@ -82,8 +97,8 @@ def occlusion(words: str) -> tuple[float, float, str]:
         raise ParameterError(f"--occlude is {words!r}; valid: BEGIN:DURATION or BEGIN:DURATION:BODY, e.g. 2:0.5:marker [s]") from None
 
 
-def make_motive(options: argparse.Namespace) -> Motive:
-    """What the arguments describe. Raises HricError."""
+def make_motive(options: argparse.Namespace, live: Live | None = None) -> Motive:
+    """What the arguments describe; `live` makes sources that hear the running system. Raises HricError."""
     faults = Faults(
         options.noise,
         options.rotation_noise,
@@ -97,7 +112,7 @@ def make_motive(options: argparse.Namespace) -> Motive:
     stream = {name: getattr(options, name) for name in (*names, "latency", "jitter", "loss", "drift", "seed")}
     settings = Settings(version=parse(options.bitstream), **stream)
     described = not options.hide_plates
-    scene = load(options.scene, faults, options.up, described) if options.scene else Scene(DEFAULT_BODIES, (), faults, options.up, described)
+    scene = load(options.scene, faults, options.up, described, live) if options.scene else Scene(DEFAULT_BODIES, (), faults, options.up, described)
     known = {body.name for body in scene.bodies}
     for _, _, body in faults.occlusions:
         if body and body not in known:
@@ -105,36 +120,85 @@ def make_motive(options: argparse.Namespace) -> Motive:
     return Motive(settings, scene)
 
 
-def serve(options: argparse.Namespace) -> None:
-    """Run until SIGINT, SIGTERM or the end of the duration. Raises HricError."""
+def serve(options: argparse.Namespace, clock: Clock | None = None, tick: Callable[[], None] = lambda: None, live: LiveScene | None = None) -> None:
+    """Run until SIGINT, SIGTERM or the end of the duration.
+
+    Args:
+        options: of `parser`.
+        clock: by which the stream goes; None: the wall's.
+        tick: called once a second; a HricError of it ends the server.
+        live: makes sources that hear the running system, and is told how the stream's time and the clock's belong together.
+
+    Raises:
+        HricError: the options cannot be used, or `tick` says so.
+    """
     if not options.duration >= 0:
         raise ParameterError(f"--duration is {options.duration}; valid: 0 or more")
-    motive = make_motive(options)
-    server = MotiveServer(motive)
+    motive = make_motive(options, live)
+    server = MotiveServer(motive, clock)
+    if live is not None:
+        live.run_of = server.run_time
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: server.stop())
     settings = motive.settings
     where = f"group {settings.group}" if settings.transport == "multicast" else "unicast"
     LOG.info("bitstream %s at %g Hz, %s, commands at %s:%d", text(settings.version), settings.rate, where, settings.ip, server.command_port)
-    timer = threading.Timer(options.duration, server.stop)
-    timer.daemon = True
-    if options.duration:
-        timer.start()
+    ticker = _Ticker(server, tick, options.duration or math.inf)
     try:
         server.run()
     finally:
-        timer.cancel()
+        ticker.end()
         server.close()
+    if ticker.failure is not None:
+        raise ticker.failure
+
+
+class _Ticker:
+    """Calls `tick` each second beside the server, and ends it in time.
+
+    Attributes:
+        failure: of `tick`.
+    """
+
+    def __init__(self, server: MotiveServer, tick: Callable[[], None], duration: float) -> None:
+        self._server, self._tick, self._end = server, tick, time.monotonic() + duration
+        self._ended = threading.Event()
+        self.failure: HricError | None = None
+        threading.Thread(target=self._work, name="ticker", daemon=True).start()
+
+    def end(self) -> None:
+        """Call no more."""
+        self._ended.set()
+
+    def _work(self) -> None:
+        while not self._ended.wait(min(TICK, max(0.0, self._end - time.monotonic()))):
+            try:
+                self._tick()
+            except HricError as error:
+                self.failure = error
+            if self.failure is not None or time.monotonic() >= self._end:
+                self._server.stop()
+                return
+
+
+def options_of(words: Sequence[str] | None) -> argparse.Namespace:
+    """The command line, without the names that roslaunch adds for rospy."""
+    given = sys.argv[1:] if words is None else words
+    return parser().parse_args([word for word in given if not word.startswith("__")])
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """The command. Returns its exit code."""
-    given = sys.argv[1:] if words is None else words
-    options = parser().parse_args([word for word in given if not word.startswith("__")])  # roslaunch adds names for rospy
+    """The command without ROS. Returns its exit code."""
+    options = options_of(words)
     logging.basicConfig(level=logging.INFO, format="[%(levelname)s] %(message)s")
+    return run(lambda: serve(options))
+
+
+def run(work: Callable[[], None]) -> int:
+    """Do the work; a HricError becomes one line and the exit code 1."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # until the server stands
     try:
-        serve(options)
+        work()
     except HricError as error:
         LOG.critical("%s", error)
         return 1

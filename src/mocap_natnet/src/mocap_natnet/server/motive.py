@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,11 +50,13 @@ class Motive:
         recording: whether a take is being recorded.
         take: its name.
         live: False in edit mode, in which nothing is streamed.
+        hardware: time of the stream -> time by the server's own clock, which goes on while a stream in run time stands [s].
     """
 
     def __init__(self, settings: Settings, scene: Scene) -> None:
         self.settings, self.scene = settings, scene
         self.recording, self.take, self.live = False, "", True
+        self.hardware: Callable[[float], float] = _same
         self._version = settings.version
         self._codecs: dict[Version, Codec] = {}
         self._clients: dict[Address, _Client] = {}
@@ -95,11 +98,12 @@ class Motive:
         sent = time + (self.delay(number) or settings.latency)
         flags = (RECORDING if self.recording else 0) | (0 if self.live else EDIT_MODE) | self._pending_flags
         self._pending_flags = 0
+        exposed, transmitted = self.hardware(time), self.hardware(sent)
         suffix = Suffix(
-            time_stamp=time,
-            mid_exposure=settings.ticks(time) if settings.exposure_known else 0,
-            received=settings.ticks(max(time, sent - min(settings.latency, 0.0009))),  # a capture shows 0.9 ms of software
-            transmitted=settings.ticks(sent),
+            time_stamp=exposed,
+            mid_exposure=settings.ticks(exposed) if settings.exposure_known else 0,
+            received=settings.ticks(max(exposed, transmitted - min(settings.latency, 0.0009))),  # a capture shows 0.9 ms of software
+            transmitted=settings.ticks(transmitted),
             flags=flags,
         )
         return self.scene.frame(number, time, settings.period)._replace(suffix=suffix)
@@ -113,7 +117,7 @@ class Motive:
 
         Args:
             frame: of `frame()`.
-            time: of the stream, to forget silent clients by [s].
+            time: by the server's own clock, to forget silent clients by [s].
         """
         settings = self.settings
         if not self.live:
@@ -133,13 +137,14 @@ class Motive:
                 found.append((made[client.version], (address[0], settings.data_port)))
         return found
 
-    def answer(self, datagram: bytes, sender: Address, time: float) -> Outgoing:
+    def answer(self, datagram: bytes, sender: Address, time: float, latest: int | None = None) -> Outgoing:
         """The answers to a datagram; none to what is no request.
 
         Args:
             datagram: as it came.
             sender: who sent it.
-            time: of the stream when it came [s].
+            time: when it came, by the server's own clock [s].
+            latest: number of the latest frame; None: where the stream goes by the same clock.
         """
         try:
             message, end = packets.split(datagram)
@@ -159,7 +164,7 @@ class Motive:
         if message == Message.REQUEST:
             return [(self._request(payload.split(b"\0", 1)[0].decode(errors="replace"), sender), sender)]
         if message == Message.REQUEST_FRAMEOFDATA:
-            number = max(0, int(time * self.settings.rate))
+            number = max(0, int(time * self.settings.rate)) if latest is None else latest
             return [(self.datagram(self.frame(number), self._version_of(sender)), sender)]
         if message == Message.DISCONNECT:
             self._clients.pop(sender, None)
@@ -243,3 +248,7 @@ class Motive:
             return packet(Message.RESPONSE, _FAILED)
         client.version, self._pending_flags = version, self._pending_flags | VERSION_CHANGED
         return packet(Message.RESPONSE, _OK)
+
+
+def _same(time: float) -> float:
+    return time

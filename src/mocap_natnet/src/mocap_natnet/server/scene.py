@@ -134,8 +134,9 @@ class Scene:
         random = np.random.default_rng((self.faults.seed, number))
         bodies, markers, sets = [], [], []
         for body in self.bodies:
-            pose = self._noisy(body.source(time), random)
-            hidden = self._hidden(body.name, time)
+            exact = body.source(time)
+            pose = self._noisy(exact or Pose(), random)
+            hidden = self._hidden(body.name, time) or exact is None
             if not hidden:
                 self._last[body.name] = pose
                 seen = self._markers(body, pose, random)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import yaml
 
 from hric_control.errors import ParameterError, UnknownNameError
 from mocap_natnet.codec.types import Vector
-from mocap_natnet.poses import Pose, from_rotation_vector
+from mocap_natnet.poses import UP_AXES, Pose, from_rotation_vector
 from mocap_natnet.server.scene import Body, Faults, Plate, Scene
 from mocap_natnet.server.sources import Sinusoid, Source, Track, from_file
 
@@ -19,15 +19,34 @@ DEFAULT_BODIES = (Body("marker", Sinusoid()),)
 """One body on a sinusoid along x: 0.1 m, 0.25 Hz, as in the marker tracking of the thesis."""
 
 
-def load(path: Path, faults: Faults, up: str, describe_plates: bool = True) -> Scene:
-    """The scene of a file (INTERFACE.md gives its keys). Raises ParameterError, UnknownNameError."""
+class Live(Protocol):
+    """Makes sources that hear the running system (`mocap_natnet.server.live_sources`)."""
+
+    def topic(self, name: str) -> Source:
+        """Follows a topic of poses."""
+
+    def link(self, name: str, frame: str) -> Source:
+        """Follows a link of the robot or the simulation."""
+
+
+def load(path: Path, faults: Faults, up: str, describe_plates: bool = True, live: Live | None = None) -> Scene:
+    """The scene of a file (INTERFACE.md gives its keys).
+
+    Args:
+        path: of the file.
+        faults, up, describe_plates: of the scene.
+        live: makes what hears the running system; None: there is none.
+
+    Raises:
+        ParameterError, UnknownNameError: the file cannot be used.
+    """
     try:
         content = yaml.safe_load(path.read_text())
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise ParameterError(f"scene {path}: {error}") from error
     table = _Table(str(path), content)
     table.only("bodies", "plates")
-    bodies = tuple(_body(entry, path.parent, number) for number, entry in enumerate(table.tables("bodies"), 1))
+    bodies = tuple(_body(entry, path.parent, number, live) for number, entry in enumerate(table.tables("bodies"), 1))
     plates = tuple(_plate(entry, number) for number, entry in enumerate(table.tables("plates"), 1))
     if not bodies and not plates:
         raise ParameterError(f"{path} has neither bodies nor plates")
@@ -66,6 +85,10 @@ class _Table:
             raise ParameterError(f"{name} in {self.where} is {value!r}; valid: a text")
         return value
 
+    def has(self, name: str) -> bool:
+        """Whether the key is given."""
+        return name in self._content
+
     def integer(self, name: str, default: int) -> int:
         """A whole number, 0 or more."""
         value = self._content.get(name, default)
@@ -100,18 +123,34 @@ class _Table:
         return [float(part) for part in value]
 
 
-def _body(table: _Table, folder: Path, number: int) -> Body:
+def _body(table: _Table, folder: Path, number: int, live: Live | None) -> Body:
     table.only("name", "id", "markers", "motion")
     markers = tuple((row[0], row[1], row[2]) for row in table.rows("markers", 3))
-    body = Body(table.text("name"), _motion(table.table("motion"), folder), table.integer("id", number))
+    body = Body(table.text("name"), _motion(table.table("motion"), folder, live), table.integer("id", number))
     return Body(body.name, body.source, body.id, markers) if markers else body
 
 
-def _motion(table: _Table, folder: Path) -> Source:
+def _motion(table: _Table, folder: Path, live: Live | None) -> Source:
     kind = table.text("type")
+    if kind in _LIVE:
+        if live is None:
+            raise ParameterError(f"motion {kind} in {table.where} hears the running system, and no ROS master answers; valid: {', '.join(_MOTIONS)}")
+        return _LIVE[kind](table, live)
     if kind not in _MOTIONS:
-        raise UnknownNameError("motion", kind, _MOTIONS, table.where)
+        raise UnknownNameError("motion", kind, [*_MOTIONS, *_LIVE], table.where)
     return _MOTIONS[kind](table, folder)
+
+
+def _topic(table: _Table, live: Live) -> Source:
+    table.only("type", "topic", "message")
+    if (kind := table.text("message", "PoseStamped")) != "PoseStamped":
+        raise ParameterError(f"message in {table.where} is {kind!r}; valid: PoseStamped")
+    return live.topic(table.text("topic"))
+
+
+def _link(table: _Table, live: Live) -> Source:
+    table.only("type", "link", "frame")
+    return live.link(table.text("link"), table.text("frame", "world"))
 
 
 def _still(table: _Table, folder: Path) -> Source:
@@ -147,6 +186,16 @@ def _file(table: _Table, folder: Path) -> Source:
     return from_file(folder / table.text("path"))
 
 
+def _bag(table: _Table, folder: Path) -> Source:
+    from mocap_natnet.server.bag_source import from_bag  # takes half a second, which only this motion is worth
+
+    table.only("type", "path", "topic", "body", "up")
+    up = table.text("up", "z")
+    if up not in UP_AXES:
+        raise ParameterError(f"up in {table.where} is {up!r}; valid: {', '.join(UP_AXES)}")
+    return from_bag(folder / table.text("path"), table.text("topic"), table.text("body") if table.has("body") else "", up)
+
+
 def _plate(table: _Table, number: int) -> Plate:
     table.only("id", "serial", "centre", "samples", "wrench")
     wrench = tuple(table.numbers("wrench", 6, [0.0] * 6))
@@ -166,4 +215,6 @@ _MOTIONS: dict[str, Callable[[_Table, Path], Source]] = {
     "minimum_jerk": _track,
     "line": _track,
     "file": _file,
+    "bag": _bag,
 }
+_LIVE: dict[str, Callable[[_Table, Live], Source]] = {"topic": _topic, "link": _link}

@@ -8,12 +8,10 @@ import logging
 import select
 import socket
 import threading
-import time
-from collections.abc import Callable
 
 from hric_control.errors import HricError
-from mocap_natnet.codec.types import Frame
 from mocap_natnet.server.motive import Motive, Outgoing
+from mocap_natnet.server.stream_time import Clock, StreamTime, WallClock
 from mocap_natnet.sockets import datagram_socket
 
 LOG = logging.getLogger("hric.mocap_natnet")
@@ -22,14 +20,19 @@ LATE = 1.0
 """A stream that is this far behind goes on from now instead of catching up [s] (our choice)."""
 IDLE = 0.1
 """Longest sleep, after which a request to stop is noticed [s]."""
+STANDING = 0.005
+"""Sleep while the stream stands, as it does in a paused run [s]."""
 
 
 class MotiveServer:
-    """Streams in real time. Use as a context, or `start()` and `close()`, or `run()` in the calling thread.
+    """Streams. Use as a context, or `start()` and `close()`, or `run()` in the calling thread.
+
+    The scene is looked at when a frame is sent, its latency after the exposure, so that a source may be told of the exposure until then.
 
     Args:
         motive: what it says.
-        clock: time that paces the stream [s]; the stream's time begins at 0 when the server starts.
+        clock: by which the stream goes: the wall's, or a `RunTime`, so that the cameras stand while the run is paused. The stream's time begins at 0
+            when the server starts and the clock is known. What the server's ticks count goes on all the time.
 
     Attributes:
         sent: frames that were sent, whether anybody wanted them or not.
@@ -38,9 +41,10 @@ class MotiveServer:
         HricError: the address or the port cannot be taken.
     """
 
-    def __init__(self, motive: Motive, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, motive: Motive, clock: Clock | None = None) -> None:
         self.motive, self.sent = motive, 0
-        self._clock, self._stop = clock, threading.Event()
+        self._clock, self._stop = clock or WallClock(), threading.Event()
+        self._latest = 0
         self._thread: threading.Thread | None = None
         settings = motive.settings
         self._command = datagram_socket()
@@ -56,7 +60,7 @@ class MotiveServer:
         except OSError as error:
             self._close_sockets()
             raise HricError(f"cannot listen on {settings.ip}, UDP port {settings.command_port}: {error.strerror or error}") from error
-        self._began = self._clock()
+        self._time = StreamTime(self._clock)
 
     @property
     def command_port(self) -> int:
@@ -67,7 +71,11 @@ class MotiveServer:
     @property
     def time(self) -> float:
         """Of the stream [s]."""
-        return self._clock() - self._began
+        return self._time.now()
+
+    def run_time(self, stream: float) -> float | None:
+        """The time by the clock [s] at a time of the stream [s]; None while it is not known."""
+        return self._time.clock_time(stream)
 
     def start(self) -> None:
         """Run in a thread."""
@@ -95,7 +103,8 @@ class MotiveServer:
 
     def run(self) -> None:
         """Stream until `stop()`."""
-        self._began = self._clock()
+        self._time = StreamTime(self._clock)
+        self.motive.hardware = self._time.hardware
         number, pending = 0, _Pending()
         period = self.motive.settings.period
         while not self._stop.is_set():
@@ -107,10 +116,17 @@ class MotiveServer:
                 pending.expose(self.motive, number)
                 number += 1
             while (due := pending.pop(now)) is not None:
-                self._send(self._data, self.motive.stream(due, now))
+                self._latest = due
+                self._send(self._data, self.motive.stream(self.motive.frame(due), self._time.hardware_now()))
                 self.sent += 1
-            wait = min(IDLE, number * period - self.time, pending.next - self.time)
-            self._answer(max(0.0, wait))
+            self._answer(self._wait(min(number * period, pending.next)))
+
+    def _wait(self, until: float) -> float:
+        """Until a time of the stream, in wall time [s]."""
+        if until <= self.time:
+            return 0.0
+        wait = self._time.hardware(until) - self._time.hardware_now()
+        return min(IDLE, wait) if wait > 0 else STANDING
 
     def _answer(self, wait: float) -> None:
         """Answer what comes within `wait` [s]."""
@@ -122,7 +138,7 @@ class MotiveServer:
                 return
             except OSError:  # a client that is gone answers with a port that nobody listens on
                 continue
-            self._send(self._command, self.motive.answer(datagram, sender, self.time))
+            self._send(self._command, self.motive.answer(datagram, sender, self._time.hardware_now(), self._latest))
 
     def _send(self, out: socket.socket, datagrams: Outgoing) -> None:
         for datagram, address in datagrams:
@@ -135,10 +151,10 @@ class MotiveServer:
 
 
 class _Pending:
-    """Frames on their way from the cameras to the network."""
+    """Numbers of frames on their way from the cameras to the network."""
 
     def __init__(self) -> None:
-        self._heap: list[tuple[float, int, Frame]] = []
+        self._heap: list[tuple[float, int]] = []
 
     @property
     def next(self) -> float:
@@ -146,11 +162,11 @@ class _Pending:
         return self._heap[0][0] if self._heap else float("inf")
 
     def expose(self, motive: Motive, number: int) -> None:
-        """Look at the scene now; the frame is due after its latency."""
-        frame, delay = motive.frame(number), motive.delay(number)
+        """The frame is due after its latency."""
+        delay = motive.delay(number)
         if delay is not None:
-            heapq.heappush(self._heap, (number * motive.settings.period + delay, number, frame))
+            heapq.heappush(self._heap, (number * motive.settings.period + delay, number))
 
-    def pop(self, now: float) -> Frame | None:
+    def pop(self, now: float) -> int | None:
         """A frame that is due."""
-        return heapq.heappop(self._heap)[2] if self._heap and self._heap[0][0] <= now else None
+        return heapq.heappop(self._heap)[1] if self._heap and self._heap[0][0] <= now else None

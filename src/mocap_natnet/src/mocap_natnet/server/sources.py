@@ -14,8 +14,8 @@ from hric_control.errors import ParameterError
 from mocap_natnet.codec.types import Quaternion, Vector
 from mocap_natnet.poses import IDENTITY, ORIGIN, Pose, from_rotation_vector, multiply, normalized
 
-Source = Callable[[float], Pose]
-"""Time of the stream [s] -> pose of the body (z up). Called once per frame, with rising times; it must not block."""
+Source = Callable[[float], Pose | None]
+"""Time of the stream [s] -> pose of the body (z up), None: it is not seen. Called once per frame, with rising times; it must not block."""
 
 
 @dataclass(frozen=True)

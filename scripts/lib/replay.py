@@ -1,0 +1,189 @@
+"""Play a run folder on a ROS master: its bag with its own clock, its robot, rviz. Called by scripts/replay."""
+
+from __future__ import annotations
+
+import signal
+
+# Until processes start, Ctrl-C ends this at once and without a word.
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+import argparse
+import ctypes
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from bringup_master import DEFAULT, MasterError, call, choose, node_is_alive
+from replay_run import Run, blocked, find
+
+from hric_control.errors import HricError
+
+WORKSPACE = Path(__file__).resolve().parents[2]
+VIEW = WORKSPACE / "src/hric_bringup/rviz/panda.rviz"
+INTERRUPTED = 130
+START_TIMEOUT, RVIZ_TIMEOUT = 20.0, 40.0
+"""How long a node may take to be there [s]."""
+END_TIMEOUT = 3.0
+"""How long a process may take to end before it is killed [s]."""
+BEFORE = 1.0
+"""Between announcing the topics and the first message, so that the others are connected [s]."""
+_PR_SET_PDEATHSIG = 1
+
+
+class Interrupted(BaseException):
+    """Ctrl-C, SIGTERM or SIGHUP."""
+
+
+class Processes:
+    """What was started here, ended in the reverse order."""
+
+    def __init__(self) -> None:
+        self._started: list[subprocess.Popen[bytes]] = []
+
+    def start(self, *command: str, quiet: bool = False) -> subprocess.Popen[bytes]:
+        """Start a process that does not see the terminal's Ctrl-C, and that the system ends should this one be killed."""
+        prctl = ctypes.CDLL(None, use_errno=True).prctl
+        process = subprocess.Popen(
+            command,
+            start_new_session=True,
+            stdout=subprocess.DEVNULL if quiet else None,
+            stdin=None if sys.stdin is not None and sys.stdin.isatty() else subprocess.DEVNULL,
+            preexec_fn=lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGINT),
+        )
+        self._started.append(process)
+        return process
+
+    def close(self) -> None:
+        """End all."""
+        for process in reversed(self._started):
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+                try:
+                    process.wait(END_TIMEOUT)
+                except subprocess.TimeoutExpired:
+                    os.killpg(process.pid, signal.SIGKILL)
+                    process.wait()
+
+
+def parsed(argv: Sequence[str]) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        "scripts/replay",
+        description="Play a run: its bag with its own clock, the robot as it was, and rviz. The space bar pauses, Ctrl-C ends it.",
+    )
+    parser.add_argument("run", metavar="RUN", help="run folder, its name below runs/, or latest")
+    parser.add_argument("--rate", type=_rate, default=1.0, metavar="R", help="so many times as fast as it was (default 1)")
+    parser.add_argument("--no-rviz", action="store_true", help="without rviz; by itself where there is no display")
+    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
+    return parser.parse_args(argv)
+
+
+def _rate(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e3:
+        raise argparse.ArgumentTypeError(f"{text!r} is not possible; valid: a number above 0 and below 1000, such as 0.5")
+    return value
+
+
+def play(run: Run, master: str, running: bool, rate: float, rviz: bool) -> int:
+    """Start all, wait for the end of the bag; answers the exit code."""
+    os.environ["ROS_MASTER_URI"] = master
+    processes, before = Processes(), None
+    try:
+        if not running:
+            core = processes.start("roscore", "-p", master.rpartition(":")[2].strip("/"), quiet=True)
+            _wait("roscore", lambda: call(master, "getPid") is not None, core, START_TIMEOUT)
+        before = call(master, "getParam", "/use_sim_time")
+        _set(master, "/use_sim_time", True)
+        _show(processes, run, master, rviz)
+        bags = [str(bag) for bag in run.bags]
+        print(f"playing {run.name}: {run.duration:.1f} s at {rate:g} times its pace, {len(run.topics)} topics", flush=True)
+        command = ["rosbag", "play", "--quiet", "--clock", "-d", str(BEFORE), "-r", str(rate), "--topics", *run.topics, "--bags", *bags]
+        return _ended(processes.start(*command, "__name:=replay"))
+    except Interrupted:
+        return INTERRUPTED
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        if running:
+            _restore(master, run, before)
+        processes.close()
+
+
+def _show(processes: Processes, run: Run, master: str, rviz: bool) -> None:
+    space = run.namespace
+    if run.urdf:
+        _set(master, f"{space}/robot_description", run.urdf)
+        if not run.has_transforms:
+            name = f"{space}/robot_state_publisher"
+            publisher = processes.start("rosrun", "robot_state_publisher", "robot_state_publisher", f"__ns:={space or '/'}")
+            _wait(name, lambda: node_is_alive(master, name), publisher, START_TIMEOUT)
+    else:
+        print("the run has no robot.urdf: no robot is shown", flush=True)
+    if rviz:
+        shown = processes.start("rosrun", "rviz", "rviz", "-d", str(VIEW), f"__ns:={space or '/'}", "__name:=rviz")
+        _wait("rviz", lambda: node_is_alive(master, f"{space}/rviz"), shown, RVIZ_TIMEOUT)
+
+
+def _wait(what: str, done: Callable[[], bool], process: subprocess.Popen[bytes], timeout: float) -> None:
+    deadline = time.monotonic() + timeout
+    while not done():
+        if process.poll() is not None:
+            raise HricError(f"{what} ended with code {process.returncode}; its messages stand above")
+        if time.monotonic() > deadline:
+            raise HricError(f"{what} did not start within {timeout:g} s")
+        time.sleep(0.05)
+
+
+def _ended(player: subprocess.Popen[bytes]) -> int:
+    while player.poll() is None:
+        time.sleep(0.05)
+    if player.returncode:
+        raise HricError(f"rosbag play ended with code {player.returncode}; its messages stand above")
+    return 0
+
+
+def _set(master: str, name: str, value: str | bool) -> None:
+    call(master, "setParam", name, value)  # type: ignore[arg-type]
+
+
+def _restore(master: str, run: Run, use_sim_time: tuple[int, str, object] | None) -> None:
+    """Leave a master that others use as it was found."""
+    if use_sim_time is not None and use_sim_time[0] == 1:
+        _set(master, "/use_sim_time", bool(use_sim_time[2]))
+    else:
+        call(master, "deleteParam", "/use_sim_time")
+    call(master, "deleteParam", f"{run.namespace}/robot_description")
+
+
+def _interrupt(*_: object) -> None:
+    raise Interrupted
+
+
+def main(argv: Sequence[str]) -> int:
+    """Command line; answers the exit code."""
+    given = parsed(argv)
+    try:
+        run = find(given.run, given.runs)
+        master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, f"{run.namespace}/robot")
+        if running and (reason := blocked(call(master, "getSystemState"), run)):
+            other = "ROS_MASTER_URI=http://localhost:11322 scripts/replay ..."
+            raise HricError(f"{reason} on the master {master}: the run would be mixed with it. End it first, or replay beside it:  {other}")
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, _interrupt)
+        return play(run, master, running, given.rate, not given.no_rviz and bool(os.environ.get("DISPLAY")))
+    except (HricError, MasterError) as error:
+        print(f"scripts/replay: {error}", file=sys.stderr)
+        return 1
+    except Interrupted:
+        return INTERRUPTED
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

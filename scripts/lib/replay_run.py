@@ -1,0 +1,101 @@
+"""What a replay takes from a run folder, and what forbids it on a master that is in use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReaderError
+
+from hric_control.errors import HricError
+from hric_experiments.analysis import bag_of
+from hric_experiments.bag_parts import PartsReader, parts
+from hric_experiments.run_folder import RunFolder, runs_root
+
+NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
+"""The player makes the clock; the log of then would mix with that of now."""
+LISTENING = ("/rosout",)
+"""Nodes that a master always has."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recorded run.
+
+    Attributes:
+        name: of its folder.
+        bags: its bag, in its parts.
+        urdf: the robot's description; empty: not known.
+        namespace: of the robot, without a slash at its end; "" for none.
+        topics: what is played.
+        has_transforms: whether the bag holds those of a robot_state_publisher.
+        duration: from the first message to the last [s].
+    """
+
+    name: str
+    bags: list[Path]
+    urdf: str
+    namespace: str
+    topics: list[str]
+    has_transforms: bool
+    duration: float
+
+
+def find(given: str, root: str | None) -> Run:
+    """The run that is meant.
+
+    Raises:
+        HricError: it is not there, its bag was not closed or is damaged, or it holds nothing.
+    """
+    folder = RunFolder.open(given, runs_root(root))
+    bag = bag_of(folder, folder.read())
+    if not bag.is_file():
+        unfinished = bag.with_name(bag.name + ".active").is_file()
+        hint = (
+            f"its recording did not end properly, try: rosrun hric_experiments health --salvage {folder.path}" if unfinished else "it was moved away"
+        )
+        raise HricError(f"the run {folder.path.name} has no bag {bag.name}: {hint}")
+    try:
+        with PartsReader(bag) as reader:
+            topics = sorted(set(reader.topics) - set(NOT_PLAYED)) if reader.message_count else []
+            senders = [str(getattr(c.ext, "callerid", "")) for c in reader.connections if c.topic == "/tf"]
+            duration = reader.duration * 1e-9 if topics else 0.0
+    except (AnyReaderError, OSError) as error:
+        raise HricError(f"cannot read {bag.name}: {error}; try: rosrun hric_experiments health {folder.path}") from error
+    if not topics:
+        raise HricError(f"the run {folder.path.name} has nothing to play: {bag.name} holds no message")
+    urdf = folder.urdf_path.read_text() if folder.urdf_path.is_file() else ""
+    transforms = any(sender.endswith("/robot_state_publisher") for sender in senders)
+    return Run(folder.path.name, parts(bag), urdf, _namespace(topics), topics, transforms, duration)
+
+
+def _namespace(topics: list[str]) -> str:
+    """Where the robot's topics stood."""
+    for name in ("/control_log", "/joint_states"):
+        for topic in topics:
+            if topic.endswith(name):
+                return topic.removesuffix(name)
+    return ""
+
+
+def blocked(state: tuple[int, str, Any] | None, run: Run) -> str:
+    """Why a run must not be played on a master that is in use; empty: it may.
+
+    A robot that runs there would take the commands of then for those of now.
+
+    Args:
+        state: answer of the master to getSystemState.
+        run: what is to be played.
+    """
+    if state is None:
+        return ""
+    publishers, _, services = state[2]
+    for service, nodes in services:
+        if service.endswith("controller_manager/switch_controller"):
+            return f"a robot runs ({', '.join(nodes)})"
+    for topic, nodes in publishers:
+        others = [node for node in nodes if node not in LISTENING]
+        if others and (topic == "/clock" or topic in run.topics):
+            return f"{', '.join(others)} publishes {topic}"
+    return ""

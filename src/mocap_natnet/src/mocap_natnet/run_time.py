@@ -1,0 +1,129 @@
+"""The time of the run in a process beside the robot: for drivers, which stamp measurements with it, and for emulators, which go by it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+from rosgraph_msgs.msg import Clock
+
+from hric_control.errors import HricError
+from hric_control.ros_node import RosNode
+from hric_msgs.msg import ClockPair
+from mocap_natnet.run_clock import NS, RunClock
+
+TOPIC = "/hric/clock"
+PATIENCE = 3.0
+"""Without a pair for so long, another clock tells the time [s] (our choice)."""
+SAME_MACHINE = 2 * NS
+"""Pairs are at most this old when they arrive [ns]; others are of another machine, whose monotonic clock is another one."""
+PAIRS, TICKS, WALL, NOTHING = TOPIC, "/clock", "the wall clock", "nothing"
+
+
+class UnpacedError(HricError):
+    """A sensor on a wire cannot take part in a run that is not paced."""
+
+
+class RunTime:
+    """Maps the monotonic clock here to the time of the run: by the pairs on `/hric/clock`; without them for some seconds, by the ticks of `/clock`
+    where `/use_sim_time` is true, else by the wall clock. A clock for `MotiveServer`. From any thread.
+
+    Args:
+        node: private node, whose name is told in messages.
+    """
+
+    def __init__(self, node: RosNode) -> None:
+        self._node, self._lock = node, threading.Lock()
+        self._simulated = bool(node.param("/use_sim_time", False))
+        self._pairs, self._ticks = RunClock(), RunClock()
+        self._heard = time.monotonic_ns()
+        self._known = self._unpaced = self._foreign = False
+        self._told = PAIRS
+        self._subscriptions = [node.subscribe(TOPIC, ClockPair, self._on_pair, queue_size=0)]
+        if self._simulated:
+            self._subscriptions.append(node.subscribe("/clock", Clock, self._on_tick, queue_size=0))
+
+    def close(self) -> None:
+        """Hear no more."""
+        for one in self._subscriptions:
+            one.unregister()
+
+    @property
+    def source(self) -> str:
+        """What tells the time now, for people."""
+        with self._lock:
+            return self._source()
+
+    @property
+    def standing(self) -> bool:
+        """Whether the run is paused or has not begun, and an emulator stands with it."""
+        with self._lock:
+            source = self._source()
+            return source == NOTHING or (source == PAIRS and self._pairs.standing)
+
+    def run_time(self, monotonic: int) -> float | None:
+        """The time of the run [s] at a monotonic time [ns]; None while it is not known."""
+        with self._lock:
+            source = self._source()
+            if source == WALL:
+                return (monotonic + time.time_ns() - time.monotonic_ns()) / NS
+            return self._clock(source).run_time(monotonic)
+
+    def monotonic(self, run: float) -> int | None:
+        """When that was the time of the run, or will be [ns]; None while it is not known."""
+        with self._lock:
+            source = self._source()
+            if source == WALL:
+                return round(run * NS) - time.time_ns() + time.monotonic_ns()
+            return self._clock(source).monotonic(run)
+
+    def now(self) -> float | None:
+        """The time of the run [s]; None while it is not known."""
+        return self.run_time(time.monotonic_ns())
+
+    def tick(self) -> None:
+        """Call it about once a second: logs when another clock tells the time.
+
+        Raises:
+            UnpacedError: the run is not paced.
+        """
+        with self._lock:
+            source, unpaced, foreign = self._source(), self._unpaced, self._foreign
+        if unpaced:
+            raise UnpacedError(
+                f"{self._node.namespace}: the run is not paced (real_time_factor is 0), which no sensor on a wire can follow; "
+                "valid: real_time_factor above 0, or the headless runner, rosrun hric_experiments run"
+            )
+        if source != self._told and source != NOTHING:
+            self._told = source
+            why = "it comes from another machine" if foreign else f"nothing on {TOPIC}"
+            self._node.log_info(f"the time of the run is that of {source}" + ("" if source == PAIRS else f": {why}"))
+
+    def _source(self) -> str:
+        waited = time.monotonic_ns() - self._heard
+        if waited <= PATIENCE * NS:
+            return PAIRS if self._known else NOTHING
+        if not self._simulated:
+            return WALL
+        if self._ticks.run_time(0) is not None:
+            return TICKS
+        return PAIRS if self._known else NOTHING
+
+    def _clock(self, source: str) -> RunClock:
+        return self._ticks if source == TICKS else self._pairs
+
+    def _on_pair(self, message: Any) -> None:
+        now = time.monotonic_ns()
+        with self._lock:
+            self._foreign = not -SAME_MACHINE < now - message.monotonic < SAME_MACHINE
+            if self._foreign:
+                return
+            self._heard, self._known, self._unpaced = now, True, message.real_time_factor == 0.0
+            self._pairs.add(message.monotonic, message.run_time.to_sec(), message.real_time_factor)
+
+    def _on_tick(self, message: Any) -> None:
+        now = time.monotonic_ns()
+        with self._lock:
+            if self._source() != PAIRS:
+                self._ticks.add(now, message.clock.to_sec())

@@ -1,0 +1,65 @@
+"""The motion of a body from a recorded bag. Needs no ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader, AnyReaderError
+
+from hric_control.errors import ParameterError, UnknownNameError
+from mocap_natnet.poses import Pose, normalized, pose_z_up
+from mocap_natnet.server.sources import Track
+
+FRAMES, POSES = "hric_msgs/msg/MocapData", "geometry_msgs/msg/PoseStamped"
+"""Types of topics that tell where a body was."""
+
+
+def from_bag(path: Path, topic: str, body: str = "", up: str = "z") -> Track:
+    """A track that begins at the bag's first pose of the body; before and after the recording it rests.
+
+    Args:
+        path: of the bag.
+        topic: of hric_msgs/MocapData or geometry_msgs/PoseStamped.
+        body: name in the frames of MocapData; "": the first.
+        up: axis that points up in what was recorded, y or z.
+
+    Raises:
+        ParameterError, UnknownNameError: the bag, the topic or the body is not there; lists what is.
+    """
+    if not path.is_file():
+        raise ParameterError(f"there is no bag {path}")
+    try:
+        with AnyReader([path]) as reader:
+            found = [(stamp, pose) for stamp, pose in _poses(reader, path, topic, body) if pose is not None]
+    except AnyReaderError as error:
+        raise ParameterError(f"bag {path} cannot be read: {error}") from error
+    if not found:
+        raise ParameterError(f"{topic} of bag {path} has no pose of {body or 'a body'}")
+    rising = found[:1] + [after for before, after in pairwise(found) if after[0] > before[0]]
+    return Track([stamp - found[0][0] for stamp, _ in rising], [pose_z_up(up, pose) for _, pose in rising])
+
+
+def _poses(reader: Any, path: Path, topic: str, body: str) -> Iterator[tuple[float, Pose | None]]:
+    usable = {connection.topic: connection for connection in reader.connections if connection.msgtype in (FRAMES, POSES)}
+    if topic not in usable:
+        raise UnknownNameError("topic of poses", topic, sorted(usable), f"bag {path}")
+    for connection, _, raw in reader.messages([usable[topic]]):
+        message = reader.deserialize(raw, connection.msgtype)
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        yield stamp, _pose(message.pose) if connection.msgtype == POSES else _body(message, body, path)
+
+
+def _body(message: Any, body: str, path: Path) -> Pose | None:
+    """Its pose in a frame; None where it was not tracked."""
+    found = [one for one in message.rigid_bodies if body in ("", one.name)]
+    if not found:
+        raise UnknownNameError("body", body, [one.name for one in message.rigid_bodies], f"bag {path}")
+    return _pose(found[0].pose) if found[0].tracking_valid else None
+
+
+def _pose(pose: Any) -> Pose:
+    p, q = pose.position, pose.orientation
+    return Pose((p.x, p.y, p.z), normalized((q.x, q.y, q.z, q.w)))

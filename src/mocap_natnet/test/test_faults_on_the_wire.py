@@ -1,0 +1,171 @@
+"""What goes wrong between client and server on real sockets is mended, or explained, within two seconds; and each stamp is right from the first."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mocap_natnet.client import NatNetClient, Received, Settings
+from mocap_natnet.client.health import ERROR, OK
+from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Sinusoid
+from mocap_natnet.server import Settings as ServerSettings
+
+sys.path.insert(0, str(Path(__file__).parent))
+from motive_process import free_port, motive
+
+PATIENCE = 30.0
+"""For a busy machine [s]."""
+ATTEMPTS = 3
+"""A neighbour on the machine may hold up one of them."""
+LIMIT = 2.0
+"""[s]"""
+
+Ports = tuple[int, int]
+
+
+def ports() -> Ports:
+    return free_port(), free_port()
+
+
+def words(where: Ports, *more: str) -> tuple[str, ...]:
+    """Arguments of the server's command."""
+    return ("--command-port", str(where[0]), "--data-port", str(where[1]), *more)
+
+
+def client(where: Ports, frames: list[Received], **settings: object) -> NatNetClient:
+    return NatNetClient(Settings(**{"command_port": where[0], "local": "127.0.0.1", **settings}), frames.append)
+
+
+def seconds_until(condition: Callable[[], bool]) -> float:
+    begin = time.monotonic()
+    while not condition():
+        assert time.monotonic() < begin + PATIENCE, "waited too long"
+        time.sleep(0.01)
+    return time.monotonic() - begin
+
+
+def within_the_limit(attempt: Callable[[], float]) -> None:
+    """Whether an attempt takes no longer than it may [s]."""
+    took: list[float] = []
+    while not took or (took[-1] > LIMIT and len(took) < ATTEMPTS):
+        took.append(attempt())
+    assert took[-1] <= LIMIT, took
+
+
+def says(one: NatNetClient, *parts: str) -> bool:
+    state = one.health()
+    return state.level == ERROR and all(part in state.text for part in parts)
+
+
+def receives(one: NatNetClient, frames: list[Received]) -> Callable[[], bool]:
+    """Whether frames come again from now on, and nothing is complained about."""
+    before = len(frames)
+    return lambda: len(frames) > before + 20 and one.health().level == OK
+
+
+# -- the server ------------------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("transport", ["multicast", "unicast"])
+def test_a_server_that_is_killed_is_missed_and_one_that_comes_in_its_place_is_found(transport: str) -> None:
+    where, frames = ports(), []
+    with client(where, frames) as one:
+
+        def missed() -> float:
+            with motive(*words(where, "--transport", transport)) as process:
+                seconds_until(receives(one, frames))
+                process.kill()
+                return seconds_until(lambda: says(one, "command channel silent", f"127.0.0.1:{where[0]} does not answer"))
+
+        def found() -> float:
+            with motive(*words(where, "--transport", transport, "--bitstream", "3.1")):
+                took = seconds_until(receives(one, frames))
+            seconds_until(lambda: one.health().level == ERROR)
+            return took
+
+        within_the_limit(missed)
+        within_the_limit(found)
+
+
+@pytest.mark.parametrize("transport", ["multicast", "unicast"])
+def test_a_bitstream_that_changes_in_mid_stream_is_followed(transport: str) -> None:
+    where, frames = ports(), []
+    settings = ServerSettings(command_port=where[0], data_port=where[1], transport=transport)
+    with MotiveServer(Motive(settings, Scene((Body("marker", Sinusoid()),)))) as server, client(where, frames) as one:
+        seconds_until(receives(one, frames))
+        versions = iter([(3, 0), (4, 2), (3, 1)])
+
+        def followed() -> float:
+            version = next(versions)
+            server.motive.change_version(version)
+            took = seconds_until(lambda: one.session.info.version == version)
+            return took + seconds_until(receives(one, frames))
+
+        within_the_limit(followed)
+
+
+# -- the settings ----------------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_wrong_address_is_explained() -> None:
+    where = ports()
+
+    def explained() -> float:
+        with client(where, [], server="127.0.0.77") as one:
+            return seconds_until(lambda: says(one, f"127.0.0.77:{where[0]} does not answer", "address", "firewall"))
+
+    with motive(*words(where)):
+        within_the_limit(explained)
+
+
+WRONG = {
+    "group": (["--group", "239.1.1.1"], {"group": "239.2.2.2"}, ["239.1.1.1", "239.2.2.2", "correct or leave out the group"]),
+    "data port": (["--transport", "unicast", "--unicast-to", "data_port"], {"data_port": "another"}, ["correct or leave out the data port"]),
+    "unicast": (["--transport", "multicast"], {"transport": "unicast"}, ["it streams to a group while unicast is asked for"]),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_wrong_setting_of_the_data_channel_is_explained(wrong: str) -> None:
+    server, settings, parts = WRONG[wrong]
+    where = ports()
+    settings = {"data_port": free_port()} if "data_port" in settings else settings
+
+    def explained() -> float:
+        with client(where, [], **settings) as one:
+            return seconds_until(lambda: says(one, "data channel silent", *parts))
+
+    with motive(*words(where, *server)):
+        within_the_limit(explained)
+
+
+def test_frames_that_come_by_the_command_channel_are_taken_though_multicast_is_asked_for() -> None:
+    where, frames = ports(), []
+    with motive(*words(where, "--transport", "unicast")), client(where, frames, transport="multicast") as one:
+        within_the_limit(lambda: seconds_until(receives(one, frames)))
+
+
+# -- stamps ----------------------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seconds", [3.0, pytest.param(60.0, marks=pytest.mark.slow)])
+def test_each_stamp_is_that_of_its_exposure_in_spite_of_drift_and_latency(seconds: float) -> None:
+    """A frame counts from the first that is used; its truth is the stream's time, by the clock that both ends share here."""
+    where, frames = ports(), []
+    settings = ServerSettings(command_port=where[0], data_port=where[1], drift=50.0, latency=0.0055)
+    with ExitStack() as stack:
+        server = stack.enter_context(MotiveServer(Motive(settings, Scene((Body("marker", Sinusoid()),)))))
+        one = stack.enter_context(client(where, frames))
+        seconds_until(lambda: len(frames) > 0)
+        time.sleep(seconds)
+        errors = np.array([received.exposed * 1e-9 - server.run_time(received.frame.number / 240) for received in frames[:-1]])
+        assert one.session.clock.echo.restarts == 0
+    assert len(errors) > 0.5 * 240 * seconds
+    assert np.median(np.abs(errors)) <= 0.1e-3
+    assert np.abs(errors).max() <= 1e-3

@@ -1,0 +1,124 @@
+"""The time of the run from pairs: through hiccups, lost time, pauses and other paces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mocap_natnet.run_clock import HORIZON, NS, RunClock
+
+START = 40_000 * NS
+PERIOD = 0.02
+
+
+class Run:
+    """A loop that tells a pair each 20 ms of wall time."""
+
+    def __init__(self, pace: float = 1.0, told: float | None = None, seed: int = 0) -> None:
+        self.clock, self.wall, self.time = RunClock(), 0.0, 0.0
+        self.pace, self.told = pace, pace if told is None else told
+        self._random = np.random.default_rng(seed)
+
+    def go(self, seconds: float, late: float = 0.0) -> None:
+        for _ in range(round(seconds / PERIOD)):
+            self.wall += PERIOD
+            self.time += PERIOD * self.pace
+            delay = late + float(self._random.exponential(50e-6))
+            self.clock.add(START + round((self.wall + delay) * NS), self.time, self.told)
+
+    def stand(self, seconds: float) -> None:
+        pace, self.pace = self.pace, 0.0
+        self.go(seconds)
+        self.pace = pace
+
+    def error(self, ago: float = 0.0) -> float:
+        """Of the clock's run time so long ago [s]."""
+        told = self.clock.run_time(START + round((self.wall - ago) * NS))
+        assert told is not None
+        return told - (self.time - ago * self.pace)
+
+
+@pytest.mark.parametrize("pace", [0.1, 0.5, 1.0, 3.0])
+def test_the_time_is_told_at_any_pace_without_the_jitter_of_the_loop(pace: float) -> None:
+    run = Run(pace)
+    errors = []
+    for _ in range(100):
+        run.go(0.1)
+        errors.append(run.error(0.013))
+    assert max(map(abs, errors[10:])) < 30e-6 * pace
+
+
+def test_a_loop_that_catches_up_does_not_move_the_line() -> None:
+    run = Run()
+    run.go(2.0)
+    for late in (0.06, 0.03, 0.01):
+        run.go(PERIOD, late)
+        assert abs(run.error()) < 30e-6
+
+
+def test_time_that_the_loop_has_lost_is_lost_after_three_pairs() -> None:
+    run = Run()
+    run.go(2.0)
+    run.wall += 0.15
+    run.go(3 * PERIOD)
+    assert abs(run.error()) < 0.3e-3
+    run.go(2.0)
+    assert abs(run.error()) < 30e-6
+
+
+def test_a_machine_that_does_not_keep_up_is_followed_at_its_own_pace() -> None:
+    run = Run(pace=0.7, told=1.0)
+    run.go(3.0)
+    for _ in range(20):
+        run.go(0.1)
+        assert abs(run.error()) < 1e-3
+
+
+def test_a_paused_run_stands_and_goes_on_and_what_was_before_stays() -> None:
+    run = Run()
+    run.go(2.0)
+    run.stand(1.0)
+    assert run.clock.standing
+    assert run.clock.run_time(START + round((run.wall + 0.3) * NS)) == run.time
+    run.go(0.1)
+    assert not run.clock.standing
+    assert abs(run.error()) < 0.3e-3
+    assert run.clock.run_time(START + round(1.5 * NS)) == pytest.approx(1.5, abs=1e-4)
+    assert run.clock.run_time(START + round(2.5 * NS)) == pytest.approx(2.0, abs=1e-9)
+
+
+def test_when_a_time_of_the_run_was_is_told_through_a_pause() -> None:
+    run = Run(0.5)
+    run.go(2.0)
+    run.stand(1.0)
+    run.go(1.0)
+    for time, wall in ((0.75, 1.5), (1.25, 3.5)):
+        found = run.clock.monotonic(time)
+        assert found is not None and (found - START) / NS == pytest.approx(wall, abs=1e-3)
+
+
+def test_a_run_that_begins_anew_begins_a_new_line() -> None:
+    run = Run()
+    run.go(2.0)
+    run.time = 0.0
+    run.go(0.1)
+    assert abs(run.error()) < 0.3e-3
+
+
+def test_a_robot_that_is_gone_leaves_the_time_standing() -> None:
+    run = Run()
+    run.go(2.0)
+    late = [run.clock.run_time(START + round((run.wall + after) * NS)) for after in (HORIZON, HORIZON + 1.0, HORIZON + 100.0)]
+    assert late[1] == late[2] == pytest.approx(late[0], abs=1e-3) == pytest.approx(run.time + HORIZON, abs=1e-3)
+
+
+def test_nothing_is_known_before_the_first_pair() -> None:
+    assert RunClock().run_time(START) is None and RunClock().monotonic(1.0) is None
+
+
+def test_a_pair_that_comes_after_a_later_one_is_left_out() -> None:
+    run = Run()
+    run.go(2.0)
+    before = run.clock.run_time(START + 2 * NS)
+    run.clock.add(START + NS, 99.0, 1.0)
+    assert run.clock.run_time(START + 2 * NS) == before

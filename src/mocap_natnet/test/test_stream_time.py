@@ -1,0 +1,90 @@
+"""The emulated Motive in the time of a run: it stands and goes with it, while its own clock goes on."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mocap_natnet.client import NatNetClient, Received
+from mocap_natnet.client import Settings as ClientSettings
+from mocap_natnet.run_clock import NS, RunClock
+from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Settings, Sinusoid
+from mocap_natnet.server.stream_time import StreamTime
+
+sys.path.insert(0, str(Path(__file__).parent))
+from motive_process import free_port
+
+LIMIT = 20.0
+
+
+class PacedRun:
+    """A run whose pace the test sets; it tells pairs to the clock whenever somebody asks for the time."""
+
+    def __init__(self, pace: float) -> None:
+        self.pace, self._clock = pace, RunClock()
+        self._at, self._time = time.monotonic_ns(), 5.0
+
+    def _tell(self) -> int:
+        now = time.monotonic_ns()
+        self._time += self.pace * (now - self._at) / NS
+        self._at = now
+        self._clock.add(now, self._time, self.pace or 1.0)
+        return now
+
+    def now(self) -> float | None:
+        return self._clock.run_time(self._tell())
+
+    def monotonic(self, run: float) -> int | None:
+        return self._clock.monotonic(run)
+
+
+def test_frames_come_at_the_pace_of_the_run_and_their_ticks_tell_when_that_was() -> None:
+    run, ports = PacedRun(0.5), (free_port(), free_port())
+    motive = Motive(Settings(transport="unicast", rate=200.0, command_port=ports[0], data_port=ports[1]), Scene((Body("marker", Sinusoid()),)))
+    frames: list[Received] = []
+    with MotiveServer(motive, run) as server, NatNetClient(ClientSettings(command_port=ports[0]), frames.append) as client:
+        _wait(lambda: len(frames) > 200)
+        run.pace = 0.0
+        time.sleep(0.2)
+        stood, echoes = len(frames), client.session.last_answer
+        time.sleep(0.3)
+        assert len(frames) == stood, "a paused run has no frames"
+        assert client.session.last_answer != echoes, "Motive answers all the same"
+        run.pace = 0.5
+        _wait(lambda: len(frames) > stood + 100)
+        assert client.session.statistics.lost == 0 and server.time > 0
+    exact = [frame for frame in frames[50:200] if frame.means == "mid-exposure"]
+    passed, exposures = (exact[-1].exposed - exact[0].exposed) / NS, exact[-1].frame.number - exact[0].frame.number
+    assert exposures / 200.0 / passed == pytest.approx(0.5, abs=0.02)
+
+
+class GivenTime:
+    """A clock that shows what it is told."""
+
+    def __init__(self) -> None:
+        self.time: float | None = None
+
+    def now(self) -> float | None:
+        return self.time
+
+    def monotonic(self, run: float) -> int | None:
+        return None
+
+
+def test_the_stream_begins_when_the_time_is_known_never_goes_back_and_goes_on_in_another_run() -> None:
+    clock = GivenTime()
+    stream = StreamTime(clock)
+    assert stream.now() == 0.0
+    for shown, wanted in ((100.0, 0.0), (102.0, 2.0), (101.9, 2.0), (102.5, 2.5), (0.5, 2.5), (1.5, 3.5)):
+        clock.time = shown
+        assert stream.now() == pytest.approx(wanted)
+
+
+def _wait(condition: object) -> None:
+    deadline = time.monotonic() + LIMIT
+    while not condition():  # type: ignore[operator]
+        assert time.monotonic() < deadline, "waited too long"
+        time.sleep(0.01)

@@ -1,0 +1,65 @@
+"""What exporting a bag costs per format, as a ratio to reading the same bag raw: every message taken out of its chunk, none decoded.
+
+    python tests/benchmarks/export_cost.py RUN|BAG
+
+CPU time of the process. Each format is exported by itself into an empty folder: reading into tables is in its cost. What is told is the least of
+three, raw reading in turn with the formats.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from rosbags.highlevel import AnyReader
+
+from hric_experiments.export import exporting, plain_formats, recording  # noqa: F401  (imports are not part of the cost)
+from hric_experiments.export.exporting import FORMATS, Request
+from hric_experiments.export.recording import Source
+from hric_experiments.export.table import ExportError
+
+ROUNDS = 3
+
+
+def read_raw(source: Source) -> None:
+    """Take every message out of the bag."""
+    with AnyReader([source.bag]) as reader:
+        for _ in reader.messages():
+            pass
+
+
+def spent(what: Callable[[], object]) -> float:
+    """CPU time of a call [s]."""
+    begin = time.process_time()
+    what()
+    return time.process_time() - begin
+
+
+def measure(source: Source, formats: tuple[str, ...] = FORMATS) -> tuple[float, dict[str, float]]:
+    """(CPU time of reading raw [s], cost of each format as a ratio to it); formats for which the bag has nothing are left out."""
+    raw, costs = [], {kind: [] for kind in formats}
+    for _ in range(ROUNDS):
+        raw.append(spent(lambda: read_raw(source)))
+        for kind in list(costs):
+            with tempfile.TemporaryDirectory() as folder:
+                try:
+                    costs[kind].append(spent(lambda kind=kind, folder=folder: exporting.export(source, Request((kind,)), Path(folder))))
+                except ExportError:
+                    del costs[kind]
+    return min(raw), {kind: min(values) / min(raw) for kind, values in costs.items()}
+
+
+def main() -> None:
+    """Print the table."""
+    source = recording.find(sys.argv[1] if len(sys.argv) > 1 else "latest")
+    raw, ratios = measure(source)
+    print(f"{source.bag.name}, {source.bag.stat().st_size / 1e6:.1f} MB: read raw in {raw:.2f} s of CPU time\nformat          ratio")
+    for kind, ratio in ratios.items():
+        print(f"{kind:<14} {ratio:6.1f}")
+
+
+if __name__ == "__main__":
+    main()
