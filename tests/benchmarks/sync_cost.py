@@ -167,30 +167,21 @@ def run_filter(queue: int, form: str) -> None:
     subscribers = [message_filters.Subscriber(feed.topic, type(feed.make(0.0, 0.0, 0)), queue_size=None, tcp_nodelay=True) for feed in chosen]
     synchroniser = message_filters.ApproximateTimeSynchronizer(subscribers, queue, SLOP)
 
-    def publish(joints: Any, bodies: Any, emg: Any, plate: Any) -> None:
-        pose = bodies.rigid_bodies[0].pose
-        position, turn = pose.position, pose.orientation
-        force = [plate.wrench.force.x] * 6 if form == SINGLE else list(plate.data[:6])
-        values = [
-            *joints.position[:7],
-            *joints.velocity[:7],
-            position.x,
-            position.y,
-            position.z,
-            turn.x,
-            turn.y,
-            turn.z,
-            turn.w,
-            *emg.data[:8],
-            *force,
-        ]
-        ages = [(bodies.header.stamp - message.header.stamp).to_sec() for message in (joints, bodies, emg, plate)]
-        message = SyncedSample(values=values, age=ages, valid=[True] * 4)
-        message.header.stamp = bodies.header.stamp
-        publisher.publish(message)
-
-    synchroniser.registerCallback(publish)
+    synchroniser.registerCallback(lambda *messages: publisher.publish(_joined(*messages)))
     rospy.spin()
+
+
+def _joined(robot: Any, bodies: Any, emg: Any, plate: Any) -> Any:
+    """The first sample of each message, as our nodes publish them."""
+    from hric_msgs.msg import SyncedSample
+
+    position, turn = bodies.rigid_bodies[0].pose.position, bodies.rigid_bodies[0].pose.orientation
+    force = list(plate.data[:6]) if hasattr(plate, "data") else [plate.wrench.force.x] * 6
+    body = [position.x, position.y, position.z, turn.x, turn.y, turn.z, turn.w]
+    ages = [(bodies.header.stamp - message.header.stamp).to_sec() for message in (robot, bodies, emg, plate)]
+    message = SyncedSample(values=[*robot.position[:7], *robot.velocity[:7], *body, *emg.data[:8], *force], age=ages, valid=[True] * 4)
+    message.header.stamp = bodies.header.stamp
+    return message
 
 
 def table(results: Sequence[Result]) -> str:

@@ -1,0 +1,145 @@
+"""Consecutive samples of a source that samples evenly: between drivers, filters and messages. No node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from std_msgs.msg import Header
+
+from hric_control import stamps
+from hric_control.errors import CommandError
+from hric_msgs.msg import SampleChunk
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a source samples.
+
+    Args:
+        source: for people, e.g. "lsl EMG emulated_emg".
+        channels: names.
+        units: as many.
+        rate: as the source declares it [Hz].
+        frame: of vectors, else "".
+    """
+
+    source: str
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    rate: float
+    frame: str = ""
+
+    @property
+    def unit(self) -> str:
+        """One word if all channels agree, else one per channel; "N m" is the word "N*m", and none is "-"."""
+        words = [unit.replace(" ", "*") or "-" for unit in self.units]
+        return words[0] if len(set(words)) == 1 else " ".join(words)
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Samples without a gap; sample k was taken at start + k / rate.
+
+    Args:
+        layout: what is sampled.
+        start: run time of the first sample [s].
+        first: its running number.
+        data: shape (samples, channels).
+    """
+
+    layout: Layout
+    start: float
+    first: int
+    data: FloatArray
+
+    @property
+    def times(self) -> FloatArray:
+        """Run time of each sample [s]."""
+        return self.start + np.arange(len(self.data)) / self.layout.rate
+
+    @property
+    def after(self) -> int:
+        """Number of the sample that would follow."""
+        return self.first + len(self.data)
+
+
+def chunk_message(chunk: Chunk) -> Any:
+    """hric_msgs/SampleChunk. The start must not lie before the time 0."""
+    layout = chunk.layout
+    return SampleChunk(
+        header=Header(stamp=stamps.to_time(chunk.start), frame_id=layout.frame),
+        source=layout.source,
+        channels=list(layout.channels),
+        unit=layout.unit,
+        rate=layout.rate,
+        first_sample=chunk.first,
+        data=chunk.data.ravel().tolist(),
+    )
+
+
+def read_chunk(message: Any) -> Chunk:
+    """The other direction of `chunk_message`.
+
+    Raises:
+        CommandError: no rate, or the data are no whole number of samples.
+    """
+    channels = tuple(message.channels)
+    if not channels or len(message.data) % len(channels) or not message.rate > 0:
+        raise CommandError(f"{len(message.data)} values of {len(channels)} channels at {message.rate:g} Hz; valid: whole samples at a rate above 0")
+    words = message.unit.split() or ["-"]
+    units = tuple("" if word == "-" else word.replace("*", " ") for word in (words if len(words) == len(channels) else [words[0]] * len(channels)))
+    layout = Layout(message.source, channels, units, message.rate, message.header.frame_id)
+    data = np.asarray(message.data, dtype=float).reshape(-1, len(channels))
+    return Chunk(layout, message.header.stamp.to_sec(), message.first_sample, data)
+
+
+class Merger:
+    """Joins and cuts chunks that follow each other to the length that messages shall have.
+
+    Args:
+        duration: of a message [s]; a gap or another layout ends one early. 0: they stay as they are.
+        on_chunk: gets them.
+    """
+
+    def __init__(self, duration: float, on_chunk: Callable[[Chunk], None]) -> None:
+        self._duration, self._on_chunk = duration, on_chunk
+        self._parts: list[Chunk] = []
+        self._count = 0
+
+    def add(self, chunk: Chunk) -> None:
+        """Take the next one."""
+        if self._parts and (chunk.first != self._parts[-1].after or chunk.layout is not self._parts[0].layout or self._strays(chunk)):
+            self.flush()
+        size = round(self._duration * chunk.layout.rate) or len(chunk.data)
+        while chunk.data.size and self._count + len(chunk.data) >= size:
+            head, chunk = cut(chunk, size - self._count)
+            self._parts.append(head)
+            self.flush()
+        if len(chunk.data):
+            self._parts.append(chunk)
+            self._count += len(chunk.data)
+
+    def flush(self) -> None:
+        """Pass on what there is."""
+        if self._parts:
+            first = self._parts[0]
+            parts, self._parts, self._count = self._parts, [], 0
+            self._on_chunk(Chunk(first.layout, first.start, first.first, np.concatenate([part.data for part in parts])))
+
+    def _strays(self, chunk: Chunk) -> bool:
+        """Whether its time is not that which the first part foretells, by more than half a sample."""
+        rate = chunk.layout.rate
+        return abs(self._parts[0].start + self._count / rate - chunk.start) > 0.5 / rate
+
+
+def cut(chunk: Chunk, count: int) -> tuple[Chunk, Chunk]:
+    """The first `count` samples, and the others."""
+    layout = chunk.layout
+    rest = Chunk(layout, chunk.start + count / layout.rate, chunk.first + count, chunk.data[count:])
+    return Chunk(layout, chunk.start, chunk.first, chunk.data[:count]), rest

@@ -1,0 +1,1 @@
+"""Electromyography: the driver node, the envelope, and emulated muscles."""

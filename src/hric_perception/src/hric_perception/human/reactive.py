@@ -1,0 +1,236 @@
+"""A hand that reacts to the robot: it takes something over from the arm at rest and draws back, also when the arm comes too near. No ROS.
+
+Each motion is the polynomial of fifth degree from the present position, velocity and acceleration to rest at the goal: from rest that is the one of
+least jerk (Flash and Hogan 1985), and where a goal changes on the way the acceleration stays continuous.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from operator import itemgetter
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_perception.section import Section, Vector
+from mocap_natnet.poses import Pose
+
+FloatArray = npt.NDArray[np.float64]
+STEP = 0.01
+"""Between two decisions [s] (our choice)."""
+SPEED_SPAN = 0.1
+"""Over which the arm's speed is judged [s] (our choice)."""
+NEW_GOAL = 5e-3
+"""The goal of an approach follows the arm when it moved by more [m] (our choice)."""
+LEAST_TIME = 0.3
+"""A motion towards a goal that moved takes at least this long from then on [s] (our choice)."""
+KEPT = 2.0
+"""How long what was seen and planned is kept [s] (our choice)."""
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """How the hand reacts.
+
+    Args:
+        rest: where it rests [m].
+        standoff: how far from the end effector it takes over, towards its place of rest [m].
+        delay: from what the robot does to what the hand does: visual reaction time [s].
+        still_speed: an arm that is slower is at rest [m/s].
+        too_near: it draws back from an end effector that is nearer [m]; 0: never.
+        approach, pause, retreat: durations [s].
+        dwell: at rest between two hand-overs [s].
+        repeats: hand-overs.
+        vary_time: standard deviation of the logarithm of durations.
+        vary_position: of the goal of each approach, per axis [m].
+    """
+
+    rest: Vector
+    standoff: float
+    delay: float
+    still_speed: float
+    too_near: float
+    approach: float
+    pause: float
+    retreat: float
+    dwell: float
+    repeats: int
+    vary_time: float
+    vary_position: float
+
+
+class _Piece:
+    """Polynomial of fifth degree over `duration` from a state to rest at a goal; afterwards there.
+
+    Args:
+        begin: [s].
+        duration: [s], above 0.
+        state: position, velocity, acceleration at the beginning, shape (3, 3) [m, s].
+        goal: shape (3,) [m].
+    """
+
+    def __init__(self, begin: float, duration: float, state: FloatArray, goal: FloatArray) -> None:
+        self.begin, self.duration, self.goal = begin, duration, goal
+        p, v, a = state[0], state[1] * duration, state[2] * duration**2
+        d = goal - p
+        self._c = np.array([p, v, a / 2, 10 * d - 6 * v - 1.5 * a, -15 * d + 8 * v + 1.5 * a, 6 * d - 3 * v - a / 2])
+
+    def state(self, time: float) -> FloatArray:
+        """Position, velocity, acceleration, shape (3, 3)."""
+        u, T = min(max((time - self.begin) / self.duration, 0.0), 1.0), self.duration
+        if u == 1.0:
+            return np.array([self.goal, np.zeros(3), np.zeros(3)])
+        powers = np.array([
+            [1.0, u, u**2, u**3, u**4, u**5],
+            [0.0, 1.0, 2 * u, 3 * u**2, 4 * u**3, 5 * u**4],
+            [0.0, 0.0, 2.0, 6 * u, 12 * u**2, 20 * u**3],
+        ])  # fmt: skip
+        state: FloatArray = powers @ self._c / np.array([[1.0], [T], [T * T]])
+        return state
+
+
+class Reactive:
+    """See the module. Its phases: rest, approach, pause, retreat, done.
+
+    Args:
+        reaction: how.
+        random: of what varies.
+    """
+
+    KEYS = ("rest", "standoff", "reaction_delay", "still_speed", "too_near", "approach", "pause", "retreat", "dwell", "repeats", "variation")
+
+    def __init__(self, reaction: Reaction, random: np.random.Generator) -> None:
+        self._how, self._random = reaction, random
+        self._home = np.array(reaction.rest)
+        still = np.array([self._home, np.zeros(3), np.zeros(3)])
+        self._pieces = deque([_Piece(0.0, STEP, still, self._home)])
+        self._phases: deque[tuple[float, str]] = deque([(-math.inf, "rest")])
+        self._seen: deque[tuple[float, FloatArray]] = deque()
+        self._next, self._until = 0, reaction.dwell
+        self._left, self._shift = reaction.repeats, np.zeros(3)
+        self._decide: dict[str, Callable[[float], None]] = {
+            "rest": self._at_rest,
+            "approach": self._on_approach,
+            "pause": self._on_pause,
+            "retreat": self._on_retreat,
+        }
+
+    def see(self, time: float, position: Vector) -> None:
+        """See Program."""
+        if not self._seen or time > self._seen[-1][0]:
+            self._seen.append((time, np.array(position)))
+
+    def pose(self, time: float) -> Pose:
+        """See Program."""
+        self._advance(time)
+        x, y, z = self._state(time)[0].tolist()
+        return Pose((x, y, z))
+
+    def phase(self, time: float) -> str:
+        """See Program."""
+        self._advance(time)
+        return self._phases[max(0, bisect_right(self._phases, time, key=itemgetter(0)) - 1)][1]
+
+    def _advance(self, time: float) -> None:
+        """Decide all that is to be decided until then: on a grid, so that it does not depend on who asks when."""
+        while self._next * STEP <= time:
+            now = self._next * STEP
+            if decide := self._decide.get(self._phases[-1][1]):
+                decide(now)
+            self._next += 1
+            while len(self._pieces) > 1 and self._pieces[1].begin < now - KEPT:
+                self._pieces.popleft()
+            while len(self._seen) > 1 and self._seen[1][0] < now - KEPT - self._how.delay:
+                self._seen.popleft()
+
+    def _state(self, time: float) -> FloatArray:
+        found = max(0, bisect_right(self._pieces, time, key=lambda piece: piece.begin) - 1)
+        return self._pieces[found].state(time)
+
+    def _perceived(self, now: float) -> FloatArray | None:
+        """Where the end effector was a reaction time ago [m]; None: not known."""
+        found = bisect_right(self._seen, now - self._how.delay, key=itemgetter(0)) - 1
+        return self._seen[found][1] if found >= 0 else None
+
+    def _at_rest(self, now: float) -> None:
+        arm, before = self._perceived(now), self._perceived(now - SPEED_SPAN)
+        if now < self._until or arm is None or before is None:
+            return
+        if np.linalg.norm(arm - before) <= self._how.still_speed * SPEED_SPAN:
+            self._shift = self._how.vary_position * self._random.standard_normal(3)
+            self._go("approach", now, self._goal(arm), self._varied(self._how.approach))
+
+    def _goal(self, arm: FloatArray) -> FloatArray:
+        """Where it takes over [m]."""
+        way = self._home - arm
+        goal: FloatArray = arm + way * min(1.0, self._how.standoff / max(float(np.linalg.norm(way)), 1e-9)) + self._shift
+        return goal
+
+    def _on_approach(self, now: float) -> None:
+        if self._shies(now):
+            return
+        if now >= self._until:
+            self._enter("pause", now, self._varied(self._how.pause))
+            return
+        arm = self._perceived(now)
+        if arm is not None and np.linalg.norm(self._goal(arm) - self._pieces[-1].goal) > NEW_GOAL:
+            self._go("approach", now, self._goal(arm), max(self._until - now, LEAST_TIME))
+
+    def _on_pause(self, now: float) -> None:
+        if not self._shies(now) and now >= self._until:
+            self._retreat(now)
+
+    def _on_retreat(self, now: float) -> None:
+        if now >= self._until:
+            self._left -= 1
+            self._enter("rest" if self._left > 0 else "done", now, self._varied(self._how.dwell))
+
+    def _shies(self, now: float) -> bool:
+        """Whether the arm is too near, and the hand draws back from now on."""
+        arm = self._perceived(now)
+        near = arm is not None and float(np.linalg.norm(arm - self._state(now)[0])) < self._how.too_near
+        if near:
+            self._retreat(now)
+        return near
+
+    def _retreat(self, now: float) -> None:
+        self._go("retreat", now, self._home, self._varied(self._how.retreat))
+
+    def _go(self, phase: str, now: float, goal: FloatArray, duration: float) -> None:
+        self._pieces.append(_Piece(now, duration, self._state(now), goal))
+        self._enter(phase, now, duration)
+
+    def _enter(self, phase: str, now: float, duration: float) -> None:
+        if phase != self._phases[-1][1]:
+            self._phases.append((now, phase))
+        self._until = now + duration
+
+    def _varied(self, duration: float) -> float:
+        return duration * math.exp(self._how.vary_time * self._random.standard_normal())
+
+
+def read_reactive(section: Section, random: np.random.Generator) -> Reactive:
+    """The program of a mapping. Raises HricError."""
+    spread = section.section("variation")
+    spread.only("position", "time")
+    standoff = section.number("standoff", 0.12, 0.0, 1.0, above=True)
+    reaction = Reaction(
+        rest=section.vector("rest", (0.75, -0.45, 0.35)),
+        standoff=standoff,
+        # simple visual reaction time of adults, about a quarter of a second
+        delay=section.number("reaction_delay", 0.25, 0.05, 1.0),
+        still_speed=section.number("still_speed", 0.02, 0.0, 1.0, above=True),
+        too_near=section.number("too_near", 0.06, 0.0, standoff),
+        approach=section.number("approach", 1.2, 0.2, 10.0),
+        pause=section.number("pause", 0.8, 0.0, 60.0),
+        retreat=section.number("retreat", 1.0, 0.2, 10.0),
+        dwell=section.number("dwell", 0.5, 0.0, 60.0),
+        repeats=section.whole("repeats", 2, 1, 1000),
+        vary_time=spread.number("time", 0.0, 0.0, 0.3),
+        vary_position=spread.number("position", 0.0, 0.0, 0.1),
+    )
+    return Reactive(reaction, random)

@@ -1,0 +1,51 @@
+"""What the emulated human really does, on topics, beside what the motion capture sees of it."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import String
+
+from hric_control import stamps
+from hric_control.node import Node
+from hric_perception.human.hand import Hand
+
+RATE = 100.0
+"""Of the hand's pose [Hz]."""
+
+
+class Truth:
+    """Publishes `/hric/human/hand` at RATE and `/hric/human/phase` when it changes. One thread calls it.
+
+    Args:
+        node: where to advertise.
+        hand: the human's.
+        frame: of the poses: the robot's base.
+    """
+
+    def __init__(self, node: Node, hand: Hand, frame: str) -> None:
+        self._hand, self._frame, self._told = hand, frame, ""
+        self._poses = node.advertise("/hric/human/hand", PoseStamped, queue_size=100)
+        self._phases = node.advertise("/hric/human/phase", String, queue_size=10, latch=True)
+        self._next: int | None = None
+
+    def advance(self, time: float, offset: float = 0.0) -> None:
+        """Publish what is due: poses on a grid, the newest one only.
+
+        Args:
+            time: of the hand [s].
+            offset: from it to the time of the run [s].
+        """
+        due = int(time * RATE + 1e-6)
+        if self._next is not None and due < self._next:
+            return
+        self._next, time = due + 1, due / RATE
+        phase = self._hand.phase(time)
+        if phase != self._told:
+            self._told = phase
+            self._phases.publish(String(phase))
+        pose = self._hand(time)
+        message = PoseStamped()
+        message.header.stamp, message.header.frame_id = stamps.to_time(time + offset), self._frame
+        p, q = message.pose.position, message.pose.orientation
+        (p.x, p.y, p.z), (q.x, q.y, q.z, q.w) = pose.position, pose.orientation
+        self._poses.publish(message)

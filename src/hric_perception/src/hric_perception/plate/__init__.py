@@ -1,0 +1,1 @@
+"""Force plates: the driver node, wrench and centre of pressure, and emulated plates."""

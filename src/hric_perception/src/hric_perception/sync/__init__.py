@@ -1,0 +1,1 @@
+"""Samples of many sources, at their own rates, brought to common instants."""

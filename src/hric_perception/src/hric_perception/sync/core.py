@@ -1,0 +1,187 @@
+"""The synchroniser: samples of many sources go in, at their own rates and late; samples of all of them at common instants come out. No ROS.
+
+An instant goes out when every source that is not starving has a sample at or after it, so that nothing that comes later can change it; at the latest
+when the newest stamp of all is `delay` past it. Time is that of the stamps: a paused run pauses the synchroniser, and a recorded bag gives the same
+samples as the run did, at any speed.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hric_perception.sync.buffer import Stamps, Values
+from hric_perception.sync.common_time import BusyClock, CommonTime, Verdict
+from hric_perception.sync.extract import BATCHES, MalformedError, NotForUsError, Samples, row_reader, stamp_of
+from hric_perception.sync.instants import ReferenceStamps, Ticks
+from hric_perception.sync.intake import MALFORMED, NOT_FOR_US, Intake
+from hric_perception.sync.layout import APPROXIMATE, RESAMPLE, Plan
+from hric_perception.sync.sampling import Mask, Sampled, picker, resampler
+from hric_perception.sync.status import Window
+
+NS = 1_000_000_000
+
+
+class Batch(NamedTuple):
+    """Synchronised samples.
+
+    Attributes:
+        stamps: the instants, shape (n,) [ns].
+        values: shape (n, values); NaN where there is none.
+        age: from the stamp of the sample used to the instant, shape (n, sources) [s]; NaN where there is none.
+        valid: whether all values of the source are finite, shape (n, sources).
+    """
+
+    stamps: Stamps
+    values: Values
+    age: Values
+    valid: Mask
+
+    def where(self, chosen: Mask) -> Batch:
+        """Some of them."""
+        return Batch(self.stamps[chosen], self.values[chosen], self.age[chosen], self.valid[chosen])
+
+
+class Synchroniser:
+    """All sources of a plan. `push_message` and `push` may be called from any threads beside that of `take`, and cost them little.
+
+    Args:
+        plan: what, and how.
+        now: by a clock that does not jump, the same as of all other calls [s].
+
+    Attributes:
+        intakes: per source.
+        last: the last instant that was handed out [ns]; None: none was.
+        restarts: how often all sources went over to another time.
+        sent: samples handed out; incomplete: of these, such with a source that is not valid; dropped: instants left out.
+    """
+
+    def __init__(self, plan: Plan, now: float) -> None:
+        self.plan = plan
+        self.intakes = [Intake(source, now, plan.delay) for source in plan.sources]
+        self.window = Window(len(plan.sources))
+        self.restarts = self.sent = self.incomplete = self.dropped = 0
+        self._time, self._busy = CommonTime(), BusyClock(now)
+        self.last: int | None = None
+        self._delay = round(plan.delay * NS)
+        self._lock = threading.Lock()
+        self._instants: Ticks | ReferenceStamps
+        if plan.policy == RESAMPLE:
+            self._instants = Ticks(plan.rate)
+            self._samplers = [resampler(source) for source in plan.sources]
+        else:
+            assert plan.reference is not None
+            self._instants = ReferenceStamps(self.intakes[plan.reference].buffer)
+            tolerance = plan.tolerance if plan.policy == APPROXIMATE else 0.0
+            self._samplers = [picker(source, tolerance) for source in plan.sources]
+        self._readers = [_reader(intake) for intake in self.intakes]
+
+    def push_message(self, index: int, message: Any, arrived: float) -> None:
+        """A message of source `index`, which arrived then [s]. What cannot be used of it is counted."""
+        intake = self.intakes[index]
+        try:
+            intake.put(self._readers[index](message), arrived)
+        except (NotForUsError, MalformedError) as error:
+            with self._lock:
+                intake.refuse(NOT_FOR_US if isinstance(error, NotForUsError) else MALFORMED)
+
+    def push(self, index: int, stamps: Stamps, values: Values, arrived: float) -> None:
+        """Samples of source `index`.
+
+        Args:
+            index: of the source.
+            stamps: shape (n,) [ns].
+            values: shape (n, columns of the source).
+            arrived: by the clock that does not jump [s].
+        """
+        if len(stamps):
+            self.intakes[index].put(Samples(stamps, values), arrived)
+
+    def take(self, now: float) -> Batch | None:
+        """The samples that are due, `instants.MOST` at most; None: none is.
+
+        Args:
+            now: by the clock that does not jump [s].
+        """
+        with self._lock, np.errstate(all="ignore"):  # of values that are infinite
+            self._collect()
+            limit = self._limit(now)
+            stamps = self._instants.due(limit) if limit is not None else None
+            if stamps is None or not len(stamps):
+                return None
+            self.last = int(stamps[-1])
+            sampled = [sample(intake.buffer, stamps) for sample, intake in zip(self._samplers, self.intakes, strict=True)]
+            return self._assemble(stamps, sampled)
+
+    def _collect(self) -> None:
+        """Look at what was put since the last time, in the order of its arrival."""
+        found = [(*one, index) for index, intake in enumerate(self.intakes) if (one := intake.collect()) is not None]
+        for arrived, samples, index in sorted(found, key=lambda one: one[0]):
+            self._busy.hear(arrived)
+            busy = self._busy.at(arrived)
+            verdict = self._time.see(int(samples.stamps[-1]), arrived)
+            if verdict is Verdict.ANEW:
+                self._restart(arrived, busy)
+            self.intakes[index].take(samples.stamps, samples.values, verdict, self.last, arrived, busy)
+
+    def starving(self, now: float) -> dict[str, str]:
+        """Topics that starve -> why."""
+        with self._lock:
+            reasons = {intake.topic: intake.starving(now) for intake in self.intakes}
+        return {topic: reason for topic, reason in reasons.items() if reason}
+
+    def _limit(self, now: float) -> int | None:
+        """Up to where instants are due [ns]."""
+        if self._time.newest is None:
+            return None
+        busy = self._busy.at(now)
+        waited = [intake.buffer for intake in self.intakes if intake.awaited(busy)]
+        if isinstance(self._instants, Ticks) and not self._instants.begun and not self._begin(waited):
+            return None
+        forced = self._time.newest - self._delay
+        return max(min((buffer.last or 0 for buffer in waited), default=forced), forced)
+
+    def _begin(self, waited: Sequence[Any]) -> bool:
+        """The ticks begin where every source that is not starving has a sample."""
+        firsts = [buffer.first for buffer in waited]
+        if not firsts or None in firsts:
+            return False
+        assert isinstance(self._instants, Ticks)
+        self._instants.begin(max(firsts))
+        return True
+
+    def _assemble(self, stamps: Stamps, sampled: list[Sampled]) -> Batch | None:
+        valid = np.array([one.valid for one in sampled]).T
+        batch = Batch(stamps, np.concatenate([one.values for one in sampled], axis=1), np.array([one.age for one in sampled]).T, valid)
+        count = len(stamps)
+        whole: Mask = np.all(valid, axis=1)
+        self.window.add(int(stamps[-1]), [one.skew for one in sampled], valid, (self._time.newest or 0) - int(stamps[0]))
+        if not self.plan.mark and not whole.all():
+            batch, count = batch.where(whole), int(whole.sum())
+            self.dropped += len(stamps) - count
+        else:
+            self.incomplete += count - int(whole.sum())
+        self.sent += count
+        return batch if count else None
+
+    def _restart(self, now: float, busy: float) -> None:
+        self.restarts += 1
+        self.last = None
+        self._instants.restart()
+        self.window.clear()
+        for intake in self.intakes:
+            intake.restart(now, busy)
+
+
+def _reader(intake: Intake) -> Any:
+    """A function that makes samples of a message of the source."""
+    source = intake.source
+    leaves = [column.leaf for column in source.columns]
+    if source.batched:
+        return BATCHES[source.message._type](leaves, source.topic)
+    read = row_reader(leaves)
+
+    return lambda message: (stamp_of(message), read(message))

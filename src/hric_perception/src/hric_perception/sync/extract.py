@@ -1,0 +1,220 @@
+"""Stamps and values out of messages. No ROS but the classes of its messages.
+
+A message of most types is one sample. Those of `BATCHES` hold many, which are taken apart, each with its own stamp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hric_perception.sync.buffer import Stamps, Values
+from hric_perception.sync.paths import FLOATS, Leaf, PathError, Step
+
+NS = 1_000_000_000
+NAN = float("nan")
+
+
+class NotForUsError(Exception):
+    """The message does not hold what is looked for, such as the joints of another robot on the same topic."""
+
+
+class MalformedError(Exception):
+    """The message contradicts itself; the text says how."""
+
+
+class Samples(NamedTuple):
+    """What a message holds.
+
+    Attributes:
+        stamps: [ns], shape (n,), rising.
+        values: shape (n, columns).
+    """
+
+    stamps: Stamps
+    values: Values
+
+
+Fill = Callable[[Any, list[float]], None]
+"""(message, row): appends the values of some leaves to the row. Raises NotForUsError."""
+
+
+def row_reader(leaves: Sequence[Leaf]) -> Callable[[Any], list[float]]:
+    """A function that reads the leaves of a message as a row."""
+    parts = _fills([(leaf, leaf.steps) for leaf in leaves])
+
+    def read(message: Any) -> list[float]:
+        row: list[float] = []
+        for part in parts:
+            part(message, row)
+        return row
+
+    return read
+
+
+_Path = tuple[Leaf, tuple[Step, ...]]
+
+
+def _fills(paths: Sequence[_Path]) -> list[Fill]:
+    """One function for each run of paths that go down the same field."""
+    groups = groupby(paths, lambda path: (path[1][0].field, path[1][0].element is None, len(path[1]) == 1))
+    return [_fill(field, plain, last, list(group)) for (field, plain, last), group in groups]
+
+
+def _fill(field: str, plain: bool, last: bool, group: list[_Path]) -> Fill:
+    if plain and last:
+        count = len(group)
+        return lambda message, row: row.extend([float(getattr(message, field))] * count)
+    if plain:
+        inner = _fills([(leaf, steps[1:]) for leaf, steps in group])
+        return lambda message, row: _each(inner, getattr(message, field), row)
+    if last:
+        return _numbers(field, [steps[0] for _, steps in group])
+    return _elements(field, group)
+
+
+def _each(parts: list[Fill], message: Any, row: list[float]) -> None:
+    for part in parts:
+        part(message, row)
+
+
+def _numbers(field: str, steps: list[Step]) -> Fill:
+    """Elements of a list of numbers; all of them must be there."""
+    find = _finder(steps)
+
+    def fill(message: Any, row: list[float]) -> None:
+        values = getattr(message, field)
+        try:
+            row.extend([values[index] for index in find(message)])
+        except (IndexError, ValueError):
+            raise NotForUsError(f"{field} has {len(values)} elements") from None
+
+    return fill
+
+
+def _finder(steps: Sequence[Step]) -> Callable[[Any], list[int]]:
+    """A function that finds the elements that steps name in a message's own list of names; remembers them while the list stays as it is.
+
+    The function raises ValueError where there is no such name.
+    """
+    fixed = [step.element for step in steps if isinstance(step.element, int)]
+    if len(fixed) == len(steps):
+        return lambda message: fixed
+    known: list[str] = []
+    indices: list[int] = []
+    lists = steps[0].names
+
+    def find(message: Any) -> list[int]:
+        nonlocal known, indices
+        names = getattr(message, lists)
+        if names != known:
+            indices = [step.element if isinstance(step.element, int) else names.index(step.element) for step in steps]
+            known = list(names)
+        return indices
+
+    return find
+
+
+def _elements(field: str, group: list[_Path]) -> Fill:
+    """Elements of a list of messages. One that is not there, or is not tracked, gives NaN: the source lives, but does not see it."""
+    parts = []
+    for step, paths in groupby(group, lambda path: path[1][0]):
+        inside = list(paths)
+        lost = [NAN if leaf.kind in FLOATS else 0.0 for leaf, _ in inside]
+        parts.append((_chooser(field, step), _fills([(leaf, steps[1:]) for leaf, steps in inside]), lost))
+
+    def fill(message: Any, row: list[float]) -> None:
+        for choose, inner, lost in parts:
+            element = choose(message)
+            if element is None or not getattr(element, "tracking_valid", True):
+                row += lost
+            else:
+                _each(inner, element, row)
+
+    return fill
+
+
+def _chooser(field: str, step: Step) -> Callable[[Any], Any]:
+    """A function that finds an element of a list of messages, or None."""
+    if isinstance(step.element, str) and not step.names:
+        name = step.element
+        return lambda message: next((element for element in getattr(message, field) if element.name == name), None)
+    find = _finder([step])
+
+    def choose(message: Any) -> Any:
+        try:
+            return getattr(message, field)[find(message)[0]]
+        except (ValueError, IndexError):
+            return None
+
+    return choose
+
+
+def chunk_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
+    """A function that takes a SampleChunk apart.
+
+    Raises:
+        PathError: a leaf is no channel of `data`.
+    """
+    steps = _columns(leaves, ("data",), where)
+    find = _finder(steps)
+
+    def read(message: Any) -> Samples:
+        width = len(message.channels)
+        count, rest = divmod(len(message.data), width) if width else (0, 1)
+        if rest or not 0.0 < message.rate < float("inf"):
+            raise MalformedError(f"{len(message.data)} values of {width} channels at {message.rate:g} Hz")
+        offsets = np.rint(np.arange(count) * (NS / message.rate)).astype(np.int64)
+        values = np.asarray(message.data, np.float64).reshape(count, width)
+        return Samples(stamp_of(message) + offsets, values[:, _found(find, message)])
+
+    return read
+
+
+def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
+    """A function that takes a ControlLog apart.
+
+    Raises:
+        PathError: a leaf is no joint's value of each cycle.
+    """
+    steps = _columns(leaves, ("position", "velocity", "effort", "command_raw", "command"), where)
+    groups = [(field, list(range(len(steps))), _finder(list(group))) for field, group in groupby(steps, lambda step: step.field)]
+
+    def read(message: Any) -> Samples:
+        times = np.asarray(message.time)
+        joints = len(message.joint_names)
+        if len(times) == 0 or any(len(getattr(message, field)) != len(times) * joints for field, _, _ in groups):
+            raise MalformedError(f"{len(times)} cycles of {joints} joints, but other numbers of values")
+        stamps = stamp_of(message) + np.rint((times - times[0]) * NS).astype(np.int64)
+        tables = [np.asarray(getattr(message, field)).reshape(-1, joints)[:, _found(find, message)] for field, _, find in groups]
+        return Samples(stamps, np.hstack(tables))
+
+    return read
+
+
+def _columns(leaves: Sequence[Leaf], valid: tuple[str, ...], where: str) -> list[Step]:
+    for leaf in leaves:
+        if len(leaf.steps) != 1 or leaf.steps[0].field not in valid:
+            raise PathError(f"{where}: {leaf} is not one value per sample; valid: elements of {', '.join(valid)}")
+    return [leaf.steps[0] for leaf in leaves]
+
+
+def _found(find: Callable[[Any], list[int]], message: Any) -> list[int]:
+    try:
+        return find(message)
+    except ValueError:
+        raise NotForUsError("none of the names") from None
+
+
+def stamp_of(message: Any) -> int:
+    """Stamp of a message's header [ns]."""
+    stamp = message.header.stamp
+    nanoseconds: int = stamp.secs * NS + stamp.nsecs
+    return nanoseconds
+
+
+BATCHES = {"hric_msgs/SampleChunk": chunk_reader, "hric_msgs/ControlLog": log_reader}
+"""Types whose messages hold many samples."""

@@ -1,0 +1,140 @@
+"""What comes from one source: its samples, what was refused of them and why, and whether it starves. No ROS."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+
+import numpy as np
+
+from hric_perception.sync.buffer import StampBuffer, Stamps, Values
+from hric_perception.sync.common_time import AGREE, Verdict
+from hric_perception.sync.extract import Samples
+from hric_perception.sync.layout import Source
+
+NS = 1e-9
+OUT_OF_ORDER, FOREIGN, MALFORMED, NOT_FOR_US = (
+    "not later than the sample before",
+    "stamped with another time",
+    "malformed",
+    "without the values wanted",
+)
+REFUSALS = (OUT_OF_ORDER, FOREIGN, MALFORMED)
+"""Samples refused for these reasons are losses; messages of somebody else on the same topic are none."""
+
+
+class Intake:
+    """The samples of one source.
+
+    Args:
+        source: what it is.
+        now: when it is begun, by a clock that does not jump [s].
+        delay: how long an instant waits for a source that is late [s]; at least its time-out.
+
+    Attributes:
+        samples: taken in.
+        refused: reason -> samples.
+        late: samples that came after their instants had gone out.
+    """
+
+    def __init__(self, source: Source, now: float, delay: float) -> None:
+        self.source, self.topic = source, source.topic
+        self._patience = max(source.timeout, delay)
+        self.buffer = StampBuffer(source.capacity, len(source.columns))
+        self.samples = self.late = 0
+        self.refused: Counter[str] = Counter()
+        self._waiting: deque[tuple[float, Samples | tuple[int, list[float]]]] = deque()
+        self._heard: float | None = None
+        self._begun, self._busy = now, 0.0
+        self._trouble = ""
+
+    def put(self, samples: Samples | tuple[int, list[float]], arrived: float) -> None:
+        """Samples, or the stamp [ns] and values of one, that arrived then [s]; from any thread. They wait for `collect`."""
+        self._waiting.append((arrived, samples))
+
+    def collect(self) -> tuple[float, Samples] | None:
+        """(arrival of the last one [s], all samples that wait); None: there is none. Their stamps may be in any order."""
+        count = len(self._waiting)
+        if not count:
+            return None
+        waiting = [self._waiting.popleft() for _ in range(count)]
+        arrived = waiting[-1][0]
+        if all(isinstance(one, Samples) for _, one in waiting):
+            chunks = [one for _, one in waiting if isinstance(one, Samples)]
+            if count == 1:
+                return arrived, chunks[0]
+            return arrived, Samples(np.concatenate([one.stamps for one in chunks]), np.concatenate([one.values for one in chunks]))
+        return arrived, Samples(np.array([one[0] for _, one in waiting], np.int64), np.array([one[1] for _, one in waiting], np.float64))
+
+    def take(self, stamps: Stamps, values: Values, verdict: Verdict, sent: int | None, arrived: float, busy: float) -> None:
+        """Keep samples that are later than those before them.
+
+        Args:
+            stamps: in any order, shape (n,) [ns].
+            values: shape (n, columns).
+            verdict: of the common time; foreign samples are refused.
+            sent: the last instant that went out [ns]; samples before it are late.
+            arrived: by the clock that does not jump [s].
+            busy: by the `BusyClock` [s].
+        """
+        if verdict is Verdict.FOREIGN:
+            self.refuse(FOREIGN, len(stamps))
+            return
+        last = self.buffer.last
+        if (last is not None and stamps[0] <= last) or (len(stamps) > 1 and (stamps[1:] <= stamps[:-1]).any()):
+            stamps, values = self._in_order(stamps, values, last)
+            if not len(stamps):
+                return
+        if sent is not None and stamps[0] <= sent:
+            self.late += int(np.searchsorted(stamps, sent, side="right"))
+        self.buffer.extend(stamps, values)
+        self.samples += len(stamps)
+        self._heard, self._busy, self._trouble = arrived, busy, ""
+
+    def _in_order(self, stamps: Stamps, values: Values, last: int | None) -> tuple[Stamps, Values]:
+        """Those that are of the time of the last of them, and later than all before them."""
+        same = np.abs(stamps - stamps[-1]) <= AGREE
+        if not same.all():
+            self.refuse(FOREIGN, int((~same).sum()))
+            stamps, values = stamps[same], values[same]
+        begin = stamps[0] - 1 if last is None else last
+        fresh = stamps > np.concatenate([[begin], np.maximum.accumulate(np.maximum(stamps, begin))[:-1]])
+        if not fresh.all():
+            self.refuse(OUT_OF_ORDER, int((~fresh).sum()))
+        return stamps[fresh], values[fresh]
+
+    def refuse(self, reason: str, count: int = 1) -> None:
+        """Count samples that are not taken in."""
+        self.refused[reason] += count
+        self._trouble = reason
+
+    def starving(self, now: float) -> str:
+        """Why nothing usable came for longer than the time-out, for people; empty: it came.
+
+        Args:
+            now: by the clock that does not jump [s].
+        """
+        since = self._begun if self._heard is None else self._heard
+        if now - since <= self.source.timeout:
+            return ""
+        if self._trouble:
+            return f"only samples that are {self._trouble}" if self._trouble != NOT_FOR_US else f"only messages {NOT_FOR_US}"
+        if self._heard is None:
+            return "never heard"
+        return f"silent for {now - since:.1f} s" if now - since < 100 else "silent"
+
+    def awaited(self, busy: float) -> bool:
+        """Whether an instant waits for this source, at a time of the `BusyClock` [s]."""
+        return busy - self._busy <= self._patience
+
+    def restart(self, now: float, busy: float) -> None:
+        """Another time begins; what waits is judged anew."""
+        self.buffer.clear()
+        self._heard, self._begun, self._busy = None, now, busy
+
+    def rate(self) -> float:
+        """Samples per second, over the samples kept of the last second [Hz]; 0: fewer than two."""
+        stamps = self.buffer.stamps
+        if not len(stamps):
+            return 0.0
+        recent = stamps[np.searchsorted(stamps, stamps[-1] - 1_000_000_000) :]
+        return float((len(recent) - 1) / ((recent[-1] - recent[0]) * NS)) if len(recent) > 1 else 0.0

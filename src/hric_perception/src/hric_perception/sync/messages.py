@@ -1,0 +1,147 @@
+"""Synchronised samples as ROS messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import genpy
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
+from hric_perception.sync.core import Batch, Synchroniser
+from hric_perception.sync.intake import REFUSALS
+from hric_perception.sync.layout import RESAMPLE, Plan, Source
+
+NS = 1_000_000_000
+
+
+def samples(batch: Batch) -> Iterator[Any]:
+    """A SyncedSample for each instant: one and the same message, filled anew, because making one takes longer than sending it."""
+    message = SyncedSample()
+    stamp = message.header.stamp
+    rows = zip(batch.stamps.tolist(), batch.values.tolist(), batch.age.tolist(), batch.valid.tolist(), strict=True)
+    for nanoseconds, message.values, message.age, message.valid in rows:
+        stamp.secs, stamp.nsecs = divmod(nanoseconds, NS)
+        yield message
+
+
+class Units:
+    """Units of the values; those that the plan does not know are told by the first SampleChunk of the source.
+
+    Args:
+        plan: what is synchronised.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self._told: dict[str, list[str]] = {}
+        self._open = {source.topic for source in plan.sources if source.message._type == "hric_msgs/SampleChunk" and not all(_units(source))}
+
+    def see(self, source: Source, message: Any) -> bool:
+        """Look at a message; whether that told a unit."""
+        if source.topic not in self._open:
+            return False
+        names, words = list(message.channels), message.unit.split()
+        by_channel = dict(zip(names, words, strict=True)) if len(words) == len(names) else dict.fromkeys(names, message.unit)
+        steps = [column.leaf.steps[0].element for column in source.columns]
+        self._told[source.topic] = [by_channel.get(names[step] if isinstance(step, int) and step < len(names) else str(step), "") for step in steps]
+        self._open.discard(source.topic)
+        return True
+
+    def of(self, source: Source) -> list[str]:
+        """Per column; empty where it is not known."""
+        known = _units(source)
+        return [unit or told for unit, told in zip(known, self._told.get(source.topic, known), strict=True)]
+
+
+def _units(source: Source) -> list[str]:
+    return [column.unit for column in source.columns]
+
+
+def layout(plan: Plan, units: Units, topics: list[str]) -> Any:
+    """The SyncLayout of a plan.
+
+    Args:
+        plan: what is synchronised.
+        units: of the values.
+        topics: full names of the sources' topics.
+    """
+    pairs = list(zip(plan.sources, topics, strict=True))
+    return SyncLayout(
+        names=[f"{topic}.{column.leaf}" for source, topic in pairs for column in source.columns],
+        units=[unit for source in plan.sources for unit in units.of(source)],
+        sources=[topic for source, topic in pairs for _ in source.columns],
+        interpolations=[column.interpolation for source in plan.sources for column in source.columns],
+        policy=plan.policy,
+        rate=plan.rate if plan.policy == RESAMPLE else 0.0,
+        reference="" if plan.reference is None else topics[plan.reference],
+    )
+
+
+def status(synchroniser: Synchroniser, now: float, topics: list[str]) -> Any:
+    """The SyncStatus at a time of the clock that does not jump [s]."""
+    intakes, window, starving = synchroniser.intakes, synchroniser.window, synchroniser.starving(now)
+    message = SyncStatus(
+        sources=topics,
+        samples=[intake.samples for intake in intakes],
+        rate=[intake.rate() for intake in intakes],
+        starving=[intake.topic in starving for intake in intakes],
+        reasons=[starving.get(intake.topic, "") for intake in intakes],
+        refused=[sum(intake.refused[reason] for reason in REFUSALS) for intake in intakes],
+        late=[intake.late for intake in intakes],
+        skew_mean=window.mean(),
+        skew_max=window.largest(),
+        sent=synchroniser.sent,
+        incomplete=synchroniser.incomplete,
+        dropped=synchroniser.dropped,
+        delay=window.delay(),
+    )
+    message.header.stamp = genpy.Time(*divmod(synchroniser.last or 0, NS))
+    return message
+
+
+def diagnostics(found: Any, synchroniser: Synchroniser, before: Any, standing: bool) -> Any:
+    """A DiagnosticStatus without name.
+
+    Args:
+        found: the SyncStatus.
+        synchroniser: that it is of.
+        before: the SyncStatus of the last diagnostics; None: these are the first.
+        standing: whether the run is paused or has not begun.
+    """
+    starving = [f"{topic}: {reason}" for topic, reason in zip(found.sources, found.reasons, strict=True) if reason]
+    losses = [f"{topic}: {what}" for topic, what in _losses(found, synchroniser.window.valid(), before)]
+    if standing and len(starving) == len(found.sources):
+        level, text = DiagnosticStatus.WARN, "the run is paused or has not begun"
+    elif starving:
+        level, text = DiagnosticStatus.ERROR, "starving: " + "; ".join(starving)
+    elif losses:
+        level, text = DiagnosticStatus.WARN, "; ".join(losses)
+    else:
+        level, text = DiagnosticStatus.OK, f"{len(found.sources)} sources"
+    return DiagnosticStatus(level=level, message=text, values=[KeyValue(key, str(value)) for key, value in _figures(found, synchroniser)])
+
+
+def _losses(found: Any, shares: list[float], before: Any) -> Iterator[tuple[str, str]]:
+    """(topic, what was lost of it since `before`)."""
+    for index, (topic, share) in enumerate(zip(found.sources, shares, strict=True)):
+        if share < 1.0:
+            yield topic, f"valid {100 * share:.0f} % of the time"
+        for word, now, was in (("refused", found.refused, before and before.refused), ("late", found.late, before and before.late)):
+            if grown := now[index] - (was[index] if was else 0):
+                yield topic, f"{grown} {word}"
+
+
+def _figures(found: Any, synchroniser: Synchroniser) -> Iterator[tuple[str, object]]:
+    yield "sent", found.sent
+    yield "incomplete", found.incomplete
+    yield "dropped", found.dropped
+    yield "longest delay [ms]", f"{1e3 * found.delay:.1f}"
+    yield "times begun anew", synchroniser.restarts
+    for index, (topic, intake) in enumerate(zip(found.sources, synchroniser.intakes, strict=True)):
+        yield f"{topic} rate [Hz]", f"{found.rate[index]:.1f}"
+        yield f"{topic} samples", found.samples[index]
+        yield f"{topic} skew, largest [ms]", f"{1e3 * found.skew_max[index]:.3f}"
+        yield f"{topic} late", found.late[index]
+        for reason, count in intake.refused.copy().items():
+            yield f"{topic} {reason}", count

@@ -1,0 +1,169 @@
+"""Which values of a message are meant: `position[panda_joint1, panda_joint2]`, `rigid_bodies[hand].pose`, `wrench.force`. No ROS.
+
+A path names a field; one that holds further fields stands for all numbers below it. Brackets choose elements of an array, by number or by name:
+elements of a list of messages by their field `name`, those of a list of numbers by the message's own list of names.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from roslib.message import get_message_class
+
+from hric_control.errors import HricError, UnknownNameError
+from hric_perception.sync.units import UNITS
+
+FLOATS = ("float32", "float64")
+WHOLES = ("bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "byte", "char")
+QUATERNION = "geometry_msgs/Quaternion"
+NAME_FIELDS = ("name", "names", "joint_names", "channels", "labelled_marker_names")
+"""Lists of strings that name the elements of the other lists of their message."""
+_PART = re.compile(r"(?P<field>[A-Za-z_]\w*)(?:\[(?P<chosen>[^\[\]]*)\])?$")
+_ARRAY = re.compile(r"(?P<element>[^\[]+)\[(?P<length>\d*)\]$")
+
+
+class PathError(HricError):
+    """A path that cannot be read; the message says what is wrong and shows a valid one."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step down into a message.
+
+    Attributes:
+        field: the field.
+        element: of the array that it is, by number or by name; None: it is none.
+        names: the list of names that a name is looked up in, of the same message; empty: the elements have a field `name`.
+    """
+
+    field: str
+    element: int | str | None = None
+    names: str = ""
+
+    def __str__(self) -> str:
+        return self.field if self.element is None else f"{self.field}[{self.element}]"
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """One number of a message.
+
+    Attributes:
+        steps: from the message to it.
+        kind: type of the number.
+        quaternion: whether it is one of the four of a quaternion that is chosen as a whole.
+        part: whether it is one of a quaternion of which others are left out.
+        unit: as the type of the message tells; empty: it does not.
+    """
+
+    steps: tuple[Step, ...]
+    kind: str
+    quaternion: bool = False
+    part: bool = False
+    unit: str = ""
+
+    def __str__(self) -> str:
+        return ".".join(map(str, self.steps))
+
+
+def message_class(name: str, where: str) -> Any:
+    """The class of a message type, which must have a header.
+
+    Raises:
+        PathError: there is no such type, or it carries no time of measurement.
+    """
+    try:
+        found = get_message_class(name)
+    except Exception as error:
+        raise PathError(f"{where} is {name!r}: {error}; valid: a message type that is built, such as sensor_msgs/JointState") from None
+    if found is None:
+        raise PathError(f"{where} is {name!r}; valid: a message type that is built, such as sensor_msgs/JointState")
+    if "header" not in found.__slots__:
+        raise PathError(f"{where} is {name!r}, which has no header and so no time of measurement; valid: a type with a header")
+    return found
+
+
+def leaves(message_type: Any, path: str, where: str) -> list[Leaf]:
+    """The numbers that a path names, in the order of the message's definition.
+
+    Args:
+        message_type: class of the message.
+        path: see above.
+        where: of the path, for messages.
+
+    Raises:
+        HricError: it names nothing, or what is no number.
+    """
+    parts = [_PART.match(part.strip()) for part in re.split(r"\.(?![^\[]*\])", path)]
+    if not all(parts):
+        raise PathError(f"{where} is {path!r}; valid: fields with dots in between and elements in brackets, such as rigid_bodies[hand].pose")
+    alternatives: list[list[tuple[str, str | None]]] = []
+    for part in parts:
+        assert part is not None
+        chosen = part["chosen"]
+        names = [None] if chosen is None else [name.strip() for name in chosen.split(",")]
+        alternatives.append([(part["field"], name) for name in names])
+    found: list[Leaf] = []
+    for choice in itertools.product(*alternatives):
+        found += _walk(message_type, list(choice), (), f"{where}, {path!r}", "")
+    return found
+
+
+def _walk(message_type: Any, choice: list[tuple[str, str | None]], steps: tuple[Step, ...], where: str, unit: str) -> Iterator[Leaf]:
+    (field, chosen), rest = choice[0], choice[1:]
+    if field not in message_type.__slots__:
+        raise UnknownNameError("field", field, message_type.__slots__, f"{message_type._type} ({where})")
+    kind = message_type._slot_types[message_type.__slots__.index(field)]
+    unit = UNITS.get((message_type._type, field), unit)
+    array = _ARRAY.match(kind)
+    if array is None:
+        if chosen is not None:
+            raise PathError(f"{where}: {field} of {message_type._type} is no list; valid: {field} without brackets")
+        yield from _down(kind, message_type, rest, (*steps, Step(field)), where, unit)
+        return
+    for element in [chosen] if chosen is not None else _all(array, field, message_type, where):
+        step = _element(field, element, array, message_type, where)
+        yield from _down(array["element"], message_type, rest, (*steps, step), where, unit)
+
+
+def _all(array: re.Match[str], field: str, message_type: Any, where: str) -> list[str]:
+    if not array["length"]:
+        raise PathError(f"{where}: {field} of {message_type._type} is a list of any length; valid: its elements in brackets, such as {field}[0]")
+    return [str(index) for index in range(int(array["length"]))]
+
+
+def _element(field: str, chosen: str, array: re.Match[str], message_type: Any, where: str) -> Step:
+    if chosen.isdigit():
+        if array["length"] and int(chosen) >= int(array["length"]):
+            raise PathError(f"{where}: {field} of {message_type._type} has {array['length']} elements; valid: 0 to {int(array['length']) - 1}")
+        return Step(field, int(chosen))
+    if not chosen:
+        raise PathError(f"{where}: empty brackets after {field}; valid: numbers or names with commas in between")
+    if "/" in array["element"] and "name" in get_message_class(array["element"]).__slots__:
+        return Step(field, chosen)
+    for name, kind in zip(message_type.__slots__, message_type._slot_types, strict=True):
+        if name in NAME_FIELDS and kind == "string[]" and name != field:
+            return Step(field, chosen, name)
+    raise PathError(f"{where}: nothing in {message_type._type} names the elements of {field}; valid: numbers from 0")
+
+
+def _down(kind: str, parent: Any, rest: list[tuple[str, str | None]], steps: tuple[Step, ...], where: str, unit: str) -> Iterator[Leaf]:
+    if kind in FLOATS or kind in WHOLES:
+        if rest:
+            raise PathError(f"{where}: {steps[-1].field} of {parent._type} is a number, which has no field {rest[0][0]!r}")
+        yield Leaf(steps, kind, part=parent._type == QUATERNION, unit=unit)
+        return
+    inner = get_message_class(kind) if "/" in kind else None
+    if inner is None:
+        raise PathError(f"{where}: {steps[-1].field} of {parent._type} is a {kind}, not a number")
+    if rest:
+        yield from _walk(inner, rest, steps, where, unit)
+    elif kind == QUATERNION:
+        yield from (Leaf((*steps, Step(name)), "float64", quaternion=True, unit="1") for name in inner.__slots__)
+    else:
+        for field in inner.__slots__:
+            yield from _walk(inner, [(field, None)], steps, where, unit)

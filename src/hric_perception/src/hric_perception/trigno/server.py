@@ -1,0 +1,144 @@
+"""An emulated Trigno server. No ROS."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import socket
+import threading
+from collections.abc import Callable
+
+import numpy as np
+
+from hric_control.errors import HricError
+from hric_perception.chunk import FloatArray
+from hric_perception.trigno import protocol
+
+LOG = logging.getLogger("hric.perception.trigno")
+IDLE = 0.1
+"""Longest wait, after which a request to end is noticed [s]."""
+CODE_PERIOD = 1.0
+"""A time code counts within a second: a 32 bit number holds no more digits [s]."""
+
+
+class TrignoServer:
+    """An outlet for `Emulator`: sends whole frames to every listener while it was told to START.
+
+    Args:
+        rate: of samples [Hz].
+        ip: address to listen on.
+        command_port, data_port: 0: any that is free.
+        time_code: whether the last column is a time code [s].
+
+    Raises:
+        HricError: a port is taken.
+    """
+
+    def __init__(self, rate: float, ip: str = "127.0.0.1", command_port: int = 0, data_port: int = 0, time_code: bool = False) -> None:
+        self._rate, self._time_code = rate, time_code
+        self._frame = max(1, round(rate * protocol.FRAME_SAMPLES / protocol.RATE))
+        self._rest = np.empty((0, protocol.CHANNELS), dtype=protocol.SAMPLE)
+        self._lock, self._stop = threading.Lock(), threading.Event()
+        self._listeners: list[socket.socket] = []
+        self._started = False
+        self._sockets: list[socket.socket] = []
+        self._threads: list[threading.Thread] = []
+        for port in (command_port, data_port):
+            try:
+                one = socket.create_server((ip, port))
+            except OSError as error:
+                self.close()
+                reason = os.strerror(error.errno) if error.errno else str(error)
+                raise HricError(f"cannot listen on {ip}, TCP port {port}: {reason}") from error
+            one.settimeout(IDLE)
+            self._sockets.append(one)
+        self.command_port, self.data_port = (one.getsockname()[1] for one in self._sockets)
+
+    def start(self) -> None:
+        """Listen, in threads."""
+        for work, one in zip((self._talk, self._listen), self._sockets, strict=True):
+            self._threads.append(threading.Thread(target=self._accept, args=(one, work), name="trigno server", daemon=True))
+            self._threads[-1].start()
+
+    def push(self, times: FloatArray, data: FloatArray) -> None:
+        """Send samples [V], shape (n, up to CHANNELS); others are 0."""
+        block = np.zeros((len(data), protocol.CHANNELS), dtype=protocol.SAMPLE)
+        block[:, : data.shape[1]] = data
+        if self._time_code:
+            block[:, data.shape[1] - 1] = data[:, -1] % CODE_PERIOD
+        with self._lock:
+            if not self._started:
+                self._rest = self._rest[:0]
+                return
+            block = np.concatenate([self._rest, block])
+            whole = len(block) - len(block) % self._frame
+            self._rest = block[whole:]
+            if whole:
+                self._send(block[:whole].tobytes())
+
+    def close(self) -> None:
+        """End."""
+        self._stop.set()
+        for thread in self._threads:  # a socket that is waited on keeps its port
+            thread.join(1.0)
+        with self._lock:
+            for one in [*self._sockets, *self._listeners]:
+                with contextlib.suppress(OSError):
+                    one.close()
+            self._listeners = []
+
+    def _send(self, data: bytes) -> None:
+        for one in self._listeners[:]:
+            try:
+                one.sendall(data)
+            except OSError:
+                self._listeners.remove(one)
+                one.close()
+
+    def _accept(self, listening: socket.socket, work: Callable[[socket.socket], None]) -> None:
+        while not self._stop.is_set():
+            try:
+                one, _ = listening.accept()
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+            one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            work(one)
+
+    def _listen(self, one: socket.socket) -> None:
+        one.settimeout(1.0)
+        with self._lock:
+            self._listeners.append(one)
+
+    def _talk(self, one: socket.socket) -> None:
+        threading.Thread(target=self._converse, args=(one,), name="trigno commands", daemon=True).start()
+
+    def _converse(self, one: socket.socket) -> None:
+        one.settimeout(IDLE)
+        heard = b""
+        with contextlib.suppress(OSError), one:
+            one.sendall(protocol.GREETING)
+            while not self._stop.is_set():
+                try:
+                    data = one.recv(4096)
+                except TimeoutError:
+                    continue
+                if not data:
+                    break
+                heard += data
+                while protocol.END in heard:
+                    word, heard = heard.split(protocol.END, 1)
+                    one.sendall(self._answer(word.decode(errors="replace").strip()).encode() + protocol.END)
+        with self._lock:
+            self._started = False
+
+    def _answer(self, word: str) -> str:
+        if word in ("START", "STOP"):
+            with self._lock:
+                self._started = word == "START"
+            LOG.info("%s", word)
+            return "OK"
+        answers = {protocol.FRAME_INTERVAL: f"{self._frame / self._rate:.9g}", protocol.FRAME_COUNT: str(self._frame), "QUIT": "BYE"}
+        return answers.get(word, "INVALID COMMAND")

@@ -1,0 +1,62 @@
+"""What tests of the synchroniser's nodes share: sources whose values tell their time, and ears."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import genpy
+from sensor_msgs.msg import JointState
+
+from hric_msgs.msg import SampleChunk
+
+LIMIT = 30.0
+"""Nothing takes as long as this [s]."""
+
+
+def wait(condition: Callable[[], Any]) -> None:
+    """Until it is true."""
+    deadline = time.monotonic() + LIMIT
+    while not condition():
+        assert time.monotonic() < deadline, "waited too long"
+        time.sleep(0.02)
+
+
+def listen(topic: str, kind: type) -> list[Any]:
+    """A list that grows with each message."""
+    import rospy
+
+    seen: list[Any] = []
+    rospy.Subscriber(topic, kind, seen.append, queue_size=None)
+    return seen
+
+
+class Feeder:
+    """Two sources whose values tell the time since the first message."""
+
+    def __init__(self) -> None:
+        import rospy
+
+        self.joints = rospy.Publisher("/sync_joints", JointState, queue_size=100)
+        self.chunks = rospy.Publisher("/sync_chunks", SampleChunk, queue_size=100)
+        self.begin = time.time()
+        self._sent = 0
+
+    def feed(self, seconds: float, chunks: bool = True, shift: float = 0.0) -> None:
+        """100 messages per second of each; without chunks, one of the sources is silent; its stamps are wrong by the shift [s]."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            stamp = self.begin + 0.01 * self._sent
+            joints = JointState(name=["a"], position=[stamp - self.begin])
+            chunk = SampleChunk(channels=["time"], unit="s", rate=1000.0, data=[stamp - self.begin + 0.001 * index for index in range(10)])
+            joints.header.stamp, chunk.header.stamp = genpy.Time.from_sec(stamp), genpy.Time.from_sec(stamp + shift)
+            self.joints.publish(joints)
+            if chunks:
+                self.chunks.publish(chunk)
+            self._sent += 1
+            time.sleep(max(stamp - time.time(), 0.0))
+
+    def heard(self) -> bool:
+        """Whether somebody listens to both."""
+        return bool(self.joints.get_num_connections() and self.chunks.get_num_connections())

@@ -1,0 +1,138 @@
+"""Emulated EMG over a real LSL outlet, read by the real inlet: stamps, numbers, restarts."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from hric_control.errors import ParameterError
+from hric_perception.chunk import Chunk, Layout
+from hric_perception.emg.muscles import Muscles, read_program
+from hric_perception.emulation import EvenSensor, Faults
+from hric_perception.emulator import Emulator
+from hric_perception.health import ERROR, StreamHealth
+from hric_perception.lsl import LslOutlet, LslReader, Wanted, use_session
+from hric_perception.section import Section
+from hric_perception.stream import SampleStream
+from mocap_natnet.server.stream_time import WallClock
+
+use_session(f"test_lsl_{os.getpid()}")
+LIMIT = 30.0
+NAMES = tuple("abcdefgh")
+
+
+def wait(condition: Callable[[], object]) -> None:
+    deadline = time.monotonic() + LIMIT
+    while not condition():
+        assert time.monotonic() < deadline, "waited too long"
+        time.sleep(0.02)
+
+
+class Offset(WallClock):
+    """A run whose time 0 was when the test began."""
+
+    def __init__(self) -> None:
+        self.zero = time.monotonic_ns()
+
+    def now(self) -> float:
+        return 1e-9 * (time.monotonic_ns() - self.zero)
+
+    def monotonic(self, run: float) -> int:
+        return round(1e9 * run) + self.zero
+
+    def run_time(self, monotonic: int) -> float | None:
+        return 1e-9 * (monotonic - self.zero)
+
+
+class Rig:
+    """An emulated device and its reader."""
+
+    def __init__(self, name: str) -> None:
+        self.clock, self.name = Offset(), name
+        self.chunks: list[Chunk] = []
+        self.health = StreamHealth("lsl")
+        stream = SampleStream(self.clock.run_time, self.health, self.chunks.append)
+        self.reader = LslReader(Wanted("EMG", name), stream, self.health)
+        self.reader.start()
+
+    def device(self, rate: float = 2000.0, faults: Faults | None = None) -> tuple[Emulator, EvenSensor]:
+        faults = faults or Faults(time_code=True)
+        muscles = Muscles(read_program(Section("activation", {}), NAMES), len(NAMES), rate)
+        sensor = EvenSensor(rate, len(NAMES), muscles, faults)
+        outlet = LslOutlet(Layout(self.name, (*NAMES, "time"), ("V",) * 8 + ("s",), rate), "EMG", self.name)
+        return Emulator(sensor, outlet, self.clock), sensor
+
+
+@pytest.fixture
+def rig(request: pytest.FixtureRequest):
+    made = Rig(request.node.name)
+    yield made
+    made.reader.close()
+
+
+def worst(chunks: list[Chunk]) -> float:
+    """Largest difference between stamps and time codes [s]."""
+    return max(float(np.abs(chunk.times - chunk.data[:, -1]).max()) for chunk in chunks)
+
+
+def numbers(chunks: list[Chunk]) -> np.ndarray:
+    return np.concatenate([np.arange(chunk.first, chunk.after) for chunk in chunks])
+
+
+def codes(chunks: list[Chunk]) -> np.ndarray:
+    return np.concatenate([chunk.data[:, -1] for chunk in chunks])
+
+
+def test_stamps_are_the_times_of_the_samples_and_none_is_missing(rig: Rig) -> None:
+    device, sensor = rig.device()
+    time.sleep(0.2)
+    device.start()
+    wait(lambda: rig.health.samples > 6000)
+    device.close()
+    sent = sensor.sent
+    wait(lambda: rig.health.samples >= sent or rig.health.report().level == ERROR)
+    assert worst(rig.chunks) < 2e-4
+    assert rig.chunks[0].layout.channels == (*NAMES, "time") and rig.chunks[0].layout.unit == "V V V V V V V V s"
+    assert np.allclose(np.diff(codes(rig.chunks)), 1 / 2000) and (np.diff(numbers(rig.chunks)) == 1).all()
+    assert rig.health.lost == 0
+
+
+def test_a_drop_out_shows_in_the_numbers_and_not_in_the_stamps(rig: Rig) -> None:
+    device, sensor = rig.device(faults=Faults(time_code=True, dropouts=((2.0, 0.3),), no_numbers=((2.6, 0.01),)))
+    device.start()
+    wait(lambda: rig.chunks and rig.chunks[-1].start > 3.0)
+    device.close()
+    assert worst(rig.chunks) < 2e-4
+    steps = np.diff(numbers(rig.chunks))
+    assert sorted(set(steps.tolist())) == [1, 601] and rig.health.lost == 600 == sensor.dropped
+    assert rig.health.not_finite == 20
+    assert "600 samples lost" in rig.health.report().text and "no number in a" in rig.health.report().text
+
+
+def test_a_device_that_dies_is_told_and_found_again_with_another_rate(rig: Rig) -> None:
+    device, _ = rig.device()
+    device.start()
+    wait(lambda: rig.health.samples > 1000)
+    device.close()
+    del device
+    wait(lambda: rig.health.report().level == ERROR)
+    again, _ = rig.device(rate=1000.0)
+    again.start()
+    wait(lambda: rig.chunks[-1].layout.rate == 1000.0 and rig.chunks[-1].first > 1000)
+    again.close()
+    late = [chunk for chunk in rig.chunks if chunk.layout.rate == 1000.0]
+    assert worst(late) < 2e-4 and late[0].first == 0
+    assert "the rate changed from 2000 to 1000 Hz" in rig.health.report().text and rig.health.begun == 2
+
+
+def test_what_is_asked_for_must_be_named() -> None:
+    with pytest.raises(ParameterError, match="valid: a type, a name or a source_id"):
+        Wanted()
+    with pytest.raises(ParameterError, match="quotation"):
+        Wanted("EMG", "it's")
+    with pytest.raises(ParameterError, match="session"):
+        use_session("a b")

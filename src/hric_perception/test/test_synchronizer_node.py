@@ -1,0 +1,98 @@
+"""The node `synchronizer` under a master."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from sync_sources import LIMIT, Feeder, listen, wait
+
+from hric_control.testing import ros, roscore
+from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
+
+__all__ = ["ros", "roscore"]
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+PACKAGE = Path(__file__).parents[1]
+PLAN = {
+    "rate": 50.0,
+    "sources": [
+        {"topic": "/sync_joints", "type": "sensor_msgs/JointState", "signals": ["position[a]"]},
+        {"topic": "/sync_chunks", "type": "hric_msgs/SampleChunk", "signals": ["data[time]"]},
+    ],
+}
+
+
+@contextlib.contextmanager
+def node(plan: Any, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    text = yaml.safe_dump(plan, default_flow_style=True, width=10_000).strip()
+    command = [sys.executable, str(PACKAGE / "nodes" / "synchronizer"), f"_plan:={text}", *arguments]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        yield child
+    finally:
+        if child.poll() is None:
+            child.kill()
+            child.communicate()
+
+
+def test_samples_come_at_the_rate_with_their_layout_and_tell_the_time_that_they_are_stamped_with(ros: str) -> None:
+    samples, layouts, feeder = listen("/hric/perception/sync", SyncedSample), listen("/hric/perception/sync_layout", SyncLayout), Feeder()
+    with node(PLAN) as child:
+        wait(lambda: layouts and feeder.heard())
+        feeder.feed(2.0)
+        wait(lambda: len(samples) > 80)
+        child.send_signal(signal.SIGINT)
+        assert child.wait(LIMIT) == 0
+    layout = layouts[-1]
+    assert layout.names == ["/sync_joints.position[a]", "/sync_chunks.data[time]"] and layout.units == ["rad", "s"]
+    assert (layout.policy, layout.rate, layout.reference) == ("resample", 50.0, "")
+    stamps = [message.header.stamp.to_nsec() for message in samples]
+    assert {after - before for before, after in itertools.pairwise(stamps)} == {20_000_000}
+    for message in samples:
+        assert all(message.valid)
+        assert message.values == pytest.approx([message.header.stamp.to_sec() - feeder.begin] * 2, abs=2e-6)  # to_sec rounds to 0.2 us
+
+
+def test_a_source_that_dies_is_named_in_status_and_diagnostics_while_the_others_go_on(ros: str) -> None:
+    statuses, diagnostics = listen("/starve_status", SyncStatus), listen("/diagnostics", DiagnosticArray)
+    samples, feeder = listen("/starve", SyncedSample), Feeder()
+    with node(PLAN, "_topic:=/starve", "__name:=starve"):
+        wait(feeder.heard)
+        feeder.feed(1.0)
+        wait(lambda: statuses and not any(statuses[-1].starving) and samples)
+        died = time.monotonic()
+        feeder.feed(1.5, chunks=False)
+        wait(lambda: statuses[-1].starving == [False, True] and not any(samples[-1].valid[1:]))
+        assert "silent for" in statuses[-1].reasons[1] and samples[-1].valid[0] and time.monotonic() - died < LIMIT
+        errors = [state for message in diagnostics for state in message.status if state.level == DiagnosticStatus.ERROR]
+        assert errors and "/sync_chunks" in errors[-1].message and errors[-1].name == "starve: sources"
+        feeder.feed(1.0)
+        wait(lambda: not any(statuses[-1].starving) and all(samples[-1].valid))
+
+
+@pytest.mark.parametrize(
+    ("plan", "text"),
+    [
+        ({**PLAN, "policy": "sometimes"}, "/synchronizer/plan.policy is 'sometimes'; valid: exact, approximate, resample"),
+        ({"sources": [{**PLAN["sources"][0], "type": "std_msgs/Float64"}]}, "has no header"),  # type: ignore[index, dict-item]
+    ],
+)
+def test_a_plan_that_cannot_be_ends_the_node_with_one_line(ros: str, plan: Any, text: str) -> None:
+    with node(plan) as child:
+        output, _ = child.communicate(timeout=LIMIT)
+    assert child.returncode == 1 and text in output and "Traceback" not in output
+
+
+def test_help_needs_no_master() -> None:
+    answer = subprocess.run([sys.executable, str(PACKAGE / "nodes" / "synchronizer"), "--help"], capture_output=True, text=True, timeout=LIMIT)
+    assert answer.returncode == 0 and "Usage" in answer.stdout
