@@ -3,4 +3,6 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
-setup(**generate_distutils_setup(packages=["hric_experiments"], package_dir={"": "src"}))
+PACKAGES = ["hric_experiments", "hric_experiments.export", "hric_experiments.health", "hric_experiments.report_html"]
+DATA = {"hric_experiments.report_html": ["assets/*"]}
+setup(**generate_distutils_setup(packages=PACKAGES, package_dir={"": "src"}, package_data=DATA))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hric_control.errors import HricError
-from hric_experiments import experiment, overrides
+from hric_experiments import experiment, overrides, parameters
 from hric_experiments.experiment import ExperimentError
 
 
@@ -14,10 +14,12 @@ def load(name: str, *given: str) -> experiment.Experiment:
     return experiment.parse(name, overrides.apply(experiment.read(name), given))
 
 
-def test_both_experiments_of_the_workspace_are_valid() -> None:
-    assert experiment.names() == ["pd_step", "thesis_step"]
-    for name in experiment.names():
+def test_the_experiments_of_the_workspace_are_valid() -> None:
+    assert experiment.names() == ["marker_tracking", "pd_step", "thesis_step"]
+    for name in ("pd_step", "thesis_step"):
         assert load(name).setpoints[0].positions == pytest.approx([0, -math.pi / 4, 0, -3 * math.pi / 4, 0, math.pi / 2, math.pi / 4], abs=0)
+    marker = load("marker_tracking")
+    assert marker.mocap is not None and marker.mocap.body == "hand" and not marker.setpoints
 
 
 def test_pd_step_starts_inside_every_range_and_is_led_through_a_trapezoid() -> None:
@@ -73,8 +75,48 @@ def test_a_wrong_override_is_told_with_what_would_be_right(given: str, told: str
         load("pd_step", given)
 
 
+def test_the_motion_capture_of_an_experiment_can_be_changed_key_by_key() -> None:
+    run = load("marker_tracking", "noise:=0", "mocap.stream.latency:=0.01", "mocap.human.cycles:=1", "mode:=thesis")
+    assert run.mocap is not None
+    assert run.mocap.stream | {"noise": 0, "latency": 0.01} == run.mocap.stream and run.mocap.human["cycles"] == 1
+    assert run.parameters["cartesian_pose_controller"]["mode"] == "thesis"
+    described = parameters.mocap(run, seed=3)
+    assert described["natnet_client"] == {"body": "hand", "up_axis": "y"}
+    assert (described["emulated_human"]["seed"], described["emulated_human"]["base_frame"]) == (3, "panda_link0")
+    assert parameters.mocap(load("pd_step")) == {}
+
+
+def test_a_known_place_of_the_cameras_reaches_both_nodes() -> None:
+    base = {"xyz": [1.0, 0.0, 0.0], "xyzw": [0.0, 0.0, 0.0, 1.0]}
+    described = parameters.mocap(load("marker_tracking", f"mocap.base_from_mocap:={base}", "arm_id:=left"))
+    assert all(values["base_from_mocap"] == base and values["base_frame"] == "left_link0" for values in described.values())
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("noise:=-1", "mocap.stream.noise is -1; valid: a finite number from 0 to 1"),
+        ("mocap.stream.fps:=1", "no key 'fps' in mocap.stream; valid: bitstream, command_port"),
+        ("mocap.human.program:=walk", "no program 'walk' in mocap.human; valid: minimum_jerk, reactive, sinusoid"),
+        ("mocap.human:=3", "mocap.human is 3; valid: a mapping"),
+        ("mocap.body:=head", "mocap.body is 'head'; valid: hand"),
+        ("mocap.camera:=1", "'camera' is not one of base_from_mocap, body, human, stream"),
+        ("mocap.base_from_mocap:={xyzw: [1, 1, 0, 0]}", "a unit quaternion"),
+        ("mocap:=none", "no override 'mocap'"),
+    ],
+)
+def test_a_mistake_in_the_motion_capture_is_told_by_its_full_name(given: str, told: str) -> None:
+    with pytest.raises(ExperimentError, match=told):
+        load("marker_tracking", given)
+
+
+def test_an_experiment_without_motion_capture_says_so() -> None:
+    with pytest.raises(ExperimentError, match="no override 'noise': this experiment has no motion capture"):
+        load("pd_step", "noise:=0")
+
+
 def test_an_unknown_experiment_lists_those_that_exist() -> None:
-    with pytest.raises(HricError, match=r"no experiment 'pdstep'.*valid: pd_step, thesis_step"):
+    with pytest.raises(HricError, match=r"no experiment 'pdstep'.*valid: marker_tracking, pd_step, thesis_step"):
         experiment.read("pdstep")
     with pytest.raises(HricError, match=r"no experiment file nowhere\.yaml"):
         experiment.read("nowhere.yaml")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
@@ -10,12 +11,15 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 from xmlrpc.client import ServerProxy
 
 import pytest
 import rosgraph
+from rosbags.highlevel import AnyReader
 
-from hric_experiments import bag_reader
+from hric_experiments import bag_reader, parameters
+from hric_experiments import experiment as experiments
 from hric_experiments.rosbag_process import RecordError, RosbagProcess
 from hric_experiments.run_folder import RunFolder
 
@@ -29,6 +33,12 @@ controllers: [pd]
 setpoints:
   - {time: 0.2, controller: pd, positions: [1.0, 0.0, -0.5]}
 duration: 2.0
+"""
+
+SEEN = """
+mocap:
+  stream: {rate: 60, transport: unicast, command_port: %d, data_port: %d}
+  human: {program: minimum_jerk, points: [[0, 0.5, 0, 0.4], [1, 0.5, 0.2, 0.4]]}
 """
 
 
@@ -142,6 +152,66 @@ def test_a_live_experiment_records_reports_and_ends_by_itself(system: System, tm
     assert (folder.path / "positions.png").is_file() and folder.metrics_path.is_file()
 
 
+def test_an_experiment_whose_recorder_is_armed_waits_for_the_trigger(system: System, tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(OWN)
+    recorder = system.node("recorder", f"_experiment:={path}", "_start:=on_trigger")
+    system.robot()
+    experiment = system.node("experiment", f"_experiment:={path}", "_armed:=true", "_ready_timeout:=10")
+    assert experiment.stdout is not None
+    said = ""
+    while "waits for the trigger" not in said:
+        said = experiment.stdout.readline()
+        assert said, "the experiment ended"
+    assert not system.runs.exists() and recorder.poll() is None
+    subprocess.run(["rostopic", "pub", "-1", "/hric/experiment/trigger", "std_msgs/Empty"], env=system.environment, timeout=30, check=True)
+    code, output, _ = ended(experiment, 40.0)
+    assert code == 0 and "run folder: " in output, output
+
+
+def seen(path: Path, *ports: int) -> list[dict[str, Any]]:
+    """An experiment with motion capture; answers the parameters of its two nodes."""
+    path.write_text(OWN + SEEN % ports)
+    described = parameters.mocap(experiments.load(str(path)))
+    return [described["natnet_client"] | {"local": "127.0.0.1"}, described["emulated_human"]]
+
+
+def test_an_experiment_with_motion_capture_starts_the_human_when_all_hear_him(system: System, tmp_path: Path) -> None:
+    path = tmp_path / "seen.yaml"
+    ports = []
+    for _ in range(2):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            ports.append(probe.getsockname()[1])
+    for (package, name), values in zip((("mocap_natnet", "natnet_client"), ("hric_perception", "emulated_human")), seen(path, *ports), strict=True):
+        system.start("rosrun", package, name, *(f"_{key}:={json.dumps(value)}" for key, value in values.items()))
+    system.node("recorder", f"_experiment:={path}")
+    system.robot()
+    code, output, _ = ended(system.node("experiment", f"_experiment:={path}"), 60.0)
+    assert code == 0, output
+    assert "the hand starts at" in output
+    folder = RunFolder.open("latest", system.runs)
+    phases, hand = [], []
+    with AnyReader([folder.bag_path]) as reader:
+        for connection, _, raw in reader.messages():
+            if connection.topic.startswith("/hric/human"):
+                message = reader.deserialize(raw, connection.msgtype)
+                phases += [message.data] if connection.topic.endswith("phase") else []
+                hand += [message.pose.position.y] if connection.topic.endswith("hand") else []
+        assert {"/hric/perception/mocap", "/mocap/marker"} <= {connection.topic for connection in reader.connections}
+    assert phases == ["rest", "moving", "done"]
+    assert hand[0] == 0.0 and hand[-1] == pytest.approx(0.2, abs=1e-9)  # from its rest on: it began when the recorder heard it
+
+
+def test_an_experiment_that_sees_nobody_says_so(system: System, tmp_path: Path) -> None:
+    path = tmp_path / "seen.yaml"
+    seen(path, 1510, 1511)
+    system.robot()
+    code, output, _ = ended(system.node("experiment", f"_experiment:={path}", "_record:=false", "_ready_timeout:=3"), 30.0)
+    assert code == 1 and "Traceback" not in output, output
+    assert "no motion capture: nothing on /hric/perception/mocap; does natnet_client run?" in output
+
+
 def test_ctrl_c_closes_the_bag_within_two_seconds_and_leaves_no_process(system: System) -> None:
     recorder = system.node("recorder")
     system.robot()
@@ -177,7 +247,7 @@ def test_an_unknown_experiment_is_one_line_with_the_valid_names(system: System) 
     for name in ("recorder", "experiment"):
         code, output, _ = ended(system.node(name, "_experiment:=pdstep"), 20.0)
         assert code == 1 and "Traceback" not in output, output
-        assert "no experiment 'pdstep'" in output and "valid: pd_step, thesis_step" in output
+        assert "no experiment 'pdstep'" in output and "valid: marker_tracking, pd_step, thesis_step" in output
 
 
 @pytest.mark.parametrize("script", ["exit 3", "sleep 0.1; exit 0"])

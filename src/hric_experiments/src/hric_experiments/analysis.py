@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hric_experiments import bag_reader, differences, files, metrics, table
+from hric_experiments import bag_reader, differences, files, metrics, table, tracking_analysis
 from hric_experiments.experiment import MetricsSpec
 from hric_experiments.run_folder import RunFolder
 
@@ -37,6 +37,8 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
     result = {"experiment": run.get("experiment", ""), **metrics.compute(record, limits, joints_of, tolerances)}
     result["real_time_factor"] = run.get("real_time_factor")
     result["reflexes"] = [{"time": time, "errors": list(names)} for time, names in record.reflexes]
+    followed = tracking_analysis.analyse(folder, bag_of(folder, run), run, record)
+    result["tracking"] = None if followed is None else followed.values
     result |= _compared(definition, run.get("parameters") or {}, result)
     files.write_json(folder.metrics_path, result)
     report = table.render(run, result)
@@ -49,6 +51,10 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
         from hric_experiments.figures import draw_all
 
         draw_all(folder.path, record, metrics.moves(record, joints_of), limits, _title(run), tolerances)
+        if followed is not None and followed.data is not None:
+            from hric_experiments import tracking_figures
+
+            tracking_figures.draw_all(folder.path, followed.data, followed.record, followed.values, _title(run))
     return {**result, "report": report}
 
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.highlevel import AnyReaderError
 
 from franka_hw_interface.robot_state import ERROR_NAMES
 from hric_control.errors import HricError
+from hric_experiments.bag_parts import PartsError, PartsReader
 
 FloatArray = npt.NDArray[np.float64]
 LOG_TYPE = "hric_msgs/msg/ControlLog"
@@ -101,6 +102,7 @@ class RunRecord:
         topics: message count per topic.
         duration: from the first to the last message [s].
         reflexes: (run time [s], names of the errors) whenever a Franka arm came into an error.
+        run_time: from stamps to run time.
     """
 
     log: ControlRecord
@@ -110,23 +112,24 @@ class RunRecord:
     topics: dict[str, int] = field(default_factory=dict)
     duration: float = 0.0
     reflexes: list[tuple[float, tuple[str, ...]]] = field(default_factory=list)
+    run_time: RunTime = float
 
 
 def read(path: Path) -> RunRecord:
-    """Read a bag.
+    """Read a bag with all its parts.
 
     Raises:
         BagError: it is missing, damaged, or has no control log.
     """
     if not path.is_file():
         unfinished = path.with_name(path.name + ".active")
-        hint = f"; the recording did not end properly, try: rosbag reindex {unfinished.name}" if unfinished.is_file() else ""
+        hint = f"; the recording did not end properly, try: rosrun hric_experiments health --salvage {unfinished}" if unfinished.is_file() else ""
         raise BagError(f"no bag {path.name} in {path.parent}{hint}")
     logs: list[Any] = []
     collected: dict[str, list[tuple[str, float, Any]]] = {COUNTS_TYPE: [], COMMAND_TYPE: [], STATE_TYPE: [], FRANKA_TYPE: []}
     try:
-        with AnyReader([path]) as reader:
-            topics = {connection.topic: connection.msgcount for connection in reader.connections}
+        with PartsReader(path) as reader:
+            topics = {topic: info.msgcount for topic, info in reader.topics.items()}
             duration = reader.duration * 1e-9 if reader.message_count else 0.0
             wanted = [c for c in reader.connections if c.msgtype == LOG_TYPE or c.msgtype in collected]
             for connection, stamp, raw in reader.messages(connections=wanted) if wanted else ():
@@ -135,6 +138,8 @@ def read(path: Path) -> RunRecord:
                     logs.append(message)
                 else:
                     collected[connection.msgtype].append((connection.topic, stamp * 1e-9, message))
+    except PartsError as error:
+        raise BagError(str(error)) from error
     except AnyReaderError as error:
         raise BagError(f"cannot read {path.name}: {error}") from error
     return _record(logs, collected, topics, duration, path.name)
@@ -143,7 +148,7 @@ def read(path: Path) -> RunRecord:
 def _record(logs: list[Any], collected: dict[str, list[tuple[str, float, Any]]], topics: dict[str, int], duration: float, name: str) -> RunRecord:
     if not logs:
         raise BagError(f"{name} has no control log; topics: {', '.join(sorted(topics)) or 'none'}")
-    run_time = _run_time(logs)
+    run_time = run_time_of(logs)
     counts = collected[COUNTS_TYPE]
     return RunRecord(
         stitch(logs),
@@ -153,6 +158,7 @@ def _record(logs: list[Any], collected: dict[str, list[tuple[str, float, Any]]],
         topics,
         duration,
         _reflexes(collected[FRANKA_TYPE], run_time),
+        run_time,
     )
 
 
@@ -162,7 +168,7 @@ def _reflexes(messages: list[tuple[str, float, Any]], run_time: RunTime) -> list
     for topic, _, message in messages:
         errors = tuple(name for name in ERROR_NAMES if getattr(message.current_errors, name))
         if errors and errors != before.get(topic):
-            found.append((run_time(_seconds(message.header.stamp)), errors))
+            found.append((run_time(seconds(message.header.stamp)), errors))
         before[topic] = errors
     return found
 
@@ -196,16 +202,17 @@ def stitch(messages: Iterable[Any]) -> ControlRecord:
     )
 
 
-def _seconds(stamp: Any) -> float:
+def seconds(stamp: Any) -> float:
+    """A stamp as rosbags reads it [s]."""
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def _run_time(logs: list[Any]) -> RunTime:
+def run_time_of(logs: list[Any]) -> RunTime:
     """From stamps to run time. They differ by a constant, except on a robot whose clock does not keep step with that of this machine."""
-    pairs = sorted((_seconds(message.header.stamp), float(message.time[0])) for message in logs)
+    pairs = sorted((seconds(message.header.stamp), float(message.time[0])) for message in logs)
     offsets = np.array([stamp - time for stamp, time in pairs])
     if np.ptp(offsets) < SAME_CLOCK:
-        offset = _seconds(logs[0].header.stamp) - float(logs[0].time[0])
+        offset = seconds(logs[0].header.stamp) - float(logs[0].time[0])
         return lambda stamp: stamp - offset
     stamps = np.array([stamp for stamp, _ in pairs])
     return lambda stamp: float(stamp - np.interp(stamp, stamps, offsets))
@@ -230,7 +237,7 @@ def _profiles(messages: list[tuple[str, float, Any]], run_time: RunTime) -> dict
     for topic in {topic for topic, _, _ in messages}:
         own = [message for name, _, message in messages if name == topic and len(message.desired.positions) == len(message.joint_names)]
         if own:
-            times = np.array([run_time(_seconds(message.header.stamp)) for message in own])
+            times = np.array([run_time(seconds(message.header.stamp)) for message in own])
             positions = np.array([message.desired.positions for message in own], dtype=float)
             result[topic.strip("/").split("/")[-2]] = (times, positions, tuple(own[0].joint_names))
     return result

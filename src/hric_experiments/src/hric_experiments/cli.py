@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import logging
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -15,6 +17,10 @@ from hric_experiments import experiment, overrides, study
 from hric_experiments.run_folder import RunFolder, runs_root
 
 INTERRUPTED_CODE = 130
+DESCRIBED = {"robot": "robot", "limits": "joint_limits", "controllers": "controllers", "mocap": "mocap"}
+"""What `describe` prints as YAML, and the function of `parameters` that tells it."""
+MOCAP_NODES = ("natnet_client", "emulated_human")
+"""Parts of `mocap` that it prints by themselves: private parameters of these nodes."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -34,6 +40,7 @@ def run(arguments: Sequence[str]) -> int:
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/ of the workspace)")
     parser.add_argument("--quiet", action="store_true", help="no progress bar and no report, only errors and the run folder")
     parser.add_argument("--no-figures", action="store_true", help="do not draw")
+    parser.add_argument("--html", action="store_true", help="leave report.html, too: one file with plots, tables and a replay")
     given = parser.parse_args(list(arguments))
     _log_to_terminal(given.quiet)
     if given.experiment in study.names():
@@ -49,6 +56,8 @@ def run(arguments: Sequence[str]) -> int:
     if not given.quiet:
         print(f"\n{result.metrics['report']}")
     print(f"state_sha256: {result.metrics['state_sha256']}\nrun folder: {result.folder.path}")
+    if given.html:
+        _html(result.folder, progress=not given.quiet)
     if result.interrupted:
         print("interrupted; the bag holds what ran until then", file=sys.stderr)
         return INTERRUPTED_CODE
@@ -69,10 +78,22 @@ def _run_study(given: argparse.Namespace) -> int:
         figures=not given.no_figures,
     )
     print(f"\n{result.metrics['report']}\nstudy: {result.folder}")
+    if given.html:
+        _study_pages(result.metrics, result.folder)
     if result.interrupted:
         print("interrupted; the runs that were made are kept", file=sys.stderr)
         return INTERRUPTED_CODE
     return 0 if result.passed else 1
+
+
+def _study_pages(metrics: Mapping[str, Any], folder: Path) -> None:
+    """One page per form, with its runs laid over each other."""
+    from hric_experiments import report_html
+
+    for form, values in metrics["forms"].items():
+        runs = {name: RunFolder(folder.parent / one["run"]) for name, one in values["runs"].items()}
+        if len(runs) > 1:
+            print(f"page: {report_html.write_comparison(list(runs.values()), list(runs), folder / form)}")
 
 
 def list_experiments(arguments: Sequence[str]) -> int:
@@ -94,12 +115,22 @@ def report(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser("rosrun hric_experiments report", description=what)
     parser.add_argument("run", nargs="?", default="latest", help="run folder, its name, or latest (default)")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
+    parser.add_argument("--html", action="store_true", help="leave report.html, too: one file with plots, tables and a replay, for any browser")
+    parser.add_argument("--no-figures", action="store_true", help="do not draw the PNG files")
     given = parser.parse_args(list(arguments))
     from hric_experiments.analysis import analyse
 
     folder = RunFolder.open(given.run, runs_root(given.runs))
-    print(analyse(folder)["report"] + f"\nrun folder: {folder.path}")
+    print(analyse(folder, figures=not given.no_figures)["report"] + f"\nrun folder: {folder.path}")
+    if given.html:
+        _html(folder)
     return 0
+
+
+def _html(folder: RunFolder, *, progress: bool = True) -> None:
+    from hric_experiments import report_html
+
+    print(f"page: {report_html.write(folder, progress=progress and sys.stderr.isatty())}")
 
 
 def compare(arguments: Sequence[str]) -> int:
@@ -109,30 +140,50 @@ def compare(arguments: Sequence[str]) -> int:
         description="Compare two runs of the same motion, such as simulated and real: peak and steady difference per joint, and figures.",
     )
     parser.add_argument("run_a", help="run folder, its name, or latest")
-    parser.add_argument("run_b", help="the other one")
-    parser.add_argument("--labels", nargs=2, metavar=("A", "B"), help="what to call them, e.g. simulated real (default: the names of their folders)")
+    parser.add_argument("others", nargs="+", metavar="run_b", help="the other one; with --html also more, each compared with run_a")
+    parser.add_argument("--labels", nargs="+", metavar="NAME", help="what to call them, e.g. simulated real (default: the names of their folders)")
     parser.add_argument("--joint", help="joint shown large, by its name in run A (default: the sixth)")
     parser.add_argument("--fit", action="store_true", help="lay the runs over each other by their positions, not by the set points' time")
     parser.add_argument("--output", metavar="DIR", help="where to write (default: sim_vs_real_A_B in the folder of all runs)")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
     parser.add_argument("--no-figures", action="store_true", help="do not draw")
+    parser.add_argument("--html", action="store_true", help="leave report.html, too: one file with plots, tables and a replay of all runs")
     given = parser.parse_args(list(arguments))
+    root = runs_root(given.runs)
+    runs = [RunFolder.open(name, root) for name in (given.run_a, *given.others)]
+    names = given.labels or [run.path.name for run in runs]
+    if len(names) != len(runs):
+        raise experiment.ExperimentError(f"--labels names {len(names)} runs ({', '.join(names)}), but {len(runs)} are compared")
+    if len(runs) > 2 and not given.html:
+        raise experiment.ExperimentError(f"{len(runs)} runs are compared on a page only: add --html, or name two runs")
+    folder = Path(given.output).expanduser() if given.output else root / f"sim_vs_real_{'_'.join(run.path.name for run in runs)}"
+    _compare(runs, names, folder, given)
+    return 0
+
+
+def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, given: argparse.Namespace) -> None:
+    """Each run with the first one."""
     from hric_experiments.compare import compare as compare_runs
 
-    root = runs_root(given.runs)
-    a, b = (RunFolder.open(name, root) for name in (given.run_a, given.run_b))
-    folder = Path(given.output).expanduser() if given.output else root / f"sim_vs_real_{a.path.name}_{b.path.name}"
-    print(compare_runs(a, b, folder, labels=given.labels, joint=given.joint, fit=given.fit, figures=not given.no_figures)["report"])
+    for other, name in zip(runs[1:], names[1:], strict=True):
+        pair = folder if len(runs) == 2 else folder / other.path.name
+        options = {"joint": given.joint, "fit": given.fit, "figures": not given.no_figures}
+        print(compare_runs(runs[0], other, pair, labels=(names[0], name), **options)["report"])
     print(f"comparison: {folder.absolute()}")
-    return 0
+    if given.html:
+        from hric_experiments import report_html
+
+        print(f"page: {report_html.write_comparison(runs, names, folder, fit=given.fit, progress=sys.stderr.isatty()).absolute()}")
 
 
 def describe(arguments: Sequence[str]) -> int:
     """Print what an experiment puts on the parameter server; launch files read it."""
     parser = argparse.ArgumentParser("rosrun hric_experiments describe", description="Print what an experiment puts on the parameter server.")
-    parser.add_argument("what", choices=["urdf", "robot", "limits", "controllers"], help="robot_description; parameters (YAML)")
+    parser.add_argument("what", choices=["urdf", *DESCRIBED, *MOCAP_NODES], help="robot_description; parameters (YAML)")
     parser.add_argument("experiment", help=f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or a YAML file")
     parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes, as for run")
+    parser.add_argument("--also", action="append", default=[], metavar="KEY:=VALUE", help="print this parameter, too; may be repeated")
+    parser.add_argument("--also-file", type=Path, metavar="FILE", help="print the parameters of this YAML file, too")
     given = parser.parse_args(list(arguments))
     _log_to_terminal(quiet=False)
     definition = experiment.load(given.experiment, given.overrides)
@@ -143,9 +194,34 @@ def describe(arguments: Sequence[str]) -> int:
         return 0
     from hric_experiments import parameters
 
-    printed = {"robot": parameters.robot, "limits": parameters.joint_limits, "controllers": parameters.controllers}
-    print(yaml.safe_dump(printed[given.what](definition), sort_keys=False), end="")
+    if given.what in MOCAP_NODES:
+        printed = parameters.mocap(definition).get(given.what, {})
+    else:
+        printed = getattr(parameters, DESCRIBED[given.what])(definition)
+    print(yaml.safe_dump({**printed, **_also(given.also_file, given.also)}, sort_keys=False), end="")
     return 0
+
+
+def _also(path: Path | None, given: Sequence[str]) -> dict[str, object]:
+    """Parameters of a YAML file and of the command line."""
+    content: object = {}
+    try:
+        content = yaml.safe_load(path.read_text()) if path is not None else {}
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise experiment.ExperimentError(f"{path} cannot be read: {error}") from error
+    if not isinstance(content, dict):
+        raise experiment.ExperimentError(f"{path} must be a mapping of parameters to values")
+    return content | dict(map(overrides.split, given))
+
+
+def _of(module: str) -> Callable[[Sequence[str]], int]:
+    """The command that a module of this package has as its `main`."""
+
+    def command(arguments: Sequence[str]) -> int:
+        main_of: Callable[[Sequence[str]], int] = importlib.import_module(f"hric_experiments.{module}").main
+        return main_of(arguments)
+
+    return command
 
 
 COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
@@ -154,6 +230,10 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "report": report,
     "compare": compare,
     "describe": describe,
+    "health": _of("health.command"),
+    "export": _of("export.command"),
+    "inverse_kinematics": _of("export.kinematics_command"),
+    "inverse_dynamics": _of("export.dynamics_command"),
 }
 
 

@@ -13,7 +13,7 @@ from hric_experiments.run_folder import RunFolder, RunFolderError
 
 SHOWN_JOINT = 5
 """Column of the joint shown large: the sixth, as in the thesis's figure 13."""
-SHOWN_SETTINGS = ("robot", "controllers", "parameters", "duration")
+SHOWN_SETTINGS = ("robot", "controllers", "parameters", "mocap", "duration")
 """Keys of an experiment in which two runs are told apart."""
 
 
@@ -53,7 +53,7 @@ def compare(
         "aligned_by": "positions" if fit else "set points",
         "shift": compared.shift,
         "setpoints": comparison.difference_metrics(compared),
-        "settings": comparison.settings(_settings(runs[0]), _settings(runs[1])),
+        "settings": comparison.settings(settings_of(runs[0]), settings_of(runs[1])),
     }
     report = render(result)
     _write(folder, result, report)
@@ -86,7 +86,8 @@ def _head(folder: RunFolder, run: Mapping[str, Any], label: str) -> dict[str, An
     return {"label": label, "run": folder.path.name, "hw": ((run.get("definition") or {}).get("robot") or {}).get("hw"), **kept}
 
 
-def _settings(run: Mapping[str, Any]) -> dict[str, Any]:
+def settings_of(run: Mapping[str, Any]) -> dict[str, Any]:
+    """What an experiment set; run: contents of run.yaml."""
     definition = run.get("definition") or {}
     return {key: definition[key] for key in SHOWN_SETTINGS if key in definition}
 

@@ -91,15 +91,19 @@ def overlay(
     Raises:
         ComparisonError: other joints, other set points, or no common time.
     """
-    columns = _columns(a.log.joint_names, b.log.joint_names)
-    pairs = _pairs(a.log, b.log, moves(a, orders_a), moves(b, orders_b), columns)
-    shift = _fitted_shift(a.log, b.log, columns, pairs) if fit else 0.0
-    effort = tuple(kind == "effort" == b.log.interfaces[column] for kind, column in zip(a.log.interfaces, columns, strict=True))
-    return Comparison(a.log.joint_names, effort, tuple(_lay(a.log, b.log, columns, pair, shift) for pair in pairs), shift)
+    order = columns(a.log.joint_names, b.log.joint_names)
+    pairs = _pairs(a.log, b.log, moves(a, orders_a), moves(b, orders_b), order)
+    shift = _fitted_shift(a.log, b.log, order, pairs) if fit else 0.0
+    effort = tuple(kind == "effort" == b.log.interfaces[column] for kind, column in zip(a.log.interfaces, order, strict=True))
+    return Comparison(a.log.joint_names, effort, tuple(_lay(a.log, b.log, order, pair, shift) for pair in pairs), shift)
 
 
-def _columns(names_a: Sequence[str], names_b: Sequence[str]) -> list[int]:
-    """For each joint of A its column in B."""
+def columns(names_a: Sequence[str], names_b: Sequence[str]) -> list[int]:
+    """For each joint of A its column in B.
+
+    Raises:
+        ComparisonError: the joints are not the same.
+    """
     for short in (str, lambda name: name.rsplit("_", 1)[-1]):
         wanted, there = [short(name) for name in names_a], [short(name) for name in names_b]
         if sorted(wanted) == sorted(there) and len(set(wanted)) == len(wanted):
@@ -200,9 +204,14 @@ def settings(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[dict[str, Any]]
     Args:
         a, b: trees of plain values, such as `definition` of run.yaml.
     """
-    flat_a, flat_b = dict(_flat(a)), dict(_flat(b))
+    flat_a, flat_b = leaves(a), leaves(b)
     keys = dict.fromkeys([*flat_a, *flat_b])
     return [{"key": key, "a": flat_a.get(key), "b": flat_b.get(key)} for key in keys if flat_a.get(key) != flat_b.get(key)]
+
+
+def leaves(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of a tree by dotted key."""
+    return dict(_flat(tree))
 
 
 def _flat(tree: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:

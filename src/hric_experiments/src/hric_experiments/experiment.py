@@ -12,6 +12,7 @@ import yaml
 from hric_control.errors import HricError, UnknownNameError
 from hric_experiments import config
 from hric_experiments.checks import angle, fields, mapping, names_list, number, strings_of
+from hric_experiments.mocap_spec import MocapSpec, read_mocap
 
 
 class ExperimentError(HricError):
@@ -84,6 +85,7 @@ class Experiment:
         setpoints: in order of time.
         duration: run time of the whole run [s].
         metrics: how it is judged.
+        mocap: the motion capture and who moves before it; None: none.
     """
 
     name: str
@@ -94,11 +96,12 @@ class Experiment:
     setpoints: tuple[SetPoint, ...]
     duration: float
     metrics: MetricsSpec
+    mocap: MocapSpec | None = None
 
 
 NONE = "none"
 """Name of the run that is no experiment: what the bring-up starts by itself."""
-EXPERIMENT_KEYS = ("controllers", "description", "duration", "metrics", "parameters", "robot", "setpoints")
+EXPERIMENT_KEYS = ("controllers", "description", "duration", "metrics", "mocap", "parameters", "robot", "setpoints")
 ROBOT_KEYS = ("arm_id", "description", "hw", "parameters", "plant", "plant_type", "q_start", "urdf")
 SETPOINT_KEYS = ("controller", "positions", "time")
 METRICS_KEYS = ("reference", "tolerances")
@@ -165,9 +168,10 @@ def parse(name: str, raw: Mapping[str, Any]) -> Experiment:
             setpoints=_setpoints(raw.get("setpoints") or []),
             duration=number(raw["duration"], "duration", minimum=0.0, exclusive=True),
             metrics=_metrics(mapping(raw.get("metrics"), "metrics")),
+            mocap=read_mocap(raw["mocap"]) if raw.get("mocap") is not None else None,
         )
         _check_together(experiment)
-    except ValueError as error:
+    except (ValueError, HricError) as error:
         raise ExperimentError(f"experiment {name}: {error}") from error
     return experiment
 

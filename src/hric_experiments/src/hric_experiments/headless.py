@@ -23,6 +23,7 @@ from hric_experiments import description, experiment, files, limits, parameters,
 from hric_experiments.analysis import analyse
 from hric_experiments.bag_writer import BagWriter
 from hric_experiments.experiment import Experiment, SetPoint
+from hric_experiments.headless_human import HeadlessHuman
 from hric_experiments.run_folder import COMPLETED, FAILED, INTERRUPTED, RUNNING, RunFolder, iso_now
 
 PROGRESS_EVERY = 0.05
@@ -45,20 +46,21 @@ class Result:
 
 
 class Timeline:
-    """Sends the set points at their run times and moves the progress bar; called in the loop before each update.
+    """Sends the set points at their run times, lets the human move, and the progress bar; called in the loop before each update.
 
-    The first cycle starts the controllers, so the earliest set point goes out in the second one, 1 ms later.
+    The first cycle starts the controllers, so the earliest set point goes out in the second one, 1 ms later, and so does the first frame.
 
     Args:
         node: the robot's namespace.
         setpoints: in order of time.
         bar: shows run time; None: no bar.
+        human: before the motion capture; None: none.
     """
 
-    def __init__(self, node: LocalNode, setpoints: Sequence[SetPoint], bar: Any) -> None:
+    def __init__(self, node: LocalNode, setpoints: Sequence[SetPoint], bar: Any, human: HeadlessHuman | None = None) -> None:
         self._waiting = list(setpoints)
         self._publishers = {p.controller: node.advertise(f"{p.controller}/command", Float64MultiArray) for p in setpoints}
-        self._bar, self._shown, self._started = bar, 0.0, False
+        self._bar, self._shown, self._started, self._human = bar, 0.0, False, human
 
     def __call__(self, now: float) -> None:
         """Do what is due at run time `now` [s]."""
@@ -68,6 +70,8 @@ class Timeline:
         while self._waiting and now >= self._waiting[0].time - 1e-9:
             setpoint = self._waiting.pop(0)
             self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
+        if self._human is not None:
+            self._human.advance(now)
         if self._bar is not None and now - self._shown >= PROGRESS_EVERY:
             self._bar.update(round(now - self._shown, 3))
             self._shown = now
@@ -101,13 +105,15 @@ def run(
         "joint_limits": parameters.joint_limits(definition),
         **parameters.controllers(definition),
         parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},
+        **parameters.mocap(definition, seed),
     }
     node = LocalNode(tree)
+    human = HeadlessHuman(node, definition.mocap, seed) if definition.mocap is not None else None
     folder = RunFolder.create(root, definition.name)
     folder.write(_head(definition, arguments, seed, tree, folder))
     files.write_text(folder.urdf_path, urdf)
     try:
-        interrupted = _simulate(node, definition, folder, progress)
+        interrupted = _simulate(node, definition, folder, progress, human)
     except BaseException as error:
         folder.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
         raise
@@ -135,7 +141,7 @@ def _head(definition: Experiment, arguments: Sequence[str], seed: int, tree: dic
     }
 
 
-def _simulate(node: LocalNode, definition: Experiment, folder: RunFolder, progress: bool) -> bool:
+def _simulate(node: LocalNode, definition: Experiment, folder: RunFolder, progress: bool, human: HeadlessHuman | None) -> bool:
     """Run the robot into the bag; answers whether it was interrupted."""
     app = RobotApp(node, node.child(parameters.ROBOT))
     try:
@@ -151,7 +157,7 @@ def _simulate(node: LocalNode, definition: Experiment, folder: RunFolder, progre
                 app.manager.load(name)
             app.manager.switch(list(definition.controllers), [], loop_running=False)
             wall = time.perf_counter()
-            interrupted = _run(app, node, definition, progress)
+            interrupted = _run(app, node, definition, progress, human)
             wall = time.perf_counter() - wall
         status = INTERRUPTED if interrupted else COMPLETED
         reached = app.cycles * app.loop.time_step if app.loop is not None else 0.0
@@ -168,12 +174,12 @@ def _arm_error(app: RobotApp) -> dict[str, str]:
     return {"arm_error": error} if error else {}
 
 
-def _run(app: RobotApp, node: LocalNode, definition: Experiment, progress: bool) -> bool:
+def _run(app: RobotApp, node: LocalNode, definition: Experiment, progress: bool, human: HeadlessHuman | None) -> bool:
     form = "{l_bar}{bar}| {n:.2f}/{total:.2f} s run time [{elapsed}<{remaining}]"
     bar = tqdm(total=definition.duration, desc=definition.name, bar_format=form, leave=False) if progress else None
     try:
         with _interruptible(app) as interrupt:
-            app.run(definition.duration, Timeline(node, definition.setpoints, bar))
+            app.run(definition.duration, Timeline(node, definition.setpoints, bar, human))
     finally:
         if bar is not None:
             bar.close()

@@ -14,10 +14,12 @@ from std_srvs.srv import Trigger
 from controller_manager_msgs.srv import ListControllers
 from hric_control.errors import HricError
 from hric_experiments import experiment as experiments
-from hric_experiments import live_node, overrides, parameters
+from hric_experiments import live_node, overrides, parameters, report_html
 from hric_experiments.analysis import analyse
 from hric_experiments.experiment import Experiment
-from hric_experiments.live_recorder import RECORDING_TOPIC, STOP_SERVICE, unrecorded
+from hric_experiments.live_human import LiveHuman
+from hric_experiments.live_recorder import RECORDING_TOPIC, START_SERVICE, STOP_SERVICE, TRIGGER_TOPIC
+from hric_experiments.live_topics import unrecorded
 from hric_experiments.run_folder import RunFolder
 
 POLL = 0.01
@@ -33,7 +35,8 @@ class NotReady(HricError):
 class LiveExperiment:
     """Runs one experiment against the robot in this node's namespace.
 
-    Parameters, private: experiment, overrides, record (whether a recorder runs), ready_timeout [s of wall time].
+    Parameters, private: experiment, overrides, record (whether a recorder runs), armed (whether it waits for a trigger), ready_timeout
+    [s of wall time], html (leave report.html, too).
     """
 
     def __init__(self) -> None:
@@ -41,10 +44,13 @@ class LiveExperiment:
             str(rospy.get_param("~experiment")), overrides.separate(str(rospy.get_param("~overrides", "")))
         )
         self._recorded = bool(rospy.get_param("~record", True))
+        self._armed = bool(rospy.get_param("~armed", False))
         self._timeout = float(rospy.get_param("~ready_timeout", 60.0))
+        self._html = bool(rospy.get_param("~html", False))
         controllers = dict.fromkeys(setpoint.controller for setpoint in self.experiment.setpoints)
         self._publishers = {name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers}
         self._folder = ""
+        self._human = LiveHuman(self.experiment.mocap) if self.experiment.mocap is not None else None
         if self._recorded:
             rospy.Subscriber(RECORDING_TOPIC, String, self._on_recording)
 
@@ -65,27 +71,38 @@ class LiveExperiment:
             return ""
         folder = self._stop_recording()
         folder.update(real_time_factor=factor)
-        return str(analyse(folder)["report"]) + f"\nrun folder: {folder.path}\n"
+        report = str(analyse(folder)["report"]) + f"\nrun folder: {folder.path}\n"
+        return report + (f"page: {report_html.write(folder)}\n" if self._html else "")
 
     def _wait_ready(self) -> None:
         self._wait(self._missing_controllers, "controllers that do not run: {}")
         if self._recorded:
-            self._wait(lambda: [] if self._folder else [RECORDING_TOPIC], "no recorder: nothing on {}")
+            self._wait_recording()
         self._wait(lambda: self._unheard(1), "controllers that do not hear their command topic: {}")
         limits = RunFolder(Path(self._folder)).read().get("limits", {}) if self._recorded else {}
         for setpoint in self.experiment.setpoints:
             joints = rospy.get_param(f"{setpoint.controller}/joints", None)
             parameters.check_setpoint(setpoint, joints or [""] * len(setpoint.positions), limits)
         self._wait(lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "run time does not move: nothing on {}")
+        if self._human is not None:
+            self._wait(self._human.missing, "no motion capture: {}")
         if self._recorded:
             self._wait_heard()
+
+    def _wait_recording(self) -> None:
+        if self._armed:
+            rospy.loginfo("experiment %s waits for the trigger of the recording: %s or %s", self.experiment.name, TRIGGER_TOPIC, START_SERVICE)
+            while not self._folder:
+                live_node.sleep(5 * POLL)
+        self._wait(lambda: [] if self._folder else [RECORDING_TOPIC], "no recorder: nothing on {}")
 
     def _wait_heard(self) -> None:
         """The move begins when the recorder hears all that the robot says, and the set points."""
         recorder, robot = rospy.resolve_name("recorder"), rospy.resolve_name("robot")
+        others = self._human.nodes() if self._human is not None else []
         commands = {publisher.resolved_name for publisher in self._publishers.values()}
         deadline = time.monotonic() + RECORDER_GRACE
-        while unheard := unrecorded(recorder, robot) | (commands if self._unheard(2) else set()):
+        while unheard := set().union(*(unrecorded(recorder, node) for node in (robot, *others))) | (commands if self._unheard(2) else set()):
             if time.monotonic() > deadline:
                 rospy.logwarn("the recorder does not hear %s yet: the bag will lack their beginning", ", ".join(sorted(unheard)))
                 return
@@ -111,6 +128,8 @@ class LiveExperiment:
 
     def _send(self) -> float:
         """Send the set points at their run times and wait for the end; answers the real time factor."""
+        if self._human is not None:
+            self._human.start()
         begin, wall = rospy.get_time(), time.monotonic()
         for setpoint in self.experiment.setpoints:
             self._sleep_until(begin + setpoint.time)

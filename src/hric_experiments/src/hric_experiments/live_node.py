@@ -78,6 +78,11 @@ def sleep(seconds: float) -> None:
         raise Interrupted
 
 
+def interrupted() -> bool:
+    """Whether a signal came: for waits of other threads, in which it cannot be raised."""
+    return _stop.is_set()
+
+
 def _interrupt(*_: Any) -> None:
     # The first signal alone raises: what is being closed is not to be left half done. rospy has places that catch everything, hence the flag too.
     first = not _stop.is_set()

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from hric_experiments.experiment import METRICS_KEYS, ROBOT_KEYS, ExperimentError
+from hric_experiments.mocap_spec import MOCAP_KEYS
 
 SHORTCUTS: dict[str, tuple[str, str]] = {
     "kp": ("parameters.{controller}.kp", "proportional gain, number or list [N m/rad]"),
@@ -18,6 +19,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
     "gravity": ("parameters.{controller}.gravity", "whether the controller adds g(q)"),
     "rotatum_limit": ("parameters.{controller}.rotatum_limit", "largest rate of torque of the controller, 0 = off [N m/s]"),
     "profile": ("parameters.{controller}.profile.enabled", "lead the set point through a trapezoid (true) or take it raw (false)"),
+    "mode": ("parameters.{controller}.mode", "of a controller that follows a marker: retarget or thesis"),
     "duration": ("duration", "run time [s]"),
     "hw": ("robot.hw", "plugin type of the robot, e.g. franka_sim/FrankaHWSim"),
     "arm_id": ("robot.arm_id", "prefix of joints and links"),
@@ -30,11 +32,14 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
     "simulator": ("robot.plant_type", "pybullet, opensim, or the plugin type of a plant"),
     "rotor_inertia": ("robot.plant.rotor_inertia", "rotor inertia seen at the joint, number or list [kg m^2]"),
     "world": ("robot.plant.world", "world file, path or package:// address"),
+    "noise": ("mocap.stream.noise", "of the motion capture, standard deviation per axis [m]"),
     "gui": ("robot.plant.gui", "show the engine's window"),
     "limits": ("robot.parameters.enforce_limits", "true, false, or a list of kinds"),
 }
 """Short names for the keys that are changed most; {controller} is the controller of the first set point."""
 
+GROUPS = {"robot": ROBOT_KEYS, "metrics": METRICS_KEYS, "mocap": MOCAP_KEYS}
+"""Groups of an experiment file and their keys."""
 FRICTIONS = ("none", "coulomb", "identified")
 SIMULATORS = {"pybullet": "pybullet_ros_control/PyBulletPlant", "opensim": "opensim_ros_control/OpenSimPlant"}
 
@@ -101,14 +106,17 @@ def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
     Raises:
         ExperimentError: unknown key.
     """
-    if key in SHORTCUTS:
-        return SHORTCUTS[key][0].format(controller=_controller(raw)).split(".")
-    path = key.split(".")
+    short = key in SHORTCUTS
+    path = (SHORTCUTS[key][0].format(controller=_controller(raw)) if short else key).split(".")
+    if path[0] == "mocap" and not raw.get("mocap"):
+        raise ExperimentError(f"no override {key!r}: this experiment has no motion capture")
+    if short:
+        return path
     if len(path) >= 2 and all(path) and path[0] == "parameters":
         _one_of(path[1], list(raw.get("controllers") or []), key)
         return path
-    if len(path) >= 2 and all(path) and path[0] in ("robot", "metrics"):
-        _one_of(path[1], list(ROBOT_KEYS if path[0] == "robot" else METRICS_KEYS), key)
+    if len(path) >= 2 and all(path) and path[0] in GROUPS:
+        _one_of(path[1], list(GROUPS[path[0]]), key)
         return path
     if path[0] == "setpoints" and len(path) == 3 and path[1].isdigit() and int(path[1]) < len(raw.get("setpoints") or []):
         return path
@@ -120,7 +128,7 @@ def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
 def _unknown(key: str) -> str:
     close = get_close_matches(key, SHORTCUTS, n=1)
     hint = f" (did you mean {close[0]}?)" if close else ""
-    dotted = "parameters.<controller>.<name>, robot.<key>, metrics.<key>, setpoints.<i>.<key>"
+    dotted = "parameters.<controller>.<name>, robot.<key>, metrics.<key>, mocap.<key>, setpoints.<i>.<key>"
     return f"no override {key!r}{hint}; valid: {', '.join(sorted(SHORTCUTS))}, or a path in the experiment file: {dotted}"
 
 

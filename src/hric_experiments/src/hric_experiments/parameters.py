@@ -18,6 +18,9 @@ from hric_experiments.experiment import Experiment, ExperimentError, RobotSpec, 
 ROBOT = "robot"
 """Namespace of the robot's own parameters, below the robot's namespace."""
 
+MOCAP_CLIENT, EMULATED_HUMAN = "natnet_client", "emulated_human"
+"""Names of the motion capture's nodes."""
+
 
 def controllers_file() -> Path:
     """The controllers' YAML that the bring-up loads too."""
@@ -83,6 +86,20 @@ def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:
     """What stands below `joint_limits/` in the robot's namespace: the Panda's limits under ros_control's names, the rate of torque among them,
     which a URDF cannot carry. Empty for another robot."""
     return {} if experiment.robot.urdf else panda_description.joint_limit_parameters(experiment.robot.arm_id)
+
+
+def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
+    """Private parameters of the motion capture's nodes, by their names: the client, and the emulated human with his Motive. Empty without a
+    section `mocap`."""
+    spec = experiment.mocap
+    if spec is None:
+        return {}
+    base = {} if spec.base_from_mocap is None else {"base_from_mocap": dict(spec.base_from_mocap)}
+    frame = f"{experiment.robot.arm_id}_link0"
+    ports = {key: spec.stream[key] for key in ("command_port", "data_port") if key in spec.stream}
+    client = {"body": spec.body, "up_axis": spec.stream.get("up_axis", "y"), **ports, **base, **({"base_frame": frame} if base else {})}
+    human = {"human": dict(spec.human), "stream": dict(spec.stream), **base, "base_frame": frame, "seed": seed}
+    return {MOCAP_CLIENT: client, EMULATED_HUMAN: human}
 
 
 def check_setpoint(setpoint: SetPoint, joints: Sequence[str], limits: Mapping[str, Mapping[str, float]]) -> None:

@@ -21,6 +21,8 @@ HRIC_PACKAGES = (
     "hric_control",
     "hric_controllers",
     "hric_experiments",
+    "hric_perception",
+    "mocap_natnet",
     "franka_hw_interface",
     "franka_real",
     "franka_sim",

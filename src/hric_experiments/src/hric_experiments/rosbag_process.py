@@ -14,6 +14,12 @@ from hric_control.errors import HricError
 
 STOP_TIMEOUT = 10.0
 """How long the recorder may take to write what it holds and the index [s]."""
+CHUNK_SIZE = 4
+"""Of a killed recording the chunk that was open is lost. At 100 Hz the smallest messages fill this in 0.7 s; the default, 768, takes minutes [kB]."""
+BUFFER = 1024
+"""What the recorder may hold until the disk takes it [MB]."""
+OWN_MIN_SPACE = 1
+"""rosbag record's own guard (default 1 GB) looks every 20 s and then drops messages without ending the bag; the recorder node guards instead [B]."""
 _POLL = 0.02
 _PR_SET_PDEATHSIG = 1
 
@@ -46,14 +52,15 @@ def arguments(bag: Path, topics: Sequence[str], exclude: str, node_name: str) ->
         node_name: its ROS name, below the namespace of the environment.
     """
     wanted = list(topics) if topics else ["--all"]
-    return ["--lz4", "--quiet", "--buffsize", "1024", "-O", str(bag), *(["--exclude", exclude] if exclude else []), *wanted, f"__name:={node_name}"]
+    fixed = ["--lz4", "--quiet", f"--buffsize={BUFFER}", f"--chunksize={CHUNK_SIZE}", f"--min-space={OWN_MIN_SPACE}"]
+    return [*fixed, "-O", str(bag), *(["--exclude", exclude] if exclude else []), *wanted, f"__name:={node_name}"]
 
 
 class RosbagProcess:
     """One recording.
 
     The child has a process group of its own, so that a Ctrl-C on the terminal does not reach it before its turn; should this process be killed,
-    the system asks the child to end.
+    the system asks the child to end. It does so, too, when the thread ends that made this object.
 
     Args:
         bag: final path of the bag.
@@ -62,7 +69,6 @@ class RosbagProcess:
 
     def __init__(self, bag: Path, command: Sequence[str]) -> None:
         self.bag = bag
-        self._active = bag.with_name(bag.name + ".active")
         # Looked up before the fork: only async-safe work may happen between fork and exec.
         prctl = ctypes.CDLL(None, use_errno=True).prctl
         self._child = subprocess.Popen(
@@ -79,6 +85,15 @@ class RosbagProcess:
         return self._child.pid
 
     @property
+    def active(self) -> Path:
+        """Where the bag is while it is being written."""
+        return self.bag.with_name(self.bag.name + ".active")
+
+    def rename(self, bag: Path) -> None:
+        """Take note that the closed bag has another name now."""
+        self.bag = bag
+
+    @property
     def running(self) -> bool:
         """Whether the child lives."""
         return self._child.poll() is None
@@ -90,12 +105,17 @@ class RosbagProcess:
             RecordError: the child ended, or it takes longer than `timeout` [s].
         """
         deadline = time.monotonic() + timeout
-        while not self._active.exists() and not give_up():
+        while not self.active.exists() and not give_up():
             if not self.running:
                 raise RecordError(f"rosbag record ended with code {self._child.returncode} before it began to record; its messages stand above")
             if time.monotonic() > deadline:
-                raise RecordError(f"rosbag record did not open {self._active.name} within {timeout:g} s")
+                raise RecordError(f"rosbag record did not open {self.active.name} within {timeout:g} s")
             time.sleep(_POLL)
+
+    def interrupt(self) -> None:
+        """Ask the child to end; `stop` waits for it."""
+        if self.running:
+            os.kill(self._child.pid, signal.SIGINT)
 
     def stop(self, timeout: float = STOP_TIMEOUT) -> Path:
         """End the recording and wait until the bag has its final name; a second call answers the same.
@@ -104,9 +124,8 @@ class RosbagProcess:
             RecordError: the bag is not whole after `timeout` [s].
         """
         deadline = time.monotonic() + timeout
-        if self.running:
-            os.kill(self._child.pid, signal.SIGINT)
-        while self.running or self._active.exists():
+        self.interrupt()
+        while self.running or self.active.exists():
             left = deadline - time.monotonic()
             if left <= 0.0 or (not self.running and left < timeout / 2):
                 self._give_up(timeout)
@@ -119,4 +138,6 @@ class RosbagProcess:
         if self.running:
             self._child.kill()
             self._child.wait()
-        raise RecordError(f"the bag was not closed within {timeout:g} s; what was recorded is in {self._active.name}, try: rosbag reindex")
+        raise RecordError(
+            f"the bag was not closed within {timeout:g} s; what was recorded is in {self.active.name}, try: rosrun hric_experiments health --salvage"
+        )

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_experiments import bag_reader, files, headless, table
+from hric_experiments import bag_reader, files, headless, study_tracking, table
 from hric_experiments.analysis import bag_of
 from hric_experiments.bag_reader import FloatArray
 from hric_experiments.compare import compare
@@ -108,6 +108,7 @@ def _run(result: Result) -> dict[str, Any]:
         "arguments": data["arguments"],
         "real_time_factor": data.get("real_time_factor"),
         "law_times": law_times(times_of(result.folder)),
+        "tracking": study_tracking.chosen(result.metrics),
     }
 
 
@@ -159,6 +160,7 @@ def _draw(form: Form, runs: Mapping[str, Result], given: Sequence[str], folder: 
     result["start_pose_difference_max"] = max(float(np.abs(poses[first.a][link] - poses[first.b][link]).max()) for link in shared)
     study_figures.draw_times(folder, {name: times_of(run.folder) for name, run in runs.items() if name in (first.a, first.b)}, form.name)
     study_figures.draw_poses(folder, poses, form.name)
+    study_tracking.draw(folder, {name: run.folder for name, run in runs.items()}, form.name)
 
 
 def render(result: Mapping[str, Any]) -> str:
@@ -172,7 +174,7 @@ def render(result: Mapping[str, Any]) -> str:
             lines.append(f"  {run}: {law['calls']} calls of the law, {rising}; {values['real_time_factor']:.2f} times real time ({values['run']})")
         if "start_pose_difference_max" in form:
             lines.append(f"  link frames at the start agree within {form['start_pose_difference_max']:.1e} (m, and entries of the rotation)")
-        parts.append("\n".join([*lines, "", *_table(form["compared"])]))
+        parts.append("\n".join([*lines, *study_tracking.lines(form["runs"]), "", *_table(form["compared"])]))
     return "\n\n".join(parts) + "\n"
 
 

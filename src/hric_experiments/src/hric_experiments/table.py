@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hric_experiments import tracking
+
 
 def rows(cells: Sequence[Sequence[str]]) -> list[str]:
     """Aligned lines: the first column to the left, the others to the right; a rule below the first line."""
@@ -26,7 +28,9 @@ def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     parts = [_head(run, metrics)]
     parts += [f"THE ARM PROTECTED ITSELF at {one['time']:.3f} s: {', '.join(one['errors'])}" for one in metrics.get("reflexes", ())]
     parts += [_move(move, metrics["joints"]) for move in metrics["setpoints"]]
-    if not metrics["setpoints"]:
+    if metrics.get("tracking"):
+        parts.append(tracking.render(metrics["tracking"]))
+    elif not metrics["setpoints"]:
         parts.append("no set point was recorded")
     parts += [_limits(metrics), _log(metrics)]
     if metrics.get("differences"):

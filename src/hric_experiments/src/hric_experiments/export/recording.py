@@ -1,0 +1,158 @@
+"""Reads a bag into tables, by the rosbags library alone."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader, AnyReaderError
+from tqdm import tqdm
+
+from hric_control.errors import UnknownNameError
+from hric_experiments import bag_parts, bag_reader
+from hric_experiments.bag_parts import PartsReader
+from hric_experiments.export import batches, units
+from hric_experiments.export.gather import Gatherer, Timing
+from hric_experiments.export.table import ExportError, Table
+from hric_experiments.health import examine
+from hric_experiments.health.salvage import ACTIVE
+from hric_experiments.run_folder import RunFolder
+
+RUN_CLOCK, BAG_CLOCK = "the start of the run", "the first recording of the bag"
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is to be exported.
+
+    Attributes:
+        bags: the parts of the bag, one or more; where two meet they overlap.
+        folder: the run folder; None: a bag by itself.
+        run: contents of run.yaml; empty for a bag by itself.
+        urdf: the robot's description; empty: not known.
+    """
+
+    bags: tuple[Path, ...]
+    folder: RunFolder | None
+    run: Mapping[str, Any]
+    urdf: str
+
+    @property
+    def bag(self) -> Path:
+        """The bag, or its first part."""
+        return self.bags[0]
+
+    @property
+    def output(self) -> Path:
+        """Where exports go if nothing else is asked for."""
+        return self.bag.with_name(f"{self.bag.stem}_export") if self.folder is None else self.folder.path / "export"
+
+
+def find(given: str, root: Path | None = None) -> Source:
+    """The bag of a run, or one by itself.
+
+    Args:
+        given: a bag, a run folder, or its name ("latest" too).
+        root: folder of all runs.
+
+    Raises:
+        HricError: there is none, or the recording did not end.
+    """
+    bags, folder = examine.find(given, root)
+    for bag in bags:
+        if bag.name.endswith(ACTIVE):
+            raise ExportError(f"{bag.name} was not closed; if its recorder was killed: rosrun hric_experiments health --salvage {given}")
+    urdf = folder.urdf_path.read_text() if folder is not None and folder.urdf_path.is_file() else ""
+    return Source(tuple(bag_parts.parts(bags[0])), folder, {} if folder is None else folder.read(), urdf)
+
+
+@contextlib.contextmanager
+def open_reader(source: Source) -> Iterator[AnyReader]:
+    """A reader, open.
+
+    Raises:
+        ExportError: the bag is damaged.
+    """
+    try:
+        with PartsReader(source.bag) as reader:
+            yield reader
+    except (AnyReaderError, OSError) as error:
+        names, given = ", ".join(bag.name for bag in source.bags), source.bag if source.folder is None else source.folder.path
+        raise ExportError(f"cannot read {names}: {error}; what can be read of it: rosrun hric_experiments health --salvage {given}") from error
+
+
+def read(source: Source, topics: Collection[str] = (), *, progress: bool = False, types: Collection[str] = ()) -> dict[str, Table]:
+    """Tables of the topics.
+
+    Args:
+        source: the bag.
+        topics: names; empty: all.
+        progress: whether to draw a bar.
+        types: message types, e.g. "hric_msgs/msg/MocapData", to which to keep; empty: all.
+
+    Raises:
+        HricError: the bag is damaged, or has no such topic.
+    """
+    with open_reader(source) as reader:
+        check_topics(topics, reader)
+        wanted = {(c.topic, c.msgtype) for c in reader.connections if (not topics or c.topic in topics) and (not types or c.msgtype in types)}
+        pass_ = _Pass(reader, units.prismatic_joints(source.urdf), wanted)
+        connections = [c for c in reader.connections if (c.topic, c.msgtype) in wanted or c.msgtype == batches.CONTROL_LOG]
+        total = sum(c.msgcount for c in connections)
+        found = reader.messages(connections=connections) if connections else ()
+        for connection, stamp, raw in tqdm(found, total=total, unit=" messages", desc="reading", disable=not progress, leave=False):
+            pass_.add(connection, stamp, reader.deserialize(raw, connection.msgtype))
+        return pass_.tables(reader.start_time if reader.message_count else 0)
+
+
+def check_topics(topics: Collection[str], reader: AnyReader) -> None:
+    """Refuse topics that a bag does not have."""
+    for topic in topics:
+        if topic not in reader.topics:
+            raise UnknownNameError("topic", topic, reader.topics, "the bag")
+
+
+class _Pass:
+    """One pass over the messages."""
+
+    def __init__(self, reader: AnyReader, prismatic: frozenset[str], wanted: set[tuple[str, str]]) -> None:
+        self._fields = {kind: [name for name, _ in found[1]] for kind, found in reader.typestore.fielddefs.items()}
+        self._prismatic, self._wanted = prismatic, wanted
+        self._gatherers: dict[str, Gatherer] = {}
+        self._batches: dict[str, tuple[str, list[Any]]] = {}
+        self._logs: list[Any] = []
+        self._layout: Any = None
+
+    def add(self, connection: Any, stamp: int, message: Any) -> None:
+        """A message."""
+        topic, kind = connection.topic, connection.msgtype
+        if kind == batches.CONTROL_LOG and (not self._logs or topic == self._logs[0][0]):
+            self._logs.append((topic, message))
+        if (topic, kind) not in self._wanted:
+            return
+        if kind in batches.BATCHED:
+            self._batches.setdefault(topic, (kind, []))[1].append(message)
+            return
+        if kind == batches.LAYOUT:
+            self._layout = message
+        if topic not in self._gatherers:
+            self._gatherers[topic] = Gatherer(topic, kind, self._fields, self._prismatic)
+        self._gatherers[topic].add(stamp, message)
+
+    def tables(self, begin: int) -> dict[str, Table]:
+        """By topic; begin: time of the bag's first message [ns]."""
+        timing, clock = self._timing(begin)
+        tables = [gatherer.table(timing, clock) for gatherer in self._gatherers.values()]
+        tables += [batches.table_of(topic, kind, found, timing, clock, self._prismatic) for topic, (kind, found) in self._batches.items()]
+        if self._layout is not None:
+            tables = [batches.named(table, self._layout) if table.type_name == batches.SYNCED else table for table in tables]
+        return {table.topic: table for table in sorted(tables, key=lambda table: table.topic)}
+
+    def _timing(self, begin: int) -> tuple[Timing, str]:
+        if not self._logs:
+            return (lambda stamp: (stamp - begin) * 1e-9), BAG_CLOCK
+        run_time: Callable[[float], float] = bag_reader.run_time_of([message for _, message in self._logs])
+        return (lambda stamp: run_time(stamp * 1e-9)), RUN_CLOCK

@@ -1,0 +1,79 @@
+"""Who hears whom on the ROS graph: what a recorder must be connected to before a move begins, or before another takes its place."""
+
+from __future__ import annotations
+
+import http.client
+import re
+import xmlrpc.client
+from collections.abc import Iterable
+from typing import Any
+
+import rosgraph
+import rospy
+
+NODE_TIMEOUT = 1.0
+"""How long a node may take to tell its connections; one that does not answer is not waited for [s]."""
+
+
+def subscribed(node: str, topics: set[str]) -> bool:
+    """Whether the master knows `node` as a subscriber of each topic."""
+    return topics <= _topics_of(node, subscribers=True)
+
+
+def unrecorded(recorder: str, robot: str) -> set[str]:
+    """Topics of the robot node that are to be recorded and that rosbag record does not hear yet: it looks for new ones once a second.
+
+    Args:
+        recorder, robot: absolute names of the two nodes.
+    """
+    wanted = {rospy.resolve_name(str(topic)) for topic in rospy.get_param(f"{recorder}/topics", [])}
+    excluded = str(rospy.get_param(f"{recorder}/exclude", ""))
+    published = _topics_of(robot, subscribers=False)
+    published = published & wanted if wanted else {topic for topic in published if not (excluded and re.search(excluded, topic))}
+    return published - {topic for topic, listener in _connections(robot) if listener == rosbag_node(recorder)}
+
+
+def unheard(new: str, old: str) -> set[str]:
+    """Topics that some node sends to the listener `old` and not to the listener `new`.
+
+    The publishers are asked: what one of them sends from now on reaches whoever it names.
+    """
+    publishers = rosgraph.Master(rospy.get_name()).getSystemState()[0]
+    missing: set[str] = set()
+    for node in {node for _, nodes in publishers for node in nodes} - {old, new}:
+        connections = _connections(node)
+        missing |= {topic for topic, listener in connections if listener == old and (topic, new) not in connections}
+    return missing
+
+
+def rosbag_node(recorder: str) -> str:
+    """Name of the rosbag record node of a recorder node."""
+    return f"{recorder}_rosbag"
+
+
+def _topics_of(node: str, subscribers: bool) -> set[str]:
+    state = rosgraph.Master(rospy.get_name()).getSystemState()
+    return {topic for topic, nodes in state[1 if subscribers else 0] if node in nodes}
+
+
+def _connections(node: str) -> set[tuple[str, str]]:
+    """(topic, listener) of each connection that a publisher has; the master alone knows only who wants one. Empty: it does not answer."""
+    try:
+        address = rosgraph.Master(rospy.get_name()).lookupNode(node)
+        answer: Any = xmlrpc.client.ServerProxy(address, transport=_Transport()).getBusInfo(rospy.get_name())
+    except (OSError, http.client.HTTPException, xmlrpc.client.Error, rosgraph.MasterException):
+        return set()
+    return set(_outgoing(answer[2]))
+
+
+def _outgoing(connections: Iterable[Any]) -> Iterable[tuple[str, str]]:
+    for _, listener, direction, _, topic, *_ in connections:
+        if direction == "o":
+            yield topic, listener
+
+
+class _Transport(xmlrpc.client.Transport):
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        connection = super().make_connection(host)
+        connection.timeout = NODE_TIMEOUT
+        return connection

@@ -1,0 +1,99 @@
+"use strict";
+// The page: one time for plots, replay and events; light and dark; printing.
+{
+  const find = (id) => document.getElementById(id);
+  const PAPER = 680; // width of a plot that is printed, within A4 and letter [CSS pixels]
+  const THEMES = ["auto", "light", "dark"], dark = matchMedia("(prefers-color-scheme: dark)");
+  let theme = "auto", playing = false, before = 0;
+
+  const timeSpan = () => {
+    const times = report.data.scene.robots.map((robot) => report.read(robot.time));
+    if (!times.length) for (const plot of report.data.plots) for (const panel of plot.panels) for (const curve of panel.curves) times.push(report.read(curve.time));
+    const filled = times.filter((one) => one.length);
+    return filled.length ? [Math.min(...filled.map((one) => one[0])), Math.max(...filled.map((one) => one[one.length - 1]))] : [0, 1];
+  };
+
+  report.setTime = (t) => {
+    report.time = Math.min(Math.max(t, report.begin), report.end);
+    find("time").value = report.time;
+    find("now").textContent = report.time.toFixed(3) + " s";
+    if (report.replay) report.replay.pose(report.time);
+    for (const plot of report.plots) plot.moveCursor();
+  };
+
+  report.setRange = (range, source) => {
+    report.range = range;
+    for (const plot of report.plots) plot.show(plot === source);
+  };
+
+  const paint = (printed = false) => {
+    const isDark = !printed && (theme === "dark" || (theme === "auto" && dark.matches));
+    report.paper = printed ? PAPER : 0;
+    document.documentElement.dataset.theme = isDark ? "dark" : "light";
+    find("theme").textContent = "theme: " + theme;
+    if (report.replay) { report.replay.paint(); if (printed) report.replay.draw(); }
+    if (printed) report.drawAll(); else for (const plot of report.plots) plot.show();
+  };
+
+  const play = (now) => {
+    if (!playing) return;
+    const next = report.time + ((now - before) / 1000) * Number(find("speed").value);
+    before = now;
+    report.setTime(next);
+    if (next >= report.end) setPlaying(false); else requestAnimationFrame(play);
+  };
+
+  const setPlaying = (wanted) => {
+    playing = wanted;
+    find("play").textContent = wanted ? "pause" : "play";
+    if (!wanted) return;
+    if (report.time >= report.end) report.setTime(report.begin);
+    before = performance.now();
+    requestAnimationFrame(play);
+  };
+
+  const legend = () => {
+    const words = [], several = report.replay.robots.length > 1;
+    for (const robot of report.replay.robots) {
+      const count = (kind) => robot.tracks.filter((track) => track.kind === kind);
+      const frames = count("frame").map((track) => track.name), markers = count("marker").length;
+      const line = document.createElement("span");
+      line.textContent = [several ? robot.label : "", markers ? markers + " markers" : "", frames.length ? "frames: " + frames.join(", ") : ""].filter(Boolean).join("; ");
+      if (several) line.style.color = report.colour(robot.role);
+      words.push(line, document.createElement("br"));
+    }
+    find("view-legend").replaceChildren(...words);
+  };
+
+  const connect = () => {
+    find("time").addEventListener("input", (event) => { setPlaying(false); report.setTime(Number(event.target.value)); });
+    find("play").addEventListener("click", () => setPlaying(!playing));
+    find("theme").addEventListener("click", () => { theme = THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length]; paint(); });
+    dark.addEventListener("change", () => paint());
+    find("show-frames").addEventListener("change", (event) => report.replay?.showFrames(event.target.checked));
+    find("show-tracks").addEventListener("change", () => report.replay?.pose(report.time));
+    find("home").addEventListener("click", () => report.replay?.home());
+    document.querySelectorAll("tr.event").forEach((row) => row.addEventListener("click", () => report.setTime(Number(row.dataset.time))));
+    document.addEventListener("keydown", (event) => {
+      if (event.key === " " && event.target === document.body) { event.preventDefault(); setPlaying(!playing); }
+    });
+    const open = [];
+    window.addEventListener("beforeprint", () => {
+      document.querySelectorAll("details:not([open])").forEach((one) => { one.open = true; open.push(one); });
+      paint(true);
+    });
+    window.addEventListener("afterprint", () => { open.splice(0).forEach((one) => { one.open = false; }); paint(); });
+  };
+
+  [report.begin, report.end] = timeSpan();
+  report.time = report.begin;
+  report.range = [report.begin, report.end];
+  Object.assign(find("time"), { min: report.begin, max: report.end });
+  document.documentElement.dataset.theme = dark.matches ? "dark" : "light";
+  report.makePlots(find("plots"));
+  report.replay = report.makeReplay(document.querySelector("#view canvas"));
+  if (report.replay) legend();
+  connect();
+  report.setTime(report.begin);
+  report.ready = true;
+}

@@ -1,0 +1,128 @@
+"use strict";
+// The 3D view: camera, lights, ground, and drawing when something changed.
+{
+  const NEAR = 0.02, FAR = 60;
+
+  // A camera about a point, z up: drag turns, shift-drag or the right button moves, the wheel goes closer.
+  class Orbit {
+    constructor(camera, canvas, changed) {
+      Object.assign(this, { camera, target: new THREE.Vector3(), distance: 2.5, azimuth: 0.9, elevation: 0.35 });
+      canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
+      canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+      canvas.addEventListener("pointermove", (event) => {
+        if (!event.buttons) return;
+        if (event.shiftKey || event.buttons > 1) this.move(event.movementX / canvas.clientHeight, event.movementY / canvas.clientHeight);
+        else this.turn(event.movementX, event.movementY);
+        changed();
+      });
+      canvas.addEventListener("wheel", (event) => {
+        event.preventDefault();
+        this.distance = Math.min(Math.max(this.distance * Math.exp(event.deltaY * 1e-3), 0.1), 20);
+        changed();
+      }, { passive: false });
+    }
+
+    turn(x, y) {
+      this.azimuth -= 0.008 * x;
+      this.elevation = Math.min(Math.max(this.elevation + 0.008 * y, -1.5), 1.5);
+    }
+
+    move(x, y) {
+      const right = new THREE.Vector3().setFromMatrixColumn(this.camera.matrix, 0), up = new THREE.Vector3().setFromMatrixColumn(this.camera.matrix, 1);
+      this.target.addScaledVector(right, -x * this.distance).addScaledVector(up, y * this.distance);
+    }
+
+    apply() {
+      const flat = Math.cos(this.elevation);
+      const from = new THREE.Vector3(flat * Math.cos(this.azimuth), flat * Math.sin(this.azimuth), Math.sin(this.elevation));
+      this.camera.position.copy(this.target).addScaledVector(from, this.distance);
+      this.camera.lookAt(this.target);
+    }
+  }
+
+  class Replay {
+    constructor(canvas, context) {
+      this.canvas = canvas;
+      this.renderer = new THREE.WebGLRenderer({ canvas, context, antialias: true });
+      this.scene = new THREE.Scene();
+      this.camera = new THREE.PerspectiveCamera(40, 1, NEAR, FAR);
+      this.camera.up.set(0, 0, 1);
+      this.orbit = new Orbit(this.camera, canvas, () => this.ask());
+      this.light = new THREE.DirectionalLight(0xffffff, 0.55);
+      this.scene.add(new THREE.HemisphereLight(0xffffff, 0x606870, 0.6), this.light);
+      this.robots = report.makeRobots(this.scene);
+      new ResizeObserver(() => this.ask()).observe(canvas.parentElement);
+      this.paint();
+      this.home();
+    }
+
+    // The whole view: all that the robots reach in the run.
+    home() {
+      const box = new THREE.Box3();
+      for (let k = 0; k <= 8; k++) {
+        this.pose(report.begin + ((report.end - report.begin) * k) / 8);
+        this.scene.updateMatrixWorld(true);
+        for (const robot of this.robots) for (const { object } of robot.tracks) {
+          if (object.visible) box.expandByPoint(object.getWorldPosition(new THREE.Vector3()));
+        }
+        for (const robot of this.robots) for (const link of robot.links.values()) {
+          box.expandByPoint(new THREE.Vector3().setFromMatrixPosition(link.matrixWorld));
+          for (const mesh of link.children) if (mesh.isMesh && mesh.visible) box.expandByObject(mesh);
+        }
+      }
+      const size = box.getSize(new THREE.Vector3()).length();
+      box.getCenter(this.orbit.target);
+      const { clientWidth, clientHeight } = this.canvas.parentElement, narrow = Math.min(1, clientWidth / Math.max(clientHeight, 1));
+      Object.assign(this.orbit, { distance: (1.25 * size) / narrow, azimuth: 0.9, elevation: 0.3 });
+      this.pose(report.time);
+    }
+
+    pose(t) {
+      for (const robot of this.robots) robot.pose(t);
+      const shown = document.getElementById("show-tracks").checked;
+      if (!shown) for (const robot of this.robots) for (const track of robot.tracks) track.object.visible = false;
+      this.ask();
+    }
+
+    showFrames(shown) {
+      this.scene.traverse((object) => { if (object.userData.linkFrame) object.visible = shown; });
+      this.ask();
+    }
+
+    paint() {
+      this.scene.background = new THREE.Color(report.colour("panel"));
+      if (this.grid) this.scene.remove(this.grid);
+      this.grid = new THREE.GridHelper(4, 16, report.colour("ground"), report.colour("ground")).rotateX(Math.PI / 2);
+      this.scene.add(this.grid);
+      this.robots.forEach((robot, k) => robot.paint(this.robots.length > 1, k));
+      this.ask();
+    }
+
+    // Draw with the next picture of the screen.
+    ask() {
+      if (this.asked) return;
+      this.asked = true;
+      requestAnimationFrame(() => this.draw());
+    }
+
+    draw() {
+      this.asked = false;
+      const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
+      this.renderer.setPixelRatio(window.devicePixelRatio);
+      this.renderer.setSize(width, height, false);
+      this.camera.aspect = width / Math.max(height, 1);
+      this.camera.updateProjectionMatrix();
+      this.orbit.apply();
+      this.light.position.copy(this.camera.position).add(new THREE.Vector3(0, 0, 1.5)).addScaledVector(new THREE.Vector3().setFromMatrixColumn(this.camera.matrix, 0), 1.5);
+      this.renderer.render(this.scene, this.camera);
+    }
+  }
+
+  // A browser without WebGL still shows the rest.
+  report.makeReplay = (canvas) => {
+    const context = report.data.scene.robots.length ? canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true }) : null;
+    if (context) return new Replay(canvas, context);
+    document.getElementById("view-note").textContent = report.data.scene.robots.length ? "This browser has no WebGL 2: no replay." : "No replay in this run.";
+    return null;
+  };
+}

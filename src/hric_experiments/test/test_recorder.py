@@ -1,0 +1,282 @@
+"""The recorder node: started, split, triggered and stopped by service, guarded against a full disk."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import Empty, String, UInt8MultiArray, UInt32
+from std_srvs.srv import Trigger
+
+from hric_control.testing import ros, roscore  # noqa: F401
+from hric_experiments import bag_parts, recorder_settings
+from hric_experiments.bag_parts import PartsError, PartsReader, overlap, parts
+from hric_experiments.recorder_settings import RecorderSettingError
+from hric_experiments.run_folder import RunFolder
+
+RATE = 500.0
+"""Of the counted topic [Hz]."""
+rostest = pytest.mark.rostest
+
+
+class Source:
+    """Publishes 0, 1, 2, ... from a thread, beside a latched text that never changes."""
+
+    def __init__(self) -> None:
+        self.sent = 0
+        self._counter = rospy.Publisher("/recorder_test/counter", UInt32, queue_size=100)
+        self._latched = rospy.Publisher("/recorder_test/layout", String, queue_size=1, latch=True)
+        self._latched.publish(String("x y z"))
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        begin = time.monotonic()
+        while not self._stop.wait(max(begin + (self.sent + 1) / RATE - time.monotonic(), 0.0)):
+            self._counter.publish(UInt32(self.sent))
+            self.sent += 1
+
+    def close(self) -> None:
+        """End it."""
+        self._stop.set()
+        self._thread.join()
+        self._counter.unregister()
+        self._latched.unregister()
+
+
+class Node:
+    """A recorder in a process of its own."""
+
+    def __init__(self, runs: Path, name: str, *given: str, topics: str = "[/recorder_test/counter, /recorder_test/layout]") -> None:
+        self.runs, self._name = runs, name
+        for old in rospy.get_param_names():
+            if old.startswith(f"/{name}/"):
+                rospy.delete_param(old)
+        command = ["rosrun", "hric_experiments", "recorder", f"__name:={name}", f"_runs:={runs}", f"_topics:={topics}", *given]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+
+    def call(self, what: str) -> Any:
+        """A service of the recorder."""
+        rospy.wait_for_service(f"/hric/experiment/{what}_recording", 20.0)
+        return rospy.ServiceProxy(f"/hric/experiment/{what}_recording", Trigger)()
+
+    def wait_recording(self) -> None:
+        """Wait until it says that it records."""
+        heard: list[str] = []
+        subscriber = rospy.Subscriber("/hric/experiment/recording", String, lambda message: heard.append(message.data))
+        until(lambda: bool(heard and heard[-1]))
+        subscriber.unregister()
+
+    def folder(self) -> RunFolder:
+        """The newest run."""
+        return RunFolder.open("latest", self.runs)
+
+    def close(self) -> str:
+        """End it as Ctrl-C does; what it said."""
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGINT)
+        try:
+            return self.process.communicate(timeout=10)[0]
+        except subprocess.TimeoutExpired:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            raise
+
+
+def until(what: Callable[[], bool], timeout: float = 30.0) -> None:
+    deadline = time.monotonic() + timeout
+    while not what():
+        assert time.monotonic() < deadline, f"not within {timeout} s"
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def source(ros: str) -> Iterator[Source]:  # noqa: F811
+    running = Source()
+    yield running
+    running.close()
+
+
+@pytest.fixture
+def start(ros: str, tmp_path: Path) -> Iterator[Callable[..., Node]]:  # noqa: F811
+    started: list[Node] = []
+
+    def begin(*given: str, runs: Path = tmp_path, **other: str) -> Node:
+        # A name of its own: the parameters of another test do not reach it.
+        started.append(Node(runs, f"recorder_{tmp_path.name}", *given, **other))
+        return started[-1]
+
+    yield begin
+    for node in started:
+        if not node.process.stdout.closed:  # type: ignore[union-attr]
+            print(node.close())
+
+
+def numbers(bags: list[Path]) -> list[list[int]]:
+    """What each bag holds of the counted topic."""
+    found: list[list[int]] = []
+    for bag in bags:
+        with AnyReader([bag]) as reader:
+            found.append(
+                [reader.deserialize(raw, c.msgtype).data for c, _, raw in reader.messages() if c.topic.endswith("counter")]  # type: ignore[attr-defined]
+            )
+    return found
+
+
+@rostest
+def test_a_split_loses_no_message_and_reading_all_parts_gives_each_once(source: Source, start: Callable[..., Node]) -> None:
+    node = start("_subject:=P07", "_notes:=left hand, tired")
+    node.wait_recording()
+    for _ in range(2):
+        time.sleep(0.3)
+        answer = node.call("split")
+        assert answer.success, answer.message
+    folder = node.folder()
+    assert answer.message == str(folder.path / f"{folder.path.name}_1.bag")
+    assert node.call("stop").success
+    run = folder.read()
+    names = [f"{folder.path.name}_{number}.bag" for number in range(3)]
+    assert sorted(path.name for path in folder.path.glob("*.bag*")) == names
+    assert (run["bag"], run["bags"], run["status"]) == (names[0], names, "completed")
+    assert (run["subject"], run["notes"]) == ("P07", "left hand, tired")
+    first, second, third = numbers([folder.path / name for name in names])
+    for part in (first, second, third):
+        assert part == list(range(part[0], part[0] + len(part)))
+    assert first[0] < second[0] <= first[-1] + 1 and second[-1] + 1 >= third[0] > second[0]
+    with PartsReader(folder.path / names[0]) as reader:
+        messages = [(c.topic, reader.deserialize(raw, c.msgtype).data) for c, _, raw in reader.messages()]  # type: ignore[attr-defined]
+    assert [data for topic, data in messages if topic.endswith("counter")] == list(range(first[0], third[-1] + 1))
+    assert [data for topic, data in messages if topic.endswith("layout")] == ["x y z"]
+
+
+@rostest
+def test_parts_of_a_given_length_follow_each_other_by_themselves(source: Source, start: Callable[..., Node]) -> None:
+    node = start("_split_duration:=1.0")
+    node.wait_recording()
+    until(lambda: len(node.folder().read().get("bags", [])) >= 3)
+    assert node.call("stop").success
+    found = numbers(parts(node.folder().path / node.folder().read()["bag"]))
+    assert len(found) >= 2 and {*found[0], *found[1]} == set(range(found[0][0], found[1][-1] + 1))
+
+
+@rostest
+def test_an_armed_recorder_begins_with_the_trigger_and_each_trigger_is_a_run(source: Source, start: Callable[..., Node]) -> None:
+    node = start("_start:=on_trigger")
+    assert not node.call("stop").success and not node.call("split").success
+    publisher = rospy.Publisher("/hric/experiment/trigger", Empty, queue_size=1)
+    until(lambda: publisher.get_num_connections() > 0)
+    assert not list(node.runs.iterdir())
+    publisher.publish(Empty())
+    node.wait_recording()
+    again = node.call("start")
+    assert not again.success and "goes on already" in again.message
+    time.sleep(0.3)
+    assert node.call("stop").success
+    assert node.call("start").success
+    assert node.call("stop").success
+    runs = [path for path in node.runs.iterdir() if not path.is_symlink()]
+    assert len(runs) == 2 and all(RunFolder(path).read()["status"] == "completed" for path in runs)
+    publisher.unregister()
+
+
+@rostest
+def test_a_disk_without_room_is_refused_before_anything_is_made(source: Source, start: Callable[..., Node]) -> None:
+    node = start("_min_free:=1e12")
+    output = node.process.communicate(timeout=30)[0]
+    assert node.process.returncode == 1 and "Traceback" not in output
+    assert "are free where recordings go" in output and "min_free" in output and "record:=false" in output
+    assert not list(node.runs.iterdir())
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 24 MB."""
+    if os.geteuid() != 0:
+        pytest.skip("only root can mount a small file system")
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", str(disk)], capture_output=True, text=True, check=False)
+    if mounted.returncode:
+        pytest.skip(f"a small file system cannot be mounted here: {mounted.stderr.strip()}")
+    yield disk
+    subprocess.run(["umount", "-l", str(disk)], check=False)
+
+
+@rostest
+def test_a_disk_that_fills_ends_the_recording_with_one_error_and_a_bag_that_is_whole(
+    source: Source, start: Callable[..., Node], small_disk: Path
+) -> None:
+    told: list[Any] = []
+    listener = rospy.Subscriber("/diagnostics", DiagnosticArray, lambda message: told.extend(message.status))
+    node = start("_min_free:=12", runs=small_disk, topics="[/recorder_test/counter, /recorder_test/noise]")
+    chance = random.Random(1)
+    publisher = rospy.Publisher("/recorder_test/noise", UInt8MultiArray, queue_size=10)
+    node.wait_recording()
+    for _ in range(200):
+        publisher.publish(UInt8MultiArray(data=chance.randbytes(100_000)))
+        if any(status.level == 2 for status in told):
+            break
+        time.sleep(0.03)
+    until(lambda: any(status.level == 2 for status in told))
+    status = next(status for status in told if status.level == 2)
+    assert "the recording was ended" in status.message and "min_free" in status.message
+    folder = node.folder()
+    assert folder.read()["status"] == "interrupted" and "min_free" in folder.read()["reason"]
+    output = node.close()
+    assert output.count("the recording was ended") == 1 and "Traceback" not in output
+    assert not list(folder.path.glob("*.active")) and len(numbers([folder.bag_path])[0]) > 50
+    listener.unregister()
+    publisher.unregister()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("start", "later", "valid: now, on_trigger, on_request"),
+        ("subject", "Jane Doe", "for example P07"),
+        ("notes", "n" * 3000, "at most 2000"),
+        ("split_size", -1, "0 or more"),
+        ("split_duration", "long", "0 or more"),
+        ("min_free", True, "0 or more"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_told_with_what_is_valid(name: str, value: Any, text: str) -> None:
+    with pytest.raises(RecorderSettingError, match=text):
+        recorder_settings.read(lambda asked, default: value if asked == name else default)
+
+
+def test_none_says_that_nothing_is_given() -> None:
+    settings = recorder_settings.read(lambda asked, default: "none" if asked in ("subject", "notes") else default)
+    assert (settings.subject, settings.notes) == ("", "")
+
+
+def test_the_overlap_of_two_parts_is_found_where_a_stream_says_the_same_again_and_again() -> None:
+    same = [(time * 10, b"0") for time in range(10)]
+    later = [(time * 10 + 1, b"0") for time in range(7, 20)]
+    assert overlap(same, later) in (2, 3)  # the times alone can tell, one message fine
+    counted = [(time, bytes([time])) for time in range(10)]
+    assert overlap(counted[:7], counted[4:]) == 3
+    assert overlap(counted[:4], counted[4:]) == 0
+    assert overlap(counted[:3], [(90, bytes([2]))], latched=True) == 1
+
+
+def test_a_part_that_is_missing_or_was_not_closed_is_told(tmp_path: Path) -> None:
+    for name in ("a_0.bag", "a_2.bag", "b_0.bag", "b_1.bag.active", "c.bag"):
+        (tmp_path / name).touch()
+    with pytest.raises(PartsError, match=r"a_1\.bag .* is missing"):
+        parts(tmp_path / "a_0.bag")
+    with pytest.raises(PartsError, match=r"b_1\.bag .* was not closed, try: .*--salvage"):
+        parts(tmp_path / "b_0.bag")
+    assert bag_parts.parts(tmp_path / "c.bag") == [tmp_path / "c.bag"]
+    assert bag_parts.parts(tmp_path / "a_2.bag") == [tmp_path / "a_2.bag"]

@@ -1,0 +1,259 @@
+"""The page of a run: what stands in it, how large it is, and what a browser makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import report_run
+import synthetic
+from browser import Browser, installed
+
+import panda_description
+from hric_experiments import cli, kinematics, report_html
+from hric_experiments.bag_reader import ControlRecord, RunRecord, read
+from hric_experiments.report_html import curves, page, recordings, run_page
+from hric_experiments.report_html.recordings import Moving, Recordings, Signal
+from hric_experiments.run_folder import RunFolder
+
+browser_there = pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --gui installs it")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    folder = report_run.write_run(tmp_path_factory.mktemp("runs"))
+    report_html.write(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with Browser(tmp_path_factory.mktemp("profile")) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def opened(browser: Browser, run: RunFolder) -> Browser:
+    """The run's page, with every plot drawn."""
+    browser.emulate(scheme="light")
+    browser.open(run.path / report_html.NAME)
+    browser.wait("typeof report === 'object' && report.ready === true")
+    browser.evaluate("report.drawAll()")
+    return browser
+
+
+@pytest.fixture
+def shown(opened: Browser) -> Browser:
+    """The same, from the begin to the end of the run."""
+    opened.evaluate("report.setRange([report.begin, report.end]); report.setTime(report.begin)")
+    return opened
+
+
+def test_thinning_keeps_every_peak() -> None:
+    time = np.linspace(0.0, 1.0, 100_000)
+    values = np.sin(20.0 * time)
+    values[[777, 50_001]] = [9.0, -9.0]
+    plot = curves.Plot("a", "A", "", (curves.Panel("", (curves.Curve("c", "s0", time, values), curves.Curve("d", "s1", time, -values))),))
+    thinned, kept = curves.thin([plot], 4000)
+    first, second = thinned[0].panels[0].curves
+    assert kept is not None and len(first.values) <= 2000
+    assert first.values.max() == 9.0 and first.values.min() == -9.0
+    assert first.time is second.time and np.all(np.diff(first.time) > 0)
+
+
+def test_a_short_run_is_shown_whole() -> None:
+    time = np.arange(100.0)
+    plot = curves.Plot("a", "A", "", (curves.Panel("", (curves.Curve("c", "s0", time, time),)),))
+    assert curves.thin([plot], 4000) == ([plot], None)
+
+
+def test_ten_minutes_with_every_sensor_make_less_than_20_MB(run: RunFolder) -> None:
+    text = page.render_page(run_page.build(_long(run, duration=600.0)))
+    assert len(text.encode()) < 20e6
+    assert "Long curves are thinned" in text
+
+
+def _long(run: RunFolder, duration: float) -> run_page.RunData:
+    """A run of 1 kHz with 8 channels of 2 kHz, a plate of 1 kHz and 20 markers; noise, which nothing makes smaller."""
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, duration, 1e-3)
+    arrays = [rng.normal(size=(len(time), 9)) for _ in range(2)]
+    log = ControlRecord(report_run.JOINTS, ("effort",) * 9, time, arrays[0], arrays[1], arrays[1], arrays[1], arrays[0], 0, (), ())
+    emg = np.arange(0.0, duration, 5e-4)
+    signals = [Signal("/emg", "[V]", tuple(f"m{k}" for k in range(8)), emg, rng.normal(size=(len(emg), 8)))]
+    signals.append(Signal("/plate", "[N]", ("x", "y", "z"), time, arrays[0][:, :3]))
+    seen = time[::10]
+    moving = [Moving("marker", f"m{k}", "panda_link0", seen, arrays[0][::10, :3]) for k in range(20)]
+    return run_page.RunData(
+        run, run.read(), report_html.metrics_of(run), RunRecord(log), None, Recordings(signals, moving), panda_description.load(hand=True)
+    )
+
+
+def test_a_run_without_a_description_has_a_page_without_a_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = synthetic.write_run(tmp_path)
+    assert cli.main(["report", str(folder.path), "--html", "--no-figures"]) == 0
+    text = (folder.path / report_html.NAME).read_text()
+    assert "there is no replay" in text and str(folder.path / report_html.NAME) in capsys.readouterr().out
+
+
+def test_what_a_message_says_stays_text(run: RunFolder) -> None:
+    text = (run.path / report_html.NAME).read_text()
+    assert report_run.NASTY not in text and "&lt;/script&gt;&lt;script&gt;document.title" in text
+
+
+@pytest.mark.parametrize(
+    "word", ["starves", "approach", "error: no samples", "Synchronised on /hric/perception/sync", "nothing since 1 s", "resample"]
+)
+def test_events_and_the_quality_of_synchronisation_are_told(run: RunFolder, word: str) -> None:
+    assert word in (run.path / report_html.NAME).read_text()
+
+
+def test_samples_in_chunks_are_shown_at_their_times_and_by_their_units(run: RunFolder) -> None:
+    found = recordings.read(run.bag_path, float).signals
+    plate = {signal.unit: signal for signal in found if signal.topic.endswith("samples")}
+    assert {unit: signal.channels for unit, signal in plate.items()} == {"[N]": ("Fx", "Fz"), "[N m]": ("Mx",)}
+    assert np.all(plate["[N]"].values == [1.0, 2.0]) and np.all(plate["[N m]"].values == 3.0)
+    emg = next(signal for signal in found if signal.topic.endswith("emg/raw"))
+    assert emg.values.shape == (2 * report_run.CYCLES, report_run.CHANNELS)
+    assert np.allclose(emg.time, np.arange(2 * report_run.CYCLES) / 2000.0, atol=1e-8)
+
+
+def test_a_page_names_no_folder_of_the_machine(run: RunFolder) -> None:
+    text = (run.path / report_html.NAME).read_text()
+    assert str(run.path.parent) not in text and str(Path(__file__).parents[3]) not in text
+
+
+def test_a_lost_mesh_is_told_and_the_rest_is_drawn(run: RunFolder) -> None:
+    data = run_page.load(run, report_html.metrics_of(run))
+    lost = replace(data, description=data.description.replace("link3.obj", "gone.obj"))
+    assert "drawn without its mesh" in page.render_page(run_page.build(lost))
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [(["a", "b", "c"], "add --html"), (["a", "b", "c", "--html", "--labels", "x", "y"], "--labels names 2 runs (x, y), but 3 are compared")],
+)
+def test_a_wrong_comparison_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str) -> None:
+    for name in "abc":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.yaml").write_text("{}")
+    assert cli.main(["compare", *words, "--runs", str(tmp_path)]) == 1
+    assert told in capsys.readouterr().err
+
+
+@browser_there
+def test_the_browser_has_nothing_to_complain_of_and_asks_nobody(shown: Browser) -> None:
+    shown.evaluate("new Promise((done) => setTimeout(done, 500))")
+    assert shown.problems == [] and shown.requests == []
+    assert shown.evaluate("document.title") == "made_up_panda"
+
+
+@browser_there
+def test_every_curve_is_drawn(shown: Browser) -> None:
+    lines = "p.graph.querySelectorAll('.scatterlayer path.js-line').length"
+    drawn = shown.evaluate(f"report.plots.map((p) => [p.spec.title, p.panels.flatMap((q) => q.curves).length, {lines}])")
+    assert len(drawn) >= 6
+    assert all(wanted == found for _, wanted, found in drawn), drawn
+
+
+@browser_there
+def test_every_link_is_drawn(shown: Browser) -> None:
+    counts = shown.evaluate(
+        """(() => {
+          const { robots, renderer, scene, camera, grid } = report.replay, context = renderer.getContext(), [robot] = robots, found = {};
+          report.replay.draw();
+          grid.visible = false;
+          scene.background.set(0x00ff00);
+          for (const { object } of robot.tracks) object.visible = false;
+          const meshes = [...robot.links.values()].flatMap((link) => link.children.filter((o) => o.isMesh));
+          const size = [context.drawingBufferWidth, context.drawingBufferHeight], pixels = new Uint8Array(4 * size[0] * size[1]);
+          for (const link of robot.links.values()) {
+            for (const mesh of meshes) mesh.visible = mesh.parent === link;
+            if (!link.children.some((o) => o.isMesh)) continue;
+            renderer.render(scene, camera);
+            context.readPixels(0, 0, ...size, context.RGBA, context.UNSIGNED_BYTE, pixels);
+            let count = 0;
+            for (let k = 0; k < pixels.length; k += 4) if (pixels[k] > 0 || pixels[k + 2] > 0) count++;
+            found[link.name] = count;
+          }
+          grid.visible = true;
+          for (const mesh of meshes) mesh.visible = true;
+          report.replay.paint();
+          return found;
+        })()"""
+    )
+    arm = {f"panda_link{k}" for k in range(8)} | {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
+    assert arm <= set(counts)
+    assert min(counts.values()) > 20, counts
+
+
+@browser_there
+@pytest.mark.parametrize("time", [0.0, 0.7, 1.9])
+def test_the_replay_stands_where_the_robot_stood(shown: Browser, run: RunFolder, time: float) -> None:
+    shown.evaluate(f"report.setTime({time}); report.replay.scene.updateMatrixWorld(true)")
+    place = "report.replay.robots[0].links.get('panda_leftfinger').getWorldPosition(new THREE.Vector3()).toArray()"
+    log = read(run.bag_path).log
+    expected = kinematics.positions(run.urdf_path.read_text(), log, "panda_link0", "panda_leftfinger", np.zeros(3))[round(time * 1000)]
+    # Between instants of 1/60 s the joints are taken as moving evenly.
+    assert np.allclose(shown.evaluate(place), expected, atol=2e-4)
+
+
+@browser_there
+def test_markers_stand_in_the_frame_that_tf_tells_and_lost_bodies_vanish(shown: Browser) -> None:
+    shown.evaluate("report.setTime(1.0); report.replay.scene.updateMatrixWorld(true)")
+    tracks = (
+        "Object.fromEntries(report.replay.robots[0].tracks.map(({ name, object }) => [name, object.getWorldPosition(new THREE.Vector3()).toArray()]))"
+    )
+    # x, y of the stream (0.1, 0.3) are (-0.3, 0.1) in the base, 0.5 m further in x.
+    found = shown.evaluate(tracks)
+    assert np.allclose(found["hand/a"], [0.2, 0.1, 0.3], atol=1e-3)
+    assert np.allclose(found["body hand"], [0.2, 0.1, 0.3], atol=1e-3)
+    visible = "report.replay.robots[0].tracks.find(({ name }) => name === 'body hand').object.visible"
+    assert shown.evaluate(visible) is True
+    assert shown.evaluate(f"report.setTime(0.2), {visible}") is False
+
+
+@browser_there
+def test_a_zoom_shows_the_same_time_in_all_plots(shown: Browser) -> None:
+    shown.evaluate("Plotly.relayout(report.plots[0].graph, { 'xaxis.range[0]': 0.5, 'xaxis.range[1]': 0.6 }), null")
+    shown.wait("report.range[0] === 0.5 && report.range[1] === 0.6")
+    assert shown.evaluate("report.plots[1].draw(), report.plots[1].graph.layout.xaxis.range") == [0.5, 0.6]
+    assert shown.evaluate("report.plots[0].graph.data.find(({ name }) => name === 'measured').x.length") < 110
+    assert shown.problems == []
+
+
+@browser_there
+def test_a_click_on_an_event_shows_its_moment(shown: Browser) -> None:
+    shown.evaluate("[...document.querySelectorAll('tr.event')].find((row) => row.textContent.includes('approach')).click()")
+    assert shown.evaluate("document.getElementById('now').textContent") == "0.700 s"
+
+
+@browser_there
+def test_a_dark_system_gets_a_dark_page_and_paper_a_light_one(browser: Browser, shown: Browser) -> None:
+    background = "getComputedStyle(document.body).backgroundColor"
+    assert shown.evaluate(background) == "rgb(255, 255, 255)"
+    shown.emulate(scheme="dark")
+    shown.wait(f"{background} === 'rgb(20, 23, 26)'")
+    shown.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert shown.evaluate(background) == "rgb(255, 255, 255)"
+    assert shown.evaluate("[...document.querySelectorAll('details')].every((one) => one.open)") is True
+    assert shown.evaluate("report.plots.every((plot) => plot.graph.querySelector('path.js-line'))") is True
+    shown.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert shown.evaluate(background) == "rgb(20, 23, 26)"
+    shown.emulate(scheme="light")
+
+
+@browser_there
+def test_three_runs_make_one_page_with_three_robots(browser: Browser, tmp_path: Path) -> None:
+    runs = [report_run.write_run(tmp_path, f"run{k}", scale) for k, scale in enumerate((1.0, 0.9, 1.1))]
+    words = [str(run.path) for run in runs] + ["--labels", "one", "two", "three", "--html", "--no-figures", "--output", str(tmp_path / "compared")]
+    assert cli.main(["compare", *words]) == 0
+    browser.open(tmp_path / "compared" / report_html.NAME)
+    browser.wait("typeof report === 'object' && report.ready === true")
+    browser.evaluate("report.plots[0].draw(); report.replay.draw()")
+    assert browser.evaluate("report.replay.robots.map((robot) => robot.label)") == ["one", "two", "three"]
+    assert browser.evaluate("report.plots[0].graph.data.slice(0, 4).map(({ name }) => name)") == ["set point", "one", "two", "three"]
+    assert browser.problems == [] and browser.requests == []
