@@ -62,6 +62,15 @@ def test_a_delayed_copy_of_the_marker_has_its_delay_as_lag_and_no_error_after_it
     assert (found["ignored"], found["refused"], found["marker"]) == (3, {"not finite": 7}, "truth")
 
 
+def test_a_robots_clock_that_does_not_keep_step_bends_nothing_of_the_markers_own_acceleration() -> None:
+    record = made_up()
+    assert record.truth is not None
+    own, place = record.truth
+    bent = own + 2e-3 * np.sin(2 * np.pi * 3 * own)
+    straight, found = (judged(one)["acceleration"]["ideal"] for one in (record, replace(record, truth=(bent, place), own_time=own)))
+    assert found == pytest.approx(straight, rel=1e-3)
+
+
 def test_what_the_end_effector_does_besides_is_error_and_acceleration() -> None:
     shaking = 2e-3 * np.sin(2 * np.pi * 5 * np.maximum(0.0, TIMES - 0.2))[:, None] * [0.0, 0.0, 1.0]
     found = judged(made_up(), follow(TIMES) + shaking)

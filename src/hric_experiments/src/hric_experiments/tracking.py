@@ -244,14 +244,24 @@ def metrics(data: Followed | None, record: TrackingRecord, times: FloatArray, ee
         "correlation": correlation,
         "rms_error": rms(error),
         "largest_error": float(np.nanmax(lengths)),
-        "acceleration": _accelerations(data, times, ee),
+        "acceleration": _accelerations(data, record, times, ee),
     }
 
 
-def _accelerations(data: Followed, times: FloatArray, ee: FloatArray) -> dict[str, float | None]:
+def _ideal(data: Followed, record: TrackingRecord) -> float | None:
+    """RMS acceleration of the marker itself [m/s^2]; None where the truth does not tell it. In its own time: another clock would bend its motion."""
+    if record.truth is None or len(record.truth[0]) < 4:
+        return None
+    own = record.truth[0] if record.own_time is None else record.own_time
+    begin, end = np.interp(data.time[[0, -1]], record.truth[0], own)
+    time = np.arange(begin, end, STEP)
+    return acceleration(time, CubicSpline(own, record.truth[1])(time), SMOOTHED)
+
+
+def _accelerations(data: Followed, record: TrackingRecord, times: FloatArray, ee: FloatArray) -> dict[str, float | None]:
     use = (times >= data.time[0]) & (times <= data.time[-1])
     measured, smoothed = (acceleration(times[use], ee[use], cycles) for cycles in (1, SMOOTHED))
-    ideal = acceleration(data.time, data.marker, SMOOTHED) if data.exact else None
+    ideal = _ideal(data, record)
     ratios = [value / ideal if ideal else None for value in (measured, smoothed)]
     return {"measured": measured, "measured_smoothed": smoothed, "ideal": ideal, "ratio": ratios[0], "ratio_smoothed": ratios[1]}
 

@@ -73,6 +73,7 @@ class TrackingRecord:
         phases: (run time [s], phase) of the emulated human.
         p_flange_ee: where the end effector is on the flange, shape (3,) [m].
         base: name of the robot's base frame.
+        own_time: of each position of the truth by its stamp, from the first on, shape (n,) [s]: a real robot's run time does not keep step with it.
     """
 
     frames: Frames
@@ -81,6 +82,7 @@ class TrackingRecord:
     phases: tuple[tuple[float, str], ...]
     p_flange_ee: FloatArray
     base: str
+    own_time: FloatArray | None = None
 
 
 def read(path: Path, run_time: RunTime, body: str) -> TrackingRecord | None:
@@ -114,13 +116,15 @@ def read(path: Path, run_time: RunTime, body: str) -> TrackingRecord | None:
         return None
     hand = [message for _, message in found[TRUTH]]
     robot = found[ROBOT_TYPE]
+    truth, own_time = _truth(hand, run_time) if hand else (None, None)
     return TrackingRecord(
         _frames([message for _, message in found[FRAMES]], run_time, body),
         _states(controller.strip("/").split("/")[-2], states, run_time),
-        _sorted(_times(hand, run_time), np.array([_xyz(message.pose.position) for message in hand])) if hand else None,
+        truth,
         tuple((run_time(stamp), message.data) for stamp, message in found[PHASES]),
         np.array(robot[0][1].F_T_EE[12:15], dtype=float) if robot else np.zeros(3),
         states[0].header.frame_id.lstrip("/"),
+        own_time,
     )
 
 
@@ -132,10 +136,11 @@ def _xyz(point: Any) -> tuple[float, float, float]:
     return point.x, point.y, point.z
 
 
-def _sorted(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """In order of time, each time once."""
-    times, order = np.unique(times, return_index=True)
-    return times, values[order]
+def _truth(hand: list[Any], run_time: RunTime) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+    """((run time, position), own time) of the hand in order of time, each time once."""
+    times, order = np.unique(_times(hand, run_time), return_index=True)
+    own = np.array([seconds(message.header.stamp) for message in hand])[order]
+    return (times, np.array([_xyz(message.pose.position) for message in hand])[order]), own - own[0]
 
 
 def _frames(messages: list[Any], run_time: RunTime, body: str) -> Frames:
