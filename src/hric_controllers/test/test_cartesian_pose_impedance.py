@@ -53,7 +53,7 @@ def test_in_an_occlusion_it_comes_to_rest_and_goes_on_from_there():
     stamps = np.array([message.header.stamp.to_sec() for message in bench.messages[STATE]])
     resting = desired(bench)[(stamps > 1.3) & (stamps < 1.5)]
     assert np.ptp(resting, axis=0).max() == 0.0
-    assert (desired(bench)[-1] - resting[-1])[1] == pytest.approx(sinusoid(2.5 - 0.098)[1] - sinusoid(1.5)[1], abs=3e-3)
+    assert (desired(bench)[-1] - resting[-1])[1] == pytest.approx(sinusoid(2.5 - 0.113)[1] - sinusoid(1.5)[1], abs=3e-3)
     assert np.linalg.norm(np.diff(bench.measured, n=2, axis=0), axis=1).max() / 1e-6 < 4.0  # the spring smooths what the motion left [m/s^2]
     assert [message.tracking for message in bench.messages[STATE]].count("lost") > 30 and not bench.hw.error
 

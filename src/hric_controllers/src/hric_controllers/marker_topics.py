@@ -23,9 +23,9 @@ def subscribe_markers(node: Node, source: str, topic: str, body: str, base: str,
         take: takes it; in the subscriber's thread.
     """
     if source == "mocap":
-        return [node.subscribe(topic, MocapData, MocapReader(node, topic, body, base, take), queue_size=1)]
+        return [node.subscribe(topic, MocapData, MocapReader(node, topic, body, base, take), queue_size=10)]
     if source == "point":
-        return [node.subscribe(topic, Point, lambda message: take(Marker((message.x, message.y, message.z))), queue_size=1)]
+        return [node.subscribe(topic, Point, lambda message: take(Marker((message.x, message.y, message.z))), queue_size=10)]
     return []
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -22,6 +23,7 @@ from hric_controllers.marker_follower import MarkerFollower, Place, Tracking
 from hric_controllers.marker_topics import subscribe_markers
 from hric_controllers.orientation import Quaternion, Vector
 from hric_controllers.parameters import Every, number
+from hric_controllers.playout import MOST, Playout
 from hric_controllers.retargeting import MotionLimits, Retargeter
 from hric_controllers.tracking_message import tracking_state
 from hric_controllers.tracking_parameters import TrackingSettings, read_tracking
@@ -48,7 +50,8 @@ class PoseTracking:
         self._settings = read_tracking(node)
         self._follower = MarkerFollower(self._settings.follower, self._tell)
         self._way, self._turn = self._motion(self._settings, self._settings.translation), self._motion(self._settings, self._settings.rotation)
-        self._markers: LatestValue[Marker | None] = LatestValue(None)
+        self._playout = Playout(0.0 if self._settings.thesis else self._settings.playout_margin)
+        self._markers: deque[Marker] = deque(maxlen=MOST)  # filled by the subscription, emptied by the loop
         self._commands: LatestValue[Pose | None] = LatestValue(None)
         self._state_time = Every(number(node, "state_publish_rate", 100.0, minimum=0.0))
         self._running, self._ignored = False, 0
@@ -65,7 +68,7 @@ class PoseTracking:
         """Subscribe and advertise; what is to be taken back at the end."""
         settings, node = self._settings, self._node
         self._state = realtime.publisher(node, "state", MarkerTrackingState)
-        markers = subscribe_markers(node, settings.source, settings.topic, settings.body, self._base, self._markers.set)
+        markers = subscribe_markers(node, settings.source, settings.topic, settings.body, self._base, self._markers.append)
         return [node.subscribe("command", PoseStamped, self._on_command, queue_size=1), *markers, self._state]
 
     def _tell(self, warn: bool, line: str) -> None:
@@ -102,7 +105,9 @@ class PoseTracking:
         self._way.start(position)
         self._turn.start((0.0, 0.0, 0.0))
         self._follower.start()
-        self._markers.take_new(), self._commands.take_new()
+        self._playout.clear()
+        self._markers.clear()
+        self._commands.take_new()
         self._pending, self._ignored, self.twist = None, 0, [0.0] * 6
         self._state_time.restart()
         self._running = True
@@ -124,21 +129,32 @@ class PoseTracking:
             period: since the last cycle [s].
         """
         self._take_command()
-        marker = self._markers.take_new()
-        if marker is not None:
-            target = self._follower.take(marker, time, self._here())
+        while self._markers:
+            self._take_marker(self._markers.popleft(), time)
+        if self._follower.tracking is Tracking.FOLLOWING:
+            target = self._playout.due(time)
             if target is not None and not self._head_for(target):
                 self._ignored += 1
         if self._follower.lost(time):
+            self._playout.clear()
             self._way.stop()
             self._turn.stop()
         self._advance(period)
+
+    def _take_marker(self, marker: Marker, time: float) -> None:
+        anew = self._follower.tracking is not Tracking.FOLLOWING
+        target = self._follower.take(marker, time, self._here())
+        if target is not None:
+            if anew:
+                self._playout.clear()
+            self._playout.add(time, marker.stamp, target)
 
     def _take_command(self) -> None:
         wanted = self._commands.take_new()
         if wanted is not None:
             self._pending = Place(wanted.position, orientation.difference(wanted.orientation, self._start.orientation))
             self._follower.command()
+            self._playout.clear()
         if self._pending is not None:
             if self._head_for(self._pending):
                 self._pending = None

@@ -33,6 +33,7 @@ class TrackingSettings:
         follower: how the marker is followed.
         translation, rotation: limits, of the three axes together.
         smoothing_time: of the target [s].
+        playout_margin: see `Playout` [s].
     """
 
     source: str
@@ -43,6 +44,7 @@ class TrackingSettings:
     translation: MotionLimits
     rotation: MotionLimits
     smoothing_time: float
+    playout_margin: float
 
 
 def read_tracking(node: Node) -> TrackingSettings:
@@ -63,6 +65,7 @@ def read_tracking(node: Node) -> TrackingSettings:
         translation=_read_limits(node, "translation", (0.7, 2.0, 50.0), limits.translation),
         rotation=_read_limits(node, "rotation", (0.5, 4.0, 100.0), limits.rotation),
         smoothing_time=number(node, "smoothing_time", 0.02, minimum=0.0),
+        playout_margin=number(node, "playout_margin", 0.015, minimum=0.0),
     )
 
 
