@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parent
 KINDS = ("unit", "integration", "rostest", "benchmark")
 REAL_TIME = re.compile(
-    "client|cost|fci|franka_hw|launch|libfranka|live|loop|node|publish|rate|realtime|run_time|services|socket|stream|switching"
+    "client|cost|fci|franka_hw|launch|libfranka|live|loop|node|publish|rate|realtime|record|replay|run_time|services|socket|stream|switching"
     "|third_party|tools|watchdog|who_goes|wire"
 )
 """Names of test files that start processes or keep real time: these run alone, all others side by side."""
