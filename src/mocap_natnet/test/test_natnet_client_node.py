@@ -45,6 +45,10 @@ def ports() -> tuple[int, int]:
 
 @pytest.fixture
 def node(ros: str, ports: tuple[int, int]) -> Iterator[subprocess.Popen[str]]:
+    import rospy
+
+    if rospy.has_param("/natnet_client"):  # of another test under the same master
+        rospy.delete_param("/natnet_client")
     process = start(f"_command_port:={ports[0]}", f"_data_port:={ports[1]}", "_local:=127.0.0.1", "_take:=run_7")
     yield process
     if process.poll() is None:

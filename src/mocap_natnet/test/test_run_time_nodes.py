@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from rosgraph_msgs.msg import Log
 from std_msgs.msg import String
 
 from hric_control import stamps
@@ -131,10 +132,10 @@ def test_motive_records_a_take_beside_each_run_that_is_recorded(robot: TellsTime
 
     recorder = rospy.Publisher("/hric/experiment/recording", String, queue_size=1, latch=True)
     flags: list = []
-    subscriber = rospy.Subscriber("/rosout", rospy.AnyMsg, lambda message: flags.append(message._buff), queue_size=None)
+    subscriber = rospy.Subscriber("/rosout", Log, lambda message: flags.append(message.msg), queue_size=None)
     recorder.publish(String("/somewhere/runs/marker_tracking_20260101-120000"))
-    _wait(lambda: any(b"Motive records the take marker_tracking_20260101-120000" in text for text in list(flags)))
+    _wait(lambda: any("Motive records the take marker_tracking_20260101-120000" in text for text in list(flags)))
     recorder.publish(String(""))
-    _wait(lambda: any(b"Motive has ended the take" in text for text in list(flags)))
+    _wait(lambda: any("Motive has ended the take" in text for text in list(flags)))
     subscriber.unregister()
     recorder.unregister()
