@@ -136,3 +136,15 @@ def test_no_time_comes_twice_where_the_loop_loses_some_and_the_line_is_right_aga
         run.go(PERIOD)
     assert min(np.diff(np.array(told))) > 0.0
     assert abs(run.error()) < 0.3e-3
+
+
+def test_who_looks_back_later_finds_the_time_that_was_told_then() -> None:
+    run = Run()
+    run.go(2.0)
+    told, asked = [], []
+    for step in range(100):
+        run.wall += 0.01 if step % 7 == 3 else 0.0
+        run.go(PERIOD)
+        asked.append(START + round((run.wall + 0.5e-3) * NS))
+        told.append(run.clock.run_time(asked[-1]))
+    assert [run.clock.run_time(at) for at in asked] == pytest.approx(told, abs=1e-9)
