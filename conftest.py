@@ -13,10 +13,12 @@ import pytest
 ROOT = Path(__file__).parent
 KINDS = ("unit", "integration", "rostest", "benchmark")
 REAL_TIME = re.compile(
-    "client|cost|fci|franka_hw|launch|libfranka|live|loop|node|publish|rate|realtime|record|replay|run_time|services|socket|stream|switching"
+    "client|cost|fci|franka_hw|launch\\b|libfranka|live|loop|node|publish|rate|realtime|record|replay|rostest|run_time|services|socket|stream|switching"
     "|third_party|tools|watchdog|who_goes|wire"
 )
 """Names of test files that start processes or keep real time: these run alone, all others side by side."""
+LIVE = ("integration", "contract", "benchmarks")
+"""Folders of tests that do so as well."""
 # A helper file beside the tests of a package is imported by its name, which must be unique in the workspace.
 sys.path[:0] = [
     str(folder)
@@ -38,7 +40,7 @@ def kind(item: pytest.Item) -> str:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         item.user_properties.append(("kind", kind(item)))
-        if ROOT / "tests" in item.path.parents or REAL_TIME.search(item.path.stem):
+        if item.path.parent.name in LIVE or (item.path.parent.name != "plants" and REAL_TIME.search(item.path.stem)):
             item.add_marker("alone")
 
 

@@ -57,6 +57,7 @@ def check_default_mode(tracking: dict[str, Any]) -> None:
     assert tracking["losses"] == 0
 
 
+@pytest.mark.slow
 def test_the_simulated_arm_follows_the_marker_and_the_run_reports(start: Start) -> None:
     system = start("env:=sim", "rviz:=false", "experiment:=marker_tracking", f"mocap_server:={address(1)}", SLOWLY)
     check_default_mode(ran(system, 240.0))

@@ -144,18 +144,36 @@ def _check_logged_and_paced(system: LiveSystem, seconds: float, tolerance: float
     assert gaps_and_repeats(cycles) == (0, 0)
 
 
+CALM_STEP = 13e-6
+"""A bare engine step on two hyperthreads of 2.5 GHz while nobody else uses them [s of CPU time]; beside heavy neighbours it takes longer."""
 REFERENCE_STEP = 6.4e-6
-"""A bare engine step on the machine for which 8 times real time is asked [s of CPU time]; the benchmarks tell how long it takes here."""
+"""A bare engine step on the machine for which the control box's targets were set [s of CPU time]."""
 
 
 @pytest.mark.slow
-def test_unpaced_the_same_bring_up_is_eight_times_faster_than_real_time_for_the_speed_of_this_machine(start: Start, tmp_path: Path) -> None:
+def test_unpaced_with_ros_and_recording_a_run_is_eight_times_faster_than_real_time(start: Start, tmp_path: Path) -> None:
+    step = bare_step(tmp_path)
+    factor = unpaced(start("env:=sim", "rviz:=false", "real_time_factor:=0", f"experiment:={ROOT / 'tests/benchmarks/hold.yaml'}"))
+    step = max(step, bare_step(tmp_path))  # the neighbours come and go
+    print(f"{factor:.2f} times real time; a bare step takes {step * 1e6:.1f} us here")
+    assert factor >= 8.0 * min(1.0, CALM_STEP / step)
+
+
+@pytest.mark.slow
+def test_unpaced_the_arm_behind_its_control_box_and_with_a_hand_is_as_fast_for_the_speed_of_this_machine(start: Start, tmp_path: Path) -> None:
     step = bare_step(tmp_path)
     system = start("env:=sim", "rviz:=false", "real_time_factor:=0")
     system.wait_running("joint_pd_controller")
+    factor = unpaced(system)
+    print(f"{factor:.2f} times real time; a bare step takes {step * 1e6:.1f} us here")
+    assert factor >= 8.0 * REFERENCE_STEP / step
+
+
+def unpaced(system: LiveSystem) -> float:
+    """Run time per wall time of a run that is recorded whole."""
     system.wait_output("recording into")
+    system.wait_running("joint_pd_controller")
     factor = real_time_factor(system, 10.0)
     system.interrupt()
-    print(f"{factor:.2f} times real time; a bare step takes {step * 1e6:.1f} us here")
     assert gaps_and_repeats(control_log(next(system.run_folder.glob("*.bag")))[0]) == (0, 0)
-    assert factor >= 8.0 * REFERENCE_STEP / step
+    return factor

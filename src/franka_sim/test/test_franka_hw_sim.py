@@ -40,7 +40,7 @@ def test_the_state_is_read_each_cycle_and_the_rest_computed_when_asked(make_arm)
     assert state.q == hw.states.position
     assert state.robot_mode is RobotMode.IDLE
     expected = hw.model.pose(Frame.END_EFFECTOR, hw.states.position)
-    assert np.array_equal(np.array(state.O_T_EE).reshape(4, 4).T, expected)
+    np.testing.assert_allclose(np.array(state.O_T_EE).reshape(4, 4).T, expected, rtol=0.0, atol=1e-15)
     assert state.elbow == [hw.states.position[2], -1.0]
     assert np.abs(np.array(state.tau_J) - hw.model.gravity_list(hw.states.position)).max() < 1e-6
     assert state.snapshot().O_T_EE == state.O_T_EE

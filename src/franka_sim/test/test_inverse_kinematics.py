@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pinocchio
 import pytest
@@ -12,6 +14,8 @@ from franka_hw_interface.limits import franka_limits
 from franka_sim.box.inverse_kinematics import ElbowInverseKinematics, elbow_side
 from franka_sim.box.kinematics import ArmKinematics
 from franka_sim.box.motion_parameters import motion_parameters
+from franka_sim.box.newton import ELBOW_ROW, NumpyNewton, make_newton
+from franka_sim.box.pose_lists import plain_twist_between, twist_between
 
 READY = [0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4]
 LIMITS = franka_limits()
@@ -165,3 +169,35 @@ def test_a_free_elbow_lets_go_where_holding_it_would_need_fast_joints(model, ora
 def test_the_side_of_the_elbow_flips_with_joint_4_where_libfranka_says() -> None:
     assert elbow_side([0.0, 0.0, 0.0, -0.46, 0.0, 0.0, 0.0]) == 1.0
     assert elbow_side([0.0, 0.0, 0.0, -0.47, 0.0, 0.0, 0.0]) == -1.0
+
+
+def test_with_and_without_compiled_code_the_joints_are_the_same(model) -> None:
+    kinematics = ArmKinematics(model)
+    compiled, plain = make_newton(kinematics, 1e-12, 5), NumpyNewton(kinematics, 1e-12, 5)
+    assert not isinstance(compiled, NumpyNewton)
+    rng, met = np.random.default_rng(4), 0
+    for q in legal_poses(POSES, seed=4).tolist():
+        T, guess = kinematics.pose([x + dx for x, dx in zip(q, rng.uniform(-1e-4, 1e-4, 7), strict=True)]), q
+        for row, q3 in ((ELBOW_ROW, q[2]), (rng.normal(size=7).tolist(), None)):
+            expected, found = plain.solve(T, row, q3, guess), compiled.solve(T, row, q3, guess)
+            assert (expected is None) == (found is None)
+            if expected is not None and np.linalg.cond(np.vstack([kinematics.end_effector(q).jacobian(), row])) < 100.0:
+                np.testing.assert_allclose(found, expected, atol=1e-11)
+                np.testing.assert_allclose(compiled.first_step(T, row, guess), plain.first_step(T, row, guess), atol=1e-11)
+                met += 1
+    assert met > POSES / 2
+
+
+def test_with_and_without_compiled_code_poses_and_twists_are_the_same(model) -> None:
+    kinematics, poses = ArmKinematics(model), legal_poses(POSES, seed=5).tolist()
+    placed = [kinematics.end_effector(q).T for q in poses]
+    np.testing.assert_allclose([kinematics.pose(q) for q in poses], placed, rtol=0.0, atol=1e-15)
+    assert any(sum(a[k] * b[k] for k in (0, 5, 10)) < 0.0 for a, b in itertools.pairwise(placed))  # turns beyond 90 degrees as well
+    for a, b in itertools.pairwise(placed):
+        np.testing.assert_allclose(twist_between(a, b, 0.001), plain_twist_between(a, b, 0.001), rtol=1e-13, atol=1e-12)
+
+
+@pytest.mark.parametrize("arguments", [([0.0] * 6,), ([0.0] * 6 + ["x"],), (None,)])
+def test_compiled_kinematics_refuse_what_is_not_seven_numbers(model, arguments) -> None:
+    with pytest.raises((ValueError, TypeError)):
+        ArmKinematics(model).pose(*arguments)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import rosgraph
 import rospy
+from geometry_msgs.msg import PointStamped
 from std_msgs.msg import Float64, Float64MultiArray
 
 from hric_control import realtime
@@ -62,6 +63,12 @@ def child() -> int:
 
 def publisher_of(topic: str) -> list[str]:
     return dict(rosgraph.Master("/test").getSystemState()[0]).get(topic, [])
+
+
+def point(x: float) -> PointStamped:
+    message = PointStamped()
+    message.point.x = x
+    return message
 
 
 def array(data: list[float]) -> Float64MultiArray:
@@ -202,3 +209,31 @@ def test_threads_that_publish_side_by_side_mix_no_frames(node: RosNode) -> None:
     for listener in listeners:
         assert wait(lambda heard=listener.heard: len(heard) == 300) and listener.heard == [float(k) for k in range(300)]
         listener.close()
+
+
+def test_messages_that_come_together_arrive_whole_in_their_order_with_running_numbers(node: RosNode) -> None:
+    publisher, heard = realtime.publisher(node, "points", PointStamped, lossless=True), []
+    subscriber = rospy.Subscriber(node.resolve("points"), PointStamped, lambda message: heard.append((message.header.seq, message.point.x)))
+    assert wait(lambda: subscriber.get_num_connections() and publisher.subscribers())
+    realtime.set_polling(False)
+    for i in range(200):
+        publisher.publish(point, float(i))
+    realtime.drain(5.0)
+    assert wait(lambda: len(heard) == 200)
+    subscriber.unregister()
+    first = heard[0][0]
+    assert heard == [(first + i, float(i)) for i in range(200)]
+
+
+def test_one_of_many_that_cannot_be_sent_is_told_and_the_others_arrive(node: RosNode) -> None:
+    told = Told(node)
+    publisher, listener = realtime.publisher(node, "numbers", Float64MultiArray, lossless=True), Listener(node.resolve("numbers"), Float64MultiArray)
+    assert wait(listener.connected) and wait(publisher.subscribers)
+    realtime.set_polling(False)
+    for data in ([1.0], ["not a number"], [2.0], [3.0]):
+        publisher.publish(array, data)
+    realtime.drain(5.0)
+    assert wait(lambda: len(listener.heard) == 3)
+    listener.close()
+    assert [data[0] for data in listener.heard] == [1.0, 2.0, 3.0]
+    assert wait(lambda: told.errors) and len(told.errors) == 1

@@ -41,6 +41,7 @@ def peak(metrics: dict[str, Any], form: str, *runs: str) -> float:
     return float(pair["peak_difference_max"])
 
 
+@pytest.mark.slow  # a minute for the study
 def test_opensim_and_pybullet_move_alike_in_both_forms(engines: tuple[Any, dict[str, Any], Path]) -> None:
     done, metrics, _ = engines
     assert done.returncode == 0, done.stdout + done.stderr
@@ -49,6 +50,7 @@ def test_opensim_and_pybullet_move_alike_in_both_forms(engines: tuple[Any, dict[
     assert peak(metrics, "full", "opensim", "pybullet") <= 3e-3
 
 
+@pytest.mark.slow  # a minute for the study
 def test_the_law_sees_time_rise_in_every_call(engines: tuple[Any, dict[str, Any], Path]) -> None:
     for form, calls in (("reduced", 4000), ("full", 6000)):
         for values in engines[1]["forms"][form]["runs"].values():
@@ -56,11 +58,13 @@ def test_the_law_sees_time_rise_in_every_call(engines: tuple[Any, dict[str, Any]
             assert values["law_times"]["strictly_rising"] and values["law_times"]["backward_steps"] == 0
 
 
+@pytest.mark.slow  # a minute for the study
 def test_both_engines_put_the_links_at_the_same_place_before_the_start(engines: tuple[Any, dict[str, Any], Path]) -> None:
     for form in engines[1]["forms"].values():
         assert form["start_pose_difference_max"] < 1e-6
 
 
+@pytest.mark.slow  # a minute for the study
 def test_figures_17_18_and_19_of_the_thesis_are_drawn(engines: tuple[Any, dict[str, Any], Path]) -> None:
     folder = engines[2]
     for form in ("reduced", "full"):

@@ -37,6 +37,7 @@ class PublishServer:
         self._reader = FrameReader(requests)
         self._publishers: dict[int, RosPublisher] = {}
         self._failed: set[int] = set()
+        self._waiting: dict[int, list[Any]] = {}
 
     def run(self) -> None:
         """Serve until the pipe ends."""
@@ -51,7 +52,8 @@ class PublishServer:
             for content, size in frames:
                 self._serve(content)
                 consumed += size
-                self._counters.consumed = consumed
+            self._send()
+            self._counters.consumed = consumed
 
     def _count(self) -> None:
         for topic, publisher in self._publishers.items():
@@ -62,9 +64,10 @@ class PublishServer:
         if content[0] == "advertise":
             self._advertise(*content[1:])
         elif content[0] == "unregister":
+            self._send()
             self._publishers.pop(content[1]).unregister()
         else:
-            self._publish(*content)
+            self._build(*content)
 
     def _advertise(self, topic: int, name: str, message_type: type, latch: bool) -> None:
         try:
@@ -74,13 +77,26 @@ class PublishServer:
         else:
             self._reply("done", topic, "")
 
-    def _publish(self, topic: int, build: Callable[..., Any], args: tuple[Any, ...]) -> None:
+    def _build(self, topic: int, build: Callable[..., Any], args: tuple[Any, ...]) -> None:
         try:
-            self._publishers[topic].publish(build(*args))
-        except Exception as error:  # whatever a builder does, the other topics go on; told at the first time
-            if topic not in self._failed:
-                self._failed.add(topic)
-                self._reply("failed", topic, f"message could not be sent: {type(error).__name__}: {error}")
+            self._waiting.setdefault(topic, []).append(build(*args))
+        except Exception as error:  # whatever a builder does, the other topics go on
+            self._report(topic, error)
+
+    def _send(self) -> None:
+        """What came together goes out together, topic by topic."""
+        waiting, self._waiting = self._waiting, {}
+        for topic, messages in waiting.items():
+            try:
+                self._publishers[topic].publish_all(messages)
+            except Exception as error:  # a message that cannot be sent must not keep the others
+                self._report(topic, error)
+
+    def _report(self, topic: int, error: Exception) -> None:
+        """The first failure of a topic is told."""
+        if topic not in self._failed:
+            self._failed.add(topic)
+            self._reply("failed", topic, f"message could not be sent: {type(error).__name__}: {error}")
 
     def _reply(self, *content: Any) -> None:
         os.write(self._replies, frame(content))

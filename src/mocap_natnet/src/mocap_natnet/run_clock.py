@@ -23,8 +23,16 @@ LOST_PAIRS = 3
 """... as many later pairs in a row, and it has lost that time for good."""
 HORIZON = 0.5
 """So long after the last pair the run counts as standing [s]."""
-PIECES = 8
-"""Pauses that are remembered, for what was measured before them."""
+PIECES = 32
+"""Pauses and bends that are remembered, for what was measured before them."""
+BEND = 0.1
+"""A line that comes out lower is met in about so long, by going slower, so that no time comes twice [s]; ..."""
+SLOWEST = 0.5
+"""... at least by this share of the pace; ..."""
+LEAST_BEND = 1e-4
+"""... one that is lower by less is taken as it is [s]; ..."""
+STEP = 0.05
+"""... one that is lower by more is stepped to [s]."""
 
 
 def fit_line(points: Iterable[tuple[float, float]], slope_limit: float) -> tuple[float, float]:
@@ -45,6 +53,7 @@ class _Piece(NamedTuple):
     anchor: int
     run: float
     slope: float
+    bent: bool = False
 
     def at(self, monotonic: int) -> float:
         return self.run + self.slope * (monotonic - self.anchor) / NS
@@ -149,7 +158,26 @@ class RunClock:
             pairs.popleft()
         while history[0][0] < monotonic - round(HISTORY * NS):
             history.popleft()
-        self._pieces[-1] = self._line(piece.begin, pace)
+        self._bend(monotonic, self._line(piece.begin, pace))
+
+    def _bend(self, monotonic: int, line: _Piece) -> None:
+        """From here on by the new line; where it is lower than what was told last, more slowly until it is met."""
+        piece = self._pieces[-1]
+        told = piece.at(monotonic)
+        excess = told - line.at(monotonic)
+        if excess > STEP:
+            while self._pieces[-1].bent and len(self._pieces) > 1:
+                self._pieces.pop()
+            self._pieces[-1] = line._replace(begin=self._pieces[-1].begin)
+            return
+        if excess <= LEAST_BEND or line.slope <= 0.0:
+            if piece.bent:  # times before the bend keep what they had
+                self._pieces.append(line._replace(begin=monotonic))
+            else:
+                self._pieces[-1] = line
+            return
+        slope = line.slope * max(SLOWEST, 1.0 - excess / BEND)
+        self._pieces.append(_Piece(monotonic, monotonic, told, slope, bent=True))
 
     def _line(self, begin: int, pace: float | None) -> _Piece:
         first, run = self._history[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_sim.box.compiled_kinematics import compiled
 from hric_control.errors import DescriptionError
 
 FloatArray = npt.NDArray[np.float64]
@@ -42,6 +44,9 @@ class Placement:
 class ArmKinematics:
     """Kinematics of the model's arm; the end effector is the one that the model knows when `update` is called.
 
+    Attributes:
+        arm: the frames of the joints and the end effector, as kinematics.c takes them.
+
     Raises:
         DescriptionError: a joint does not turn about the z axis of its frame.
     """
@@ -52,12 +57,21 @@ class ArmKinematics:
             if segment.kind != "revolute" or np.abs(np.asarray(segment.axis) - (0.0, 0.0, 1.0)).max() > 1e-12:
                 raise DescriptionError(f"the robot description: {segment.joint} must turn about the z axis of its frame")
         self._joints = [_numbers(segment.T_parent_joint) for segment in model.chain.description.segments]
+        self._compiled = compiled()
         self.update()
 
     def update(self) -> None:
         """Take the model's end effector and stiffness frame."""
         T_last_ee = model_flange(self._model) @ self._model.F_T_EE
         self._end_effector, self._stiffness = _numbers(T_last_ee), _numbers(T_last_ee @ self._model.EE_T_K)
+        self.arm = array("d", [x for frame in (*self._joints, self._end_effector) for x in frame])
+
+    def pose(self, q: Sequence[float]) -> list[float]:
+        """Pose of the end effector, 16 floats, column-major; q: 7 floats [rad]."""
+        if self._compiled is None:
+            return self._place(q, self._end_effector).T
+        T: list[float] = self._compiled.end_effector(self.arm, q)
+        return T
 
     def end_effector(self, q: Sequence[float]) -> Placement:
         """Joint axes and pose of the end effector; q: 7 floats [rad]."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+
+from franka_sim.box.compiled_kinematics import compiled
 
 
 def is_pose(T: Sequence[float], tolerance: float) -> bool:
@@ -17,7 +19,7 @@ def is_pose(T: Sequence[float], tolerance: float) -> bool:
     return max(map(abs, products)) <= tolerance and _dot(_cross(x, y), z) > 0.0
 
 
-def twist_between(T_from: Sequence[float], T_to: Sequence[float], time_step: float) -> list[float]:
+def plain_twist_between(T_from: Sequence[float], T_to: Sequence[float], time_step: float) -> list[float]:
     """Constant twist that leads from one pose to the other in one step, 6 floats [m/s], [rad/s].
 
     The rotation vector of R = R_to R_from': sin(angle) axis is half the sum of the cross products of the columns, 1 + 2 cos(angle) its trace. Turns
@@ -39,6 +41,10 @@ def twist_between(T_from: Sequence[float], T_to: Sequence[float], time_step: flo
         return [*linear, angle / time_step, 0.0, 0.0]
     factor = 0.5 * (angle / sine if sine > 0.0 else 1.0) / time_step
     return [*linear, sx * factor, sy * factor, sz * factor]
+
+
+twist_between: Callable[[Sequence[float], Sequence[float], float], list[float]] = getattr(compiled(), "twist_between", plain_twist_between)
+"""`plain_twist_between`, by compiled code where there is any."""
 
 
 def moved(T: Sequence[float], twist: Sequence[float], time_step: float) -> list[float]:

@@ -12,6 +12,7 @@ from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import RobotState, lazy_field
 from franka_hw_interface.transforms import column_major
 from franka_sim.box.config import CollisionBehavior
+from franka_sim.box.kinematics import ArmKinematics
 from franka_sim.box.requests import ControllerMode, GeneratorMode
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def elbow(q: list[float]) -> list[float]:
 
 
 def _pose(state: BoxState, q: list[float]) -> list[float]:
-    return column_major(state.model.pose(Frame.END_EFFECTOR, q))
+    return state.kinematics.pose(q)
 
 
 def _desired_twist(state: BoxState) -> list[float]:
@@ -62,6 +63,7 @@ class BoxState(RobotState):
     Attributes:
         controller_mode, generator_mode: of the running motion; OTHER and IDLE without one.
         model: what the box was told of the arm.
+        kinematics: of the arm with the end effector that it was told.
         estimate_wrench: called for O_F_ext_hat_K and K_F_ext_hat_K when one of them is read.
         thresholds: of contact and collision.
         compiled: computes all lazy fields at once, faster than each by itself; None: there is no such code.
@@ -70,7 +72,18 @@ class BoxState(RobotState):
     Lazy (computed when read, at most once per tick): poses, elbows, desired twist, dtau_J, external wrench, contacts.
     """
 
-    __slots__ = ("compiled", "computed_at", "controller_mode", "estimate_wrench", "generator_mode", "model", "period", "tau_before", "thresholds")
+    __slots__ = (
+        "compiled",
+        "computed_at",
+        "controller_mode",
+        "estimate_wrench",
+        "generator_mode",
+        "kinematics",
+        "model",
+        "period",
+        "tau_before",
+        "thresholds",
+    )
 
     O_T_EE = lazy_field("O_T_EE", lambda state: _pose(state, state.q))
     O_T_EE_d = _written_by_generator("O_T_EE_d", lambda state: _pose(state, state.q_d))
@@ -96,6 +109,7 @@ class BoxState(RobotState):
         self.compiled: CompiledFields | None = None
         self.controller_mode, self.generator_mode = ControllerMode.OTHER, GeneratorMode.IDLE
         super().__init__()
+        self.kinematics = ArmKinematics(model)
         self.model, self.period, self.thresholds, self.estimate_wrench = model, period, thresholds, estimate_wrench
         self.tau_before = [0.0] * 7
         self.theta, self.dtheta = self.q, self.dq
@@ -111,6 +125,7 @@ class BoxState(RobotState):
     def take_configuration(self) -> None:
         """Copy what the model was told: load, end effector, frames, and the mounting."""
         model = self.model
+        self.kinematics.update()
         for name, body in (("ee", model.ee_inertial), ("load", model.load), ("total", model.total_inertial)):
             setattr(self, f"m_{name}", body.mass)
             setattr(self, f"F_x_C{name}", body.com.tolist())

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 
 from franka_hw_interface.robot_state import NO_ERRORS, Errors
-from franka_sim.box.inverse_kinematics import ELBOW_JOINT, elbow_side
+from franka_sim.box.inverse_kinematics import elbow_side
+from franka_sim.box.newton import ELBOW_JOINT
 from franka_sim.box.rate_limits import SpaceRates
 
 LIMIT_VIOLATION = frozenset({"cartesian_motion_generator_elbow_limit_violation"})

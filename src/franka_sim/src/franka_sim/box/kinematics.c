@@ -1,0 +1,301 @@
+/* Kinematics of the arm for what happens each millisecond: see kinematics.py, pose_lists.py and inverse_kinematics.py, which say the same in Python.
+ * Poses come and go as lists of 16 floats, column-major. An Arm is a buffer of doubles: for each of the seven joints, then for the frame at the tip,
+ * the columns of the rotation and the translation from the frame before. */
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <math.h>
+#include <string.h>
+
+#define JOINTS 7
+#define FRAME 12
+#define FUNCTION(name) static PyObject *name(PyObject *module, PyObject *const *given, Py_ssize_t count)
+
+typedef struct { double x[3], y[3], z[3], p[3]; } Frame;
+typedef struct { double axes[JOINTS][3], origins[JOINTS][3], T[16]; } Placement;
+
+/* -- numbers of Python ---------------------------------------------------------------------------------------------------------------- */
+
+static int expect(Py_ssize_t count, Py_ssize_t wanted, const char *usage)
+{
+    if (count != wanted)
+        PyErr_SetString(PyExc_TypeError, usage);
+    return count == wanted;
+}
+
+/* The numbers of a sequence of a known length; 0 with an error set. */
+static int take(PyObject *sequence, Py_ssize_t n, double *out)
+{
+    PyObject *fast = PySequence_Fast(sequence, "a sequence of numbers is wanted");
+    if (fast == NULL)
+        return 0;
+    if (PySequence_Fast_GET_SIZE(fast) != n)
+        PyErr_Format(PyExc_ValueError, "%zd numbers are wanted, got %zd", n, PySequence_Fast_GET_SIZE(fast));
+    PyObject **items = PySequence_Fast_ITEMS(fast);
+    for (Py_ssize_t i = 0; PyErr_Occurred() == NULL && i < n; i++)
+        out[i] = PyFloat_AsDouble(items[i]);
+    Py_DECREF(fast);
+    return PyErr_Occurred() == NULL;
+}
+
+static int take_arm(PyObject *buffer, Frame arm[JOINTS + 1])
+{
+    Py_buffer view;
+    if (PyObject_GetBuffer(buffer, &view, PyBUF_SIMPLE) < 0)
+        return 0;
+    int fits = view.len == (Py_ssize_t)((JOINTS + 1) * sizeof(Frame));
+    if (fits)
+        memcpy(arm, view.buf, (size_t)view.len);
+    else
+        PyErr_Format(PyExc_ValueError, "an arm is %d doubles", FRAME * (JOINTS + 1));
+    PyBuffer_Release(&view);
+    return fits;
+}
+
+static PyObject *list(const double *values, Py_ssize_t n)
+{
+    PyObject *made = PyList_New(n);
+    for (Py_ssize_t i = 0; made != NULL && i < n; i++) {
+        PyObject *value = PyFloat_FromDouble(values[i]);
+        if (value == NULL)
+            Py_CLEAR(made);
+        else
+            PyList_SET_ITEM(made, i, value);
+    }
+    return made;
+}
+
+/* -- forward ---------------------------------------------------------------------------------------------------------------------------- */
+
+/* The frame `fixed` behind `at`. */
+static void carry(Frame *at, const Frame *fixed)
+{
+    Frame next;
+    for (int i = 0; i < 3; i++) {
+        const double x = at->x[i], y = at->y[i], z = at->z[i];
+        next.x[i] = fixed->x[0] * x + fixed->x[1] * y + fixed->x[2] * z;
+        next.y[i] = fixed->y[0] * x + fixed->y[1] * y + fixed->y[2] * z;
+        next.z[i] = fixed->z[0] * x + fixed->z[1] * y + fixed->z[2] * z;
+        next.p[i] = at->p[i] + fixed->p[0] * x + fixed->p[1] * y + fixed->p[2] * z;
+    }
+    *at = next;
+}
+
+static void forward(const Frame arm[JOINTS + 1], const double q[JOINTS], Placement *out)
+{
+    Frame at = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}, {0.0, 0.0, 0.0}};
+    for (int j = 0; j < JOINTS; j++) {
+        const double c = cos(q[j]), s = sin(q[j]);
+        carry(&at, &arm[j]);
+        for (int i = 0; i < 3; i++) {
+            const double x = at.x[i], y = at.y[i];
+            at.x[i] = c * x + s * y;
+            at.y[i] = c * y - s * x;
+        }
+        memcpy(out->axes[j], at.z, sizeof at.z);
+        memcpy(out->origins[j], at.p, sizeof at.p);
+    }
+    carry(&at, &arm[JOINTS]);
+    memset(out->T, 0, sizeof out->T);
+    memcpy(out->T, at.x, sizeof at.x);
+    memcpy(out->T + 4, at.y, sizeof at.y);
+    memcpy(out->T + 8, at.z, sizeof at.z);
+    memcpy(out->T + 12, at.p, sizeof at.p);
+    out->T[15] = 1.0;
+}
+
+/* Constant twist from one pose to the other in a time. */
+static void between(const double *a, const double *b, double time, double twist[6])
+{
+    double s[3] = {0.0, 0.0, 0.0}, trace = 0.0;
+    for (int k = 0; k < 12; k += 4) {
+        s[0] += a[k + 1] * b[k + 2] - a[k + 2] * b[k + 1];
+        s[1] += a[k + 2] * b[k] - a[k] * b[k + 2];
+        s[2] += a[k] * b[k + 1] - a[k + 1] * b[k];
+        trace += a[k] * b[k] + a[k + 1] * b[k + 1] + a[k + 2] * b[k + 2];
+    }
+    const double sine = 0.5 * sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]), cosine = 0.5 * (trace - 1.0), angle = atan2(sine, cosine);
+    const double factor = 0.5 * (sine > 0.0 ? angle / sine : 1.0) / time;
+    for (int i = 0; i < 3; i++) {
+        twist[i] = (b[12 + i] - a[12 + i]) / time;
+        twist[3 + i] = s[i] * factor;
+    }
+    if (cosine < 0.0) {
+        twist[3] = angle / time;
+        twist[4] = twist[5] = 0.0;
+    }
+}
+
+/* -- inverse ---------------------------------------------------------------------------------------------------------------------------- */
+
+typedef struct { double tolerance, largest; int steps, elbow; } Newton;
+
+/* Solve [J; row] x = right for `columns` right sides by elimination with partial pivoting; 0 where there is no solution, or none whose first column is
+ * a small step. */
+static int solve(const Placement *at, const double row[JOINTS], double right[JOINTS][2], int columns, double largest)
+{
+    double A[JOINTS][JOINTS];
+    for (int j = 0; j < JOINTS; j++) {
+        const double *a = at->axes[j], u = at->T[12] - at->origins[j][0], v = at->T[13] - at->origins[j][1], w = at->T[14] - at->origins[j][2];
+        A[0][j] = a[1] * w - a[2] * v;
+        A[1][j] = a[2] * u - a[0] * w;
+        A[2][j] = a[0] * v - a[1] * u;
+        for (int i = 0; i < 3; i++)
+            A[3 + i][j] = a[i];
+        A[6][j] = row[j];
+    }
+    for (int k = 0; k < JOINTS; k++) {
+        int pivot = k;
+        for (int i = k + 1; i < JOINTS; i++)
+            if (fabs(A[i][k]) > fabs(A[pivot][k]))
+                pivot = i;
+        if (!(fabs(A[pivot][k]) > 0.0))
+            return 0;
+        for (int j = 0; pivot != k && j < JOINTS; j++) {
+            const double kept = A[k][j];
+            A[k][j] = A[pivot][j];
+            A[pivot][j] = kept;
+        }
+        for (int c = 0; pivot != k && c < columns; c++) {
+            const double kept = right[k][c];
+            right[k][c] = right[pivot][c];
+            right[pivot][c] = kept;
+        }
+        for (int i = k + 1; i < JOINTS; i++) {
+            const double factor = A[i][k] / A[k][k];
+            for (int j = k + 1; j < JOINTS; j++)
+                A[i][j] -= factor * A[k][j];
+            for (int c = 0; c < columns; c++)
+                right[i][c] -= factor * right[k][c];
+        }
+    }
+    for (int c = 0; c < columns; c++)
+        for (int k = JOINTS - 1; k >= 0; k--) {
+            for (int j = k + 1; j < JOINTS; j++)
+                right[k][c] -= A[k][j] * right[j][c];
+            right[k][c] /= A[k][k];
+        }
+    for (int i = 0; i < JOINTS; i++)
+        if (!(fabs(right[i][0]) <= largest))
+            return 0;
+    return 1;
+}
+
+/* Newton steps from q until pose and elbow are met; 0 if they are not. q3 is looked at with options->elbow >= 0, the index of that joint. */
+static int newton(const Frame *arm, const double T[16], const double row[JOINTS], double q3, const Newton *options, double q[JOINTS])
+{
+    for (int step = 0; step <= options->steps; step++) {
+        Placement at;
+        double error[JOINTS], right[JOINTS][2], largest = 0.0;
+        forward(arm, q, &at);
+        between(at.T, T, 1.0, error);
+        error[6] = options->elbow < 0 ? 0.0 : q3 - q[options->elbow];
+        for (int i = 0; i < JOINTS; i++) {
+            largest = fabs(error[i]) <= largest ? largest : fabs(error[i]);
+            right[i][0] = error[i];
+        }
+        if (largest <= options->tolerance)
+            return 1;
+        if (!solve(&at, row, right, 1, options->largest))
+            return 0;
+        for (int i = 0; i < JOINTS; i++)
+            q[i] += right[i][0];
+    }
+    return 0;
+}
+
+/* -- what Python calls ------------------------------------------------------------------------------------------------------------------ */
+
+FUNCTION(end_effector)
+{
+    (void)module;
+    Frame arm[JOINTS + 1];
+    double q[JOINTS];
+    Placement at;
+    if (!expect(count, 2, "end_effector(arm, q)") || !take_arm(given[0], arm) || !take(given[1], JOINTS, q))
+        return NULL;
+    forward(arm, q, &at);
+    return list(at.T, 16);
+}
+
+FUNCTION(twist_between)
+{
+    (void)module;
+    double a[16], b[16], twist[6];
+    if (!expect(count, 3, "twist_between(T_from, T_to, time_step)") || !take(given[0], 16, a) || !take(given[1], 16, b))
+        return NULL;
+    const double time = PyFloat_AsDouble(given[2]);
+    if (PyErr_Occurred())
+        return NULL;
+    between(a, b, time, twist);
+    return list(twist, 6);
+}
+
+/* options: (tolerance, largest step, steps, elbow joint or -1) */
+static int take_options(PyObject *sequence, Newton *options)
+{
+    double values[4];
+    if (!take(sequence, 4, values))
+        return 0;
+    options->tolerance = values[0];
+    options->largest = values[1];
+    options->steps = (int)values[2];
+    options->elbow = (int)values[3];
+    if (options->elbow < JOINTS)
+        return 1;
+    PyErr_SetString(PyExc_ValueError, "the elbow's joint is one of seven, or -1");
+    return 0;
+}
+
+FUNCTION(solve_pose)
+{
+    (void)module;
+    Frame arm[JOINTS + 1];
+    double T[16], row[JOINTS], q[JOINTS];
+    Newton options;
+    if (!expect(count, 6, "solve_pose(arm, T, row, q3, options, guess)") || !take_arm(given[0], arm) || !take(given[1], 16, T)
+        || !take(given[2], JOINTS, row) || !take_options(given[4], &options) || !take(given[5], JOINTS, q))
+        return NULL;
+    const double q3 = PyFloat_AsDouble(given[3]);
+    if (PyErr_Occurred())
+        return NULL;
+    if (!newton(arm, T, row, q3, &options, q))
+        Py_RETURN_NONE;
+    return list(q, JOINTS);
+}
+
+FUNCTION(first_step)
+{
+    (void)module;
+    Frame arm[JOINTS + 1];
+    double T[16], row[JOINTS], q[JOINTS], error[6], right[JOINTS][2], null[JOINTS], square = 0.0;
+    Newton options;
+    Placement at;
+    if (!expect(count, 5, "first_step(arm, T, row, options, guess)") || !take_arm(given[0], arm) || !take(given[1], 16, T)
+        || !take(given[2], JOINTS, row) || !take_options(given[3], &options) || !take(given[4], JOINTS, q))
+        return NULL;
+    forward(arm, q, &at);
+    between(at.T, T, 1.0, error);
+    for (int i = 0; i < JOINTS; i++) {
+        right[i][0] = i < 6 ? error[i] : 0.0;
+        right[i][1] = i < 6 ? 0.0 : 1.0;
+    }
+    if (!solve(&at, row, right, 2, options.largest))
+        Py_RETURN_NONE;
+    for (int i = 0; i < JOINTS; i++) {
+        q[i] += right[i][0];
+        square += right[i][1] * right[i][1];
+    }
+    for (int i = 0; i < JOINTS; i++)
+        null[i] = right[i][1] / sqrt(square);
+    return Py_BuildValue("(NN)", list(q, JOINTS), list(null, JOINTS));
+}
+
+#define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, text}
+static PyMethodDef methods[] = {
+    METHOD(end_effector, "(arm, q): its pose"), METHOD(twist_between, "(T_from, T_to, time_step)"),
+    METHOD(solve_pose, "(arm, T, row, q3, options, guess): joint positions or None"),
+    METHOD(first_step, "(arm, T, row, options, guess): (joint positions, null vector) or None"), {0},
+};
+static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "hric_kinematics", NULL, -1, methods, NULL, NULL, NULL, NULL};
+
+__attribute__((visibility("default"))) PyObject *PyInit_hric_kinematics(void) { return PyModule_Create(&definition); }
