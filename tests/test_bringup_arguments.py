@@ -12,16 +12,17 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts/lib"))
-from bringup_arguments import ArgumentError, Choices, check, has_mocap, motion_capture, split  # noqa: E402
+from bringup_arguments import ArgumentError, Choices, check, motion_capture, sensor, split  # noqa: E402
 from bringup_master import MasterError, call, choose, free_port  # noqa: E402
+from bringup_sections import has_section  # noqa: E402
 
 NAMES = (
     "env", "robot_ip", "robot", "simulator", "controller", "experiment", "rviz", "gui", "ns", "xyz", "kp", "q_start", "real_time_factor", "world",
     "arm_id", "rotor_inertia", "load_gripper", "record", "subject", "notes", "split_size", "split_duration",
-    "mocap", "mocap_server", "mocap_calibration",
+    "mocap", "mocap_server", "mocap_calibration", "emg", "force_plate", "view",
 )  # fmt: skip
 CONTROLLERS = ("joint_state_controller", "joint_pd_controller", "effort_joint_trajectory_controller")
-CHOICES = Choices(CONTROLLERS, ("marker_tracking", "pd_step", "thesis_step"), ("marker_tracking",))
+CHOICES = Choices(CONTROLLERS, ("marker_tracking", "pd_step", "thesis_step"), ("marker_tracking",), {"emg": ("data_collection",)})
 
 
 def checked(*arguments: str) -> dict[str, str]:
@@ -40,6 +41,7 @@ def checked(*arguments: str) -> dict[str, str]:
         ("experiment:=step", ("marker_tracking, pd_step, thesis_step", ".yaml")),
         ("experiment:=/nowhere/x.yaml", ("/nowhere/x.yaml", "no such file")),
         ("rviz:=yes", ("true, false, auto",)),
+        ("view:=curves", ("true, false, auto, plot",)),
         ("load_gripper:=yes", ("true, false, auto",)),
         ("record:=later", ("true, false, on_trigger",)),
         ("subject:=Jane Doe", ("for example subject:=P07", "names of people")),
@@ -61,6 +63,8 @@ def checked(*arguments: str) -> dict[str, str]:
         ("env:=real", ("robot_ip", "172.16.0.2")),
         ("robot_ip:=127.0.0.2", ("env:=real",)),
         ("mocap:=optitrack", ("auto, none, emulated, motive",)),
+        ("emg:=true", ("auto, none, emulated, real",)),
+        ("force_plate:=kistler", ("auto, none, emulated, real",)),
         ("mocap_server:=motive.lab", ("IPv4", "192.168.1.10")),
         ("mocap_server:=192.168.1.10", ("motion capture", "mocap:=motive")),
         ("mocap_calibration:=/nowhere/base.yaml", ("/nowhere/base.yaml", "no such file")),
@@ -94,7 +98,24 @@ def test_an_experiment_with_a_motion_capture_brings_the_emulated_one_and_one_arg
         (("experiment:=marker_tracking", "mocap:=motive", "mocap_server:=192.168.1.10"), "motive"),
     ):
         assert motion_capture(checked(*given), CHOICES) == wanted
-    assert not has_mocap(tmp_path / "nowhere.yaml")
+    assert not has_section(tmp_path / "nowhere.yaml", "mocap")
+
+
+def test_sensors_of_an_experiment_are_emulated_unless_the_real_ones_are_asked_for(tmp_path: Path) -> None:
+    own = tmp_path / "own.yaml"
+    own.write_text("emg: {channels: 4}\nforce_plate: {id: 1}\n")
+    for given, wanted in (
+        ((), ("none", "none")),
+        (("experiment:=data_collection",), ("emulated", "none")),
+        ((f"experiment:={own}",), ("emulated", "emulated")),
+        ((f"experiment:={own}", "emg:=real", "force_plate:=none"), ("real", "none")),
+        (("emg:=emulated",), ("emulated", "none")),
+    ):
+        arguments = check(split(given), NAMES, Choices(CONTROLLERS, ("data_collection",), (), {"emg": ("data_collection",)}))
+        assert tuple(sensor(name, arguments, CHOICES) for name in ("emg", "force_plate")) == wanted
+    with pytest.raises(ArgumentError, match=r"not possible with sensors \(emg:=emulated\), which come by wire"):
+        checked("emg:=emulated", "real_time_factor:=0")
+    checked("emg:=emulated", "real_time_factor:=0.5")
 
 
 def test_a_calibration_belongs_to_a_real_motive(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -110,6 +111,39 @@ def test_a_motion_capture_that_cannot_be_stops_the_launch_with_the_reason(given:
         loaded("experiment:=marker_tracking", given)
 
 
+SENSORS = {
+    "/emulated_emg": "hric_perception/emulated_emg",
+    "/emg": "hric_perception/emg",
+    "/emulated_plate": "hric_perception/emulated_plate",
+    "/force_plate": "hric_perception/force_plate",
+    "/synchronizer": "hric_perception/synchronizer",
+}
+
+
+@pytest.mark.parametrize("environment", [(), ("env:=real", "robot_ip:=127.0.0.2")], ids=["sim", "real"])
+def test_a_data_collection_brings_every_sensor_and_the_synchroniser(environment: tuple[str, ...]) -> None:
+    config = loaded("experiment:=data_collection", *environment)
+    assert nodes(config).items() >= (SENSORS | CAPTURE).items()
+    assert set(SENSORS) <= {node.namespace + node.name for node in config.nodes if node.required}
+    values = parameters(config)
+    assert len(values["/emulated_emg"]["muscles"]) == 8 and values["/emg"]["lsl"]["session"] == values["/emulated_emg"]["session"]
+    assert values["/synchronizer"]["rates"] == [100.0, 1000.0]
+    assert "emg.device:=emulated" in str(values["/experiment/overrides"])
+
+
+def test_real_sensors_leave_the_emulated_ones_out_by_one_argument_each() -> None:
+    config = loaded("experiment:=data_collection", "emg:=real", "force_plate:=real", "mocap:=motive")
+    emulated = {"/emulated_emg", "/emulated_plate", "/emulated_human"}
+    assert not emulated & set(nodes(config)) and {"/emg", "/force_plate", "/synchronizer", "/natnet_client"} <= set(nodes(config))
+    sources = parameters(config)["/synchronizer"]["plan"]["sources"]
+    assert not any("time" in str(source["signals"]) for source in sources), "real devices have no time code"
+
+
+def test_sensors_need_a_run_that_is_paced() -> None:
+    with pytest.raises(RLException, match="need a run that is paced"):
+        loaded("emg:=emulated", "real_time_factor:=0")
+
+
 def test_every_argument_reaches_the_robot() -> None:
     given = "ns:=/left arm_id:=left_arm hand:=false damping:=0.5 rotor_inertia:=0.2 gui:=true record:=false controller:=none real_time_factor:=0"
     config = loaded(*given.split(), "xyz:=0 0.5 0", "q_start:=[0,-pi/4,0,-2.0,0,pi/2,0]")
@@ -153,6 +187,13 @@ def test_rviz_starts_when_asked_for_and_by_default_where_a_display_is(monkeypatc
     monkeypatch.setenv("DISPLAY", ":9")
     assert "/rviz" in nodes(loaded())
     assert "/rviz" not in nodes(loaded("rviz:=false"))
+
+
+def test_those_who_look_on_get_limits_with_rviz_and_curves_when_asked_for_and_neither_is_recorded() -> None:
+    config = loaded("rviz:=true")
+    assert nodes(config)["/live_view"] == "hric_perception/live_view" and "/live_plot" not in nodes(config)
+    assert re.fullmatch(parameters(config)["/recorder/exclude"], "/left/hric/view/limits")
+    assert {"/live_view", "/live_plot"} <= set(nodes(loaded("env:=real", "robot_ip:=127.0.0.2", "rviz:=false", "view:=plot")))
 
 
 @pytest.mark.parametrize("arguments", [["env:=gazebo"], ["env:=real"]], ids=["no such environment", "no address"])

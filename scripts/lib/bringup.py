@@ -18,8 +18,9 @@ import roslaunch.arg_dump
 import roslaunch.parent
 import roslaunch.pmon
 import yaml
-from bringup_arguments import ArgumentError, Choices, check, has_mocap, motion_capture, split
+from bringup_arguments import SENSORS, ArgumentError, Choices, check, motion_capture, sensor, split
 from bringup_master import DEFAULT, MasterError, choose
+from bringup_sections import has_section
 
 import franka_real.probe
 from hric_control.errors import HricError
@@ -61,7 +62,8 @@ def choices() -> Choices:
     """Names of controllers and experiments in this workspace."""
     instances = [name for name, value in (yaml.safe_load(CONTROLLERS.read_text()) or {}).items() if isinstance(value, dict) and "type" in value]
     experiments = sorted(EXPERIMENTS.glob("*.yaml"))
-    return Choices(tuple(instances), tuple(path.stem for path in experiments), tuple(path.stem for path in experiments if has_mocap(path)))
+    having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in ("mocap", *SENSORS)}
+    return Choices(tuple(instances), tuple(path.stem for path in experiments), having.pop("mocap"), having)
 
 
 def help_text(documented: Documented) -> str:
@@ -77,6 +79,7 @@ def help_text(documented: Documented) -> str:
     lines += ["", "examples:", "  scripts/bringup env:=sim", "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100"]
     lines += ["  scripts/bringup env:=real robot_ip:=172.16.0.2 experiment:=pd_step"]
     lines += ["  scripts/bringup env:=sim experiment:=marker_tracking"]
+    lines += ["  scripts/bringup env:=sim experiment:=data_collection"]
     lines += ["  scripts/bringup env:=sim experiment:=marker_tracking mocap:=motive mocap_server:=192.168.1.10"]
     return "\n".join(lines)
 
@@ -90,7 +93,7 @@ def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
     """Say what starts, and how another terminal joins."""
     task = f"experiment {arguments['experiment']}" if arguments["experiment"] != "none" else f"controller {arguments['controller']}"
     what = f"{arguments['robot']} at {arguments['robot_ip']}" if arguments["env"] == "real" else arguments["simulator"]
-    capture = f"   mocap: {arguments['mocap']}" if arguments["mocap"] != "none" else ""
+    capture = "".join(f"   {name}: {arguments[name]}" for name in ("mocap", *SENSORS) if arguments[name] != "none")
     print(f"env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}   record: {arguments['record']}")
     print(f"ROS master: {master} ({'it runs already' if running else 'started here'})")
     export = "" if master == DEFAULT else f" && export ROS_MASTER_URI={master}"
@@ -185,11 +188,12 @@ def main(argv: list[str]) -> int:
             franka_real.probe.check(arguments["robot_ip"], PROBE_TIMEOUT)
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
         arguments["mocap"] = motion_capture(arguments, choices())
+        shown = arguments | {name: sensor(name, arguments, choices()) for name in SENSORS}
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, arguments["ns"].rstrip("/") + "/robot")
     except (ArgumentError, MasterError, HricError) as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
         return 1
-    announce(arguments, master, running)
+    announce(shown, master, running)
     return run(arguments, master)
 
 

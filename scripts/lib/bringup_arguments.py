@@ -6,11 +6,12 @@ import ipaddress
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 
 import yaml
+from bringup_sections import described
 
 
 class ArgumentError(Exception):
@@ -25,13 +26,17 @@ class Choices:
         controllers: instance names in controllers.yaml.
         experiments: names of the experiment files.
         captured: those of them that have a motion capture.
+        sensed: per sensor (`SENSORS`), those of them that have it.
     """
 
     controllers: tuple[str, ...]
     experiments: tuple[str, ...]
     captured: tuple[str, ...] = ()
+    sensed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
+SENSORS = ("emg", "force_plate")
+"""Sections of an experiment file and arguments of the same name."""
 BROADCASTERS = ("joint_state_controller", "franka_state_controller")
 """Controllers that only publish; bringup.launch always starts them."""
 BOOL = ("true", "false")
@@ -77,6 +82,7 @@ def check(given: Mapping[str, str], valid_names: Iterable[str], choices: Choices
     _check_environment(given)
     checked = {name: checks[name](name, value) if name in checks else value for name, value in given.items()}
     _check_mocap(checked, choices)
+    _check_sensors(checked, choices)
     return checked
 
 
@@ -112,16 +118,34 @@ def motion_capture(given: Mapping[str, str], choices: Choices) -> str:
     asked, experiment = given.get("mocap", "auto"), given.get("experiment", "none")
     if asked != "auto":
         return asked
-    return "emulated" if experiment in choices.captured or (experiment.endswith((".yaml", ".yml")) and has_mocap(Path(experiment))) else "none"
+    return "emulated" if described("mocap", experiment, choices.captured) else "none"
 
 
-def has_mocap(path: Path) -> bool:
-    """Whether an experiment file has a motion capture; what is wrong with it is told elsewhere."""
-    try:
-        content = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
-        return False
-    return isinstance(content, dict) and bool(content.get("mocap"))
+def sensor(name: str, given: Mapping[str, str], choices: Choices) -> str:
+    """none, emulated or real: auto means emulated where the experiment has the section.
+
+    Args:
+        name: one of `SENSORS`.
+        given: checked arguments.
+        choices: names that exist in this workspace.
+    """
+    asked, experiment = given.get(name, "auto"), given.get("experiment", "none")
+    if asked != "auto":
+        return asked
+    return "emulated" if described(name, experiment, choices.sensed.get(name, ())) else "none"
+
+
+def _unpaced(given: Mapping[str, str]) -> bool:
+    return _numbers("real_time_factor", _loaded("real_time_factor", given.get("real_time_factor", "1")), "1")[0] == 0.0
+
+
+def _check_sensors(given: Mapping[str, str], choices: Choices) -> None:
+    chosen = {name: sensor(name, given, choices) for name in SENSORS}
+    if _unpaced(given) and any(device != "none" for device in chosen.values()):
+        told = ", ".join(f"{name}:={device}" for name, device in chosen.items() if device != "none")
+        raise ArgumentError(
+            f"real_time_factor:=0 is not possible with sensors ({told}), which come by wire and need a run that is paced; valid: a factor above 0"
+        )
 
 
 def _check_mocap(given: Mapping[str, str], choices: Choices) -> None:
@@ -130,7 +154,7 @@ def _check_mocap(given: Mapping[str, str], choices: Choices) -> None:
         raise ArgumentError("mocap_server can be given with a motion capture only; valid: mocap:=motive or mocap:=emulated beside it")
     if chosen != "motive" and given.get("mocap_calibration", "none") != "none":
         raise ArgumentError("mocap_calibration can be given with mocap:=motive only: the emulated one stands where the experiment says")
-    if chosen != "none" and _numbers("real_time_factor", _loaded("real_time_factor", given.get("real_time_factor", "1")), "1")[0] == 0.0:
+    if chosen != "none" and _unpaced(given):
         raise ArgumentError(
             f"real_time_factor:=0 is not possible with a motion capture (mocap:={chosen}), which comes by wire and needs a run that is paced; "
             "valid: a factor above 0, or the headless runner, rosrun hric_experiments run"
@@ -147,6 +171,7 @@ def _checks(choices: Choices) -> dict[str, Check]:
         "controller": _one_of(*started, "none"),
         "experiment": _experiment(choices.experiments),
         "rviz": _one_of(*BOOL, "auto"),
+        "view": _one_of(*BOOL, "auto", "plot"),
         "record": _one_of(*BOOL, "on_trigger"),
         "subject": _subject,
         "notes": _notes,
@@ -154,6 +179,7 @@ def _checks(choices: Choices) -> dict[str, Check]:
         "split_duration": _one_number("0 means never"),
         "html": _one_of(*BOOL),
         "mocap": _one_of("auto", "none", "emulated", "motive"),
+        **dict.fromkeys(SENSORS, _one_of("auto", "none", "emulated", "real")),
         "mocap_server": _ip_address,
         "mocap_calibration": lambda name, value: value if value == "none" else _existing_file(name, value),
         "gui": _one_of(*BOOL),

@@ -129,6 +129,8 @@ def _show(processes: Processes, run: Run, master: str, rviz: bool) -> None:
     if rviz:
         shown = processes.start("rosrun", "rviz", "rviz", "-d", str(VIEW), f"__ns:={space or '/'}", "__name:=rviz")
         _wait("rviz", lambda: node_is_alive(master, f"{space}/rviz"), shown, RVIZ_TIMEOUT)
+        if run.urdf and f"{space}/hric/view/limits" not in run.topics:
+            processes.start("rosrun", "hric_perception", "live_view", f"__ns:={space or '/'}", "__name:=live_view")
 
 
 def _wait(what: str, done: Callable[[], bool], process: subprocess.Popen[bytes], timeout: float) -> None:

@@ -15,7 +15,7 @@ def load(name: str, *given: str) -> experiment.Experiment:
 
 
 def test_the_experiments_of_the_workspace_are_valid() -> None:
-    assert experiment.names() == ["marker_tracking", "pd_step", "thesis_step"]
+    assert experiment.names() == ["data_collection", "marker_tracking", "pd_step", "thesis_step"]
     for name in ("pd_step", "thesis_step"):
         assert load(name).setpoints[0].positions == pytest.approx([0, -math.pi / 4, 0, -3 * math.pi / 4, 0, math.pi / 2, math.pi / 4], abs=0)
     marker = load("marker_tracking")
@@ -116,7 +116,7 @@ def test_an_experiment_without_motion_capture_says_so() -> None:
 
 
 def test_an_unknown_experiment_lists_those_that_exist() -> None:
-    with pytest.raises(HricError, match=r"no experiment 'pdstep'.*valid: marker_tracking, pd_step, thesis_step"):
+    with pytest.raises(HricError, match=r"no experiment 'pdstep'.*valid: data_collection, marker_tracking, pd_step, thesis_step"):
         experiment.read("pdstep")
     with pytest.raises(HricError, match=r"no experiment file nowhere\.yaml"):
         experiment.read("nowhere.yaml")

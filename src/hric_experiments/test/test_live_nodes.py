@@ -247,7 +247,7 @@ def test_an_unknown_experiment_is_one_line_with_the_valid_names(system: System) 
     for name in ("recorder", "experiment"):
         code, output, _ = ended(system.node(name, "_experiment:=pdstep"), 20.0)
         assert code == 1 and "Traceback" not in output, output
-        assert "no experiment 'pdstep'" in output and "valid: marker_tracking, pd_step, thesis_step" in output
+        assert "no experiment 'pdstep'" in output and "valid: data_collection, marker_tracking, pd_step, thesis_step" in output
 
 
 @pytest.mark.parametrize("script", ["exit 3", "sleep 0.1; exit 0"])

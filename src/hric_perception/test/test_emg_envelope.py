@@ -10,9 +10,10 @@ from hric_control.errors import HricError, ParameterError
 from hric_control.local_node import LocalNode
 from hric_msgs.msg import SampleChunk
 from hric_perception.chunk import Chunk, Layout, chunk_message
+from hric_perception.emg.activation import AMPLITUDE, read_program
 from hric_perception.emg.emulated_app import read_activation
 from hric_perception.emg.envelope import Envelope, Settings, read_settings
-from hric_perception.emg.muscles import AMPLITUDE, FLOOR, Muscles, read_program
+from hric_perception.emg.muscles import FLOOR, Muscles
 from hric_perception.emulation import EvenSensor, Faults, read_faults
 from hric_perception.section import Section
 

@@ -11,7 +11,8 @@ import pytest
 
 from hric_control.errors import ParameterError
 from hric_perception.chunk import Chunk, Layout
-from hric_perception.emg.muscles import Muscles, read_program
+from hric_perception.emg.activation import read_program
+from hric_perception.emg.muscles import Muscles
 from hric_perception.emulation import EvenSensor, Faults
 from hric_perception.emulator import Emulator
 from hric_perception.health import ERROR, StreamHealth

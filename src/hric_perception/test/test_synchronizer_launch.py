@@ -9,7 +9,7 @@ import pytest
 import roslaunch.config
 from roslaunch.core import RLException
 
-from hric_perception.emg.muscles import MUSCLES
+from hric_perception.emg.activation import MUSCLES
 from hric_perception.sync.layout import read_plan
 
 FILE = Path(__file__).parents[1] / "launch" / "synchronizer.launch"

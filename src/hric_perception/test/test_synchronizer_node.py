@@ -96,3 +96,33 @@ def test_a_plan_that_cannot_be_ends_the_node_with_one_line(ros: str, plan: Any, 
 def test_help_needs_no_master() -> None:
     answer = subprocess.run([sys.executable, str(PACKAGE / "nodes" / "synchronizer"), "--help"], capture_output=True, text=True, timeout=LIMIT)
     assert answer.returncode == 0 and "Usage" in answer.stdout
+
+
+def test_several_rates_of_one_plan_go_out_on_topics_of_their_own(ros: str) -> None:
+    slow, fast = listen("/many_50hz", SyncedSample), listen("/many_200hz", SyncedSample)
+    layouts, feeder = [listen(f"/many_{rate}hz_layout", SyncLayout) for rate in (50, 200)], Feeder()
+    with node(PLAN, "_topic:=/many", "_rates:=[50, 200]", "__name:=many"):
+        wait(lambda: all(layouts) and feeder.heard())
+        feeder.feed(2.0)
+        wait(lambda: len(slow) > 60 and len(fast) > 240)
+    assert [layout[-1].rate for layout in layouts] == [50.0, 200.0]
+    for messages, period in ((slow, 20_000_000), (fast, 5_000_000)):
+        stamps = [message.header.stamp.to_nsec() for message in messages]
+        assert {after - before for before, after in itertools.pairwise(stamps)} == {period}
+
+
+def test_a_backlog_goes_out_in_portions_and_whole(ros: str) -> None:
+    samples, feeder = listen("/portions", SyncedSample), Feeder()
+    with node({**PLAN, "rate": 1000.0}, "_topic:=/portions", "_period:=0.2", "__name:=portions"):
+        wait(feeder.heard)
+        feeder.feed(2.0)
+        wait(lambda: len(samples) > 1500)
+    stamps = [message.header.stamp.to_nsec() for message in samples]
+    assert {after - before for before, after in itertools.pairwise(stamps)} == {1_000_000}
+
+
+@pytest.mark.parametrize("rates", ["[]", "[50, 50]", "[-1]", "fast"])
+def test_rates_that_cannot_be_end_the_node_with_one_line(ros: str, rates: str) -> None:
+    with node(PLAN, f"_rates:={rates}", "__name:=wrong_rates") as child:
+        output, _ = child.communicate(timeout=LIMIT)
+    assert child.returncode == 1 and "/wrong_rates/rates" in output and "Traceback" not in output

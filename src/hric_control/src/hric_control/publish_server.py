@@ -15,6 +15,7 @@ from typing import Any
 import rospy
 from rospy.impl import simtime
 
+from hric_control import ros_backlog
 from hric_control.publish_channel import MAX_TOPICS, Counters, FrameReader, frame
 from hric_control.ros_node import RosPublisher
 
@@ -112,6 +113,7 @@ def main(name: str, requests: int, replies: int, page: int) -> None:
         signal.signal(number, signal.SIG_IGN)
     simtime._is_use_simtime = lambda: False  # it has no use for the time; see ros_time
     rospy.init_node(name, argv=[], disable_signals=True)
+    ros_backlog.widen()
     # rospy has told the master by then; what it does after that is to wait half a second for threads that end with the process.
     rospy.core.add_preshutdown_hook(lambda reason: os._exit(0))
     PublishServer(requests, replies, Counters(page)).run()

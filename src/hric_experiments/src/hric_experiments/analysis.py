@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hric_experiments import bag_reader, differences, files, metrics, table, tracking_analysis
+from hric_experiments import bag_reader, collection, collection_record, differences, files, metrics, table, tracking_analysis
 from hric_experiments.experiment import MetricsSpec
 from hric_experiments.run_folder import RunFolder
 
@@ -39,6 +39,8 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
     result["reflexes"] = [{"time": time, "errors": list(names)} for time, names in record.reflexes]
     followed = tracking_analysis.analyse(folder, bag_of(folder, run), run, record)
     result["tracking"] = None if followed is None else followed.values
+    collected, interval = collection_record.read(bag_of(folder, run)), run.get("interval")
+    result |= {"sources": None, "sync": None} if collected is None else collection.metrics(collected, record.log, record.run_time, interval)
     result |= _compared(definition, run.get("parameters") or {}, result)
     files.write_json(folder.metrics_path, result)
     report = table.render(run, result)

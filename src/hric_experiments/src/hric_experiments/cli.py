@@ -21,6 +21,8 @@ DESCRIBED = {"robot": "robot", "limits": "joint_limits", "controllers": "control
 """What `describe` prints as YAML, and the function of `parameters` that tells it."""
 MOCAP_NODES = ("natnet_client", "emulated_human")
 """Parts of `mocap` that it prints by themselves: private parameters of these nodes."""
+SENSOR_NODES = ("emg", "emulated_emg", "force_plate", "emulated_plate", "synchronizer")
+"""Nodes of the sections `emg`, `force_plate` and `sync`, likewise."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -179,7 +181,7 @@ def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, give
 def describe(arguments: Sequence[str]) -> int:
     """Print what an experiment puts on the parameter server; launch files read it."""
     parser = argparse.ArgumentParser("rosrun hric_experiments describe", description="Print what an experiment puts on the parameter server.")
-    parser.add_argument("what", choices=["urdf", *DESCRIBED, *MOCAP_NODES], help="robot_description; parameters (YAML)")
+    parser.add_argument("what", choices=["urdf", *DESCRIBED, *MOCAP_NODES, *SENSOR_NODES], help="robot_description; parameters (YAML)")
     parser.add_argument("experiment", help=f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or a YAML file")
     parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes, as for run")
     parser.add_argument("--also", action="append", default=[], metavar="KEY:=VALUE", help="print this parameter, too; may be repeated")
@@ -196,6 +198,10 @@ def describe(arguments: Sequence[str]) -> int:
 
     if given.what in MOCAP_NODES:
         printed = parameters.mocap(definition).get(given.what, {})
+    elif given.what in SENSOR_NODES:
+        from hric_experiments import sensor_parameters
+
+        printed = sensor_parameters.nodes(definition).get(given.what, {})
     else:
         printed = getattr(parameters, DESCRIBED[given.what])(definition)
     print(yaml.safe_dump({**printed, **_also(given.also_file, given.also)}, sort_keys=False), end="")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from hric_control.errors import HricError, UnknownNameError
 from hric_experiments import config
 from hric_experiments.checks import angle, fields, mapping, names_list, number, strings_of
 from hric_experiments.mocap_spec import MocapSpec, read_mocap
+from hric_experiments.sensor_spec import SensorSpec, SyncSpec, read_emg, read_plate, read_sync
 
 
 class ExperimentError(HricError):
@@ -86,6 +87,8 @@ class Experiment:
         duration: run time of the whole run [s].
         metrics: how it is judged.
         mocap: the motion capture and who moves before it; None: none.
+        emg, force_plate: sensors beside the robot; None: none.
+        sync: what brings all sources to common instants; None: nothing.
     """
 
     name: str
@@ -97,11 +100,16 @@ class Experiment:
     duration: float
     metrics: MetricsSpec
     mocap: MocapSpec | None = None
+    emg: SensorSpec | None = None
+    force_plate: SensorSpec | None = None
+    sync: SyncSpec | None = None
 
 
 NONE = "none"
 """Name of the run that is no experiment: what the bring-up starts by itself."""
-EXPERIMENT_KEYS = ("controllers", "description", "duration", "metrics", "mocap", "parameters", "robot", "setpoints")
+SENSOR_READERS: dict[str, Callable[[Any], Any]] = {"mocap": read_mocap, "emg": read_emg, "force_plate": read_plate, "sync": read_sync}
+"""Sections of what runs beside the robot; an experiment has those that it names."""
+EXPERIMENT_KEYS = tuple(sorted(("controllers", "description", "duration", "metrics", "parameters", "robot", "setpoints", *SENSOR_READERS)))
 ROBOT_KEYS = ("arm_id", "description", "hw", "parameters", "plant", "plant_type", "q_start", "urdf")
 SETPOINT_KEYS = ("controller", "positions", "time")
 METRICS_KEYS = ("reference", "tolerances")
@@ -168,7 +176,7 @@ def parse(name: str, raw: Mapping[str, Any]) -> Experiment:
             setpoints=_setpoints(raw.get("setpoints") or []),
             duration=number(raw["duration"], "duration", minimum=0.0, exclusive=True),
             metrics=_metrics(mapping(raw.get("metrics"), "metrics")),
-            mocap=read_mocap(raw["mocap"]) if raw.get("mocap") is not None else None,
+            **{key: read(raw[key]) for key, read in SENSOR_READERS.items() if raw.get(key) is not None},
         )
         _check_together(experiment)
     except (ValueError, HricError) as error:

@@ -99,6 +99,7 @@ def run(
     Raises:
         HricError: the experiment cannot run; the run folder, if there is one already, says so.
     """
+    _refuse_wires(definition)
     urdf = description.load(definition.robot)
     tree = {
         "robot_description": urdf,
@@ -139,6 +140,14 @@ def _head(definition: Experiment, arguments: Sequence[str], seed: int, tree: dic
         "revision": provenance.revision(),
         "platform": provenance.platform_info(),
     }
+
+
+def _refuse_wires(definition: Experiment) -> None:
+    """Sensors that come by wire cannot follow a run that is not paced."""
+    sensors = [name for name in ("emg", "force_plate") if (spec := getattr(definition, name)) is not None and spec.used]
+    wired = [*sensors, *["sync"] * (definition.sync is not None)]
+    if wired:
+        raise HricError(f"{definition.name} has {', '.join(wired)}, which come by wire; valid: scripts/bringup experiment:={definition.name}")
 
 
 def _simulate(node: LocalNode, definition: Experiment, folder: RunFolder, progress: bool, human: HeadlessHuman | None) -> bool:

@@ -19,6 +19,7 @@ from hric_experiments.analysis import analyse
 from hric_experiments.experiment import Experiment
 from hric_experiments.live_human import LiveHuman
 from hric_experiments.live_recorder import RECORDING_TOPIC, START_SERVICE, STOP_SERVICE, TRIGGER_TOPIC
+from hric_experiments.live_sensors import LiveSensors
 from hric_experiments.live_topics import unrecorded
 from hric_experiments.run_folder import RunFolder
 
@@ -26,6 +27,8 @@ POLL = 0.01
 """Between two looks at the clock [s of wall time]."""
 RECORDER_GRACE = 5.0
 """rosbag record looks for new topics once a second; what it does not hear after this it is not waited for [s of wall time]."""
+SENSORS_GRACE = 20.0
+"""The same where every sample is to be recorded [s of wall time]."""
 
 
 class NotReady(HricError):
@@ -51,6 +54,7 @@ class LiveExperiment:
         self._publishers = {name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers}
         self._folder = ""
         self._human = LiveHuman(self.experiment.mocap) if self.experiment.mocap is not None else None
+        self._sensors = LiveSensors(self.experiment)
         if self._recorded:
             rospy.Subscriber(RECORDING_TOPIC, String, self._on_recording)
 
@@ -65,12 +69,14 @@ class LiveExperiment:
         """
         self._wait_ready()
         rospy.loginfo("experiment %s: %d set points, %g s", self.experiment.name, len(self._publishers), self.experiment.duration)
-        factor = self._send()
+        interval, factor = self._send()
         if not self._recorded:
             rospy.loginfo("experiment %s ended; nothing was recorded", self.experiment.name)
             return ""
+        if behind := self._sensors.drain(interval[1]):
+            rospy.logwarn("what was measured last on %s has not come: the bag will lack it", ", ".join(behind))
         folder = self._stop_recording()
-        folder.update(real_time_factor=factor)
+        folder.update(real_time_factor=factor, interval=interval)
         report = str(analyse(folder)["report"]) + f"\nrun folder: {folder.path}\n"
         return report + (f"page: {report_html.write(folder)}\n" if self._html else "")
 
@@ -86,6 +92,7 @@ class LiveExperiment:
         self._wait(lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "run time does not move: nothing on {}")
         if self._human is not None:
             self._wait(self._human.missing, "no motion capture: {}")
+        self._wait(self._sensors.missing, "sensors do not speak: {}")
         if self._recorded:
             self._wait_heard()
 
@@ -99,9 +106,9 @@ class LiveExperiment:
     def _wait_heard(self) -> None:
         """The move begins when the recorder hears all that the robot says, and the set points."""
         recorder, robot = rospy.resolve_name("recorder"), rospy.resolve_name("robot")
-        others = self._human.nodes() if self._human is not None else []
+        others = {*(self._human.nodes() if self._human is not None else []), *self._sensors.nodes()}
         commands = {publisher.resolved_name for publisher in self._publishers.values()}
-        deadline = time.monotonic() + RECORDER_GRACE
+        deadline = time.monotonic() + (SENSORS_GRACE if self._sensors.sampled else RECORDER_GRACE)
         while unheard := set().union(*(unrecorded(recorder, node) for node in (robot, *others))) | (commands if self._unheard(2) else set()):
             if time.monotonic() > deadline:
                 rospy.logwarn("the recorder does not hear %s yet: the bag will lack their beginning", ", ".join(sorted(unheard)))
@@ -126,8 +133,8 @@ class LiveExperiment:
             return ["controller_manager/list_controllers"]
         return [name for name in self.experiment.controllers if name not in running]
 
-    def _send(self) -> float:
-        """Send the set points at their run times and wait for the end; answers the real time factor."""
+    def _send(self) -> tuple[list[float], float]:
+        """Send the set points at their run times and wait for the end; answers begin and end [s of run time], and the real time factor."""
         if self._human is not None:
             self._human.start()
         begin, wall = rospy.get_time(), time.monotonic()
@@ -135,7 +142,8 @@ class LiveExperiment:
             self._sleep_until(begin + setpoint.time)
             self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
         self._sleep_until(begin + self.experiment.duration)
-        return float((rospy.get_time() - begin) / max(time.monotonic() - wall, 1e-9))
+        end = rospy.get_time()
+        return [float(begin), float(end)], float((end - begin) / max(time.monotonic() - wall, 1e-9))
 
     def _sleep_until(self, when: float) -> None:
         """Wait until run time `when`; a paused simulation pauses the experiment, a robot that went away ends it."""

@@ -29,7 +29,8 @@ def unrecorded(recorder: str, robot: str) -> set[str]:
     wanted = {rospy.resolve_name(str(topic)) for topic in rospy.get_param(f"{recorder}/topics", [])}
     excluded = str(rospy.get_param(f"{recorder}/exclude", ""))
     published = _topics_of(robot, subscribers=False)
-    published = published & wanted if wanted else {topic for topic in published if not (excluded and re.search(excluded, topic))}
+    # As rosbag record takes the expression: it must fit the whole name.
+    published = published & wanted if wanted else {topic for topic in published if not (excluded and re.fullmatch(excluded, topic))}
     return published - {topic for topic, listener in _connections(robot) if listener == rosbag_node(recorder)}
 
 

@@ -12,6 +12,7 @@ import yaml
 
 from hric_experiments.experiment import METRICS_KEYS, ROBOT_KEYS, ExperimentError
 from hric_experiments.mocap_spec import MOCAP_KEYS
+from hric_experiments.sensor_spec import EMG_KEYS, PLATE_KEYS, SYNC_KEYS
 
 SHORTCUTS: dict[str, tuple[str, str]] = {
     "kp": ("parameters.{controller}.kp", "proportional gain, number or list [N m/rad]"),
@@ -38,8 +39,10 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
 }
 """Short names for the keys that are changed most; {controller} is the controller of the first set point."""
 
-GROUPS = {"robot": ROBOT_KEYS, "metrics": METRICS_KEYS, "mocap": MOCAP_KEYS}
+GROUPS = {"robot": ROBOT_KEYS, "metrics": METRICS_KEYS, "mocap": MOCAP_KEYS, "emg": EMG_KEYS, "force_plate": PLATE_KEYS, "sync": SYNC_KEYS}
 """Groups of an experiment file and their keys."""
+SENSORS = {"mocap": "motion capture", "emg": "EMG", "force_plate": "force plate", "sync": "synchroniser"}
+"""Groups that an experiment has or has not. The bring-up alone may add a sensor, by its `device`."""
 FRICTIONS = ("none", "coulomb", "identified")
 SIMULATORS = {"pybullet": "pybullet_ros_control/PyBulletPlant", "opensim": "opensim_ros_control/OpenSimPlant"}
 
@@ -108,8 +111,8 @@ def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
     """
     short = key in SHORTCUTS
     path = (SHORTCUTS[key][0].format(controller=_controller(raw)) if short else key).split(".")
-    if path[0] == "mocap" and not raw.get("mocap"):
-        raise ExperimentError(f"no override {key!r}: this experiment has no motion capture")
+    if path[0] in SENSORS and not raw.get(path[0]) and path[1:] != ["device"]:
+        raise ExperimentError(f"no override {key!r}: this experiment has no {SENSORS[path[0]]}")
     if short:
         return path
     if len(path) >= 2 and all(path) and path[0] == "parameters":
@@ -128,7 +131,7 @@ def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
 def _unknown(key: str) -> str:
     close = get_close_matches(key, SHORTCUTS, n=1)
     hint = f" (did you mean {close[0]}?)" if close else ""
-    dotted = "parameters.<controller>.<name>, robot.<key>, metrics.<key>, mocap.<key>, setpoints.<i>.<key>"
+    dotted = "parameters.<controller>.<name>, robot.<key>, metrics.<key>, mocap.<key>, emg.<key>, force_plate.<key>, sync.<key>, setpoints.<i>.<key>"
     return f"no override {key!r}{hint}; valid: {', '.join(sorted(SHORTCUTS))}, or a path in the experiment file: {dotted}"
 
 

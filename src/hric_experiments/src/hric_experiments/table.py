@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hric_experiments import tracking
+from hric_experiments import collection, tracking
 
 
 def rows(cells: Sequence[Sequence[str]]) -> list[str]:
@@ -33,6 +33,8 @@ def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     elif not metrics["setpoints"]:
         parts.append("no set point was recorded")
     parts += [_limits(metrics), _log(metrics)]
+    if metrics.get("sources"):
+        parts.append(collection.render(metrics))
     if metrics.get("differences"):
         parts.append(_differences(metrics))
     return "\n\n".join(parts) + "\n"

@@ -200,14 +200,14 @@ def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> dict[str, 
     if time.size < 10 or rms(spline(time, 1)) < LEAST_MOTION:
         return None
     speed, apart = spline(time, 1), seen - spline(time)
-    whole, sigma = _late(speed, apart)
+    whole, sigma = late_by(speed, apart)
     windows = [time // STAMP_WINDOW == k for k in np.unique(time // STAMP_WINDOW)]
-    parts = [_late(speed[w], apart[w]) for w in windows if rms(speed[w]) > 0.5 * rms(speed)]
+    parts = [late_by(speed[w], apart[w]) for w in windows if rms(speed[w]) > 0.5 * rms(speed)]
     worst = max(parts, key=lambda part: abs(part[0]))
     return {"mean": whole, "uncertainty": sigma, "largest": worst[0], "largest_uncertainty": worst[1], "window": STAMP_WINDOW}
 
 
-def _late(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
+def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
     """(error of the stamps, its standard deviation) [s]."""
     v, d = speed - speed.mean(axis=0), apart - apart.mean(axis=0)
     power = float(np.sum(v * v))

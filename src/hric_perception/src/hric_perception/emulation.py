@@ -104,6 +104,11 @@ class EvenSensor:
         self._noise = BlockNoise(channels, faults.seed)
         self._random = Outages(faults.dropout_rate, faults.dropout_length, faults.seed)
 
+    @property
+    def following(self) -> int:
+        """Number of the next sample; 0: none was due yet."""
+        return self._next or 0
+
     def due(self, now: float) -> list[Samples]:
         """What is to be sent at a run time [s]: consecutive samples, a drop-out between them.
 

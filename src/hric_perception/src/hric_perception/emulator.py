@@ -14,6 +14,8 @@ from hric_perception.emulation import EvenSensor
 from mocap_natnet.server.stream_time import Clock
 
 NS = 1e-9
+PERIOD = 0.01
+"""Between sendings [s of wall time] (our choice)."""
 
 
 class Outlet(Protocol):
@@ -35,12 +37,20 @@ class Emulator:
         clock: by which it goes: a `RunTime`, or a wall clock.
         period: between sendings [s of wall time].
         on_error: told once why the sending ended, if it did.
+        on_sent: told after each sending (number of the next sample, samples sent so far, run time of the last one [s]).
     """
 
     def __init__(
-        self, sensor: EvenSensor, outlet: Outlet, clock: Clock, period: float = 0.01, on_error: Callable[[str], None] = lambda text: None
+        self,
+        sensor: EvenSensor,
+        outlet: Outlet,
+        clock: Clock,
+        period: float = PERIOD,
+        on_error: Callable[[str], None] = lambda text: None,
+        on_sent: Callable[[int, int, float], None] = lambda following, sent, last: None,
     ) -> None:
         self._sensor, self._outlet, self._clock, self._period, self._on_error = sensor, outlet, clock, period, on_error
+        self._on_sent = on_sent
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="emulated sensor", daemon=True)
 
@@ -72,3 +82,5 @@ class Emulator:
             first, last = (self._clock.monotonic(float(samples.times[index])) for index in (0, -1))
             if first is not None and last is not None:
                 self._outlet.push(np.linspace(first * NS, last * NS, len(samples.times)), samples.data)
+        sensor = self._sensor
+        self._on_sent(sensor.following, sensor.sent, (sensor.following - 1) / sensor.rate)

@@ -26,12 +26,13 @@ class SampleStream:
 
     Attributes:
         untimed: samples that came before the time of the run was known.
+        duration: as given.
     """
 
     def __init__(
         self, run_time: Callable[[int], float | None], health: StreamHealth, on_chunk: Callable[[Chunk], None], duration: float = 0.01
     ) -> None:
-        self._run_time, self._health = run_time, health
+        self._run_time, self._health, self.duration = run_time, health, duration
         self._merger = Merger(duration, on_chunk)
         self._clock: SampleClock | None = None
         self.untimed = 0

@@ -39,6 +39,15 @@ class Finding:
     text: str
 
 
+def is_regular(stream: Stream) -> bool:
+    """Whether messages come evenly, by their header stamps; false of events, and of what is latched or has no header."""
+    if stream.stamps is None or len(stream.stamps) < LEAST_MESSAGES or stream.latched:
+        return False
+    periods = np.diff(np.unique(stream.stamps) * 1e-9)
+    median = float(np.median(periods)) if len(periods) else 0.0
+    return median > 0.0 and float(np.mean(np.abs(periods - median) < 0.5 * median)) >= REGULAR_SHARE
+
+
 def of_file(scan: BagScan) -> list[Finding]:
     """Damage of the file; `scan` after its pass."""
     told = []
@@ -79,9 +88,9 @@ def _gaps(stream: Stream) -> list[Finding]:
     periods = np.diff(stamps)
     if not len(periods):
         return [Finding(PROBLEM, stream.topic, f"all {len(stream.stamps)} stamps are the same")]
-    median = float(np.median(periods))
-    if np.mean(np.abs(periods - median) < 0.5 * median) < REGULAR_SHARE:
+    if not is_regular(stream):
         return []
+    median = float(np.median(periods))
     gaps = np.flatnonzero(periods > max(GAP_FACTOR * median, median + LEAST_GAP))
     if not len(gaps):
         return []

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hric_experiments import files
-from hric_experiments.health import examine
+from hric_experiments.health import examine, seams
 from hric_experiments.health.examine import DAMAGED, Health
 from hric_experiments.health.salvage import salvage
 from hric_experiments.run_folder import INTERRUPTED, RUNNING, RunFolder, runs_root
@@ -18,7 +18,7 @@ def main(arguments: Sequence[str]) -> int:
     """Examine a bag; answers 0 (healthy), 3 (readable, with problems) or 4 (damaged)."""
     parser = argparse.ArgumentParser(
         "rosrun hric_experiments health",
-        description="Examine a bag: rates, gaps, order, clock, and whether it is whole. Needs no ROS master.",
+        description="Examine a bag, or each part of one and where they meet: rates, gaps, order, clock, and damage. Needs no ROS master.",
         epilog="exit codes: 0 healthy; 3 readable, with problems; 4 damaged; 1 cannot be examined. With --salvage, of the salvaged bag.",
     )
     parser.add_argument("run", nargs="?", default="latest", metavar="RUN|BAG", help="run folder, its name, latest (default), or a bag")
@@ -29,10 +29,14 @@ def main(arguments: Sequence[str]) -> int:
     given = parser.parse_args(list(arguments))
     parts, folder = examine.find(given.run, runs_root(given.runs))
     found = [_examine(path, folder, given) for path in parts]
-    code = max(health.code for health in found)
+    joined = seams.of_parts([(health.path, health.streams) for health in found])
+    for seam in joined:
+        print(seam.render(given.quiet), end="", flush=True)
+    code = max([health.code for health in found] + [examine.code_of(seam.findings) for seam in joined])
     if given.json is not None:
         try:
-            files.write_json(given.json, {"exit_code": code, "bags": [examine.to_dict(health) for health in found]})
+            told = [{"before": s.before, "after": s.after, "findings": examine.findings_of(s.findings)} for s in joined]
+            files.write_json(given.json, {"exit_code": code, "bags": [examine.to_dict(health) for health in found], "seams": told})
         except OSError as error:
             raise examine.HealthError(f"cannot write {given.json}: {error.strerror or error}") from error
     return code

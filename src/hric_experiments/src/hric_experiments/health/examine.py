@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,8 +46,18 @@ class Health:
     @property
     def code(self) -> int:
         """HEALTHY, PROBLEMS or DAMAGED: the worst of the findings; notes do not count."""
-        levels = {finding.level for finding in self.findings}
-        return DAMAGED if checks.DAMAGED in levels else PROBLEMS if checks.PROBLEM in levels else HEALTHY
+        return code_of(self.findings)
+
+
+def code_of(findings: list[Finding]) -> int:
+    """Exit code of what was found."""
+    levels = {finding.level for finding in findings}
+    return DAMAGED if checks.DAMAGED in levels else PROBLEMS if checks.PROBLEM in levels else HEALTHY
+
+
+def findings_of(findings: list[Finding]) -> list[dict[str, str]]:
+    """What was found, for a program."""
+    return [{"level": finding.level, "topic": finding.topic, "text": finding.text} for finding in findings]
 
 
 def find(given: str, root: Path | None = None) -> tuple[list[Path], RunFolder | None]:
@@ -61,12 +72,21 @@ def find(given: str, root: Path | None = None) -> tuple[list[Path], RunFolder | 
     """
     path = Path(given).expanduser()
     if path.is_file():
-        return [path], None
+        return _parts(path), None
     if not (path / "run.yaml").is_file() and (path.name.endswith((".bag", ACTIVE))):
         raise HealthError(f"no bag {path}")
     folder = RunFolder.open(given, root or runs_root())
     run = folder.read()
     return [_part(folder.path / str(name)) for name in run.get("bags") or [run.get("bag") or folder.bag_path.name]], folder
+
+
+def _parts(path: Path) -> list[Path]:
+    """A bag; its first part stands for all of them, finished or not."""
+    numbered = re.fullmatch(r"(.+_)0\.bag(\.active)?", path.name)
+    found, names = [path], numbered[1] if numbered is not None else ""
+    while names and (after := [p for p in (path.with_name(f"{names}{len(found)}.bag{end}") for end in ("", ACTIVE)) if p.is_file()]):
+        found.append(after[0])
+    return found
 
 
 def _part(bag: Path) -> Path:
@@ -132,8 +152,7 @@ def to_dict(health: Health) -> dict[str, Any]:
         }
         for stream in health.streams
     }
-    findings = [{"level": finding.level, "topic": finding.topic, "text": finding.text} for finding in health.findings]
-    return {"bag": health.path.name, "size": health.size, "exit_code": health.code, "topics": topics, "findings": findings}
+    return {"bag": health.path.name, "size": health.size, "exit_code": health.code, "topics": topics, "findings": findings_of(health.findings)}
 
 
 def _rows(cells: list[list[str]]) -> list[str]:

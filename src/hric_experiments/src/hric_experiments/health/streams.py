@@ -39,6 +39,7 @@ class Stream:
         counts: what its running number counts; "": it has none.
         missing: running numbers that are not in the bag, as (first, how many).
         repeated: from where it went back: what came twice, or a source that began anew, likewise.
+        first, next: running number with which it begins, and the one that would follow its last message; 0: it has none.
     """
 
     topic: str
@@ -49,6 +50,8 @@ class Stream:
     counts: str = ""
     missing: tuple[tuple[int, int], ...] = ()
     repeated: tuple[tuple[int, int], ...] = ()
+    first: int = 0
+    next: int = 0
 
     @property
     def period(self) -> float:
@@ -121,7 +124,8 @@ def _stream(gathered: _Gathered) -> Stream:
     missing, repeated = _continuity(gathered.numbers)
     counts = COUNTED[connection.type_name][0] if connection.type_name in COUNTED else ""
     recorded = np.array(gathered.recorded, dtype=np.int64)
-    return Stream(connection.topic, connection.type_name, connection.latching, recorded, stamps, counts, missing, repeated)
+    first, after = (gathered.numbers[0][0], sum(gathered.numbers[-1])) if gathered.numbers else (0, 0)
+    return Stream(connection.topic, connection.type_name, connection.latching, recorded, stamps, counts, missing, repeated, first, after)
 
 
 def _continuity(numbers: list[tuple[int, int]]) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]:

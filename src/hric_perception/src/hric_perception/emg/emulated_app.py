@@ -13,15 +13,17 @@ from hric_control.ros_node import RosNode
 from hric_msgs.msg import SampleChunk
 from hric_perception.chunk import Layout, read_chunk
 from hric_perception.diagnostics import Reporter
-from hric_perception.emg.muscles import AMPLITUDE, MUSCLES, PROGRAMS, Activation, Muscles, read_program
+from hric_perception.emg.activation import AMPLITUDE, MUSCLES, PROGRAMS, Activation, read_program
+from hric_perception.emg.muscles import Muscles
 from hric_perception.emulation import EvenSensor, Faults, read_faults
-from hric_perception.emulator import Emulator, Outlet
+from hric_perception.emulator import PERIOD, Emulator, Outlet
 from hric_perception.health import OK, WARN, Health
-from hric_perception.lsl import LslOutlet, use_session
+from hric_perception.lsl import LslOutlet, source_name, use_session
 from hric_perception.section import Section
 from hric_perception.sensor import section_of, seed_of
+from hric_perception.sent import SentCounts
 from hric_perception.track import Track
-from hric_perception.trigno.protocol import CHANNELS, COMMAND_PORT, EMG_PORT
+from hric_perception.trigno.protocol import CHANNELS, COMMAND_PORT, EMG_PORT, trigno_name
 from hric_perception.trigno.server import TrignoServer
 from mocap_natnet.process import run
 from mocap_natnet.run_time import RunTime
@@ -42,7 +44,7 @@ class EmulatedEmgNode:
 
     def __init__(self, node: RosNode) -> None:
         section = section_of(
-            node, "transport", "session", "name", "rate", "muscles", "amplitude", "activation", "faults", "ip", "command_port", "data_port"
+            node, "transport", "session", "name", "rate", "muscles", "amplitude", "activation", "faults", "ip", "command_port", "data_port", "block"
         )
         faults_section = section.section("faults")
         faults = read_faults(faults_section, seed_of(node))
@@ -53,7 +55,9 @@ class EmulatedEmgNode:
         self._sensor = EvenSensor(rate, len(names), muscles, faults)
         outlet = make_outlet(section, names, rate, faults)
         self._run_time, self._reporter = RunTime(node), Reporter(node, "stream")
-        self._emulator = Emulator(self._sensor, outlet, self._run_time, on_error=node.log_error)
+        counts = SentCounts(node, source_of(section), "samples", rate)
+        period = section.number("block", PERIOD, 0.001, 1.0)
+        self._emulator = Emulator(self._sensor, outlet, self._run_time, period, node.log_error, counts.tell)
         self._emulator.start()
         node.log_info(f"{len(names)} emulated muscles at {rate:g} Hz by {section.text('transport', 'lsl')}")
 
@@ -108,6 +112,13 @@ def read_names(section: Section) -> tuple[str, ...]:
     if not good or len(set(names)) != len(names) or len(names) > 64:
         raise ParameterError(f"{section.where}/muscles is {names!r}; valid: 1 to {len(MUSCLES)}, or a list of up to 64 different names")
     return tuple(names)
+
+
+def source_of(section: Section) -> str:
+    """What the driver calls the stream."""
+    if section.text("transport", "lsl", TRANSPORTS) == "lsl":
+        return source_name("EMG", section.text("name", NAME))
+    return trigno_name(section.text("ip", "127.0.0.1"), section.whole("data_port", EMG_PORT, 0, 65535))
 
 
 def make_outlet(section: Section, names: tuple[str, ...], rate: float, faults: Faults) -> Outlet:

@@ -15,6 +15,7 @@ from hric_control.errors import HricError, ParameterError
 from hric_control.ros_node import RosNode
 from hric_perception.human.motion_capture import see
 from hric_perception.human.truth import RATE, Truth
+from hric_perception.sent import SentCounts
 from mocap_natnet.process import run
 from mocap_natnet.run_time import RunTime
 from mocap_natnet.server import MotiveServer
@@ -40,6 +41,7 @@ class HumanNode:
         self._hand, self._truth = seen.hand, Truth(node, seen.hand, str(frame))
         self._run_time = RunTime(node)
         self._server = MotiveServer(seen.motive, self._run_time)
+        self._counts = SentCounts(node, "", "frames", settings.rate)
         node.subscribe(str(topic) or f"{rospy.get_namespace()}franka_state_controller/franka_states", FrankaState, self._on_state, queue_size=1)
         node.service("start", Trigger, self._on_start)
         self._stop = threading.Event()
@@ -69,6 +71,8 @@ class HumanNode:
             began = self._server.run_time(0.0)
             if began is not None:
                 self._truth.advance(time, began)
+                latest, sent = self._server.progress
+                self._counts.tell(latest + 1, sent, began + latest / self._server.motive.settings.rate)
 
     def _on_state(self, message: Any) -> None:
         began = self._server.run_time(0.0)

@@ -20,8 +20,8 @@ from hric_perception.stream import SampleStream
 LOG = logging.getLogger("hric.perception.lsl")
 RESOLVE = 0.5
 """Of one search [s]; the constants of this file are our choice."""
-POLL = 0.01
-"""Between looks for samples [s]: few large blocks cost less than many small ones."""
+POLL, LONGEST_POLL = 0.01, 0.05
+"""Between looks for samples, or half the duration of a message where that is longer [s]: few large blocks cost less than many small ones."""
 BUFFER = 30
 """Seconds that liblsl keeps for a reader that is late."""
 MAX_SAMPLES = 2048
@@ -125,13 +125,19 @@ class LslReader:
             self._stream.begin(self._choose(layout))
             LOG.info("%s: %s at %g Hz", layout.source, ", ".join(layout.channels), layout.rate)
             inlet.open_stream(2.0)
-            while not self._stop.wait(POLL):
+            poll = min(max(POLL, self._stream.duration / 2), LONGEST_POLL)
+            while not self._stop.wait(poll):
                 data, times = inlet.pull_chunk(0.0, MAX_SAMPLES, as_numpy=True)
                 if len(times):
                     self._stream.stamped(np.asarray(times, dtype=float), np.asarray(data, dtype=float) * scales)
         finally:
             with contextlib.suppress(RuntimeError):
                 inlet.close_stream()
+
+
+def source_name(kind: str, name: str) -> str:
+    """What the messages of a driver call a stream, by its type and name."""
+    return f"lsl {kind} {name}"
 
 
 def describe(info: pylsl.StreamInfo) -> tuple[Layout, FloatArray]:
@@ -152,4 +158,4 @@ def describe(info: pylsl.StreamInfo) -> tuple[Layout, FloatArray]:
         units.append(known)
         scales.append(scale)
         channel = channel.next_sibling("channel")
-    return Layout(f"lsl {info.type()} {name}", tuple(labels), tuple(units), rate), np.array(scales)
+    return Layout(source_name(info.type(), name), tuple(labels), tuple(units), rate), np.array(scales)

@@ -11,14 +11,15 @@ from hric_control.ros_node import RosNode
 from hric_perception.chunk import Layout
 from hric_perception.diagnostics import Reporter
 from hric_perception.emulation import EvenSensor, Faults, read_faults
-from hric_perception.emulator import Emulator
+from hric_perception.emulator import PERIOD, Emulator
 from hric_perception.health import OK, WARN, Health
-from hric_perception.lsl import LslOutlet, use_session
+from hric_perception.lsl import LslOutlet, source_name, use_session
 from hric_perception.plate.geometry import CHANNELS, UNITS, read_place
 from hric_perception.plate.loads import CONTACTS_DELAY, PROGRAMS, ContactLoad, Load, read_load
 from hric_perception.plate.motive import PlateMotive
 from hric_perception.section import Section
 from hric_perception.sensor import section_of, seed_of
+from hric_perception.sent import SentCounts
 from mocap_natnet.process import run
 from mocap_natnet.run_time import RunTime
 
@@ -42,7 +43,7 @@ class EmulatedPlateNode:
     """
 
     def __init__(self, node: RosNode) -> None:
-        section = section_of(node, "transport", "session", "name", "rate", "load", "faults", "pose", "natnet")
+        section = section_of(node, "transport", "session", "name", "rate", "load", "faults", "pose", "natnet", "block")
         faults_section = section.section("faults")
         load_section = section.section("load")
         if load_section.content.get("program") == "contacts" and "delay" not in faults_section.content:
@@ -72,7 +73,8 @@ class EmulatedPlateNode:
         name, load = section.text("name", NAME), self._load
         units, channels = UNITS + ("s",) * faults.time_code, CHANNELS + ("time",) * faults.time_code
         self._sensor = EvenSensor(rate, len(CHANNELS), lambda first, times: load(times), faults)
-        emulator = Emulator(self._sensor, LslOutlet(Layout(name, channels, units, rate), "Force", name), self._run_time, on_error=node.log_error)
+        outlet, counts = LslOutlet(Layout(name, channels, units, rate), "Force", name), SentCounts(node, source_name("Force", name), "samples", rate)
+        emulator = Emulator(self._sensor, outlet, self._run_time, section.number("block", PERIOD, 0.001, 1.0), node.log_error, counts.tell)
         emulator.start()
         return emulator
 

@@ -4,34 +4,28 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from hric_control.errors import ParameterError
 from hric_control.ros_node import RosNode
-from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
-from hric_perception.sync import messages
-from hric_perception.sync.core import Synchroniser
-from hric_perception.sync.layout import Source, read_plan
+from hric_perception.section import Section
+from hric_perception.sync.layout import RESAMPLE, Plan, Source, read_plan
+from hric_perception.sync.stream import SyncStream
+from hric_perception.sync.topics import TOPIC, rate_topic
 from mocap_natnet.process import run
 from mocap_natnet.run_time import RunTime
 
-TOPIC = "/hric/perception/sync"
 PERIOD = 0.02
 """Between looks at what is due [s] (our choice): all instants of a look are computed together, and a look costs half a millisecond or more. The
 robot's cycles come in pieces as long."""
-QUEUE = 4000
-"""Samples that wait for a listener that is slow: 4 s at 1 kHz (our choice)."""
-STATUS_PERIOD = 0.2
-"""[s]; a source that starves is told after its time-out and this at most."""
-STATUSES = 5
-"""Diagnostics come with every fifth status (1 Hz, REP 107), and when a source begins or ends to starve."""
 
 
 class SynchronizerNode:
     """Subscribes to all sources and publishes the samples of all of them, from a thread of its own.
+
+    Several rates cost one subscription to each source, whose messages are the same.
 
     Args:
         node: private node.
@@ -45,24 +39,20 @@ class SynchronizerNode:
         period = node.param("period", PERIOD)
         if not isinstance(period, int | float) or isinstance(period, bool) or not 0.0 < period <= 1.0:
             raise ParameterError(f"{node.resolve('period')} is {period!r}; valid: a number above 0 to 1 s")
-        self._node, self._plan, self._period = node, plan, float(period)
+        self._period = float(period)
         # Topics of sources are relative to the namespace that the node is in, as those of its subscriptions.
-        self._topics = [node.resolve(_relative(source.topic, node)) for source in plan.sources]
-        self._synchroniser, self._units = Synchroniser(plan, time.monotonic()), messages.Units(plan)
-        self._samples = node.advertise(topic, SyncedSample, queue_size=QUEUE)
-        self._layouts = node.advertise(f"{topic}_layout", SyncLayout, latch=True)
-        self._statuses = node.advertise(f"{topic}_status", SyncStatus)
-        self._diagnostics = node.advertise("/diagnostics", DiagnosticArray)
-        self._layouts.publish(messages.layout(plan, self._units, self._topics))
+        topics = [node.resolve(_relative(source.topic, node)) for source in plan.sources]
         self._run_time = RunTime(node)
-        self._before: Any = None
-        self._told, self._count = "", 0
+        outputs = outputs_of(plan, topic, read_rates(node.resolve("rates"), node.param("rates", None), plan))
+        self._streams = [
+            SyncStream(node, one, name, topics, self._run_time, self._period, f" at {one.rate:g} Hz" * (name != topic)) for one, name in outputs
+        ]
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="synchronizer", daemon=True)
-        pairs = enumerate(zip(plan.sources, self._topics, strict=True))
+        pairs = enumerate(zip(plan.sources, topics, strict=True))
         self._subscriptions = [node.subscribe(name, source.message, self._hearer(index, source), queue_size=0) for index, (source, name) in pairs]
         self._thread.start()
-        node.log_info(f"{plan.policy} of {', '.join(self._topics)} on {node.resolve(topic)}")
+        node.log_info(f"{plan.policy} of {', '.join(topics)} on {', '.join(node.resolve(name) for _, name in outputs)}")
 
     def close(self) -> None:
         """End."""
@@ -73,52 +63,53 @@ class SynchronizerNode:
         self._run_time.close()
 
     def _hearer(self, index: int, source: Source) -> Callable[[Any], None]:
-        push, units = self._synchroniser.push_message, self._units
+        streams, chunked = self._streams, source.message._type == "hric_msgs/SampleChunk"
 
         def hear(message: Any) -> None:
-            push(index, message, time.monotonic())
+            arrived = time.monotonic()
+            for stream in streams:
+                if chunked:
+                    stream.see_units(source, message)
+                stream.synchroniser.push_message(index, message, arrived)
 
-        def hear_chunk(message: Any) -> None:
-            if units.see(source, message):
-                self._layouts.publish(messages.layout(self._plan, units, self._topics))
-            push(index, message, time.monotonic())
-
-        return hear_chunk if source.message._type == "hric_msgs/SampleChunk" else hear
+        return hear
 
     def _work(self) -> None:
-        look = status = time.monotonic()
+        look = time.monotonic()
         while not self._stop.wait(max(look - time.monotonic(), 0.0)):
             now = time.monotonic()
             look = max(look + self._period, now)
-            while (batch := self._synchroniser.take(now)) is not None:
-                for message in messages.samples(batch):
-                    self._samples.publish(message)
-            if now >= status:
-                status = now + STATUS_PERIOD
-                self._report(now)
+            for stream in self._streams:
+                stream.work(now)
 
-    def _report(self, now: float) -> None:
-        found = messages.status(self._synchroniser, now, self._topics)
-        self._statuses.publish(found)
-        starving = "; ".join(f"{topic}: {reason.split(' for ')[0]}" for topic, reason in zip(found.sources, found.reasons, strict=True) if reason)
-        if starving == self._told and self._count % STATUSES:
-            self._count += 1
-            return
-        state = messages.diagnostics(found, self._synchroniser, self._before, self._run_time.standing)
-        if starving != self._told:
-            self._tell(state, starving)
-        self._count, self._before = 1, found
-        state.name, state.hardware_id = f"{self._node.namespace.strip('/')}: sources", ""
-        message = DiagnosticArray(status=[state])
-        message.header.stamp = self._node.now()
-        self._diagnostics.publish(message)
 
-    def _tell(self, state: Any, starving: str) -> None:
-        if state.level == DiagnosticStatus.ERROR:
-            self._node.log_error(state.message)
-        elif not starving:
-            self._node.log_info("all sources are heard")
-        self._told = starving
+def read_rates(where: str, content: Any, plan: Plan) -> list[float]:
+    """Several rates of one plan; empty: the plan's own alone.
+
+    Args:
+        where: full name of the parameter, for messages.
+        content: None, or a list of rates [Hz].
+        plan: whose policy must be resample.
+
+    Raises:
+        ParameterError: not a list of different rates, or another policy.
+    """
+    if content is None:
+        return []
+    if plan.policy != RESAMPLE:
+        raise ParameterError(f"{where} is given, but the reference of policy {plan.policy} is a topic; valid: policy {RESAMPLE}")
+    section = Section(where, {str(index): value for index, value in enumerate(content)} if isinstance(content, list | tuple) else {})
+    rates = [section.number(name, 0.0, 0.0, 10_000.0, above=True) for name in section.content]
+    if not rates or len(set(rates)) != len(rates):
+        raise ParameterError(f"{where} is {content!r}; valid: a list of different rates above 0 [Hz]")
+    return rates
+
+
+def outputs_of(plan: Plan, topic: str, rates: Sequence[float]) -> list[tuple[Plan, str]]:
+    """(plan, topic) of each stream: one on the topic itself, or one per rate on `<topic>_<rate>hz`."""
+    if not rates:
+        return [(plan, topic)]
+    return [(replace(plan, rate=rate), rate_topic(topic, rate)) for rate in rates]
 
 
 def _relative(topic: str, node: RosNode) -> str:

@@ -92,7 +92,7 @@ class TrignoClient:
             _answer(command)  # the greeting
             rate = _rate(command) or settings.rate
             units = tuple("s" if name == "time" else "V" for name in settings.channels)
-            layout = Layout(f"trigno {settings.host}:{settings.data_port}", settings.channels, units, rate)
+            layout = Layout(protocol.trigno_name(settings.host, settings.data_port), settings.channels, units, rate)
             data.settimeout(IDLE)
             if (answer := _ask(command, "START")) != "OK":
                 raise ValueError(f"START is answered by {answer!r}")

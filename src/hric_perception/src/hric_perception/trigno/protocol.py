@@ -18,3 +18,8 @@ END = b"\r\n\r\n"
 GREETING = b"Delsys Trigno System Digital Protocol Version 3.6.0" + END
 FRAME_INTERVAL, FRAME_COUNT = "FRAME INTERVAL?", "MAX SAMPLES EMG?"
 """Questions for the seconds and the samples of a frame; the rate is their quotient. Older servers do not know them."""
+
+
+def trigno_name(host: str, data_port: int) -> str:
+    """What the messages of the driver call a server."""
+    return f"trigno {host}:{data_port}"

@@ -36,6 +36,7 @@ class MotiveServer:
 
     Attributes:
         sent: frames that were sent, whether anybody wanted them or not.
+        progress: (number of the latest of them, how many), both of the same moment.
 
     Raises:
         HricError: the address or the port cannot be taken.
@@ -43,6 +44,7 @@ class MotiveServer:
 
     def __init__(self, motive: Motive, clock: Clock | None = None) -> None:
         self.motive, self.sent = motive, 0
+        self.progress = (-1, 0)
         self._clock, self._stop = clock or WallClock(), threading.Event()
         self._latest = 0
         self._thread: threading.Thread | None = None
@@ -119,6 +121,7 @@ class MotiveServer:
                 self._latest = due
                 self._send(self._data, self.motive.stream(self.motive.frame(due), self._time.hardware_now()))
                 self.sent += 1
+                self.progress = (due, self.sent)
             self._answer(self._wait(min(number * period, pending.next)))
 
     def _wait(self, until: float) -> float:

@@ -1,0 +1,162 @@
+"""The node `live_view`: decimated topics and limits for those who look on."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+from geometry_msgs.msg import WrenchStamped
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
+
+from franka_msgs.msg import FrankaState
+from hric_control.errors import HricError, ParameterError
+from hric_control.joint_limits import JointLimits, load_limits
+from hric_control.ros_node import RosNode
+from hric_control.urdf import joints, parse, root_link
+from hric_msgs.msg import SampleChunk
+from hric_perception.section import Section
+from hric_perception.sensor import section_of
+from hric_perception.view import limit_markers, nearness
+from hric_perception.view.decimation import Keeper, MeanChunk, Newest, NewestJoints, Reaction
+from mocap_natnet.process import run
+
+RINGS_EVERY = 2.0
+"""Rings are sent anew so often, for an rviz that comes later [s]; our choice."""
+FOLLOWERS = ("cartesian_pose_controller", "cartesian_pose_impedance_controller")
+"""Controllers with a workspace."""
+HEARD_FOR = 1.0
+"""A controller whose state came within this time is running [s of wall time]; our choice."""
+
+
+class LiveView:
+    """Publishes from its construction on.
+
+    Args:
+        node: private node.
+
+    Raises:
+        HricError: a parameter is not valid, or the description cannot be read.
+    """
+
+    def __init__(self, node: RosNode) -> None:
+        section = section_of(node, "rate", "limits_rate", "plates", "robot_description")
+        rate, limits_rate = section.number("rate", 30.0, 1.0, 200.0), section.number("limits_rate", 10.0, 0.0, 100.0)
+        self._root = RosNode()
+        self._relays: list[tuple[Keeper, Any]] = []
+        description = str(self._root.param(section.text("robot_description", "robot_description")))
+        turning = [name for name, joint in joints(parse(description)).items() if joint.get("type") in ("revolute", "continuous")]
+        self._relay("joint_states", "joints", JointState, NewestJoints(turning))
+        self._relay("franka_state_controller/F_ext", "arm_wrench", WrenchStamped, Reaction())
+        self._relay("/hric/perception/emg/envelope", "emg", SampleChunk, MeanChunk(rate))
+        for plate in _plates(section):
+            self._relay(f"/hric/perception/force_plate/{plate}/wrench", f"force_plate/{plate}/wrench", WrenchStamped, Newest())
+        self._limits = _Limits(self._root, description, turning) if limits_rate else None
+        self._stop = threading.Event()
+        loops = [(rate, self._send)] + ([(limits_rate, self._limits.send)] if self._limits is not None else [])
+        self._threads = [threading.Thread(target=self._run, args=loop, daemon=True) for loop in loops]
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        """End."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join(1.0)
+
+    def _relay(self, source: str, target: str, kind: type, keeper: Keeper) -> None:
+        self._relays.append((keeper, self._root.advertise(f"hric/view/{target}", kind)))
+        self._root.subscribe(source, kind, keeper.push, queue_size=100)
+
+    def _run(self, rate: float, work: Callable[[], None]) -> None:
+        while not self._stop.wait(1.0 / rate):
+            try:
+                work()
+            except HricError as error:
+                rospy.logwarn_throttle(10.0, str(error))
+
+    def _send(self) -> None:
+        for keeper, publisher in self._relays:
+            if (message := keeper.take()) is not None:
+                publisher.publish(message)
+
+
+class _Limits:
+    """The limits of the arm as markers."""
+
+    def __init__(self, root: RosNode, description: str, names: list[str]) -> None:
+        limits: dict[str, JointLimits] = {one.name: one for one in load_limits(description, root, names)}
+        self._places = limit_markers.places(description, limits)
+        self._base = root_link(parse(description))
+        self._joints, self._state = NewestJoints(names), Newest()
+        self._publisher = root.advertise("hric/view/limits", MarkerArray)
+        self._rings_sent = -math.inf
+        self._boxes: dict[str, tuple[list[float], list[float], str]] = {}
+        self._heard: dict[str, float] = {}
+        self._root = root
+        root.subscribe("joint_states", JointState, self._joints.push)
+        root.subscribe("franka_state_controller/franka_states", FrankaState, self._state.push)
+        for name in FOLLOWERS:
+            # Only that it speaks is of interest.
+            rospy.Subscriber(root.resolve(f"{name}/state"), rospy.AnyMsg, self._on_follower, callback_args=name, queue_size=1)
+
+    def send(self) -> None:
+        """What is near now."""
+        markers: list[Any] = []
+        now = time.monotonic()
+        if now - self._rings_sent > RINGS_EVERY:
+            self._rings_sent = now
+            markers += [limit_markers.ring(place, number) for number, place in enumerate(self._places.values())]
+        markers += self._hands(self._joints.take()) + self._walls(self._state.take(), now)
+        if markers:
+            self._publisher.publish(MarkerArray(markers))
+
+    def _hands(self, message: Any) -> list[Any]:
+        if message is None:
+            return []
+        states = dict(zip(message.name, zip(message.position, message.velocity, message.effort, strict=True), strict=True))
+        found: list[Any] = []
+        for number, (name, place) in enumerate(self._places.items()):
+            if name in states:
+                found += limit_markers.hand(place, number, states[name][0], nearness.of_joint(place.limits, *states[name]))
+        return found
+
+    def _walls(self, state: Any, now: float) -> list[Any]:
+        if state is None:
+            return []
+        found: list[Any] = []
+        for name, heard in self._heard.copy().items():
+            if now - heard < HEARD_FOR and name in self._boxes:
+                lower, upper, frame = self._boxes[name]
+                found += [limit_markers.wall(wall, lower, upper, frame) for wall in nearness.walls(lower, upper, state.O_T_EE[12:15])]
+        return found
+
+    def _on_follower(self, _: Any, name: str) -> None:
+        if name not in self._heard:
+            lower, upper = (self._root.param(f"{name}/workspace/{end}", None) for end in ("lower", "upper"))
+            arm = self._root.param(f"{name}/arm_id", "")
+            if lower and upper:
+                self._boxes[name] = (list(map(float, lower)), list(map(float, upper)), f"{arm}_link0" if arm else self._base)
+        self._heard[name] = time.monotonic()
+
+
+def _plates(section: Section) -> list[str]:
+    given = section.content.get("plates", ["1"])
+    names = [str(name) for name in given] if isinstance(given, list) else [str(given)]
+    if not all(name.replace("_", "").isalnum() and name.isascii() for name in names):
+        raise ParameterError(f"{section.where}/plates is {given!r}; valid: a list of names of force plates, letters, digits and _")
+    return names
+
+
+def main(text: str) -> int:
+    """Run the node; text: for --help. Returns the exit code."""
+
+    def make(node: RosNode) -> tuple[Callable[[], None], Callable[[], None]]:
+        view = LiveView(node)
+        return (lambda: None), view.close
+
+    return run("live_view", text, make)

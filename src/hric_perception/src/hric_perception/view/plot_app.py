@@ -1,0 +1,144 @@
+"""The node `live_plot`: a window with the curves of the last seconds, or a picture of it."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import rospy
+from geometry_msgs.msg import WrenchStamped
+from matplotlib.figure import Figure
+from sensor_msgs.msg import JointState
+
+from hric_control.errors import HricError, UnknownNameError
+from hric_msgs.msg import SampleChunk
+from hric_perception.view import curves
+from hric_perception.view.curves import History, Panel, Picture
+
+SIZE = (9.0, 2.2)
+"""Width of the picture, height of a panel [inch]."""
+REFRESH = 200
+"""Between pictures in the window [ms]."""
+DEFAULT = ("positions", "velocities", "efforts", "wrench")
+TYPES: dict[str, type] = {"joints": JointState, "wrench": WrenchStamped, "arm_wrench": WrenchStamped, "emg": SampleChunk}
+"""Message type by the last word of a topic."""
+
+
+class PlotError(HricError):
+    """A window that cannot be opened, a picture that cannot be saved."""
+
+
+def main(text: str, arguments: Sequence[str]) -> int:
+    """Run the node.
+
+    Args:
+        text: for --help.
+        arguments: without those of ROS.
+    """
+    known = curves.panels()
+    parser = argparse.ArgumentParser("rosrun hric_perception live_plot", description=text.splitlines()[0])
+    parser.add_argument("panels", nargs="*", metavar="PANEL", help=f"of {', '.join(known)}, from top to bottom (default: {' '.join(DEFAULT)})")
+    parser.add_argument("--plate", default="1", metavar="ID", help="name of the force plate (default: 1)")
+    parser.add_argument("--screenshot", type=Path, metavar="FILE", help="no window: save a picture, .png, .svg or .pdf, and end")
+    parser.add_argument("--after", type=float, default=curves.WINDOW, metavar="SECONDS", help="save the picture so much later (default: %(default)g)")
+    given = parser.parse_args(list(arguments))
+    try:
+        return _show(given)
+    except HricError as error:
+        print(f"live_plot: {error}", file=sys.stderr)
+        return 1
+
+
+def _show(given: argparse.Namespace) -> int:
+    known = curves.panels(given.plate)
+    for name in given.panels:
+        if name not in known:
+            raise UnknownNameError("panel", name, known)
+    shown = [known[name] for name in given.panels or DEFAULT]
+    told_to_end = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: told_to_end.set())
+    show = _window() if given.screenshot is None else None
+    rospy.init_node("live_plot", anonymous=True, disable_signals=True)
+    rospy.on_shutdown(told_to_end.set)
+    histories = {panel.title: _listen(panel) for panel in shown}
+    try:
+        if show is not None:
+            show(shown, histories, told_to_end)
+        else:
+            _save(given.screenshot, given.after, shown, histories, told_to_end)
+    finally:
+        rospy.signal_shutdown("told to end")
+    return 0
+
+
+def _listen(panel: Panel) -> History:
+    history = History()
+
+    def on_message(message: Any) -> None:
+        history.add(message.header.stamp.to_sec(), panel.read(message))
+
+    rospy.Subscriber(panel.topic, TYPES[panel.topic.rpartition("/")[2]], on_message, queue_size=100)
+    return history
+
+
+def _save(path: Path, after: float, shown: Sequence[Panel], histories: dict[str, History], told_to_end: threading.Event) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    end = time.monotonic() + after
+    while not told_to_end.is_set() and time.monotonic() < end:
+        told_to_end.wait(0.1)
+    figure = _figure(len(shown))
+    FigureCanvasAgg(figure)
+    Picture(figure, shown, histories).update()
+    try:
+        figure.savefig(path, dpi=100)
+    except (OSError, ValueError) as error:
+        raise PlotError(f"cannot save {path}: {error}") from error
+
+
+def _window() -> Any:
+    """Shows panels until the window is closed; made before ROS begins, so that a missing display is told at once."""
+    try:
+        import tkinter
+
+        root = tkinter.Tk(className="live_plot")
+    except ImportError as error:
+        raise PlotError("a window needs the Debian package python3-tk (scripts/setup --gui); without it: --screenshot FILE") from error
+    except tkinter.TclError as error:
+        raise PlotError(f"no window: {error}; without a display: --screenshot FILE") from error
+    root.title("live_plot")
+    return partial(_run_window, root)
+
+
+def _run_window(root: Any, shown: Sequence[Panel], histories: dict[str, History], told_to_end: threading.Event) -> None:
+    from matplotlib.backends.backend_tkagg import FigureCanvasTkAgg
+
+    figure = _figure(len(shown))
+    canvas = FigureCanvasTkAgg(figure, master=root)
+    canvas.get_tk_widget().pack(fill="both", expand=True)
+    width, height = (round(figure.dpi * inches) for inches in figure.get_size_inches())
+    root.geometry(f"{width}x{min(height, round(0.9 * root.winfo_screenheight()))}")
+    picture = Picture(figure, shown, histories)
+
+    def refresh() -> None:
+        if told_to_end.is_set():
+            root.destroy()
+            return
+        picture.update()
+        canvas.draw_idle()
+        root.after(REFRESH, refresh)
+
+    refresh()
+    root.mainloop()
+
+
+def _figure(panels: int) -> Figure:
+    return Figure(figsize=(SIZE[0], SIZE[1] * panels), layout="constrained")

@@ -1,0 +1,108 @@
+"""The data collection with one command: robot, motion capture, EMG and force plate over their protocols, all in one bag, and synchronised."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from bags import control_log, gaps_and_repeats, topics
+from live_system import ROOT, LiveSystem
+from rosbags.highlevel import AnyReader
+
+Start = Callable[..., LiveSystem]
+FILE = ROOT / "src/hric_experiments/config/experiments/data_collection.yaml"
+LOG, FRAMES, EMG, PLATE = "/control_log", "/hric/perception/mocap", "/hric/perception/emg/raw", "/hric/perception/force_plate/1/samples"
+RATES = {LOG: 1000.0, FRAMES: 120.0, EMG: 2000.0, PLATE: 1000.0}
+STREAMS = {"/hric/perception/sync_100hz": 100.0, "/hric/perception/sync_1000hz": 1000.0}
+SKEW = 2e-4
+"""What the issue asks of resampled values [s]."""
+
+
+def shortened(folder: Path, duration: float) -> Path:
+    """The experiment with a shorter motion [s]."""
+    content = yaml.safe_load(FILE.read_text())
+    content["duration"] = duration
+    content["setpoints"] = [{**content["setpoints"][0], "time": 0.5}]
+    path = folder / "collection.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def ran(system: LiveSystem, timeout: float) -> dict[str, Any]:
+    """The metrics of a bring-up that ended by itself, once what it printed and left is found in order."""
+    assert system.wait(timeout) == 0, system.output
+    assert system.processes() == {}
+    assert "Traceback" not in system.output
+    run = yaml.safe_load((system.run_folder / "run.yaml").read_text())
+    assert run["status"] == "completed" and len(run["interval"]) == 2
+    metrics: dict[str, Any] = json.loads((system.run_folder / "metrics.json").read_text())
+    for topic, values in metrics["sources"].items():
+        if values["sent"] is not None:
+            assert f"{topic}: {values['sent']} {values['counts']} sent, {values['recorded']} recorded" in system.output
+    return metrics
+
+
+def numbers(bag: Path, topic: str) -> np.ndarray:
+    """Of the source itself: frame numbers, or what the time codes tell."""
+    found = []
+    with AnyReader([bag]) as reader:
+        for connection, _, raw in reader.messages([item for item in reader.connections if item.topic == topic]):
+            message = reader.deserialize(raw, connection.msgtype)
+            if topic == FRAMES:
+                found.append([message.frame_number])
+            else:
+                found.append(np.rint(message.data.reshape(-1, len(message.channels))[:, message.channels.index("time")] * RATES[topic]))
+    return np.concatenate(found).astype(np.int64)
+
+
+def check_counts(system: LiveSystem, metrics: dict[str, Any], duration: float) -> None:
+    """Every sample of every source, by what it told itself and, once more, in the bag without gap from the first to the last."""
+    bag = next(system.run_folder.glob("*.bag"))
+    assert topics(bag) >= {*RATES, *STREAMS, "/hric/perception/emg/envelope", "/hric/perception/sent", "/hric/human/hand"}
+    assert gaps_and_repeats(control_log(bag)[0]) == (0, 0)
+    for topic, rate in RATES.items():
+        values = metrics["sources"][topic]
+        assert (values["sent"], values["lost"], values["twice"]) == (values["recorded"], 0, 0), topic
+        assert values["sent"] >= rate * (duration - 0.5), f"{topic}: the source tells ten times a second what it has sent"
+        if topic != LOG:
+            own = numbers(bag, topic)
+            inside = own[(own >= values["first"]) & (own <= values["last"])]
+            assert gaps_and_repeats(inside) == (0, 0) and len(inside) == values["sent"]
+
+
+def test_the_bag_holds_every_sample_and_the_synchronised_ones_are_of_their_instants(start: Start, tmp_path: Path) -> None:
+    # At a quarter of real time, so that a machine with neighbours shows what one without them shows at 1.
+    path = shortened(tmp_path, 6.0)
+    system = start("env:=sim", "rviz:=false", f"experiment:={path}", "mocap_server:=127.0.7.11", "real_time_factor:=0.25")
+    metrics = ran(system, 240.0)
+    check_counts(system, metrics, 6.0)
+    for topic, rate in STREAMS.items():
+        stream = metrics["sync"][topic]
+        assert stream["rate"] == rate and stream["bound"] == SKEW and stream["grid_error"] < 1e-6
+        assert stream["expected"] == pytest.approx(6.0 * rate, rel=0.02)
+        for source, values in stream["sources"].items():
+            assert values["told_skew"] == 0.0 and values["valid"] > 0.9, source
+            assert values["skew"]["p99"] <= SKEW + values["skew"].get("uncertainty", 0.0), (topic, source, values)
+
+
+@pytest.mark.slow
+def test_for_a_minute_at_real_time_nothing_is_lost(start: Start) -> None:
+    system = start("env:=sim", "rviz:=false", "experiment:=data_collection", "mocap_server:=127.0.7.12")
+    metrics = ran(system, 400.0)
+    check_counts(system, metrics, 60.0)
+    assert metrics["sync"]["/hric/perception/sync_100hz"]["missing"] == 0
+    # rosbag record keeps 100 messages of a topic that wait for it: a tenth of a second here.
+    fast = metrics["sync"]["/hric/perception/sync_1000hz"]
+    assert fast["missing"] <= 0.03 * fast["expected"]
+    for topic, stream in metrics["sync"].items():
+        for source, values in stream["sources"].items():
+            if metrics["real_time_factor"] > 0.99:
+                # Where the loop is late for some milliseconds, as neighbours make it, so are stamps until it has caught up.
+                assert values["skew"]["median"] <= SKEW and values["skew"]["within_bound"] >= 0.8, (topic, source, values)
+            elif source != FRAMES:  # where the run does not keep its pace, stamps go astray with it, as INTERFACE.md tells
+                assert values["skew"]["median"] <= SKEW, (topic, source, values)
