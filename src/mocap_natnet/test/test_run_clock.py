@@ -145,6 +145,6 @@ def test_who_looks_back_later_finds_the_time_that_was_told_then() -> None:
     for step in range(100):
         run.wall += 0.01 if step % 7 == 3 else 0.0
         run.go(PERIOD)
-        asked.append(START + round((run.wall + 0.5e-3) * NS))
+        asked.append(START + round((run.wall + 0.025) * NS))
         told.append(run.clock.run_time(asked[-1]))
     assert [run.clock.run_time(at) for at in asked] == pytest.approx(told, abs=1e-9)

@@ -25,6 +25,8 @@ HORIZON = 0.5
 """So long after the last pair the run counts as standing [s]."""
 PIECES = 256
 """Pauses and bends that are remembered, for what was measured before them."""
+LEAD = 0.03
+"""A pair counts so long after it was told: by then all have heard it, and no one has given the time in between another meaning [s]."""
 BEND = 0.1
 """A new line is met in about so long, so that no time comes twice and none is left out [s], ..."""
 MOST_BENT = 0.5
@@ -136,6 +138,8 @@ class RunClock:
         """From where the line reached that time on, the run stands."""
         if self.standing:
             return
+        while len(self._pieces) > 1 and self._pieces[-1].begin > monotonic:
+            self._pieces.pop()
         piece = self._pieces[-1]
         begin = min(max(piece.when(run), piece.begin), monotonic)
         self._pieces.append(_Piece(begin, begin, run, 0.0))
@@ -161,15 +165,16 @@ class RunClock:
     def _bend(self, monotonic: int, line: _Piece) -> None:
         """From here on towards the new line. Times before keep what they had, so that all who hear the pairs give a time one meaning, whenever they
         look back at it."""
-        told = self._pieces[-1].at(monotonic)
-        excess = told - line.at(monotonic)
+        begin = monotonic + round(LEAD * NS)
+        told = self._pieces[-1].at(begin)
+        excess = told - line.at(begin)
         if abs(excess) > STEP or line.slope <= 0.0:
             while self._pieces[-1].bent and len(self._pieces) > 1:
                 self._pieces.pop()
             self._pieces[-1] = line._replace(begin=self._pieces[-1].begin)
             return
         share = min(max(-excess / BEND, -MOST_BENT), MOST_BENT)
-        self._pieces.append(_Piece(monotonic, monotonic, told, line.slope * (1.0 + share), bent=True))
+        self._pieces.append(_Piece(begin, begin, told, line.slope * (1.0 + share), bent=True))
 
     def _line(self, begin: int, pace: float | None) -> _Piece:
         first, run = self._history[0]
