@@ -102,7 +102,7 @@ def test_for_a_minute_at_real_time_nothing_is_lost(start: Start) -> None:
     for topic, stream in metrics["sync"].items():
         for source, values in stream["sources"].items():
             if metrics["real_time_factor"] > 0.99:
-                # Where the loop is late for some milliseconds, as neighbours make it, so are stamps until it has caught up.
-                assert values["skew"]["median"] <= SKEW and values["skew"]["within_bound"] >= 0.8, (topic, source, values)
+                # On a machine without neighbours all are; a line that is stepped to, when a loop lost 50 ms at once, costs some.
+                assert values["skew"]["median"] <= SKEW and values["skew"]["within_bound"] >= 0.99, (topic, source, values)
             elif source != FRAMES:  # where the run does not keep its pace, stamps go astray with it, as INTERFACE.md tells
                 assert values["skew"]["median"] <= SKEW, (topic, source, values)
