@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import tempfile
 from collections.abc import Sequence
@@ -89,8 +88,6 @@ class Engine:
         self.client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         if self.client < 0:
             raise HricError("PyBullet refused to connect" + (" (one window per process)" if gui else ""))
-        self._folder = tempfile.TemporaryDirectory(prefix="hric_plant_")
-        self._files = itertools.count()
         self.settings()
 
     def settings(self) -> None:
@@ -109,7 +106,6 @@ class Engine:
         if self.client >= 0:
             pybullet.disconnect(physicsClientId=self.client)
             self.client = -1
-            self._folder.cleanup()
 
     def load(self, name: str, model: EngineModel, T_world_root: FloatArray, *, fixed_base: bool, self_collision: bool) -> Body:
         """Load a prepared model with its root link at T_world_root, shape (4, 4).
@@ -117,18 +113,17 @@ class Engine:
         Raises:
             HricError: the engine refuses it.
         """
-        path = Path(self._folder.name) / f"{next(self._files)}.urdf"
-        path.write_text(model.xml, encoding="utf-8")
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE | (pybullet.URDF_USE_SELF_COLLISION if self_collision else 0)
         T = T_world_root @ model.T_root_base
-        try:
-            body_id = pybullet.loadURDF(
-                str(path), T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), useFixedBase=fixed_base, flags=flags, physicsClientId=self.client
-            )
-        except pybullet.error as error:
-            raise HricError(f"PyBullet cannot load {name}: {error}") from error
-        finally:
-            path.unlink()
+        place = T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3])
+        # Not kept for the engine's life: a process that is killed would leave it behind.
+        with tempfile.TemporaryDirectory(prefix="hric_plant_") as folder:
+            path = Path(folder) / "model.urdf"
+            path.write_text(model.xml, encoding="utf-8")
+            try:
+                body_id = pybullet.loadURDF(str(path), *place, useFixedBase=fixed_base, flags=flags, physicsClientId=self.client)
+            except pybullet.error as error:
+                raise HricError(f"PyBullet cannot load {name}: {error}") from error
         body = self._index(name, body_id, model)
         self._set_dynamics(body)
         self.motors_off(body)
