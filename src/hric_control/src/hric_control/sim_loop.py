@@ -34,7 +34,7 @@ NAP = 0.05
 """Longest uninterrupted sleep, so that a slow loop still hears stop and pause [s]."""
 PAUSE_POLL = 0.02
 """How often a paused loop calls `on_pause` [s]."""
-IDLE_EVERY = 0.1
+IDLE_EVERY = 0.05
 """Run time between two calls of `on_idle` when the loop is not paced [s]."""
 
 
@@ -71,7 +71,7 @@ class SimLoop:
         time: run time of the state that the next cycle reads (during a cycle: that the cycle has read) [s].
         cycles: number of cycles finished.
         after_cycle: called in the loop after each finished cycle with the run time at which that cycle measured.
-        on_idle: called in the loop every 100 ms of run time when not paced: the moment to let queued messages out. It may wait.
+        on_idle: called in the loop every 50 ms of run time when not paced: the moment to let queued messages out. It may wait.
         on_pause: called in the loop while run time stands, every 20 ms of wall time.
     """
 
