@@ -118,8 +118,8 @@ def test_every_field_of_the_state_is_filled_and_has_its_length(make_box, torques
         assert type(value) is type(usual), name
         assert not isinstance(value, list) or (len(value) == len(usual) and all(type(x) is float and math.isfinite(x) for x in value)), name
     measured, desired = (column_major(arm.box.model.pose(Frame.END_EFFECTOR, q)) for q in (state.q, state.q_d))
-    assert measured == state.O_T_EE
-    assert desired == state.O_T_EE_d == state.O_T_EE_c
+    assert pytest.approx(measured, abs=1e-15) == state.O_T_EE
+    assert state.O_T_EE_d == state.O_T_EE_c == pytest.approx(desired, abs=1e-15)
     assert state.elbow == [state.q[2], -1.0]
     assert (state.theta, state.dtheta, state.O_ddP_O) == (state.q, state.dq, [0.0, 0.0, -9.81])
     assert state.time == pytest.approx(0.302)

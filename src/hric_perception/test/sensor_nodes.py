@@ -16,7 +16,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from hric_control import stamps
 from hric_msgs.msg import ClockPair, SampleChunk
-from hric_perception.chunk import Chunk, read_chunk
+from hric_perception.chunk import Chunk
+from hric_perception.chunk_messages import read_chunk
 
 NODES = Path(__file__).parents[1] / "nodes"
 LIMIT = 40.0

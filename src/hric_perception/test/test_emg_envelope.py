@@ -9,7 +9,8 @@ from scipy import signal
 from hric_control.errors import HricError, ParameterError
 from hric_control.local_node import LocalNode
 from hric_msgs.msg import SampleChunk
-from hric_perception.chunk import Chunk, Layout, chunk_message
+from hric_perception.chunk import Chunk, Layout
+from hric_perception.chunk_messages import chunk_message
 from hric_perception.emg.activation import AMPLITUDE, read_program
 from hric_perception.emg.emulated_app import read_activation
 from hric_perception.emg.envelope import Envelope, Settings, read_settings

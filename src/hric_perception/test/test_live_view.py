@@ -22,7 +22,8 @@ from hric_control import stamps
 from hric_control.joint_limits import JointLimits
 from hric_control.testing import ros, roscore  # noqa: F401
 from hric_msgs.msg import MarkerTrackingState, SampleChunk
-from hric_perception.chunk import Chunk, Layout, chunk_message
+from hric_perception.chunk import Chunk, Layout
+from hric_perception.chunk_messages import chunk_message
 from hric_perception.view import limit_markers
 from hric_perception.view.curves import WINDOW, History
 from hric_perception.view.decimation import MeanChunk, NewestJoints, Reaction

@@ -9,7 +9,7 @@ from sync_sources import listen
 
 from hric_control.testing import ros, roscore
 from hric_msgs.msg import SampleChunk, SourceCount
-from hric_perception.chunk import read_chunk
+from hric_perception.chunk_messages import read_chunk
 
 __all__ = ["nodes", "ros", "roscore", "run"]
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")

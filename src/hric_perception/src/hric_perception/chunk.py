@@ -1,18 +1,12 @@
-"""Consecutive samples of a source that samples evenly: between drivers, filters and messages. No node."""
+"""Consecutive samples of a source that samples evenly: between drivers, filters and messages (chunk_messages). No ROS."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from std_msgs.msg import Header
-
-from hric_control import stamps
-from hric_control.errors import CommandError
-from hric_msgs.msg import SampleChunk
 
 FloatArray = NDArray[np.float64]
 
@@ -67,36 +61,6 @@ class Chunk:
     def after(self) -> int:
         """Number of the sample that would follow."""
         return self.first + len(self.data)
-
-
-def chunk_message(chunk: Chunk) -> Any:
-    """hric_msgs/SampleChunk. The start must not lie before the time 0."""
-    layout = chunk.layout
-    return SampleChunk(
-        header=Header(stamp=stamps.to_time(chunk.start), frame_id=layout.frame),
-        source=layout.source,
-        channels=list(layout.channels),
-        unit=layout.unit,
-        rate=layout.rate,
-        first_sample=chunk.first,
-        data=chunk.data.ravel().tolist(),
-    )
-
-
-def read_chunk(message: Any) -> Chunk:
-    """The other direction of `chunk_message`.
-
-    Raises:
-        CommandError: no rate, or the data are no whole number of samples.
-    """
-    channels = tuple(message.channels)
-    if not channels or len(message.data) % len(channels) or not message.rate > 0:
-        raise CommandError(f"{len(message.data)} values of {len(channels)} channels at {message.rate:g} Hz; valid: whole samples at a rate above 0")
-    words = message.unit.split() or ["-"]
-    units = tuple("" if word == "-" else word.replace("*", " ") for word in (words if len(words) == len(channels) else [words[0]] * len(channels)))
-    layout = Layout(message.source, channels, units, message.rate, message.header.frame_id)
-    data = np.asarray(message.data, dtype=float).reshape(-1, len(channels))
-    return Chunk(layout, message.header.stamp.to_sec(), message.first_sample, data)
 
 
 class Merger:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from hric_control.errors import ParameterError
-from hric_perception.chunk import FloatArray
 from hric_perception.section import Section
+
+FloatArray = npt.NDArray[np.float64]
 
 AMPLITUDE = 1e-3
 """Root mean square at full activation [V]; surface EMG has 0 to 10 mV peak to peak (textbook)."""

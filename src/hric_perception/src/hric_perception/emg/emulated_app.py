@@ -11,7 +11,8 @@ from hric_control.errors import CommandError, ParameterError
 from hric_control.node import Node
 from hric_control.ros_node import RosNode
 from hric_msgs.msg import SampleChunk
-from hric_perception.chunk import Layout, read_chunk
+from hric_perception.chunk import Layout
+from hric_perception.chunk_messages import read_chunk
 from hric_perception.diagnostics import Reporter
 from hric_perception.emg.activation import AMPLITUDE, MUSCLES, PROGRAMS, Activation, read_program
 from hric_perception.emg.muscles import Muscles

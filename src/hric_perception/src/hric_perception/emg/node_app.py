@@ -8,7 +8,8 @@ from collections.abc import Callable
 from hric_control.errors import HricError
 from hric_control.ros_node import RosNode
 from hric_msgs.msg import SampleChunk
-from hric_perception.chunk import Chunk, chunk_message
+from hric_perception.chunk import Chunk
+from hric_perception.chunk_messages import chunk_message
 from hric_perception.emg.envelope import Envelope, read_settings
 from hric_perception.emg.mvc import MvcService
 from hric_perception.lsl import lsl_driver

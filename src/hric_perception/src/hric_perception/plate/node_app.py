@@ -12,7 +12,8 @@ from hric_control import stamps
 from hric_control.errors import ParameterError
 from hric_control.ros_node import RosNode
 from hric_msgs.msg import SampleChunk
-from hric_perception.chunk import Chunk, Layout, chunk_message
+from hric_perception.chunk import Chunk, Layout
+from hric_perception.chunk_messages import chunk_message
 from hric_perception.health import StreamHealth
 from hric_perception.lsl import lsl_driver
 from hric_perception.plate.geometry import at_surface, centre_of_pressure, choose_channels, frame_of, mean_wrench, read_place

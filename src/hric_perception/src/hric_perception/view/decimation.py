@@ -11,7 +11,8 @@ from geometry_msgs.msg import Vector3, Wrench, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from hric_perception.chunk import Chunk, chunk_message, read_chunk
+from hric_perception.chunk import Chunk
+from hric_perception.chunk_messages import chunk_message, read_chunk
 
 NAN = float("nan")
 
