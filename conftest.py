@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import sys
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -42,6 +44,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         item.user_properties.append(("kind", kind(item)))
         if item.path.parent.name in LIVE or (item.path.parent.name != "plants" and REAL_TIME.search(item.path.stem)):
             item.add_marker("alone")
+
+
+@pytest.fixture(autouse=True)
+def _log_as_it_was() -> Iterator[None]:
+    """A node in the test's process sends what "hric" logs to rosout, and nowhere else: not for the tests that follow."""
+    logger = logging.getLogger("hric")
+    kept = logger.propagate, logger.level, logger.handlers[:]
+    yield
+    logger.propagate, logger.level, logger.handlers[:] = kept
 
 
 class Tally:
