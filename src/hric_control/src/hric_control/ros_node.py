@@ -57,20 +57,26 @@ class RosPublisher:
             for message in messages:
                 self.publish(message)
             return
-        error, implementation = None, self._publisher.impl
-        with implementation.publock:
-            # rospy sends whatever stands in its buffer when it publishes: what is serialised into it before goes along.
-            for message in messages[:-1]:
+        error, last, end, implementation = None, None, 0, self._publisher.impl
+        with implementation.publock:  # to the end: a listener that connects would be sent what stands in the buffer
+            for message in messages:
                 begin = implementation.buff.tell()
                 try:
                     names.check_message(self._what, self._type, message)
                     serialize_message(implementation.buff, implementation.seq + 1, message)
-                    implementation.seq += 1
                 except (HricError, rospy.ROSSerializationException, genpy.SerializationError) as failure:
                     implementation.buff.seek(begin)
                     implementation.buff.truncate()
                     error = error or HricError(f"{self._what}: {failure}")
-        self.publish(messages[-1])
+                else:
+                    implementation.seq += 1
+                    last, end = message, begin
+            if last is not None:
+                # rospy sends whatever stands in its buffer when it publishes: all go along with the last of them, which it serialises itself.
+                implementation.buff.seek(end)
+                implementation.buff.truncate()
+                implementation.seq -= 1
+                self.publish(last)
         if error is not None:
             raise error
 
