@@ -10,15 +10,17 @@ from rosgraph_msgs.msg import Clock
 
 
 def main(seconds: float) -> None:
-    """Listen, then print."""
+    """Hear one tick, wait, hear another; listening all the time would take its share of the processors."""
     rospy.init_node("clock_rate", anonymous=True)
-    heard: list[tuple[float, float]] = []
-    rospy.Subscriber("/clock", Clock, lambda message: heard.append((message.clock.to_sec(), time.monotonic())), queue_size=1000)
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        time.sleep(0.1)
-    (run_0, wall_0), (run_1, wall_1) = heard[0], heard[-1]
+    run_0, wall_0 = _tick()
+    time.sleep(seconds)
+    run_1, wall_1 = _tick()
     print((run_1 - run_0) / (wall_1 - wall_0))
+
+
+def _tick() -> tuple[float, float]:
+    """Run time of the next tick and when it was heard [s]."""
+    return rospy.wait_for_message("/clock", Clock).clock.to_sec(), time.monotonic()
 
 
 if __name__ == "__main__":

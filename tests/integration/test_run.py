@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import statistics
 from collections.abc import Callable
 from pathlib import Path
 
@@ -144,6 +145,7 @@ def _check_logged_and_paced(system: LiveSystem, seconds: float, tolerance: float
     assert gaps_and_repeats(cycles) == (0, 0)
 
 
+ROUNDS = 5
 CALM_STEP = 13e-6
 """A bare engine step on two hyperthreads of 2.5 GHz while nobody else uses them [s of CPU time]; beside heavy neighbours it takes longer."""
 REFERENCE_STEP = 6.4e-6
@@ -152,28 +154,31 @@ REFERENCE_STEP = 6.4e-6
 
 @pytest.mark.slow
 def test_unpaced_with_ros_and_recording_a_run_is_eight_times_faster_than_real_time(start: Start, tmp_path: Path) -> None:
-    step = bare_step(tmp_path)
-    factor = unpaced(start("env:=sim", "rviz:=false", "real_time_factor:=0", f"experiment:={ROOT / 'tests/benchmarks/hold.yaml'}"))
-    step = max(step, bare_step(tmp_path))  # the neighbours come and go
-    print(f"{factor:.2f} times real time; a bare step takes {step * 1e6:.1f} us here")
+    system = start("env:=sim", "rviz:=false", "real_time_factor:=0", f"experiment:={ROOT / 'tests/benchmarks/hold.yaml'}")
+    factor, step = unpaced(system, tmp_path)
     assert factor >= 8.0 * min(1.0, CALM_STEP / step)
 
 
 @pytest.mark.slow
 def test_unpaced_the_arm_behind_its_control_box_and_with_a_hand_is_as_fast_for_the_speed_of_this_machine(start: Start, tmp_path: Path) -> None:
-    step = bare_step(tmp_path)
-    system = start("env:=sim", "rviz:=false", "real_time_factor:=0")
-    system.wait_running("joint_pd_controller")
-    factor = unpaced(system)
-    print(f"{factor:.2f} times real time; a bare step takes {step * 1e6:.1f} us here")
+    factor, step = unpaced(start("env:=sim", "rviz:=false", "real_time_factor:=0"), tmp_path)
     assert factor >= 8.0 * REFERENCE_STEP / step
 
 
-def unpaced(system: LiveSystem) -> float:
-    """Run time per wall time of a run that is recorded whole."""
+def unpaced(system: LiveSystem, folder: Path) -> tuple[float, float]:
+    """Run time per wall time of a run that is recorded whole, and the time of a bare engine step [s of CPU time]: medians of rounds that take turns,
+    since the machine's speed changes within seconds."""
     system.wait_output("recording into")
     system.wait_running("joint_pd_controller")
-    factor = real_time_factor(system, 10.0)
+    factors, steps = [], []
+    for _ in range(ROUNDS):
+        factors.append(real_time_factor(system, 3.0))
+        assert system.run("rosservice", "call", "/sim/pause_physics").returncode == 0
+        steps.append(bare_step(folder))
+        assert system.run("rosservice", "call", "/sim/unpause_physics").returncode == 0
+    told = ", ".join(f"{factor:.2f} ({step * 1e6:.1f})" for factor, step in zip(factors, steps, strict=True))
+    factor, step = statistics.median(factors), statistics.median(steps)
+    print(f"{factor:.2f} times real time; a bare step takes {step * 1e6:.1f} us here; each round: {told}")
     system.interrupt()
     assert gaps_and_repeats(control_log(next(system.run_folder.glob("*.bag")))[0]) == (0, 0)
-    return factor
+    return factor, step

@@ -20,7 +20,7 @@ from rosbags.highlevel import AnyReader
 
 from hric_experiments import bag_reader, parameters
 from hric_experiments import experiment as experiments
-from hric_experiments.rosbag_process import RecordError, RosbagProcess
+from hric_experiments.recorder_process import RecorderProcess, RecordError
 from hric_experiments.run_folder import RunFolder
 
 HERE = Path(__file__).parent
@@ -252,13 +252,13 @@ def test_an_unknown_experiment_is_one_line_with_the_valid_names(system: System) 
 
 @pytest.mark.parametrize("script", ["exit 3", "sleep 0.1; exit 0"])
 def test_a_recording_that_ends_by_itself_is_told(tmp_path: Path, script: str) -> None:
-    process = RosbagProcess(tmp_path / "a.bag", ["sh", "-c", script])
+    process = RecorderProcess(tmp_path / "a.bag", ["sh", "-c", script])
     with pytest.raises(RecordError, match="ended with code"):
         process.wait_open(5.0)
 
 
 def test_a_recorder_that_does_not_end_is_killed_and_told(tmp_path: Path) -> None:
-    process = RosbagProcess(tmp_path / "a.bag", ["sh", "-c", f"trap '' INT; touch {tmp_path}/a.bag.active; while :; do sleep 0.05; done"])
+    process = RecorderProcess(tmp_path / "a.bag", ["sh", "-c", f"trap '' INT; touch {tmp_path}/a.bag.active; while :; do sleep 0.05; done"])
     process.wait_open(5.0)
     with pytest.raises(RecordError, match=r"not closed within 0\.5 s; what was recorded is in a\.bag\.active"):
         process.stop(0.5)

@@ -14,8 +14,8 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import UInt32
 
 from hric_control.testing import ros, roscore  # noqa: F401
-from hric_experiments import cli, rosbag_process
-from hric_experiments.rosbag_process import RosbagProcess
+from hric_experiments import cli, recorder_process
+from hric_experiments.recorder_process import RecorderProcess
 
 pytestmark = pytest.mark.rostest
 RATE = 100.0
@@ -63,8 +63,8 @@ def counter(ros: str) -> Iterator[Counter]:  # noqa: F811
 
 def lost_when_killed(counter: Counter, bag: Path, after: float) -> float:
     """Record for `after` [s], kill the recorder, salvage; how much is missing at the end, by the messages' own numbers [s]."""
-    arguments = rosbag_process.arguments(bag, ["/counter"], "", f"record_{bag.stem}")
-    recorder = RosbagProcess(bag, [rosbag_process.find_record(), *arguments])
+    arguments = recorder_process.arguments(bag, ["/counter"], "", f"record_{bag.stem}")
+    recorder = RecorderProcess(bag, [recorder_process.find_recorder(), *arguments])
     recorder.wait_open(20.0)
     counter.wait_heard()
     time.sleep(after)

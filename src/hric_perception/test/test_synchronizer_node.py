@@ -112,9 +112,12 @@ def test_several_rates_of_one_plan_go_out_on_topics_of_their_own(ros: str) -> No
 
 
 def test_a_backlog_goes_out_in_portions_and_whole(ros: str) -> None:
-    samples, feeder = listen("/portions", SyncedSample), Feeder()
+    import rospy
+
+    samples: list[Any] = []
+    listener, feeder = rospy.Subscriber("/portions", SyncedSample, samples.append), Feeder()
     with node({**PLAN, "rate": 1000.0}, "_topic:=/portions", "_period:=0.2", "__name:=portions"):
-        wait(feeder.heard)
+        wait(lambda: feeder.heard() and listener.get_num_connections())
         feeder.feed(2.0)
         wait(lambda: len(samples) > 1500)
     stamps = [message.header.stamp.to_nsec() for message in samples]

@@ -8,7 +8,7 @@ from pathlib import Path
 from hric_control.errors import HricError
 
 MIN_FREE = 1024.0
-"""Below this a recording is ended: what rosbag record holds in its buffer must find room, and the report. Its own limit is as high [MB]."""
+"""Below this a recording is ended: what the recorder holds in memory must find room, and the report [MB]."""
 MEGABYTE = 1e6
 """[B]"""
 

@@ -26,7 +26,7 @@ from hric_experiments.run_folder import RunFolder
 POLL = 0.01
 """Between two looks at the clock [s of wall time]."""
 RECORDER_GRACE = 5.0
-"""rosbag record looks for new topics once a second; what it does not hear after this it is not waited for [s of wall time]."""
+"""The recorder looks for new topics twice a second; what it does not hear after this it is not waited for [s of wall time]."""
 SENSORS_GRACE = 20.0
 """The same where every sample is to be recorded [s of wall time]."""
 

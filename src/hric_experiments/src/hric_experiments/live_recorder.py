@@ -17,11 +17,11 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from hric_control.errors import HricError
 from hric_experiments import experiment as experiments
-from hric_experiments import free_space, live_node, live_topics, overrides, recorder_settings, rosbag_process, run_record
+from hric_experiments import free_space, live_node, live_topics, overrides, recorder_process, recorder_settings, run_record
 from hric_experiments.recorder_diagnostics import ERROR, OK, WARN, RecorderDiagnostics
+from hric_experiments.recorder_process import RecorderProcess, RecordError
 from hric_experiments.recorder_settings import NOW, ON_TRIGGER
 from hric_experiments.recording import Recording
-from hric_experiments.rosbag_process import RecordError, RosbagProcess
 from hric_experiments.run_folder import COMPLETED, FAILED, INTERRUPTED, RunFolder, runs_root
 
 RECORDING_TOPIC, TRIGGER_TOPIC = "hric/experiment/recording", "hric/experiment/trigger"
@@ -29,7 +29,7 @@ START_SERVICE, STOP_SERVICE, SPLIT_SERVICE = (f"hric/experiment/{what}_recording
 SHUTDOWN_TIMEOUT = 1.8
 """A node must end within 2 s of Ctrl-C; the bag is closed by then [s]."""
 OPEN_TIMEOUT = 20.0
-"""How long rosbag record may take to open its bag, and to hear what must be heard [s]."""
+"""How long the recorder may take to open its bag, and to hear what must be heard [s]."""
 RETRY = 30.0
 """After a split that did not work the next is tried so much later [s]."""
 FREE_RUN = "bringup"
@@ -52,7 +52,7 @@ class Recorder:
         self._free = self._definition.name == experiments.NONE
         self._root = runs_root(rospy.get_param("~runs", "") or None)
         self._topics = [rospy.resolve_name(str(topic)) for topic in rospy.get_param("~topics", [])]
-        self._node_name = live_topics.rosbag_node(rospy.get_name().rpartition("/")[2])
+        self._node_name = live_topics.recorder_node(rospy.get_name().rpartition("/")[2])
         self._recording: Recording | None = None
         self._last: Path | None = None
         self._trouble, self._next_split = "", 0.0
@@ -63,13 +63,13 @@ class Recorder:
         self._subscriber = rospy.Subscriber(TRIGGER_TOPIC, Empty, self._on_trigger, queue_size=1)
 
     def begin(self) -> Path:
-        """Make a run folder, start rosbag record, wait until it hears what is published now, say so on `hric/experiment/recording`.
+        """Make a run folder, start the recorder, wait until it hears what is published now, say so on `hric/experiment/recording`.
 
         Returns:
             the run folder.
 
         Raises:
-            HricError: a recording goes on already, the disk is full, or rosbag record does not come up.
+            HricError: a recording goes on already, the disk is full, or the recorder does not come up.
         """
         if self._recording is not None:
             raise RecordError(f"a recording goes on already, into {self._recording.folder.path}; valid: {STOP_SERVICE}, {SPLIT_SERVICE}")
@@ -90,9 +90,9 @@ class Recorder:
             rospy.loginfo("recording into %s", folder.path)
         return folder.path
 
-    def _start(self, bag: Path, number: int) -> RosbagProcess:
-        command = rosbag_process.arguments(bag, self._topics, str(rospy.get_param("~exclude", "")), self._listener(number))
-        return RosbagProcess(bag, [rosbag_process.find_record(), *command])
+    def _start(self, bag: Path, number: int) -> RecorderProcess:
+        command = recorder_process.arguments(bag, self._topics, str(rospy.get_param("~exclude", "")), self._listener(number))
+        return RecorderProcess(bag, [recorder_process.find_recorder(), *command])
 
     def _listener(self, number: int) -> str:
         return f"{self._node_name}_{number}" if number else self._node_name
@@ -106,7 +106,7 @@ class Recorder:
         deadline, name = time.monotonic() + OPEN_TIMEOUT, rospy.resolve_name(self._node_name)
         while not _ending() and not live_topics.subscribed(name, expected):
             if time.monotonic() > deadline:
-                raise HricError(f"rosbag record did not subscribe to {', '.join(sorted(expected))} within {OPEN_TIMEOUT:g} s")
+                raise HricError(f"the recorder did not subscribe to {', '.join(sorted(expected))} within {OPEN_TIMEOUT:g} s")
             time.sleep(0.05)
 
     def _fail(self, recording: Recording) -> None:
@@ -119,7 +119,7 @@ class Recorder:
         """Record until the node is told to end.
 
         Raises:
-            HricError: the recording that begins with the node does not, or rosbag record ended by itself.
+            HricError: the recording that begins with the node does not, or the recorder ended by itself.
         """
         if self._settings.start == NOW:
             self.begin()
@@ -153,7 +153,7 @@ class Recorder:
             recording.finish(FAILED)
             full = f"; {free:.0f} MB are free" if free < self._settings.min_free else ""
             where = f"see {recording.folder.path}, and rosrun hric_experiments health"
-            raise HricError(f"rosbag record (pid {recording.part.pid}) ended by itself{full}; {where}")
+            raise HricError(f"the recorder (pid {recording.part.pid}) ended by itself{full}; {where}")
         if free < self._settings.min_free:
             self._end_for_space(free)
             return
@@ -220,7 +220,7 @@ class Recorder:
             return
         self._ask(self._on_start)
 
-    def stop(self, status: str, timeout: float = rosbag_process.STOP_TIMEOUT, **told: object) -> Path:
+    def stop(self, status: str, timeout: float = recorder_process.STOP_TIMEOUT, **told: object) -> Path:
         """Close the bag and note how the run ended; answers the bag, or its first part, also when it was closed before.
 
         Raises:

@@ -21,7 +21,7 @@ def subscribed(node: str, topics: set[str]) -> bool:
 
 
 def unrecorded(recorder: str, robot: str) -> set[str]:
-    """Topics of the robot node that are to be recorded and that rosbag record does not hear yet: it looks for new ones once a second.
+    """Topics of the robot node that are to be recorded and that the recorder does not hear yet: it looks for new ones twice a second.
 
     Args:
         recorder, robot: absolute names of the two nodes.
@@ -29,9 +29,9 @@ def unrecorded(recorder: str, robot: str) -> set[str]:
     wanted = {rospy.resolve_name(str(topic)) for topic in rospy.get_param(f"{recorder}/topics", [])}
     excluded = str(rospy.get_param(f"{recorder}/exclude", ""))
     published = _topics_of(robot, subscribers=False)
-    # As rosbag record takes the expression: it must fit the whole name.
+    # As the recorder takes the expression: it must fit the whole name.
     published = published & wanted if wanted else {topic for topic in published if not (excluded and re.fullmatch(excluded, topic))}
-    return published - {topic for topic, listener in _connections(robot) if listener == rosbag_node(recorder)}
+    return published - {topic for topic, listener in _connections(robot) if listener == recorder_node(recorder)}
 
 
 def unheard(new: str, old: str) -> set[str]:
@@ -47,9 +47,9 @@ def unheard(new: str, old: str) -> set[str]:
     return missing
 
 
-def rosbag_node(recorder: str) -> str:
-    """Name of the rosbag record node of a recorder node."""
-    return f"{recorder}_rosbag"
+def recorder_node(recorder: str) -> str:
+    """Name of the node that writes the bag of a recorder node."""
+    return f"{recorder}_bag"
 
 
 def _topics_of(node: str, subscribers: bool) -> set[str]:

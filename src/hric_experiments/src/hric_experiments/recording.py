@@ -1,4 +1,4 @@
-"""One recording: a run folder and the parts of its bag, each written by a `rosbag record` of its own."""
+"""One recording: a run folder and the parts of its bag, each written by a `bag_recorder` of its own."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from hric_experiments.rosbag_process import STOP_TIMEOUT, RecordError, RosbagProcess
+from hric_experiments.recorder_process import STOP_TIMEOUT, RecorderProcess, RecordError
 from hric_experiments.run_folder import RunFolder, iso_now
 
 SPLIT_TIMEOUT = 20.0
@@ -16,7 +16,7 @@ SPLIT_TIMEOUT = 20.0
 OVERLAP = 0.2
 """Both record for so long when both hear all: what was under way to the first one only arrives meanwhile; our choice [s]."""
 _POLL = 0.05
-Start = Callable[[Path, int], RosbagProcess]
+Start = Callable[[Path, int], RecorderProcess]
 """Starts the recorder of a part: its bag, the number of the part."""
 Unheard = Callable[[int, int], set[str]]
 """Topics that the recorder of the second part hears and that of the first does not."""
@@ -38,7 +38,7 @@ class Recording:
         self.folder = folder
         self._start, self._unheard = start, unheard
         self._part_began = time.monotonic()
-        self._parts: list[RosbagProcess] = [start(folder.bag_path, 0)]
+        self._parts: list[RecorderProcess] = [start(folder.bag_path, 0)]
 
     @property
     def bag(self) -> Path:
@@ -46,7 +46,7 @@ class Recording:
         return self._parts[0].bag
 
     @property
-    def part(self) -> RosbagProcess:
+    def part(self) -> RecorderProcess:
         """The part that is being written."""
         return self._parts[-1]
 
@@ -128,7 +128,7 @@ class Recording:
                 raise RecordError(f"the next part did not hear {', '.join(sorted(missing))} within {timeout:g} s; all goes on in the part before it")
             time.sleep(_POLL)
 
-    def _abandon(self, part: RosbagProcess) -> None:
+    def _abandon(self, part: RecorderProcess) -> None:
         with contextlib.suppress(RecordError):
             part.stop()
         part.bag.unlink(missing_ok=True)

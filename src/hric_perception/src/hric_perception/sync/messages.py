@@ -8,7 +8,7 @@ from typing import Any
 import genpy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
+from hric_msgs.msg import SyncLayout, SyncStatus
 from hric_perception.sync.core import Batch, Synchroniser
 from hric_perception.sync.intake import REFUSALS
 from hric_perception.sync.layout import RESAMPLE, Plan, Source
@@ -16,13 +16,18 @@ from hric_perception.sync.layout import RESAMPLE, Plan, Source
 NS = 1_000_000_000
 
 
-def samples(batch: Batch) -> Iterator[Any]:
-    """A SyncedSample for each instant: one and the same message, filled anew, because making one takes longer than sending it."""
-    message = SyncedSample()
-    stamp = message.header.stamp
+def samples(batch: Batch, blanks: Iterator[Any]) -> Iterator[Any]:
+    """A SyncedSample for each instant.
+
+    Args:
+        batch: the instants.
+        blanks: messages to fill, without end; used again and again, because making one takes longer than sending it.
+    """
     rows = zip(batch.stamps.tolist(), batch.values.tolist(), batch.age.tolist(), batch.valid.tolist(), strict=True)
-    for nanoseconds, message.values, message.age, message.valid in rows:
-        stamp.secs, stamp.nsecs = divmod(nanoseconds, NS)
+    for nanoseconds, values, age, valid in rows:
+        message = next(blanks)
+        message.values, message.age, message.valid = values, age, valid
+        message.header.stamp.secs, message.header.stamp.nsecs = divmod(nanoseconds, NS)
         yield message
 
 

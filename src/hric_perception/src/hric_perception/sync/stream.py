@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from itertools import islice
+from itertools import cycle, islice
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -16,8 +16,8 @@ from hric_perception.sync.core import Synchroniser
 from hric_perception.sync.layout import Plan, Source
 from mocap_natnet.run_time import RunTime
 
-QUEUE = 4000
-"""Samples that wait for a listener that is slow: 4 s at 1 kHz (our choice)."""
+QUEUE = 200
+"""Looks whose samples wait for a listener that is slow: 4 s (our choice)."""
 BURST, LEAST_BURST = 2.0, 20
 """At most so many times the samples of the time between two looks go out at once, and so many at least: listeners with a short queue, such as rosbag
 record with its 100 messages, lose nothing when a backlog is worked off (our choice)."""
@@ -50,6 +50,7 @@ class SyncStream:
         self._name = f"{node.namespace.strip('/')}: sources{label}"
         self._layouts.publish(messages.layout(plan, self._units, topics))
         self._burst = max(LEAST_BURST, round(BURST * plan.rate * period))
+        self._blanks = cycle([SyncedSample() for _ in range(self._burst)])
         self._waiting: Iterator[Any] = iter(())
         self._before: Any = None
         self._told, self._count, self._status = "", 0, time.monotonic()
@@ -61,14 +62,13 @@ class SyncStream:
 
     def work(self, now: float) -> None:
         """Publish what is due, by the monotonic clock [s]."""
-        left = self._burst
-        while left:
-            for message in islice(self._waiting, left):
-                self._samples.publish(message)
-                left -= 1
-            if not left or (batch := self.synchroniser.take(now)) is None:
+        due: list[Any] = []
+        while True:
+            due += islice(self._waiting, self._burst - len(due))
+            if len(due) == self._burst or (batch := self.synchroniser.take(now)) is None:
                 break
-            self._waiting = messages.samples(batch)
+            self._waiting = messages.samples(batch, self._blanks)
+        self._samples.publish_all(due)
         if now >= self._status:
             self._status = now + STATUS_PERIOD
             self._report(now)

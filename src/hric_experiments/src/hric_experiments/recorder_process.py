@@ -1,4 +1,4 @@
-"""`rosbag record` as a child process: started, watched, and ended so that its bag is whole."""
+"""The program `bag_recorder` as a child process: started, watched, and ended so that its bag is whole."""
 
 from __future__ import annotations
 
@@ -14,12 +14,6 @@ from hric_control.errors import HricError
 
 STOP_TIMEOUT = 10.0
 """How long the recorder may take to write what it holds and the index [s]."""
-CHUNK_SIZE = 4
-"""Of a killed recording the chunk that was open is lost. At 100 Hz the smallest messages fill this in 0.7 s; the default, 768, takes minutes [kB]."""
-BUFFER = 1024
-"""What the recorder may hold until the disk takes it [MB]."""
-OWN_MIN_SPACE = 1
-"""rosbag record's own guard (default 1 GB) looks every 20 s and then drops messages without ending the bag; the recorder node guards instead [B]."""
 _POLL = 0.02
 _PR_SET_PDEATHSIG = 1
 
@@ -28,17 +22,17 @@ class RecordError(HricError):
     """The recording cannot start, ended by itself, or did not end in time."""
 
 
-def find_record() -> str:
-    """Path of the C++ recorder.
+def find_recorder() -> str:
+    """Path of the program that records.
 
     Raises:
-        RecordError: it is not installed.
+        RecordError: it is not built.
     """
     import roslib.packages
 
-    found: list[str] = roslib.packages.find_node("rosbag", "record") or []
+    found: list[str] = roslib.packages.find_node("hric_experiments", "bag_recorder") or []
     if not found:
-        raise RecordError("rosbag's record is not installed (Debian package rosbag)")
+        raise RecordError("the program bag_recorder of hric_experiments is not built; run scripts/build")
     return found[0]
 
 
@@ -51,12 +45,10 @@ def arguments(bag: Path, topics: Sequence[str], exclude: str, node_name: str) ->
         exclude: regular expression of topics to leave out; empty: none.
         node_name: its ROS name, below the namespace of the environment.
     """
-    wanted = list(topics) if topics else ["--all"]
-    fixed = ["--lz4", "--quiet", f"--buffsize={BUFFER}", f"--chunksize={CHUNK_SIZE}", f"--min-space={OWN_MIN_SPACE}"]
-    return [*fixed, "-O", str(bag), *(["--exclude", exclude] if exclude else []), *wanted, f"__name:={node_name}"]
+    return [str(bag), *(["--exclude", exclude] if exclude else []), *topics, f"__name:={node_name}"]
 
 
-class RosbagProcess:
+class RecorderProcess:
     """One recording.
 
     The child has a process group of its own, so that a Ctrl-C on the terminal does not reach it before its turn; should this process be killed,
@@ -107,9 +99,9 @@ class RosbagProcess:
         deadline = time.monotonic() + timeout
         while not self.active.exists() and not give_up():
             if not self.running:
-                raise RecordError(f"rosbag record ended with code {self._child.returncode} before it began to record; its messages stand above")
+                raise RecordError(f"bag_recorder ended with code {self._child.returncode} before it began to record; its messages stand above")
             if time.monotonic() > deadline:
-                raise RecordError(f"rosbag record did not open {self.active.name} within {timeout:g} s")
+                raise RecordError(f"bag_recorder did not open {self.active.name} within {timeout:g} s")
             time.sleep(_POLL)
 
     def interrupt(self) -> None:
@@ -131,7 +123,7 @@ class RosbagProcess:
                 self._give_up(timeout)
             time.sleep(_POLL)
         if not self.bag.exists():
-            raise RecordError(f"rosbag record ended with code {self._child.returncode} and left no bag {self.bag.name}")
+            raise RecordError(f"bag_recorder ended with code {self._child.returncode} and left no bag {self.bag.name}")
         return self.bag
 
     def _give_up(self, timeout: float) -> None:

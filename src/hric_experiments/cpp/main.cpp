@@ -1,0 +1,75 @@
+// The program bag_recorder: one bag of what is published, started and watched by the node recorder.
+#include <csignal>
+#include <cstring>
+#include <iostream>
+#include <stdexcept>
+
+#include <ros/ros.h>
+
+#include "bag_writer.h"
+#include "options.h"
+#include "recorder.h"
+
+namespace
+{
+
+constexpr char HELP[] =
+    "Records topics into a bag until SIGINT or SIGTERM: BAG.active until it is closed.\n"
+    "Usage: rosrun hric_experiments bag_recorder BAG [--exclude EXPRESSION] [TOPIC...]\n"
+    "Without topics: all, but for those whose whole name EXPRESSION fits. Run folders, splitting and free space are the node recorder's.\n";
+// Between looks at what has come: receipt was stamped before, and many messages are taken for one awakening.
+const ros::WallDuration PERIOD(0.01);
+
+volatile std::sig_atomic_t ending = 0;
+
+void end(int)
+{
+  ending = 1;
+}
+
+int record(const hric_experiments::Options& options)
+{
+  hric_experiments::BagWriter writer(options.bag);
+  {
+    hric_experiments::Recorder recorder(options, writer);
+    while (!ending && ros::ok() && !writer.failed())
+    {
+      recorder.take();
+      PERIOD.sleep();
+    }
+    recorder.take();
+  }
+  if (writer.dropped())
+    ROS_ERROR("%s: %lu messages found no room in memory, since the disk did not keep up", options.bag.c_str(), writer.dropped());
+  writer.finish();
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv)
+{
+  if (argc > 1 && (!std::strcmp(argv[1], "--help") || !std::strcmp(argv[1], "-h")))
+  {
+    std::cout << HELP;
+    return 0;
+  }
+  ros::init(argc, argv, "bag_recorder", ros::init_options::NoSigintHandler);
+  std::signal(SIGINT, end);
+  std::signal(SIGTERM, end);
+  const ros::NodeHandle alive;
+  try
+  {
+    return record(hric_experiments::readOptions({ argv + 1, argv + argc }));
+  }
+  catch (const std::invalid_argument& error)
+  {
+    ROS_FATAL("%s", error.what());
+    return 2;
+  }
+  catch (const rosbag::BagException& error)
+  {
+    ROS_FATAL("%s", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,22 @@
+// What the recorder is told on its command line.
+#pragma once
+
+#include <optional>
+#include <regex>
+#include <string>
+#include <vector>
+
+namespace hric_experiments
+{
+
+struct Options
+{
+  std::string bag;                    // final path
+  std::vector<std::string> topics;    // empty: all, also those that appear later
+  std::optional<std::regex> exclude;  // of all, those whose whole name it fits are left out
+};
+
+// Throws std::invalid_argument with one line for the user.
+Options readOptions(const std::vector<std::string>& arguments);
+
+}  // namespace hric_experiments

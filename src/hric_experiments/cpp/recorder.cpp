@@ -1,0 +1,61 @@
+#include "recorder.h"
+
+#include <functional>
+
+#include <ros/master.h>
+
+namespace hric_experiments
+{
+namespace
+{
+
+const ros::WallDuration LOOK_PERIOD(0.5);  // between looks at the master's topics
+
+}  // namespace
+
+Recorder::Recorder(const Options& options, BagWriter& writer) : options_(options), writer_(writer)
+{
+  node_.setCallbackQueue(&queue_);
+  for (const std::string& topic : options.topics)
+    subscribe(ros::names::resolve(topic));
+}
+
+void Recorder::take()
+{
+  if (options_.topics.empty() && ros::WallTime::now() >= next_look_)
+  {
+    lookForTopics();
+    next_look_ = ros::WallTime::now() + LOOK_PERIOD;
+  }
+  queue_.callAvailable();
+}
+
+void Recorder::lookForTopics()
+{
+  ros::master::V_TopicInfo topics;
+  if (!ros::master::getTopics(topics))
+    return;
+  for (const ros::master::TopicInfo& topic : topics)
+    if (wanted(topic.name))
+      subscribe(topic.name);
+}
+
+bool Recorder::wanted(const std::string& topic) const
+{
+  return subscribers_.count(topic) == 0 && !(options_.exclude && std::regex_match(topic, *options_.exclude));
+}
+
+void Recorder::subscribe(const std::string& topic)
+{
+  using Event = ros::MessageEvent<const topic_tools::ShapeShifter>;
+  ros::SubscribeOptions options;
+  options.topic = topic;
+  options.queue_size = 0;  // any number: what is sent while this process does not get to run must not be lost
+  options.md5sum = ros::message_traits::md5sum<topic_tools::ShapeShifter>();
+  options.datatype = ros::message_traits::datatype<topic_tools::ShapeShifter>();
+  options.helper = boost::make_shared<ros::SubscriptionCallbackHelperT<const Event&>>(
+      [this, topic](const Event& event) { writer_.put({ topic, event }); });
+  subscribers_[topic] = node_.subscribe(options);
+}
+
+}  // namespace hric_experiments

@@ -1,0 +1,37 @@
+// Hears topics of any type and hands what comes to the writer.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+
+#include "bag_writer.h"
+#include "options.h"
+
+namespace hric_experiments
+{
+
+class Recorder
+{
+public:
+  Recorder(const Options& options, BagWriter& writer);
+
+  // Takes what has come since the last call.
+  void take();
+
+private:
+  void lookForTopics();
+  bool wanted(const std::string& topic) const;
+  void subscribe(const std::string& topic);
+
+  const Options& options_;
+  BagWriter& writer_;
+  ros::CallbackQueue queue_;
+  ros::NodeHandle node_;
+  std::map<std::string, ros::Subscriber> subscribers_;
+  ros::WallTime next_look_;
+};
+
+}  // namespace hric_experiments

@@ -1,0 +1,94 @@
+"""The program that writes a recording: what arrives is kept, also when it does not get to run, and mistakes are told in a line."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+import rospy
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import Float64, UInt32
+
+from hric_control.testing import ros, roscore  # noqa: F401
+from hric_experiments import recorder_process
+from hric_experiments.recorder_process import RecorderProcess
+
+pytestmark = pytest.mark.rostest
+
+
+def record(bag: Path, topics: list[str], exclude: str = "") -> RecorderProcess:
+    """A recorder that has opened its bag."""
+    arguments = recorder_process.arguments(bag, topics, exclude, f"record_{bag.stem}")
+    recorder = RecorderProcess(bag, [recorder_process.find_recorder(), *arguments])
+    recorder.wait_open(20.0)
+    return recorder
+
+
+def advertise(topic: str, kind: type, latch: bool = False) -> rospy.Publisher:
+    return rospy.Publisher(topic, kind, queue_size=10_000, latch=latch)
+
+
+def wait_heard(*publishers: rospy.Publisher) -> None:
+    """Wait until each has a listener."""
+    deadline = time.monotonic() + 20.0
+    while not all(publisher.get_num_connections() for publisher in publishers):
+        assert time.monotonic() < deadline, "the recorder does not listen"
+        time.sleep(0.02)
+
+
+def test_what_arrives_while_the_recorder_stands_is_in_the_bag_when_it_goes_on(ros: str, tmp_path: Path) -> None:  # noqa: F811
+    publisher, recorder = advertise("/stood", UInt32), record(tmp_path / "stood.bag", ["/stood"])
+    wait_heard(publisher)
+    recorder._child.send_signal(signal.SIGSTOP)
+    for number in range(3000):
+        publisher.publish(UInt32(number))
+    time.sleep(0.5)
+    recorder._child.send_signal(signal.SIGCONT)
+    time.sleep(0.5)
+    with AnyReader([recorder.stop()]) as reader:
+        assert [reader.deserialize(raw, connection.msgtype).data for connection, _, raw in reader.messages()] == list(range(3000))  # type: ignore[attr-defined]
+
+
+def test_all_topics_but_the_excluded_are_recorded_also_those_that_come_later(ros: str, tmp_path: Path) -> None:  # noqa: F811
+    first, hidden = advertise("/all/first", UInt32), advertise("/all/hidden/one", UInt32)
+    recorder = record(tmp_path / "all.bag", [], exclude="/all/hidden/.*|/rosout.*")
+    wait_heard(first)
+    later = advertise("/all/later", Float64, latch=True)
+    later.publish(Float64(2.5))
+    wait_heard(later)
+    for publisher in (first, hidden):
+        publisher.publish(UInt32(1))
+    time.sleep(0.3)
+    with AnyReader([recorder.stop()]) as reader:
+        found = {connection.topic: connection for connection in reader.connections if connection.topic.startswith("/all")}
+        assert set(found) == {"/all/first", "/all/later"}
+        later_connection = found["/all/later"].ext
+        assert later_connection.callerid == rospy.get_name() and later_connection.latching  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ([], "the path of the bag is missing"),
+        (["x.bag", "--exclude", "("], "--exclude '(' is no regular expression"),
+        (["x.bag", "--exclude"], "--exclude needs a regular expression"),
+        (["--split", "x.bag"], "option '--split' is not known; valid: --exclude EXPRESSION"),
+    ],
+)
+def test_a_command_line_that_cannot_be_is_told_in_one_line(ros: str, tmp_path: Path, arguments: list[str], text: str) -> None:  # noqa: F811
+    done = subprocess.run([recorder_process.find_recorder(), *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=20.0)
+    assert done.returncode == 2 and text in done.stdout + done.stderr and not list(tmp_path.iterdir())
+
+
+def test_a_bag_that_cannot_be_opened_is_told_with_its_path(ros: str, tmp_path: Path) -> None:  # noqa: F811
+    bag = tmp_path / "nowhere" / "x.bag"
+    done = subprocess.run([recorder_process.find_recorder(), str(bag)], capture_output=True, text=True, timeout=20.0)
+    assert done.returncode == 1 and str(bag) in done.stdout + done.stderr
+
+
+def test_help_needs_no_master() -> None:
+    done = subprocess.run([recorder_process.find_recorder(), "--help"], capture_output=True, text=True, timeout=20.0)
+    assert done.returncode == 0 and "Usage" in done.stdout
