@@ -45,6 +45,20 @@ def test_a_hiccup_that_is_shorter_than_the_delay_loses_nothing_though_the_source
     assert len(valid) == 300 and np.all(valid) and "/s1" in named
 
 
+def test_a_process_that_stood_for_seconds_takes_up_where_it_was_and_leaves_out_no_instant() -> None:
+    synchroniser = Synchroniser(plan("resample", 2, rate=100.0, delay=1.0), 0.0)
+    stamps, valid = [], []
+    for now, begin, end in ((1.0, 0, 1000), (4.5, 1000, 4500), (5.0, 4500, 5000)):
+        for index in (0, 1):
+            held = np.arange(begin, end) * (NS // 1000)
+            synchroniser.push(index, held, np.zeros((len(held), 2)), now + 1e-3 * index)
+        while (batch := synchroniser.take(now + 0.01)) is not None:
+            stamps += batch.stamps.tolist()
+            valid += batch.valid.tolist()
+    assert synchroniser.restarts == 0 and len(stamps) == 500
+    assert np.all(np.diff(stamps) == NS // 100) and np.all(valid)
+
+
 def test_a_source_that_comes_back_is_used_again() -> None:
     gone = dataclasses.replace(MOCAP, silent=(0.5, 1.5))
     batch, synchroniser = synchronise(plan("resample", 2, rate=100.0), [ROBOT, gone], 2.5)

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from enum import Enum
 
+import numpy as np
+
+from hric_perception.sync.buffer import Stamps
+
 NS = 1_000_000_000
 AGREE = NS
 """Stamps within this of the newest one are of the same time [ns] (our choice; no sensor is as late)."""
@@ -30,21 +34,31 @@ class CommonTime:
         self.newest: int | None = None
         self._heard = 0.0
 
-    def see(self, stamp: int, arrived: float) -> Verdict:
-        """Judge a stamp, and go on to it unless it is foreign.
+    def see(self, stamps: Stamps, arrived: float) -> Verdict:
+        """Judge stamps that came together, and go on to the last of them unless they are foreign.
 
         Args:
-            stamp: [ns].
+            stamps: in the order of their coming, shape (n,) [ns].
             arrived: by a clock that does not jump [s].
         """
-        if self.newest is None or abs(stamp - self.newest) <= AGREE:
-            self.newest = stamp if self.newest is None else max(self.newest, stamp)
+        last = int(stamps[-1])
+        if self.newest is None or self._reached(stamps, self.newest):
+            self.newest = last if self.newest is None else max(self.newest, last)
             self._heard = arrived
             return Verdict.SAME
         if arrived - self._heard <= SILENCE:
             return Verdict.FOREIGN
-        self.newest, self._heard = stamp, arrived
+        self.newest, self._heard = last, arrived
         return Verdict.ANEW
+
+    @staticmethod
+    def _reached(stamps: Stamps, newest: int) -> bool:
+        """Whether the time so far leads to the last stamp without a jump: what a process hears that stood for seconds is still of the same time."""
+        if abs(int(stamps[-1]) - newest) <= AGREE:
+            return True
+        jumps = np.flatnonzero(np.abs(np.diff(stamps)) > AGREE)
+        begin = int(stamps[jumps[-1] + 1 if len(jumps) else 0])
+        return begin - AGREE <= newest <= int(stamps[-1])
 
 
 STILL = 0.1

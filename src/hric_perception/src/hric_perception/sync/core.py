@@ -122,7 +122,7 @@ class Synchroniser:
         for arrived, samples, index in sorted(found, key=lambda one: one[0]):
             self._busy.hear(arrived)
             busy = self._busy.at(arrived)
-            verdict = self._time.see(int(samples.stamps[-1]), arrived)
+            verdict = self._time.see(samples.stamps, arrived)
             if verdict is Verdict.ANEW:
                 self._restart(arrived, busy)
             self.intakes[index].take(samples.stamps, samples.values, verdict, self.last, arrived, busy)
