@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import re
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -33,14 +38,29 @@ def address(system_number: int) -> str:
     return f"127.0.7.{system_number}"
 
 
-def ran(system: LiveSystem, timeout: float) -> dict[str, Any]:
+@contextlib.contextmanager
+def motive(address: str, folder: Path) -> Iterator[None]:
+    """A Motive as on another computer: a process that finds no ROS master and goes by the wall clock."""
+    scene = folder / "scene.yaml"
+    motion = {"type": "sinusoid", "centre": [0.7, 0, 0.5], "amplitude": [0, 0.1, 0], "frequency": 0.25}
+    scene.write_text(yaml.safe_dump({"bodies": [{"name": "hand", "motion": motion}]}))
+    options = ["--scene", str(scene), "--clock", "wall", "--ip", address, "--transport", "unicast", "--duration", "170"]
+    server = subprocess.Popen([sys.executable, "-m", "mocap_natnet.server", *options], env={**os.environ, "ROS_MASTER_URI": "http://127.0.0.1:9"})
+    try:
+        yield
+    finally:
+        server.terminate()
+        server.wait(10.0)
+
+
+def ran(system: LiveSystem, timeout: float, recorded: set[str] = RECORDED) -> dict[str, Any]:
     """The metrics of a bring-up that ended by itself, once what it printed and left is found in order."""
     assert system.wait(timeout) == 0, system.output
     assert system.processes() == {}
     assert "Traceback" not in system.output
     folder = system.run_folder
     assert yaml.safe_load((folder / "run.yaml").read_text())["status"] == "completed"
-    assert topics(next(folder.glob("*.bag"))) >= RECORDED
+    assert topics(next(folder.glob("*.bag"))) >= recorded
     assert f"Motive records the take {folder.name}" in system.output, "the take has the name of the run"
     metrics: dict[str, Any] = json.loads((folder / "metrics.json").read_text())
     tracking: dict[str, Any] = metrics["tracking"]
@@ -73,6 +93,14 @@ def best_of_three(bring_up: Callable[[], LiveSystem]) -> None:
 def test_the_simulated_arm_follows_the_marker_and_the_run_reports(start: Start) -> None:
     system = start("env:=sim", "rviz:=false", "experiment:=marker_tracking", f"mocap_server:={address(1)}", SLOWLY)
     check_default_mode(ran(system, 240.0))
+
+
+@pytest.mark.slow
+def test_with_one_argument_a_motive_elsewhere_takes_the_place_of_the_emulated_one(start: Start, tmp_path: Path) -> None:
+    with motive(address(9), tmp_path):
+        system = start("env:=sim", "rviz:=false", "experiment:=marker_tracking", "mocap:=motive", f"mocap_server:={address(9)}")
+        tracking = ran(system, 150.0, {topic for topic in RECORDED if not topic.startswith("/hric/human")})
+    assert tracking["lag"] <= 0.150 and tracking["frames"]["received"] > 3000
 
 
 @pytest.mark.slow
