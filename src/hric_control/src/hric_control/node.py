@@ -27,6 +27,9 @@ class Publisher(Protocol):
     def publish(self, message: Any) -> None:
         """Send now, in the caller's thread. The control loop uses `realtime.RealtimePublisher` instead."""
 
+    def subscribers(self) -> int:
+        """Number of listeners: what nobody hears need not be made."""
+
     def unregister(self) -> None:
         """Stop advertising."""
 

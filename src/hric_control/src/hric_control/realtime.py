@@ -99,8 +99,7 @@ class RealtimePublisher:
 
     def subscribers(self) -> int:
         """Number of listeners now."""
-        count: int = self._publisher.subscribers()  # type: ignore[union-attr]  # both nodes' publishers tell it
-        return count
+        return self._publisher.subscribers()
 
     def unregister(self) -> None:
         """Send what waits, then stop advertising. Outside the loop."""

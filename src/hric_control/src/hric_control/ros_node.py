@@ -13,7 +13,7 @@ import rosgraph
 import rospy
 from rospy.msg import serialize_message
 
-from hric_control import names, stamps
+from hric_control import names, ros_prompt, stamps
 from hric_control.errors import HricError, ParameterError
 from hric_control.node import REQUIRED, GoalHandle, LiveParameter
 from hric_control.ros_action import RosActionServer
@@ -36,11 +36,14 @@ class RosPublisher:
         Raises:
             HricError: not of the topic's type, or a field holds what its type cannot.
         """
-        names.check_message(self._what, self._type, message)
-        if rospy.is_shutdown() or self._publisher is None:
+        if type(message) is not self._type:
+            names.check_message(self._what, self._type, message)
+        publisher = self._publisher
+        if publisher is None or rospy.is_shutdown():
             return
         try:
-            self._publisher.publish(message)
+            if not ros_prompt.publish(publisher.impl, message):
+                publisher.publish(message)
         except rospy.ROSSerializationException as error:
             raise HricError(f"{self._what}: {error}") from error
         except rospy.ROSException:
@@ -82,8 +85,8 @@ class RosPublisher:
 
     def subscribers(self) -> int:
         """Number of listeners."""
-        count: int = self._publisher.get_num_connections() if self._publisher is not None else 0
-        return count
+        publisher = self._publisher
+        return 0 if publisher is None or publisher.impl is None else len(publisher.impl.connections)
 
     def unregister(self) -> None:
         """Stop advertising; a second call does nothing."""

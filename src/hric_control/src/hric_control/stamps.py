@@ -17,7 +17,11 @@ def to_time(seconds: float) -> genpy.Time:
         seconds: run time, not negative [s]; rounded to the nanosecond (genpy's own conversion truncates, so 1.001 s would lose one).
     """
     nanoseconds = round(seconds * _NS)
-    return genpy.Time(nanoseconds // _NS, nanoseconds % _NS)
+    if nanoseconds < 0:
+        return genpy.Time(nanoseconds // _NS, nanoseconds % _NS)  # which refuses it
+    stamp: genpy.Time = object.__new__(genpy.Time)  # genpy's constructor looks at both numbers again, for as long as all the rest takes
+    stamp.secs, stamp.nsecs = nanoseconds // _NS, nanoseconds % _NS
+    return stamp
 
 
 def to_duration(seconds: float) -> genpy.Duration:
