@@ -67,6 +67,22 @@ def test_every_frame_is_told_with_the_time_of_its_exposure() -> None:
     assert seen["/mocap/marker_stamped"][7].point == seen["/mocap/marker"][7] == data[7].rigid_bodies[0].pose.position
 
 
+def test_a_message_that_nobody_hears_is_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    def made(*_: object) -> None:
+        raise AssertionError("made for nobody")
+
+    for name in ("mocap_data", "point_message", "point_stamped", "pose_stamped", "marker_array"):
+        monkeypatch.setattr(f"mocap_natnet.publisher.messages.{name}", made)
+    node = LocalNode({"mocap": {}}, "/mocap")
+    publisher = MocapPublisher(node, read_publishing(node), run_time)
+    headless = HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher)
+    headless.advance(0.1)
+    seen: list[MocapData] = []
+    node.subscribe("/hric/perception/mocap", MocapData, seen.append)
+    with pytest.raises(AssertionError, match="made for nobody"):
+        headless.advance(0.2)
+
+
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_in_the_base_positions_and_orientations_turn_together(up: str) -> None:
     seen = run({**BASE, "up_axis": up, "body": "tool 2"}, up=up)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import queue
-import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -28,7 +27,7 @@ _SERVICES = {"start_recording": take.START, "stop_recording": take.STOP, "live_m
 
 
 class ClientNode:
-    """The client, its publisher in a thread of its own, diagnostics and services.
+    """The client, its publisher in the same thread, diagnostics and services.
 
     Args:
         node: private node.
@@ -42,19 +41,18 @@ class ClientNode:
         self._settings, self._publishing = read_settings(node), read_publishing(node)
         self._run_time = RunTime(node)
         self._publisher = MocapPublisher(node, self._publishing, self._run_time.run_time)
-        self._queue: queue.SimpleQueue[Received | Model | str | None] = queue.SimpleQueue()
-        self._client = NatNetClient(self._settings, self._queue.put, self._queue.put, lambda: self._queue.put(_RESTART))
+        # Frames that arrive while one is published wait here, not in the kernel, which drops what it has no room for.
+        self._queue: deque[Received | Model | str] = deque()
+        self._client = NatNetClient(self._settings, self._queue.append, self._queue.append, lambda: self._queue.append(_RESTART), self._work)
         self._recorder = take.Recorder(node, self._client.ask) if take.wanted(node) else None
         self._diagnostics = node.advertise("/diagnostics", DiagnosticArray)
         self._health = ""
         for name in _SERVICES:
             node.service(name, Trigger, lambda request, name=name: self._serve(name))  # type: ignore[misc]
         self._static = self._publish_static()
-        self._thread = threading.Thread(target=self._work, name="mocap publisher", daemon=True)
 
     def start(self) -> None:
         """Begin."""
-        self._thread.start()
         self._client.start()
 
     def close(self) -> None:
@@ -63,8 +61,8 @@ class ClientNode:
         if self._recorder is not None:
             self._recorder.close()
         self._client.close()
-        self._queue.put(None)
-        self._thread.join(2.0)
+        while self._work():
+            pass
 
     def report(self) -> None:
         """Publish the diagnostics; log when the state changes.
@@ -98,7 +96,7 @@ class ClientNode:
             "latency [ms]": f"{1e3 * statistics.latency():.2f}",
             "connects": statistics.connects,
             "restarts": statistics.restarts,
-            "waiting to be published": self._queue.qsize(),
+            "waiting to be published": len(self._queue),
             "time of the run from": self._run_time.source,
             "before the run's time was known": self._publisher.untimed,
             "stamps held from going back": self._publisher.held,
@@ -111,16 +109,21 @@ class ClientNode:
         values |= {f"implausible: {reason}": count for reason, count in tracker.plausibility.refused.copy().items()}
         return values | {f"tracking lost: {body}": count for body, count in tracker.lost.copy().items()}
 
-    def _work(self) -> None:
-        while (item := self._queue.get()) is not None:
-            if rospy.is_shutdown():
-                return
-            if isinstance(item, Received):
-                self._publisher.publish(item)
-            elif isinstance(item, Model):
-                self._publisher.describe(item)
-            else:
-                self._publisher.restart()
+    def _work(self) -> bool:
+        """Publish one frame, or heed what came in its place; whether there is more."""
+        queue = self._queue
+        if rospy.is_shutdown():
+            queue.clear()
+        if not queue:
+            return False
+        item = queue.popleft()
+        if isinstance(item, Received):
+            self._publisher.publish(item)
+        elif isinstance(item, Model):
+            self._publisher.describe(item)
+        else:
+            self._publisher.restart()
+        return bool(queue)
 
     def _publish_static(self) -> Any:
         message = static_transform(self._publishing, self._node.now())

@@ -82,7 +82,8 @@ class Plausibility:
         if abs(math.hypot(*pose.orientation) - 1.0) > UNIT_ERROR:
             return "not a unit quaternion"
         limits = self.limits
-        if not all(low <= p <= high for low, p, high in zip(limits.low, pose.position, limits.high, strict=True)):
+        (x, y, z), (x0, y0, z0), (x1, y1, z1) = pose.position, limits.low, limits.high
+        if not (x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1):
             return "outside the volume"
         return ""
 

@@ -53,17 +53,19 @@ def compose(T_a_b: Pose, T_b_c: Pose) -> Pose:
 
 def from_rotation_vector(rotation: Sequence[float]) -> Quaternion:
     """The quaternion of a rotation vector (axis times angle) [rad]."""
-    angle = math.sqrt(sum(part * part for part in rotation))
+    x, y, z = rotation
+    angle = math.sqrt(x * x + y * y + z * z)
     if angle < 1e-12:
-        return (rotation[0] / 2, rotation[1] / 2, rotation[2] / 2, 1.0)
+        return (x / 2, y / 2, z / 2, 1.0)
     factor = math.sin(angle / 2) / angle
-    return (rotation[0] * factor, rotation[1] * factor, rotation[2] * factor, math.cos(angle / 2))
+    return (x * factor, y * factor, z * factor, math.cos(angle / 2))
 
 
 def normalized(q: Sequence[float]) -> Quaternion:
     """A unit quaternion. Raises ZeroDivisionError for zero."""
-    norm = math.sqrt(sum(part * part for part in q))
-    return (q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm)
+    x, y, z, w = q
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    return (x / norm, y / norm, z / norm, w / norm)
 
 
 def angle_between(a: Quaternion, b: Quaternion) -> float:
@@ -88,11 +90,15 @@ def pose_z_up(up: str, pose: Pose) -> Pose:
     World and body axes are renamed alike (the vector part is mapped: q' = A q A^-1), as Motive does when the setting is changed, so that a body that
     is aligned with the world stays aligned.
     """
-    x, y, z = z_up(up, pose.orientation[:3])
-    return Pose(z_up(up, pose.position), (x, y, z, pose.orientation[3]))
+    if up == "z":
+        return pose
+    (px, py, pz), (x, y, z, w) = pose
+    return Pose((px, -pz, py), (x, -z, y, w))
 
 
 def pose_stream_axes(up: str, pose: Pose) -> Pose:
     """The other direction of `pose_z_up`."""
-    x, y, z = stream_axes(up, pose.orientation[:3])
-    return Pose(stream_axes(up, pose.position), (x, y, z, pose.orientation[3]))
+    if up == "z":
+        return pose
+    (px, py, pz), (x, y, z, w) = pose
+    return Pose((px, pz, -py), (x, z, -y, w))

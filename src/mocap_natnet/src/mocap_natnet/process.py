@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import rospy
 
-from hric_control import ros_backlog
+from hric_control import ros_backlog, ros_prompt
 from hric_control.errors import HricError
 from hric_control.ros_logging import forward_to_ros
 from hric_control.ros_node import RosNode
@@ -38,6 +38,7 @@ def run(name: str, text: str, make: Callable[[RosNode], tuple[Callable[[], None]
         signal.signal(number, lambda *_: told_to_end.set())
     rospy.init_node(name, disable_signals=True)
     ros_backlog.widen()
+    ros_prompt.send_promptly()
     rospy.on_shutdown(told_to_end.set)
     forward_to_ros(logging.getLogger("hric"))
     try:

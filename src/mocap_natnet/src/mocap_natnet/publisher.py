@@ -85,16 +85,17 @@ class MocapPublisher:
         head = messages.header(stamps.to_time(time), self._publishing.frame)
         frame = received.frame
         bodies = self.tracker.bodies(frame, received.exposed * NS, received.received * NS)
-        markers = self.tracker.markers(frame)
-        latency = (received.received - received.exposed) * NS if received.means != "reception" else float("nan")
-        self._data.publish(messages.mocap_data(head, frame.number, bodies, markers, latency))
+        if self._data.subscribers():
+            latency = (received.received - received.exposed) * NS if received.means != "reception" else float("nan")
+            self._data.publish(messages.mocap_data(head, frame.number, bodies, self.tracker.markers(frame), latency))
         self._publish_bodies(head, time, bodies)
         if self._tf is not None and time >= self._next_tf:
             self._next_tf = _next(self._next_tf, time, self._publishing.tf_rate)
             self._publish_tf(self._tf, head, bodies, self.tracker.bones(frame))
         if self._balls is not None and time >= self._next_balls:
             self._next_balls = _next(self._next_balls, time, self._publishing.markers_rate)
-            self._balls.publish(messages.marker_array(head, markers))
+            if self._balls.subscribers():
+                self._balls.publish(messages.marker_array(head, self.tracker.markers(frame)))
 
     def _time(self, exposed: int) -> float | None:
         """Time of the run at an exposure [s]; of frames in order it rises, also where the line between the two clocks is drawn anew."""
@@ -110,19 +111,30 @@ class MocapPublisher:
         return time
 
     def _publish_bodies(self, head: Any, time: float, bodies: list[TrackedBody]) -> None:
-        followed = next((body for body in bodies if self._publishing.body in ("", body.name)), None)
-        if followed is not None and followed.valid:
-            stamped = messages.point_stamped(head, followed)
-            self._point.publish(stamped.point)
-            self._stamped.publish(stamped)
-            if self._trail is not None:
-                self._trail.add(head, time, followed.pose.position)
+        wanted = self._publishing.body
         for body in bodies:
-            self._tell(body)
+            if wanted in ("", body.name):
+                self._publish_followed(head, time, body)
+                break
+        for body in bodies:
+            if self._told.get(body.name) != body.valid:
+                self._tell(body)
             if body.valid:
-                self._pose(body.name).publish(messages.pose_stamped(head, body))
+                pose = self._pose(body.name)
+                if pose.subscribers():
+                    pose.publish(messages.pose_stamped(head, body.pose))
                 if self._publishing.preset.ground_pose:
                     self._ground(body.name).publish(messages.ground_pose(body))
+
+    def _publish_followed(self, head: Any, time: float, followed: TrackedBody) -> None:
+        if not followed.valid:
+            return
+        if self._point.subscribers():
+            self._point.publish(messages.point_message(followed.pose.position))
+        if self._stamped.subscribers():
+            self._stamped.publish(messages.point_stamped(head, followed))
+        if self._trail is not None:
+            self._trail.add(head, time, followed.pose.position)
 
     def _publish_tf(self, tf: Publisher, head: Any, bodies: list[TrackedBody], bones: list[tuple[str, Pose]]) -> None:
         child = self._publishing.preset.child
@@ -132,9 +144,11 @@ class MocapPublisher:
             tf.publish(TFMessage(transforms))
 
     def _pose(self, body: str) -> Publisher:
-        if body not in self._poses:
-            self._poses[body] = self._node.advertise(self._publishing.preset.pose.format(ros_name(body)), PoseStamped, queue_size=100)
-        return self._poses[body]
+        found = self._poses.get(body)
+        if found is None:
+            found = self._node.advertise(self._publishing.preset.pose.format(ros_name(body)), PoseStamped, queue_size=100)
+            self._poses[body] = found
+        return found
 
     def _ground(self, body: str) -> Publisher:
         if body not in self._grounds:
@@ -142,13 +156,12 @@ class MocapPublisher:
         return self._grounds[body]
 
     def _tell(self, body: TrackedBody) -> None:
-        """Log when tracking is lost and found."""
-        if self._told.get(body.name) != body.valid:
-            if body.valid:
-                self._node.log_info(f"{body.name}: tracked")
-            elif body.name in self._told:
-                self._node.log_warn(f"{body.name}: tracking lost")
-            self._told[body.name] = body.valid
+        """Log that tracking was lost or found."""
+        if body.valid:
+            self._node.log_info(f"{body.name}: tracked")
+        elif body.name in self._told:
+            self._node.log_warn(f"{body.name}: tracking lost")
+        self._told[body.name] = body.valid
 
 
 def static_transform(publishing: Publishing, stamp: Any) -> Any:

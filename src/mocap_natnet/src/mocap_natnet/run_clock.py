@@ -23,6 +23,7 @@ LOST_PAIRS = 3
 """... as many later pairs in a row, and it has lost that time for good."""
 HORIZON = 0.5
 """So long after the last pair the run counts as standing [s]."""
+HORIZON_NS = round(HORIZON * NS)
 PIECES = 256
 """Pauses and bends that are remembered, for what was measured before them."""
 LEAD = 0.03
@@ -108,10 +109,11 @@ class RunClock:
         """The time of the run [s] at a monotonic time [ns]; None before the first pair."""
         if self._last is None:
             return None
-        monotonic = min(monotonic, self._last[0] + round(HORIZON * NS))
+        monotonic = min(monotonic, self._last[0] + HORIZON_NS)
         for piece in reversed(self._pieces):
-            if monotonic >= piece.begin:
-                return piece.at(monotonic)
+            begin, anchor, run, slope, _ = piece
+            if monotonic >= begin:
+                return run + slope * (monotonic - anchor) / NS
         return self._pieces[0].at(monotonic)
 
     def monotonic(self, run: float) -> int | None:

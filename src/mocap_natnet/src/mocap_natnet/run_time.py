@@ -9,13 +9,15 @@ from typing import Any
 from rosgraph_msgs.msg import Clock
 
 from hric_control.errors import HricError
-from hric_control.ros_node import RosNode
+from hric_control.ros_node import RosNode, RosRegistration
 from hric_msgs.msg import ClockPair
 from mocap_natnet.run_clock import NS, RunClock
 
 TOPIC = "/hric/clock"
 PATIENCE = 3.0
 """Without a pair for so long, another clock tells the time [s] (our choice)."""
+FRESH = NS
+"""Where the last pair is no older, the ticks of `/clock` need not be heard [ns] (our choice)."""
 SAME_MACHINE = 2 * NS
 """Pairs are at most this old when they arrive [ns]; others are of another machine, whose monotonic clock is another one."""
 PAIRS, TICKS, WALL, NOTHING = TOPIC, "/clock", "the wall clock", "nothing"
@@ -40,14 +42,14 @@ class RunTime:
         self._heard = time.monotonic_ns()
         self._known = self._unpaced = self._foreign = False
         self._told = PAIRS
-        self._subscriptions = [node.subscribe(TOPIC, ClockPair, self._on_pair, queue_size=0)]
-        if self._simulated:
-            self._subscriptions.append(node.subscribe("/clock", Clock, self._on_tick, queue_size=0))
+        self._pairs_heard = node.subscribe(TOPIC, ClockPair, self._on_pair, queue_size=0)
+        self._ticks_heard: RosRegistration | None = None
+        self._hear_ticks(self._simulated)
 
     def close(self) -> None:
         """Hear no more."""
-        for one in self._subscriptions:
-            one.unregister()
+        self._pairs_heard.unregister()
+        self._hear_ticks(False)
 
     @property
     def source(self) -> str:
@@ -90,6 +92,8 @@ class RunTime:
         """
         with self._lock:
             source, unpaced, foreign = self._source(), self._unpaced, self._foreign
+            fresh = self._known and time.monotonic_ns() - self._heard < FRESH
+        self._hear_ticks(self._simulated and not fresh)
         if unpaced:
             raise UnpacedError(
                 f"{self._node.namespace}: the run is not paced (real_time_factor is 0), which no sensor on a wire can follow; "
@@ -99,6 +103,14 @@ class RunTime:
             self._told = source
             why = "it comes from another machine" if foreign else f"nothing on {TOPIC}"
             self._node.log_info(f"the time of the run is that of {source}" + ("" if source == PAIRS else f": {why}"))
+
+    def _hear_ticks(self, wanted: bool) -> None:
+        """A hundred a second that are of no use while pairs come."""
+        if self._ticks_heard is None and wanted:
+            self._ticks_heard = self._node.subscribe("/clock", Clock, self._on_tick, queue_size=0)
+        elif self._ticks_heard is not None and not wanted:
+            self._ticks_heard.unregister()
+            self._ticks_heard = None
 
     def _source(self) -> str:
         waited = time.monotonic_ns() - self._heard

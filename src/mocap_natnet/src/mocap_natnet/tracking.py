@@ -11,6 +11,8 @@ from mocap_natnet.codec.types import OCCLUDED, TRACKED, Frame, Marker, RigidBody
 from mocap_natnet.plausibility import Plausibility
 from mocap_natnet.poses import Pose, compose, normalized, pose_stream_axes, pose_z_up, transform, z_up
 
+FAR = 1e6
+"""No marker is further away [m] (our choice)."""
 MOST_NAMES = 500
 """Bodies and bones that are told of by name; each takes a topic or a frame, and damaged descriptions hold ever new ones (our choice)."""
 
@@ -59,10 +61,12 @@ class Tracker:
         self._last: dict[int, Pose] = {}
         self._valid: dict[int, bool] = {}
         self._names: set[Hashable] = set()
+        self._marker_names: dict[int, str] = {}
 
     def describe(self, model: Model) -> None:
         """Take the names of the bodies."""
         self._described = model.bodies
+        self._marker_names = {}
         skeletons = (one for one in model.descriptions if isinstance(one, SkeletonDescription))
         self._bones = {(skeleton.id, bone.id & 0xFFFF): f"{skeleton.name}/{bone.name}" for skeleton in skeletons for bone in skeleton.bodies}
 
@@ -83,13 +87,16 @@ class Tracker:
             frame: as read.
             exposed, received: its times [s].
         """
-        return [self._body(body, exposed, received) for body in frame.bodies if self._known(body.id, self._described, self.name(body.id))]
+        named = [(body, self.name(body.id)) for body in frame.bodies]
+        return [self._body(body, name, exposed, received) for body, name in named if self._known(body.id, self._described, name)]
 
     def _known(self, id: Hashable, described: Collection[Any], name: str) -> bool:
         """Whether a body or a bone is told of; counts why it is not."""
         if described and id not in described:
             reason = "not described"
-        elif (id, name) in self._names or len(self._names) < MOST_NAMES:
+        elif (id, name) in self._names:
+            return True
+        elif len(self._names) < MOST_NAMES:
             self._names.add((id, name))
             return True
         else:
@@ -99,7 +106,7 @@ class Tracker:
 
     def markers(self, frame: Frame) -> list[TrackedMarker]:
         """The labelled markers of a frame that are seen and whose position is finite."""
-        return [self._marker(marker) for marker in frame.markers if not marker.flags & OCCLUDED and all(abs(p) < 1e6 for p in marker.position)]
+        return [self._marker(marker) for marker in frame.markers if not marker.flags & OCCLUDED and _near(marker.position)]
 
     def bones(self, frame: Frame) -> list[tuple[str, Pose]]:
         """("skeleton/bone", pose) of each bone that is tracked and has a pose; Motive must stream bones in global coordinates."""
@@ -115,8 +122,8 @@ class Tracker:
                     found.append((name, pose_stream_axes(self.up, exact) if base is None else compose(base, exact)))
         return found
 
-    def _body(self, body: RigidBody, exposed: float, received: float) -> TrackedBody:
-        name, pose = self.name(body.id), None
+    def _body(self, body: RigidBody, name: str, exposed: float, received: float) -> TrackedBody:
+        pose = None
         if body.flags & TRACKED:
             pose = self.plausibility.accept(body.id, pose_z_up(self.up, Pose(body.position, body.orientation)), exposed, received)
         if pose is not None:
@@ -128,11 +135,24 @@ class Tracker:
         return TrackedBody(name, body.id, self._last.get(body.id, Pose()), pose is not None, body.mean_error)
 
     def _marker(self, marker: Marker) -> TrackedMarker:
-        body, member = marker.id >> 16, marker.id & 0xFFFF
-        described = self._described.get(body)
-        name = ""
-        if described and 1 <= member <= len(described.markers):
-            name = f"{described.name}/{described.markers[member - 1].name or member}"
+        name = self._marker_names.get(marker.id)
+        if name is None:
+            name = self._marker_name(marker.id)
+            if name:  # of those that are described there are not many
+                self._marker_names[marker.id] = name
         base = self.base_from_mocap
         position = marker.position if base is None else transform(base, z_up(self.up, marker.position))
         return TrackedMarker(name, marker.id, position, marker.size)
+
+    def _marker_name(self, marker: int) -> str:
+        body, member = marker >> 16, marker & 0xFFFF
+        described = self._described.get(body)
+        if described and 1 <= member <= len(described.markers):
+            return f"{described.name}/{described.markers[member - 1].name or member}"
+        return ""
+
+
+def _near(position: Vector) -> bool:
+    """Whether a position is finite, and one."""
+    x, y, z = position
+    return -FAR < x < FAR and -FAR < y < FAR and -FAR < z < FAR

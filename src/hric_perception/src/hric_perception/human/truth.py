@@ -8,6 +8,7 @@ from std_msgs.msg import String
 from hric_control import stamps
 from hric_control.node import Node
 from hric_perception.human.hand import Hand
+from mocap_natnet import messages
 
 RATE = 100.0
 """Of the hand's pose [Hz]."""
@@ -28,6 +29,11 @@ class Truth:
         self._phases = node.advertise("/hric/human/phase", String, queue_size=10, latch=True)
         self._next: int | None = None
 
+    @property
+    def next(self) -> float:
+        """When the next pose is due, by the hand's time [s]."""
+        return (self._next or 0) / RATE
+
     def advance(self, time: float, offset: float = 0.0) -> None:
         """Publish what is due: poses on a grid, the newest one only.
 
@@ -43,9 +49,7 @@ class Truth:
         if phase != self._told:
             self._told = phase
             self._phases.publish(String(phase))
-        pose = self._hand(time)
-        message = PoseStamped()
-        message.header.stamp, message.header.frame_id = stamps.to_time(time + offset), self._frame
-        p, q = message.pose.position, message.pose.orientation
-        (p.x, p.y, p.z), (q.x, q.y, q.z, q.w) = pose.position, pose.orientation
-        self._poses.publish(message)
+        if not self._poses.subscribers():
+            return
+        head = messages.header(stamps.to_time(time + offset), self._frame)
+        self._poses.publish(messages.pose_stamped(head, self._hand(time)))

@@ -20,6 +20,8 @@ from mocap_natnet.sockets import datagram_socket
 
 POLL = 0.02
 """Longest sleep [s]."""
+LEAST = 10_000_000
+"""Least time between two looks at whether something is to be sent [ns] (our choice)."""
 RECEIVE_BUFFER = 1 << 22
 """Asked of the kernel, which may grant less [bytes]; it holds seconds of frames."""
 
@@ -34,6 +36,7 @@ class NatNetClient:
     Args:
         settings: how to find the server.
         on_frame, on_model, on_restart: see `Session`.
+        work: what else is done in that thread, a piece at a time, each after all that arrived was taken; returns whether a piece is left.
     """
 
     def __init__(
@@ -42,8 +45,9 @@ class NatNetClient:
         on_frame: Callable[[Received], None] = lambda frame: None,
         on_model: Callable[[Model], None] = lambda model: None,
         on_restart: Callable[[], None] = lambda: None,
+        work: Callable[[], bool] = lambda: False,
     ) -> None:
-        self.settings = settings
+        self.settings, self._work = settings, work
         self.session = Session(settings, on_frame, on_model, on_restart)
         self._server = settings.server
         self._command = datagram_socket()
@@ -95,12 +99,17 @@ class NatNetClient:
         return health(self.session, self._server, time.monotonic_ns(), self._trouble or self._send_trouble)
 
     def _run(self) -> None:
+        left, due = False, 0
         while not self._stop.is_set():
-            self._send(time.monotonic_ns())
-            self._listen()
-            ready, _, _ = select.select([self._command, *self._data], [], [], POLL)
+            now = time.monotonic_ns()
+            if now >= due:
+                due = now + LEAST
+                self._send(now)
+                self._listen()
+            ready, _, _ = select.select([self._command, *self._data], [], [], 0.0 if left else POLL)
             for one in ready:
                 self._drain(one)
+            left = self._work()
 
     def _drain(self, one: socket.socket) -> None:
         """Take what has arrived, and no more than what fits between two polls."""

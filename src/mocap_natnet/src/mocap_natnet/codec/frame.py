@@ -69,7 +69,10 @@ class FrameDecoder:
             return ()
         if number < 0:
             raise CodecError("count", f"{number} elements at {reader.offset}")
-        return reader.sized(reader.offset, size, lambda inner: read(inner, number))
+        end = reader.begin_sized(size)
+        value = read(reader, number)
+        reader.end_sized(end)
+        return value
 
     def _bodies(self, reader: Reader, number: int) -> tuple[RigidBody, ...]:
         layout = self._layout
@@ -119,7 +122,7 @@ def _nothing(reader: Reader, number: int) -> tuple[()]:
 
 def _marker_sets(reader: Reader, number: int) -> tuple[MarkerSet, ...]:
     _check(reader, number, 5)
-    return tuple(MarkerSet(reader.name(), reader.vectors()) for _ in range(number))
+    return tuple([MarkerSet(reader.name(), reader.vectors()) for _ in range(number)])
 
 
 def _unlabelled(reader: Reader, number: int) -> tuple[Vector, ...]:

@@ -61,7 +61,7 @@ def _description(reader: Reader, layout: Layout) -> Description | None:
         return _READ[kind](reader, layout)
     kind, size = reader.unpack(_TYPE_AND_SIZE)
     read = _READ.get(kind)
-    return reader.sized(reader.offset, size, lambda inner: read(inner, layout) if read else None)
+    return reader.sized(size, lambda inner: read(inner, layout) if read else None)
 
 
 def _marker_set(reader: Reader, layout: Layout) -> MarkerSetDescription:

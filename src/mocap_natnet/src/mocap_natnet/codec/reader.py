@@ -87,13 +87,22 @@ class Reader:
         """As many names."""
         return tuple(self.name() for _ in range(number))
 
-    def sized(self, begin: int, size: int, read: Callable[[Reader], T]) -> T:
-        """Read what `size` bytes from `begin` on hold, then go behind them, whatever of it was understood."""
-        stop = begin + size
-        if size < 0 or stop > self.end:
-            raise CodecError("size", f"{size} bytes said at {begin}, {self.end - begin} are left")
-        inner = Reader(self.data, begin, stop)
-        value = read(inner)
-        self.skipped += inner.left + inner.skipped
-        self.offset = stop
+    def begin_sized(self, size: int) -> int:
+        """Read no further than `size` bytes from here. What is returned is for `end_sized`."""
+        stop, end = self.offset + size, self.end
+        if size < 0 or stop > end:
+            raise CodecError("size", f"{size} bytes said at {self.offset}, {end - self.offset} are left")
+        self.end = stop
+        return end
+
+    def end_sized(self, end: int) -> None:
+        """Go behind those bytes, whatever of them was understood."""
+        self.skipped += self.end - self.offset
+        self.offset, self.end = self.end, end
+
+    def sized(self, size: int, read: Callable[[Reader], T]) -> T:
+        """Read what the next `size` bytes hold."""
+        end = self.begin_sized(size)
+        value = read(self)
+        self.end_sized(end)
         return value
