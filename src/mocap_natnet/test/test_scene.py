@@ -116,6 +116,16 @@ def test_noise_has_the_wanted_size_and_repeats_with_the_seed() -> None:
     assert np.array_equal(positions(1), positions(1)) and not np.array_equal(positions(1), positions(2))
 
 
+def test_noise_of_a_frame_is_the_same_whoever_asks_for_which_frame_first() -> None:
+    faults = Faults(noise=1e-3, rotation_noise=1e-3, marker_noise=1e-3)
+    bodies = (Body("hand", TURNING), Body("tool", TURNING, 2))
+    told, back = Scene(bodies, (), faults), Scene(bodies, (), faults)
+    forwards = [told.frame(n, n / 100, 0.01) for n in range(200)]
+    assert [back.frame(n, n / 100, 0.01) for n in reversed(range(200))] == forwards[::-1]
+    positions = [marker.position for frame in forwards for marker in frame.markers]
+    assert len(set(positions)) == len(positions) == 1200
+
+
 def test_an_occluded_body_keeps_its_last_pose_without_the_flag_and_its_markers_are_gone() -> None:
     scene = Scene((Body("hand", TURNING), Body("tool", TURNING, 2)), (), Faults(occlusions=((0.5, 0.25, "hand"),)))
     seen = [scene.frame(n, n / 100, 0.01) for n in range(100)]

@@ -61,6 +61,16 @@ def test_frames_come_at_the_pace_of_the_run_and_their_ticks_tell_when_that_was()
     assert exposures / 200.0 / passed == pytest.approx(0.5, abs=0.02)
 
 
+def test_a_stream_whose_frames_take_long_leaves_none_out(caplog: pytest.LogCaptureFixture) -> None:
+    settings = Settings(transport="unicast", rate=100.0, latency=1.3, command_port=0, data_port=free_port())
+    with MotiveServer(Motive(settings, Scene((Body("marker", Sinusoid()),)))) as server:
+        begin = time.monotonic()
+        _wait(lambda: server.sent > 20)
+        latest, sent = server.progress
+    assert latest == sent - 1 and time.monotonic() - begin > 1.4
+    assert not caplog.records, "a latency is no delay"
+
+
 class GivenTime:
     """A clock that shows what it is told."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from time import sleep
 from typing import Any
 
 import rospy
@@ -19,6 +20,9 @@ from hric_perception.sent import SentCounts
 from mocap_natnet.process import run
 from mocap_natnet.run_time import RunTime
 from mocap_natnet.server import MotiveServer
+
+LEAST_SLEEP = 2e-4
+"""Between two looks at whether a pose is due [s] (our choice)."""
 
 
 class HumanNode:
@@ -66,13 +70,16 @@ class HumanNode:
         self._run_time.close()
 
     def _tell(self) -> None:
-        while not self._stop.wait(0.5 / RATE):
+        while not self._stop.is_set():
             time = self._server.time
             began = self._server.run_time(0.0)
-            if began is not None:
-                self._truth.advance(time, began)
-                latest, sent = self._server.progress
-                self._counts.tell(latest + 1, sent, began + latest / self._server.motive.settings.rate)
+            if began is None:
+                sleep(0.5 / RATE)
+                continue
+            self._truth.advance(time, began)
+            latest, sent = self._server.progress
+            self._counts.tell(latest + 1, sent, began + latest / self._server.motive.settings.rate)
+            sleep(max(self._server.wait(self._truth.next), LEAST_SLEEP))
 
     def _on_state(self, message: Any) -> None:
         began = self._server.run_time(0.0)

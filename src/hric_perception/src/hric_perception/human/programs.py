@@ -72,8 +72,8 @@ class Sinusoid:
     def pose(self, time: float) -> Pose:
         """See Program."""
         sine = math.sin(2 * math.pi * self.frequency * self._progress(time))
-        x, y, z = (centre + amplitude * sine for centre, amplitude in zip(self.centre, self.amplitude, strict=True))
-        return Pose((x, y, z), from_rotation_vector([part * sine for part in self.rotation]))
+        (x, y, z), (ax, ay, az), (rx, ry, rz) = self.centre, self.amplitude, self.rotation
+        return Pose((x + ax * sine, y + ay * sine, z + az * sine), from_rotation_vector((rx * sine, ry * sine, rz * sine)))
 
     def _progress(self, time: float) -> float:
         """s(t) [s]."""

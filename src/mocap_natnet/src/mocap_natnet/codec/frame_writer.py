@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import struct
 from collections.abc import Sequence
 from itertools import chain
 
 from mocap_natnet.codec.layout import Layout
-from mocap_natnet.codec.reader import COUNT_AND_SIZE, INT
-from mocap_natnet.codec.types import Analog, Asset, Frame, Marker, MarkerSet, RigidBody, Skeleton, Vector
+from mocap_natnet.codec.reader import COUNT_AND_SIZE, INT, VECTOR
+from mocap_natnet.codec.types import Analog, Asset, Frame, Marker, MarkerSet, RigidBody, Skeleton, Suffix, Vector
+
+BODY_HEAD = struct.Struct("<i3f4f")
+NOTHING, NO_ELEMENTS = INT.pack(0), COUNT_AND_SIZE.pack(0, 0)
+"""Empty sections, without and with their size."""
 
 
 class FrameEncoder:
@@ -20,6 +25,9 @@ class FrameEncoder:
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
+        self._body_tail = struct.Struct("<fh" if layout.body_flags else "<f")
+        self._plain_body = not layout.body_markers and layout.body_flags
+        self._plain_suffix = layout.suffix_fields == (*Suffix._fields[1:], "end_tag")
 
     def encode(self, frame: Frame) -> bytes:
         """The payload."""
@@ -35,28 +43,37 @@ class FrameEncoder:
         for elements, there in ((frame.force_plates, layout.force_plates), (frame.devices, layout.devices)):
             if there:
                 parts.append(self._section(elements, _analog))
-        suffix = frame.suffix._asdict()
-        parts.append(layout.suffix.pack(*(suffix[name] for name in layout.suffix_fields[:-1]), 0))
+        parts.append(self._suffix(frame.suffix))
         return b"".join(parts)
 
+    def _suffix(self, suffix: Suffix) -> bytes:
+        if self._plain_suffix:
+            return self._layout.suffix.pack(*suffix[1:], 0)
+        fields = suffix._asdict()
+        return self._layout.suffix.pack(*(fields[name] for name in self._layout.suffix_fields[:-1]), 0)
+
     def _section(self, elements: Sequence[object], write) -> bytes:  # type: ignore[no-untyped-def]
+        if not elements:
+            return NO_ELEMENTS if self._layout.sizes else NOTHING
         content = b"".join(map(write, elements))
         head = COUNT_AND_SIZE.pack(len(elements), len(content)) if self._layout.sizes else INT.pack(len(elements))
         return head + content
 
     def _body(self, body: RigidBody) -> bytes:
-        layout = self._layout
-        head = struct.pack("<i3f4f", body.id, *body.position, *body.orientation)
-        tail = struct.pack("<fh", body.mean_error, body.flags) if layout.body_flags else struct.pack("<f", body.mean_error)
-        return head + (_body_markers(body) if layout.body_markers else b"") + tail
+        if self._plain_body:
+            return self._layout.body.pack(body.id, *body.position, *body.orientation, body.mean_error, body.flags)
+        head = BODY_HEAD.pack(body.id, *body.position, *body.orientation)
+        tail = (body.mean_error, body.flags)[: 1 + self._layout.body_flags]
+        return head + (_body_markers(body) if self._layout.body_markers else b"") + self._body_tail.pack(*tail)
 
     def _skeleton(self, skeleton: Skeleton) -> bytes:
         return struct.pack("<ii", skeleton.id, len(skeleton.bodies)) + b"".join(map(self._body, skeleton.bodies))
 
     def _marker(self, marker: Marker) -> bytes:
         layout = self._layout
-        values = (marker.id, *marker.position, marker.size, marker.flags, marker.residual)
-        return layout.marker.pack(*values[: 5 + layout.marker_flags + layout.residual])
+        if layout.residual:
+            return layout.marker.pack(marker.id, *marker.position, marker.size, marker.flags, marker.residual)
+        return layout.marker.pack(*(marker.id, *marker.position, marker.size, marker.flags)[: 5 + layout.marker_flags])
 
 
 def _body_markers(body: RigidBody) -> bytes:
@@ -67,12 +84,17 @@ def _body_markers(body: RigidBody) -> bytes:
 
 
 def _vector(position: Vector) -> bytes:
-    return struct.pack("<3f", *position)
+    return VECTOR.pack(*position)
 
 
 def _marker_set(markers: MarkerSet) -> bytes:
-    flat = chain.from_iterable(markers.positions)
-    return markers.name.encode() + b"\0" + struct.pack(f"<i{3 * len(markers.positions)}f", len(markers.positions), *flat)
+    number = len(markers.positions)
+    return markers.name.encode() + b"\0" + _counted_vectors(number).pack(number, *chain.from_iterable(markers.positions))
+
+
+@functools.lru_cache(maxsize=64)
+def _counted_vectors(number: int) -> struct.Struct:
+    return struct.Struct(f"<i{3 * number}f")
 
 
 def _asset(asset: Asset) -> bytes:

@@ -106,7 +106,7 @@ class Motive:
             transmitted=settings.ticks(transmitted),
             flags=flags,
         )
-        return self.scene.frame(number, time, settings.period)._replace(suffix=suffix)
+        return self.scene.frame(number, time, settings.period, suffix)
 
     def datagram(self, frame: Frame, version: Version | None = None) -> bytes:
         """A frame in a bitstream (default: the server's)."""

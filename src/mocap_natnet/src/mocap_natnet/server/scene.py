@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from hric_control.errors import ParameterError
 from mocap_natnet.codec import descriptions as d
-from mocap_natnet.codec.types import OF_ASSET, POINT_CLOUD, TRACKED, Analog, Frame, Marker, MarkerSet, RigidBody, Vector
+from mocap_natnet.codec.types import OF_ASSET, POINT_CLOUD, TRACKED, Analog, Frame, Marker, MarkerSet, RigidBody, Suffix, Vector
 from mocap_natnet.poses import UP_AXES, Pose, from_rotation_vector, multiply, pose_stream_axes, stream_axes, transform
 from mocap_natnet.server.sources import Source
 
@@ -22,6 +22,9 @@ MARKER_SIZE = 0.014
 MARKER_FLAGS = POINT_CLOUD | OF_ASSET
 """As captures show them for a marker of an asset."""
 PLATE_CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+NO_SUFFIX = Suffix()
+BLOCK = 64
+"""Frames whose noise is drawn at once: a generator of random numbers costs as much as all else of a frame."""
 
 
 @dataclass(frozen=True)
@@ -121,33 +124,33 @@ class Scene:
             if len(keys) != len(self.bodies):
                 raise ParameterError(f"two bodies share one of the {what}: {', '.join(f'{body.name} ({body.id})' for body in self.bodies)}")
         self._last: dict[str, Pose] = {}
-        self._blinks = _Blinks(self.faults)
+        self._blinks, self._noise = _Blinks(self.faults), _Noise(self.faults, self.bodies)
 
-    def frame(self, number: int, time: float, period: float) -> Frame:
+    def frame(self, number: int, time: float, period: float, suffix: Suffix = NO_SUFFIX) -> Frame:
         """What is seen at the middle of an exposure.
 
         Args:
             number: of the frame.
             time: of the stream [s].
             period: between frames [s]; the samples of a plate are spread over the one before `time`.
+            suffix: of the frame.
         """
-        random = np.random.default_rng((self.faults.seed, number))
         bodies, markers, sets = [], [], []
-        for body in self.bodies:
+        for body, noise in zip(self.bodies, self._noise.of(number), strict=True):
             exact = body.source(time)
-            pose = self._noisy(exact or Pose(), random)
+            pose = self._noisy(exact or Pose(), noise)
             hidden = self._hidden(body.name, time) or exact is None
             if not hidden:
                 self._last[body.name] = pose
-                seen = self._markers(body, pose, random)
+                seen = self._markers(body, pose, noise)
                 markers += seen
-                sets.append(MarkerSet(body.name, tuple(marker.position for marker in seen)))
+                sets.append(MarkerSet(body.name, tuple([marker.position for marker in seen])))
             told = pose_stream_axes(self.up, self._last.get(body.name, Pose()))
             error = self.faults.marker_noise
             bodies.append(RigidBody(body.id, told.position, told.orientation, error, 0 if hidden else TRACKED))
-        positions = tuple(marker.position for marker in markers)
-        plates = tuple(self._plate(plate, time, period) for plate in self.plates)
-        return Frame(number, (*sets, MarkerSet("all", positions)), positions, tuple(bodies), (), (), tuple(markers), plates)
+        positions = tuple([marker.position for marker in markers])
+        plates = tuple([self._plate(plate, time, period) for plate in self.plates])
+        return Frame(number, (*sets, MarkerSet("all", positions)), positions, tuple(bodies), (), (), tuple(markers), plates, (), suffix)
 
     def model(self) -> d.Model:
         """The description."""
@@ -166,27 +169,25 @@ class Scene:
         return d.Model(tuple(found))
 
     def _hidden(self, name: str, time: float) -> bool:
-        listed = any(begin <= time < begin + duration and who in ("", name) for begin, duration, who in self.faults.occlusions)
-        return listed or self._blinks.at(time)
+        for begin, duration, who in self.faults.occlusions:
+            if begin <= time < begin + duration and who in ("", name):
+                return True
+        return self._blinks.at(time)
 
-    def _noisy(self, pose: Pose, random: np.random.Generator) -> Pose:
-        faults = self.faults
-        if faults.noise:
-            dx, dy, dz = (faults.noise * random.standard_normal(3)).tolist()
-            x, y, z = pose.position
-            pose = pose._replace(position=(x + dx, y + dy, z + dz))
+    def _noisy(self, pose: Pose, noise: Sequence[float]) -> Pose:
+        faults, (x, y, z), orientation = self.faults, pose.position, pose.orientation
         if faults.rotation_noise:
-            turn = from_rotation_vector((faults.rotation_noise * random.standard_normal(3)).tolist())
-            pose = pose._replace(orientation=multiply(turn, pose.orientation))
-        return pose
+            turn = from_rotation_vector([faults.rotation_noise * part for part in noise[3:6]])
+            orientation = multiply(turn, orientation)
+        size = faults.noise
+        return Pose((x + size * noise[0], y + size * noise[1], z + size * noise[2]), orientation)
 
-    def _markers(self, body: Body, pose: Pose, random: np.random.Generator) -> list[Marker]:
-        noise = (self.faults.marker_noise * random.standard_normal((len(body.markers), 3))).tolist()
-        found = []
-        for index, (marker, (dx, dy, dz)) in enumerate(zip(body.markers, noise, strict=True), 1):
-            x, y, z = transform(pose, marker)
-            position = stream_axes(self.up, (x + dx, y + dy, z + dz))
-            found.append(Marker(body.id << 16 | index, position, MARKER_SIZE, MARKER_FLAGS, self.faults.marker_noise))
+    def _markers(self, body: Body, pose: Pose, noise: Sequence[float]) -> list[Marker]:
+        size, up, found = self.faults.marker_noise, self.up, list[Marker]()
+        for index, marker in enumerate(body.markers, 1):
+            (x, y, z), (dx, dy, dz) = transform(pose, marker), noise[3 + 3 * index : 6 + 3 * index]
+            position = stream_axes(up, (x + size * dx, y + size * dy, z + size * dz))
+            found.append(Marker(body.id << 16 | index, position, MARKER_SIZE, MARKER_FLAGS, size))
         return found
 
     def _plate(self, plate: Plate, time: float, period: float) -> Analog:
@@ -199,6 +200,28 @@ class Scene:
         a, b, c, e = (stream_axes(self.up, (x + dx, y + dy, z)) for dx, dy in ((0.3, 0.2), (0.3, -0.2), (-0.3, -0.2), (-0.3, 0.2)))
         identity = tuple(np.eye(12).ravel().tolist())
         return d.ForcePlateDescription(plate.id, plate.serial, 0.6, 0.4, (0.0, 0.0, 0.0), identity, (a, b, c, e), 2, 0, PLATE_CHANNELS)
+
+
+class _Noise:
+    """Standard normal numbers of each body in each frame: three for its position, three for its orientation, three for each marker. The same whoever
+    asks for which frame when."""
+
+    def __init__(self, faults: Faults, bodies: Sequence[Body]) -> None:
+        self._seed, self._sizes = faults.seed, [6 + 3 * len(body.markers) for body in bodies]
+        self._silent = not (faults.noise or faults.rotation_noise or faults.marker_noise)
+        self._zeros = [[0.0] * size for size in self._sizes]
+        self._block, self._rows = -1, list[list[list[float]]]()
+
+    def of(self, number: int) -> list[list[float]]:
+        """By body."""
+        if self._silent:
+            return self._zeros
+        block, index = divmod(number, BLOCK)
+        if block != self._block:
+            drawn = np.random.default_rng((self._seed, block)).standard_normal((BLOCK, sum(self._sizes)))
+            bodies = np.split(drawn, np.cumsum(self._sizes)[:-1], axis=1) if self._sizes else []
+            self._block, self._rows = block, [list(row) for row in zip(*(body.tolist() for body in bodies), strict=True)] or [[]] * BLOCK
+        return self._rows[index]
 
 
 class _Blinks:

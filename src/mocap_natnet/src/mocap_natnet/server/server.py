@@ -107,29 +107,24 @@ class MotiveServer:
         """Stream until `stop()`."""
         self._time = StreamTime(self._clock)
         self.motive.hardware = self._time.hardware
-        number, pending = 0, _Pending()
-        period = self.motive.settings.period
+        pending = _Pending(self.motive)
         while not self._stop.is_set():
             now = self.time
-            if now - number * period > LATE:
-                LOG.warning("the stream is %.1f s late; it goes on from now", now - number * period)
-                number = int(now / period)
-            while number * period <= now:
-                pending.expose(self.motive, number)
-                number += 1
+            pending.look_ahead(now)
             while (due := pending.pop(now)) is not None:
                 self._latest = due
                 self._send(self._data, self.motive.stream(self.motive.frame(due), self._time.hardware_now()))
                 self.sent += 1
                 self.progress = (due, self.sent)
-            self._answer(self._wait(min(number * period, pending.next)))
+                pending.look_ahead(now)
+            self._answer(self.wait(min(now + IDLE, pending.next)))
 
-    def _wait(self, until: float) -> float:
-        """Until a time of the stream, in wall time [s]."""
-        if until <= self.time:
-            return 0.0
+    def wait(self, until: float) -> float:
+        """How long to sleep until a time of the stream [s of wall time]; 0: it has come. At most `IDLE`."""
         wait = self._time.hardware(until) - self._time.hardware_now()
-        return min(IDLE, wait) if wait > 0 else STANDING
+        if wait > 0:
+            return min(IDLE, wait)
+        return 0.0 if until <= self.time else STANDING
 
     def _answer(self, wait: float) -> None:
         """Answer what comes within `wait` [s]."""
@@ -156,7 +151,8 @@ class MotiveServer:
 class _Pending:
     """Numbers of frames on their way from the cameras to the network."""
 
-    def __init__(self) -> None:
+    def __init__(self, motive: Motive) -> None:
+        self._motive, self._number = motive, 0
         self._heap: list[tuple[float, int]] = []
 
     @property
@@ -164,11 +160,19 @@ class _Pending:
         """When the next one is due [s]."""
         return self._heap[0][0] if self._heap else float("inf")
 
-    def expose(self, motive: Motive, number: int) -> None:
-        """The frame is due after its latency."""
-        delay = motive.delay(number)
-        if delay is not None:
-            heapq.heappush(self._heap, (number * motive.settings.period + delay, number))
+    def look_ahead(self, now: float) -> None:
+        """Find the next one that is due within `IDLE`, so that nobody need wake at an exposure: those beyond it are all due later."""
+        settings = self._motive.settings
+        period, latency = settings.period, settings.latency
+        late = now - latency - self._number * period
+        if late > LATE:
+            LOG.warning("the stream is %.1f s late; it goes on from now", late)
+            self._number = int(now / period)
+        while self._number * period + latency <= min(self.next, now + IDLE):
+            delay = self._motive.delay(self._number)
+            if delay is not None:
+                heapq.heappush(self._heap, (self._number * period + delay, self._number))
+            self._number += 1
 
     def pop(self, now: float) -> int | None:
         """A frame that is due."""
