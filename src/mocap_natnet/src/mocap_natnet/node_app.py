@@ -22,6 +22,8 @@ from mocap_natnet.process import run
 from mocap_natnet.publisher import MocapPublisher, static_transform
 from mocap_natnet.run_time import RunTime
 
+LAST_WORDS = 0.5
+"""How long frames that wait are still published when the node is told to end [s] (our choice)."""
 _RESTART = "restart"
 _SERVICES = {"start_recording": take.START, "stop_recording": take.STOP, "live_mode": "LiveMode", "edit_mode": "EditMode"}
 
@@ -61,7 +63,8 @@ class ClientNode:
         if self._recorder is not None:
             self._recorder.close()
         self._client.close()
-        while self._work():
+        end = time.monotonic() + LAST_WORDS
+        while self._work() and time.monotonic() < end:
             pass
 
     def report(self) -> None:
