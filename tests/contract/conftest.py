@@ -15,8 +15,9 @@ from contract_robots import BACKENDS, Boxes, connected
 from driven_robot import Robot
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def boxes() -> Iterator[Boxes]:
+    """Of this folder only: even at rest they take a third of a processor."""
     made = Boxes()
     yield made
     made.close()
