@@ -14,8 +14,7 @@ from std_srvs.srv import Trigger
 from controller_manager_msgs.srv import ListControllers
 from hric_control.errors import HricError
 from hric_experiments import experiment as experiments
-from hric_experiments import live_node, overrides, parameters, report_html
-from hric_experiments.analysis import analyse
+from hric_experiments import live_node, overrides, parameters
 from hric_experiments.experiment import Experiment
 from hric_experiments.live_human import LiveHuman
 from hric_experiments.live_recorder import RECORDING_TOPIC, START_SERVICE, STOP_SERVICE, TRIGGER_TOPIC
@@ -77,7 +76,13 @@ class LiveExperiment:
             rospy.logwarn("what was measured last on %s has not come: the bag will lack it", ", ".join(behind))
         folder = self._stop_recording()
         folder.update(real_time_factor=factor, interval=interval)
-        report = str(analyse(folder)["report"]) + f"\nrun folder: {folder.path}\n"
+        return self._report(folder)
+
+    def _report(self, folder: RunFolder) -> str:
+        # Loaded here, since at the start the robot waits for the processors that this would take.
+        from hric_experiments import analysis, report_html
+
+        report = str(analysis.analyse(folder)["report"]) + f"\nrun folder: {folder.path}\n"
         return report + (f"page: {report_html.write(folder)}\n" if self._html else "")
 
     def _wait_ready(self) -> None:
