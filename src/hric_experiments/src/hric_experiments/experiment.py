@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,8 @@ import yaml
 from hric_control.errors import HricError, UnknownNameError
 from hric_experiments import config
 from hric_experiments.checks import angle, fields, mapping, names_list, number, strings_of
-from hric_experiments.mocap_spec import MocapSpec, read_mocap
-from hric_experiments.sensor_spec import SensorSpec, SyncSpec, read_emg, read_plate, read_sync
+from hric_experiments.mocap_spec import MocapSpec
+from hric_experiments.sensor_spec import SensorSpec, SyncSpec
 
 
 class ExperimentError(HricError):
@@ -107,9 +107,9 @@ class Experiment:
 
 NONE = "none"
 """Name of the run that is no experiment: what the bring-up starts by itself."""
-SENSOR_READERS: dict[str, Callable[[Any], Any]] = {"mocap": read_mocap, "emg": read_emg, "force_plate": read_plate, "sync": read_sync}
+SENSOR_SECTIONS = ("mocap", "emg", "force_plate", "sync")
 """Sections of what runs beside the robot; an experiment has those that it names."""
-EXPERIMENT_KEYS = tuple(sorted(("controllers", "description", "duration", "metrics", "parameters", "robot", "setpoints", *SENSOR_READERS)))
+EXPERIMENT_KEYS = tuple(sorted(("controllers", "description", "duration", "metrics", "parameters", "robot", "setpoints", *SENSOR_SECTIONS)))
 ROBOT_KEYS = ("arm_id", "description", "hw", "parameters", "plant", "plant_type", "q_start", "urdf")
 SETPOINT_KEYS = ("controller", "positions", "time")
 METRICS_KEYS = ("reference", "tolerances")
@@ -176,12 +176,21 @@ def parse(name: str, raw: Mapping[str, Any]) -> Experiment:
             setpoints=_setpoints(raw.get("setpoints") or []),
             duration=number(raw["duration"], "duration", minimum=0.0, exclusive=True),
             metrics=_metrics(mapping(raw.get("metrics"), "metrics")),
-            **{key: read(raw[key]) for key, read in SENSOR_READERS.items() if raw.get(key) is not None},
+            **_beside_the_robot({key: raw[key] for key in SENSOR_SECTIONS if raw.get(key) is not None}),
         )
         _check_together(experiment)
     except (ValueError, HricError) as error:
         raise ExperimentError(f"experiment {name}: {error}") from error
     return experiment
+
+
+def _beside_the_robot(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The sections of SENSOR_SECTIONS that there are, read."""
+    if not given:
+        return {}  # without loading what reads them: a bring-up reads its experiment once for each set of parameters, and its user waits
+    from hric_experiments.sensor_sections import READERS
+
+    return {key: READERS[key](raw) for key, raw in given.items()}
 
 
 def _robot(raw: Mapping[str, Any]) -> RobotSpec:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hric_perception.human import Seen, see
 from hric_perception.section import Section
+
+if TYPE_CHECKING:
+    from hric_perception.human import Seen
 
 MOCAP_KEYS = ("base_from_mocap", "body", "human", "stream")
 
@@ -35,6 +37,9 @@ class MocapSpec:
         Raises:
             HricError: a value that cannot be; names the key.
         """
+        # Who runs the human alone needs it: it takes as long to load as all else that an experiment is read with.
+        from hric_perception.human import see
+
         return see(self.human, self.stream, self.base_from_mocap, seed, "mocap.")
 
 

@@ -1,21 +1,10 @@
-"""The sections `emg`, `force_plate` and `sync` of an experiment file: which sensors run beside the robot, and at which rates all come together."""
+"""What the sections `emg`, `force_plate` and `sync` tell: which sensors run beside the robot, and at which rates all come together."""
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
-
-from hric_control.errors import ParameterError
-from hric_perception.emg.activation import AMPLITUDE, MUSCLES, read_program
-from hric_perception.emg.activation import PROGRAMS as ACTIVATIONS
-from hric_perception.emg.settings import read_settings
-from hric_perception.emulation import read_faults
-from hric_perception.plate.geometry import read_place
-from hric_perception.plate.loads import PROGRAMS as LOADS
-from hric_perception.plate.loads import read_load
-from hric_perception.section import Section
 
 EMG_KEYS = ("channels", "chunk", "device", "emulated", "envelope", "lsl", "rate", "transport", "trigno")
 PLATE_KEYS = ("chunk", "device", "emulated", "height", "id", "invert", "lsl", "natnet", "pose", "rate", "transport")
@@ -78,92 +67,3 @@ class SyncSpec:
 
     rates: tuple[float, ...] = RATES
     delay: float = DELAY
-
-
-def read_emg(raw: Any) -> SensorSpec:
-    """Check the section `emg`.
-
-    Raises:
-        HricError: an unknown key or a value that cannot be; names the key and what is valid.
-    """
-    section = Section("emg", copy.deepcopy(raw))
-    section.only(*EMG_KEYS)
-    channels = _channels(section)
-    read_settings(section.section("envelope"))
-    emulated = section.section("emulated")
-    emulated.only("activation", "amplitude", "faults")
-    emulated.number("amplitude", AMPLITUDE, 0.0, 1.0)
-    activation = emulated.section("activation")
-    if activation.text("program", "bursts", ACTIVATIONS) != "topic":
-        read_program(activation, channels)
-    section.section("trigno").only(*TRIGNO_KEYS)
-    return _sensor(section, channels, EMG_TRANSPORTS, 2000.0, 100.0, ("envelope", "lsl", "trigno"))
-
-
-def read_plate(raw: Any) -> SensorSpec:
-    """Check the section `force_plate`.
-
-    Raises:
-        HricError: an unknown key or a value that cannot be; names the key and what is valid.
-    """
-    section = Section("force_plate", copy.deepcopy(raw))
-    section.only(*PLATE_KEYS)
-    name = section.text("id", "1")
-    if not name.replace("_", "").isalnum() or not name.isascii():
-        raise ParameterError(f"force_plate.id is {name!r}; valid: letters, digits and _")
-    section.number("height", 0.0)
-    if not isinstance(section.content.get("invert", False), bool):
-        raise ParameterError(f"force_plate.invert is {section.content['invert']!r}; valid: true or false")
-    section.section("natnet").only(*NATNET_KEYS)
-    read_place(section.section("pose"))
-    emulated = section.section("emulated")
-    emulated.only("faults", "load", "natnet")
-    load = emulated.section("load")
-    if load.text("program", "push", LOADS) != "contacts":
-        read_load(load)
-    section.content["id"] = name
-    channels = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-    return _sensor(section, channels, PLATE_TRANSPORTS, 1000.0, 10.0, ("id", "height", "invert", "pose", "lsl", "natnet"))
-
-
-def read_sync(raw: Any) -> SyncSpec:
-    """Check the section `sync`.
-
-    Raises:
-        HricError: an unknown key or a value that cannot be; names the key and what is valid.
-    """
-    section = Section("sync", raw)
-    section.only(*SYNC_KEYS)
-    given = section.content.get("rates", list(RATES))
-    rates = tuple(Section.numbers("sync.rates", given, range(1, 9)))
-    if min(rates) <= 0.0 or max(rates) > 10_000.0 or len(set(rates)) != len(rates):
-        raise ParameterError(f"sync.rates is {given!r}; valid: different rates above 0 to 10000 [Hz]")
-    return SyncSpec(rates, section.number("delay", DELAY, 0.0, 10.0))
-
-
-def _channels(section: Section) -> tuple[str, ...]:
-    given = section.content.get("channels", len(MUSCLES))
-    if isinstance(given, int) and not isinstance(given, bool) and 1 <= given <= len(MUSCLES):
-        return MUSCLES[:given]
-    good = isinstance(given, list | tuple) and given and all(isinstance(name, str) and name for name in given)
-    if not good or len(set(given)) != len(given) or len(given) > MOST_CHANNELS:
-        raise ParameterError(f"emg.channels is {given!r}; valid: 1 to {len(MUSCLES)} of the usual muscles, or a list of different names")
-    return tuple(given)
-
-
-def _sensor(
-    section: Section, channels: tuple[str, ...], transports: tuple[str, ...], rate: float, lowest: float, driver: tuple[str, ...]
-) -> SensorSpec:
-    """What both kinds share."""
-    section.section("lsl").only(*LSL_KEYS)
-    faults = section.section("emulated").section("faults")
-    read_faults(faults, 0)
-    return SensorSpec(
-        device=section.text("device", EMULATED, DEVICES),
-        transport=section.text("transport", transports[0], transports),
-        channels=channels,
-        rate=section.number("rate", rate, lowest, 20_000.0),
-        chunk=section.number("chunk", CHUNK, 0.001, 1.0),
-        driver={key: section.content[key] for key in driver if section.content.get(key) is not None},
-        emulated=section.section("emulated").content,
-    )
