@@ -6,6 +6,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,32 @@ def start(tmp_path: Path) -> Iterator[Callable[..., LiveSystem]]:
 
     yield started
     for system in systems:
+        system.close()
+
+
+@dataclass(frozen=True)
+class PdStep:
+    """A bring-up with the experiment pd_step on PyBullet.
+
+    Attributes:
+        system: which has ended by itself, or should have.
+        services: that it offered while it ran.
+    """
+
+    system: LiveSystem
+    services: set[str]
+
+
+@pytest.fixture(scope="session")
+def pd_step(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PdStep]:
+    """Run once for all who look at what it did."""
+    system = LiveSystem(tmp_path_factory.mktemp("pd_step"), "env:=sim", "rviz:=false", "experiment:=pd_step")
+    try:
+        system.wait_output("set points")
+        services = system.services()
+        system.wait(timeout=90.0)
+        yield PdStep(system, services)
+    finally:
         system.close()
 
 

@@ -10,8 +10,12 @@ import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from unittest import mock
 
+import rospy
 from bringup_master import free_port
+
+from controller_manager_msgs.srv import ListControllers
 
 ROOT = Path(__file__).resolve().parents[2]
 MARK = "HRIC_TEST_SYSTEM"
@@ -90,13 +94,27 @@ class LiveSystem:
 
         wait_for(seen, timeout, f"output {text!r} in\n{self.output}")
 
+    def controllers(self, namespace: str = "") -> dict[str, str]:
+        """State of each controller; none while nobody answers. Asked by this process: one per question would take what the system starts with."""
+        with mock.patch.dict(os.environ, ROS_MASTER_URI=self.uri):
+            try:
+                answer = rospy.ServiceProxy(f"{namespace}/controller_manager/list_controllers", ListControllers)()
+            except rospy.ServiceException:
+                return {}
+        return {controller.name: controller.state for controller in answer.controller}
+
+    def services(self) -> set[str]:
+        """Services that its nodes offer; nodes whose names are random, such as rostopic's, come and go."""
+        listed = self.run("rosservice", "list").stdout.split()
+        return {name for name in listed if "anonymous" not in name and not name.startswith(("/rostopic", "/rosservice", "/play_", "/record_"))}
+
     def wait_running(self, *controllers: str, namespace: str = "") -> None:
         """Wait until these controllers run."""
 
         def running() -> bool:
             assert self.process.poll() is None, f"ended with {self.process.returncode}:\n{self.output}"
-            listed = self.run("rosservice", "call", f"{namespace}/controller_manager/list_controllers").stdout
-            return all(_state(listed, name) == "running" for name in controllers)
+            states = self.controllers(namespace)
+            return all(states.get(name) == "running" for name in controllers)
 
         wait_for(running, READY_TIMEOUT, f"running {controllers}; output:\n{self.output}")
 
@@ -137,15 +155,3 @@ class LiveSystem:
     def run_folder(self) -> Path:
         """Folder of the newest run."""
         return (self.runs / "latest").resolve()
-
-
-def _state(listed: str, controller: str) -> str:
-    """State of a controller in the printed answer of list_controllers."""
-    name = ""
-    for line in listed.splitlines():
-        key, _, value = line.strip().lstrip("- ").partition(": ")
-        if key == "name":
-            name = value.strip('"')
-        if key == "state" and name == controller:
-            return value.strip('"')
-    return ""

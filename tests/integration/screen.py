@@ -58,7 +58,7 @@ def wait_for_picture(display: str, path: Path, timeout: float, died: Callable[[]
     deadline = time.monotonic() + timeout
     before = shot(display, path)
     while True:
-        time.sleep(2.0)
+        time.sleep(1.0)
         picture = shot(display, path)
         if arm_pixels(picture) > 5000 and changed_pixels(before, picture) < STILL:
             return picture
