@@ -22,7 +22,6 @@ from bringup_arguments import SENSORS, ArgumentError, Choices, check, motion_cap
 from bringup_master import DEFAULT, MasterError, choose
 from bringup_sections import has_section
 
-import franka_real.probe
 from hric_control.errors import HricError
 
 WORKSPACE = Path(__file__).resolve().parents[2]
@@ -185,6 +184,8 @@ def main(argv: list[str]) -> int:
     try:
         arguments = {name: default or "" for name, (_, default) in documented.items()} | check(split(argv), documented, choices())
         if arguments["env"] == "real":
+            import franka_real.probe  # with all that the arm's driver is made of, which a simulated one need not wait for
+
             franka_real.probe.check(arguments["robot_ip"], PROBE_TIMEOUT)
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
         arguments["mocap"] = motion_capture(arguments, choices())
