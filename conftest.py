@@ -15,11 +15,12 @@ import pytest
 ROOT = Path(__file__).parent
 KINDS = ("unit", "integration", "rostest", "benchmark")
 REAL_TIME = re.compile(
-    "client|cost|fci|franka_hw|launch\\b|libfranka|live|loop|node|publish|rate|realtime|record|replay|rostest|run_time|services|socket|stream|switching"
-    "|third_party|tools|watchdog|who_goes|wire"
+    "client|cost|launch\\b|live|loop|node|on_the_wire|publish|rate|realtime|record|replay|rostest|run_time|services|socket|stream|switching|third_party"
+    "|watchdog|who_goes"
 )
-"""Names of test files that start processes or keep real time: these run alone, all others side by side."""
-LIVE = ("integration", "contract", "benchmarks")
+"""Names of test files that keep real time, or start processes that do: these run alone, all others side by side, also those with an emulated control
+box whose clock waits for its client."""
+LIVE = ("integration", "benchmarks")
 """Folders of tests that do so as well."""
 # A helper file beside the tests of a package is imported by its name, which must be unique in the workspace.
 sys.path[:0] = [
@@ -27,6 +28,18 @@ sys.path[:0] = [
     for folder in sorted([*ROOT.glob("src/*/test"), ROOT / "tests" / "integration", ROOT / "tests" / "benchmarks"])
     if str(folder) not in sys.path
 ]
+
+
+def alone(path: Path) -> bool:
+    """Whether the tests of a file run alone."""
+    return path.parent.name in LIVE or (path.parent.name != "plants" and REAL_TIME.search(path.stem) is not None)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """A run of those that run alone, or of the others, loads no file of the other kind: loading all takes longer than most tests."""
+    marks = config.option.markexpr.split(" and ")
+    unwanted = {True: "not alone", False: "alone"}[alone(collection_path)]
+    return (collection_path.name.startswith("test_") and unwanted in marks) or None
 
 
 def kind(item: pytest.Item) -> str:
@@ -42,7 +55,7 @@ def kind(item: pytest.Item) -> str:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         item.user_properties.append(("kind", kind(item)))
-        if item.path.parent.name in LIVE or (item.path.parent.name != "plants" and REAL_TIME.search(item.path.stem)):
+        if alone(item.path):
             item.add_marker("alone")
 
 

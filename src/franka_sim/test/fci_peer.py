@@ -25,7 +25,7 @@ ARM, HAND = 1337, 1338
 PATIENCE = 2.0
 """Nothing may take longer [s]."""
 CONTROL_BOX = Path(__file__).parents[1] / "nodes" / "control_box"
-_counter = itertools.count(os.getpid() * 61)
+_counter = itertools.count(os.getpid() * 4999)
 
 
 def new_address() -> str:
