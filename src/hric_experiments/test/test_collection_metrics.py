@@ -134,6 +134,14 @@ def test_the_skew_of_each_source_is_measured_by_what_tells_its_time(tmp_path: Pa
         assert (one["valid"], one["told_skew"]) == (1.0, 0.0)
 
 
+def test_a_window_that_has_hardly_begun_when_the_interval_ends_tells_its_noise_and_is_left_out() -> None:
+    stamps = np.arange(2.0, 8.03, 1e-3)
+    noise = 1e-4 * np.random.default_rng(4).standard_normal((len(stamps), 3))
+    speed = np.column_stack([0.4 * np.cos(3 * stamps), 0.4 * np.sin(3 * stamps), 0 * stamps])
+    found = collection._fitted(stamps, noise, speed, np.ones(len(stamps), bool), 0.05)
+    assert found is not None and found["largest"] < 5e-5 and found["uncertainty"] < 5e-5
+
+
 def test_ticks_that_are_not_there_are_missing(tmp_path: Path) -> None:
     stream = judged(write(tmp_path / "a.bag", ticks_lost=[60, 61, 190]))["sync"][SYNC]
     assert (stream["expected"], stream["ticks"], stream["missing"]) == (101, 99, 2)

@@ -25,6 +25,8 @@ BOUND = 2e-4
 """Largest skew that is stated for resampled values of the robot, of NatNet bodies and of LSL streams [s]: INTERFACE.md of hric_perception."""
 WINDOW = 2.0
 """Skew without a time code is the shift of time that fits best over such windows [s] (our choice)."""
+LEAST_SAMPLES = 11
+"""In a window that tells a time (our choice)."""
 LEAST_SPEED = {"rad": 0.02, "m": 0.05}
 """Slower windows tell no time (root mean square) [1/s]. Our choice."""
 LOG_TOPIC = "control_log"
@@ -195,11 +197,15 @@ def _skew(
 
 
 def _fitted(stamps: FloatArray, apart: FloatArray, speed: FloatArray, valid: BoolArray, least: float) -> dict[str, float] | None:
-    """The shift of time, with a shift of place, that fits best over each window; noise of the values leaves `uncertainty` open [s]."""
+    """The shift of time, with a shift of place, that fits best over each window; noise of the values leaves `uncertainty` open [s].
+
+    Windows at the ends that hold less than half of what the fullest holds are left out: what few samples tell is their noise.
+    """
     late, open_ = [], []
-    for window in np.unique(stamps // WINDOW):
-        use = valid & (stamps // WINDOW == window)
-        if use.sum() > 10 and np.sqrt(np.mean(np.sum(speed[use] ** 2, axis=1))) > least:
+    windows = [valid & (stamps // WINDOW == window) for window in np.unique(stamps // WINDOW)]
+    least_filled = max(LEAST_SAMPLES, 0.5 * max((use.sum() for use in windows), default=0))
+    for use in windows:
+        if use.sum() >= least_filled and np.sqrt(np.mean(np.sum(speed[use] ** 2, axis=1))) > least:
             shift, sigma = late_by(speed[use], apart[use])
             late.append(shift)
             open_.append(sigma)
