@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from controller_manager_msgs.srv import (
     SwitchControllerRequest,
     UnloadController,
 )
+from hric_control import priority
 
 STRICT = SwitchControllerRequest.STRICT
 EFFORT, POSITION, PD = "effort_joint_trajectory_controller", "position_joint_trajectory_controller", "joint_pd_controller"
@@ -142,3 +144,12 @@ def test_spawner_says_that_there_is_no_such_controller(live: LiveSystem) -> None
     refused = live.run("rosrun", "controller_manager", "spawner", "no_such_controller")
     assert refused.returncode == 1
     assert "no_such_controller" in refused.stderr and "Traceback" not in refused.stdout + refused.stderr
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may prefer a thread without being given leave")
+def test_the_control_loop_goes_before_the_rest_of_its_process_and_its_children(live: LiveSystem) -> None:
+    (robot,) = (pid for pid, command in live.processes().items() if "/hric_control/robot " in command)
+    (topics,) = (pid for pid, command in live.processes().items() if "hric_control.publish_server" in command)
+    threads = [int(entry.name) for entry in Path(f"/proc/{robot}/task").iterdir()]
+    preferred = [thread for thread in threads if os.getpriority(os.PRIO_PROCESS, thread) == priority.NICE]
+    assert preferred == [robot] and os.getpriority(os.PRIO_PROCESS, topics) == 0
