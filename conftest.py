@@ -8,6 +8,7 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -59,13 +60,26 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("alone")
 
 
-@pytest.fixture(autouse=True)
+@contextmanager
 def _log_as_it_was() -> Iterator[None]:
     """A node in the test's process sends what "hric" logs to rosout, and nowhere else: not for the tests that follow."""
     logger = logging.getLogger("hric")
     kept = logger.propagate, logger.level, logger.handlers[:]
     yield
     logger.propagate, logger.level, logger.handlers[:] = kept
+
+
+@pytest.fixture(autouse=True)
+def _log_as_before_the_test() -> Iterator[None]:
+    with _log_as_it_was():
+        yield
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _log_as_before_the_file() -> Iterator[None]:
+    """A fixture of the whole file may hold a node, too."""
+    with _log_as_it_was():
+        yield
 
 
 class Tally:
