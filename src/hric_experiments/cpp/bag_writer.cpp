@@ -1,5 +1,6 @@
 #include "bag_writer.h"
 
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
 #include <cstring>
@@ -55,8 +56,11 @@ void BagWriter::put(Message message)
 {
   const std::size_t size = message.event.getConstMessage()->size();
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (bytes_ + size > MOST_WAITING || !failure_.empty())
+  if (!failure_.empty())
+    return;
+  if (bytes_ + size > MOST_WAITING)
   {
+    ROS_ERROR_COND(dropped_ == 0, "%s: the disk does not keep up, and memory for what waits is used up: messages are dropped", path_.c_str());
     ++dropped_;
     return;
   }

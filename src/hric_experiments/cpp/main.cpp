@@ -4,6 +4,7 @@
 #include <iostream>
 #include <stdexcept>
 
+#include <ros/master.h>
 #include <ros/ros.h>
 
 #include "bag_writer.h"
@@ -20,6 +21,8 @@ constexpr char HELP[] =
 // Between looks at what has come: receipt was stamped before, and many messages are taken for one awakening.
 const ros::WallDuration PERIOD(0.01);
 
+constexpr int INTERRUPTED = 130;
+
 volatile std::sig_atomic_t ending = 0;
 
 void end(int)
@@ -27,8 +30,23 @@ void end(int)
   ending = 1;
 }
 
+// roscpp would wait for the master by itself, but hear no signal meanwhile.
+bool waitForMaster()
+{
+  for (bool told = false; !ending; ros::WallDuration(0.1).sleep())
+  {
+    if (ros::master::check())
+      return true;
+    if (!told)
+      std::cerr << "bag_recorder: the ROS master at " << ros::master::getURI() << " does not answer; waiting for it" << std::endl;
+    told = true;
+  }
+  return false;
+}
+
 int record(const hric_experiments::Options& options)
 {
+  const ros::NodeHandle alive;
   hric_experiments::BagWriter writer(options.bag);
   {
     hric_experiments::Recorder recorder(options, writer);
@@ -57,19 +75,19 @@ int main(int argc, char** argv)
   ros::init(argc, argv, "bag_recorder", ros::init_options::NoSigintHandler);
   std::signal(SIGINT, end);
   std::signal(SIGTERM, end);
-  const ros::NodeHandle alive;
   try
   {
-    return record(hric_experiments::readOptions({ argv + 1, argv + argc }));
+    const hric_experiments::Options options = hric_experiments::readOptions({ argv + 1, argv + argc });
+    return waitForMaster() ? record(options) : INTERRUPTED;
   }
   catch (const std::invalid_argument& error)
   {
-    ROS_FATAL("%s", error.what());
+    std::cerr << "bag_recorder: " << error.what() << std::endl;
     return 2;
   }
   catch (const rosbag::BagException& error)
   {
-    ROS_FATAL("%s", error.what());
+    std::cerr << "bag_recorder: " << error.what() << std::endl;  // the node has ended: nothing is logged any more
     return 1;
   }
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import time
@@ -78,7 +79,7 @@ def test_all_topics_but_the_excluded_are_recorded_also_those_that_come_later(ros
         (["--split", "x.bag"], "option '--split' is not known; valid: --exclude EXPRESSION"),
     ],
 )
-def test_a_command_line_that_cannot_be_is_told_in_one_line(ros: str, tmp_path: Path, arguments: list[str], text: str) -> None:  # noqa: F811
+def test_a_command_line_that_cannot_be_is_told_in_one_line_before_a_master_is_asked(tmp_path: Path, arguments: list[str], text: str) -> None:
     done = subprocess.run([recorder_process.find_recorder(), *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=20.0)
     assert done.returncode == 2 and text in done.stdout + done.stderr and not list(tmp_path.iterdir())
 
@@ -87,6 +88,16 @@ def test_a_bag_that_cannot_be_opened_is_told_with_its_path(ros: str, tmp_path: P
     bag = tmp_path / "nowhere" / "x.bag"
     done = subprocess.run([recorder_process.find_recorder(), str(bag)], capture_output=True, text=True, timeout=20.0)
     assert done.returncode == 1 and str(bag) in done.stdout + done.stderr
+
+
+def test_without_a_master_it_says_so_waits_and_ends_with_ctrl_c(tmp_path: Path) -> None:
+    environment = {**os.environ, "ROS_MASTER_URI": "http://127.0.0.1:9"}
+    command = [recorder_process.find_recorder(), str(tmp_path / "x.bag")]
+    child = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+    assert child.stderr is not None and "http://127.0.0.1:9" in child.stderr.readline()
+    child.send_signal(signal.SIGINT)
+    assert child.wait(10.0) == 130 and not list(tmp_path.iterdir())
+    child.stderr.close()
 
 
 def test_help_needs_no_master() -> None:
