@@ -32,12 +32,6 @@ def plant_type(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def semi_implicit(plant_type: str) -> dict[str, Any]:
-    """Parameters for which the plant integrates by semi-implicit Euler."""
-    return {"integrator": "semi_implicit"} if "OpenSim" in plant_type else {}
-
-
-@pytest.fixture
 def make_plant(plant_type: str) -> Iterator[MakePlant]:
     plants: list[Plant] = []
 

@@ -19,8 +19,8 @@ def steps(plant, n):
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
 @pytest.mark.parametrize("link", ["panda_link3", "panda_hand", "panda_hand_tcp"])
-def test_a_wrench_accelerates_the_arm_by_its_jacobian(make_plant, semi_implicit, panda_urdf, rotor, link):
-    plant = make_plant(panda_urdf, rotor_inertia=rotor, half_step_readout=False, **semi_implicit)
+def test_a_wrench_accelerates_the_arm_by_its_jacobian(make_plant, panda_urdf, rotor, link):
+    plant = make_plant(panda_urdf, rotor_inertia=rotor, half_step_readout=False, integrator="semi_implicit")
     oracle = Oracle(panda_urdf, rotor)
     q, dq = np.array(POSE), np.linspace(-0.5, 0.5, 7)
     plant.reset(q, dq)

@@ -49,6 +49,9 @@ class DoubleIntegrator(Plant):
     def read_state(self, q, dq, tau) -> None:
         q[:], dq[:], tau[:] = self.q.tolist(), self.dq.tolist(), self.tau.tolist()
 
+    def motor_effort(self):
+        return self.tau.tolist()
+
     def engine_state(self):
         return self.q.tolist(), self.dq.tolist()
 

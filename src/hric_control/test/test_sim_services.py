@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3, Wrench
+from sensor_msgs.msg import JointState
 from std_srvs.srv import EmptyRequest
 
 from gazebo_msgs.msg import ContactsState, ModelStates
@@ -281,3 +282,11 @@ def test_joint_loads_are_told_at_100_hz_while_somebody_listens(node, robot):
     first = seen[0]
     assert (first.header.frame_id, first.joint_names, first.link_names) == ("world", ["j1"], ["one"])
     assert (first.positions[0].z, first.wrenches[0].force.z, first.wrenches[0].torque.y) == (1.0, 9.0, 2.0)
+
+
+def test_efforts_of_the_motors_are_told_at_100_hz_while_somebody_listens(node, robot):
+    seen = []
+    node.subscribe("sim/motor_efforts", JointState, seen.append)
+    cycles(robot, 100)
+    assert len(seen) == 10
+    assert (seen[0].name, seen[0].effort) == (list(robot.plant.joint_names), robot.plant.motor_effort())

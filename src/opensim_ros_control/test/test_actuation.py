@@ -45,7 +45,7 @@ def test_efforts_beyond_the_limits_of_the_description_are_cut(make_plant, config
     urdf = two_link_urdf(limit='lower="-20" upper="20" effort="5" velocity="5"')
     plant = make_plant(urdf, JOINTS, q=[0.0, 0.0], gravity=STILL, **config)
     weak = steps(plant, 20, [500.0, -500.0])
-    assert read_effort(plant) == [5.0, -5.0]
+    assert plant.motor_effort() == [5.0, -5.0]
     plant.reset([0.0, 0.0])
     assert np.array_equal(steps(plant, 20, [5.0, -5.0]), weak)
     strong = make_plant(urdf, JOINTS, q=[0.0, 0.0], gravity=STILL, effort_limits=False, **config)
@@ -199,7 +199,7 @@ def test_a_stop_acts_only_once_the_joint_has_been_inside(make_plant, config):
 def test_a_stop_answers_as_that_of_the_other_engine(make_plant, rotor):
     config = {"rotor_inertia": rotor, "gravity": STILL, "integrator": "semi_implicit"}
     ours = make_plant(two_link_urdf(), JOINTS, q=[1.5, 0.0], **config)
-    other = PyBulletPlant(two_link_urdf(), JOINTS, {"rotor_inertia": rotor, "gravity": STILL})
+    other = PyBulletPlant(two_link_urdf(), JOINTS, config)
     other.reset([1.5, 0.0])
     paths = []
     for plant in (ours, other):

@@ -85,8 +85,8 @@ objects:
   - {name: ball, shape: sphere, size: 0.05, mass: 5.0, pose: {xyz: [1.9491, 0.0, 1.0]}, velocity: {linear: [0.25, 0.0, 0.0]}, friction: 0.0}
   - {name: wall, shape: box, size: [1.0, 1.0, 1.0], pose: {xyz: [2.5, 0.0, 1.0]}, contact: penalty, stiffness: 75000.0, damping: 50.0}
 """)
-    config = {"world": str(world), "gravity": STILL}
-    plants = [make_plant(two_link_urdf(), JOINTS, integrator="semi_implicit", **config), PyBulletPlant(two_link_urdf(), JOINTS, config)]
+    config = {"world": str(world), "gravity": STILL, "integrator": "semi_implicit"}
+    plants = [make_plant(two_link_urdf(), JOINTS, **config), PyBulletPlant(two_link_urdf(), JOINTS, config)]
     ways = []
     for plant in plants:
         plant.reset([0.0, 0.0])

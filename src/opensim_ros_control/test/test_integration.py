@@ -44,7 +44,7 @@ def test_the_accurate_integrator_stays_within_1e_5_rad_of_a_fourth_order_integra
 def test_the_semi_implicit_integrator_equals_pybullet(make_plant, wide_panda_urdf, rotor):
     gravity = Oracle(wide_panda_urdf).gravity
     ours = make_plant(wide_panda_urdf, q=[0.0] * 7, rotor_inertia=rotor, integrator="semi_implicit", effort_limits=False)
-    other = PyBulletPlant(wide_panda_urdf, ours.joint_names, {"rotor_inertia": rotor})
+    other = PyBulletPlant(wide_panda_urdf, ours.joint_names, {"rotor_inertia": rotor, "integrator": "semi_implicit"})
     other.reset([0.0] * 7)
     runs = [plant_pd_run(plant, gravity, GOAL, 50.0, 5.0, 1.0) for plant in (ours, other)]
     other.close()
@@ -85,7 +85,8 @@ def test_what_is_read_belongs_to_the_measuring_instant(make_plant, wide_panda_ur
     plant.read_state(q, read_dq, tau)
     raw, raw_dq = (np.array(part) for part in plant.engine_state())
     assert q == pytest.approx((raw - half * 1e-3 * raw_dq).tolist(), abs=1e-15)
-    assert tau == [1.0] * 7
+    assert plant.motor_effort() == [1.0] * 7
+    assert tau == pytest.approx([1.0 - 0.1 * (v - before) * 1e3 for v, before in zip(raw_dq, dq, strict=True)], abs=1e-12)
 
 
 @pytest.mark.parametrize("config", [{"rotor_inertia": 0.0}, {"rotor_inertia": 0.1}])

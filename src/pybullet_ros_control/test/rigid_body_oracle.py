@@ -17,6 +17,15 @@ class Oracle:
     def acceleration(self, q, dq, tau):
         return pinocchio.aba(self.model, self.data, q, dq, tau - self.damping * dq)
 
+    def middle_acceleration(self, q, dq, tau, losses=lambda u: 0.0):
+        """x with bias and losses at the velocity dq + dt/2 x, to the last digits (implicit midpoint rule at a given position)."""
+        x = np.zeros_like(dq)
+        M = self.mass_matrix(q) + np.diag(self.model.armature)
+        for _ in range(100):
+            u = dq + 0.5 * self.period * x
+            x = 0.5 * (x + np.linalg.solve(M, tau - losses(u) - self.damping * u - self.bias(q, u)))
+        return x
+
     def mass_matrix(self, q):
         """Of the links alone; crba adds the rotors to its diagonal."""
         upper = np.triu(pinocchio.crba(self.model, self.data, q))

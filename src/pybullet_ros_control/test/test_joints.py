@@ -99,26 +99,48 @@ def test_urdf_friction_does_nothing_unless_asked_for(make_plant):
     assert steps(plant, 100, [0.1, 0.0])[1][0] > 1e-3
 
 
+@pytest.mark.parametrize("integrator", ["accurate", "semi_implicit"])
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
-def test_urdf_damping_acts(make_plant, rotor):
-    plant = make_plant(two_link_urdf(damping=0.8), JOINTS, rotor_inertia=rotor, half_step_readout=False)
-    plant.reset([0.3, 0.2], [1.0, -2.0])
+def test_urdf_damping_acts(make_plant, rotor, integrator):
+    plant = make_plant(two_link_urdf(damping=0.8), JOINTS, rotor_inertia=rotor, integrator=integrator, half_step_readout=False)
+    q, dq = np.array([0.3, 0.2]), np.array([1.0, -2.0])
+    plant.reset(q, dq)
     oracle = Oracle(two_link_urdf(), rotor, damping=0.8)
-    expected = np.array([1.0, -2.0]) + 1e-3 * oracle.acceleration(np.array([0.3, 0.2]), np.array([1.0, -2.0]), np.zeros(2))
-    assert np.abs(steps(plant, 1)[1] - expected).max() < 1e-9
+    law = oracle.acceleration if integrator == "semi_implicit" else oracle.middle_acceleration
+    assert np.abs(steps(plant, 1)[1] - dq - 1e-3 * law(q, dq, np.zeros(2))).max() < 1e-9
 
 
+@pytest.mark.parametrize("integrator", ["accurate", "semi_implicit"])
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
-def test_identified_friction_is_the_published_sigmoid(make_plant, panda_urdf, rotor):
+def test_identified_friction_is_the_published_sigmoid(make_plant, panda_urdf, rotor, integrator):
     parameters = panda_description.friction_parameters()
-    config = {"rotor_inertia": rotor, "half_step_readout": False, "friction": "identified", "friction_parameters": parameters}
+    config = {
+        "rotor_inertia": rotor,
+        "integrator": integrator,
+        "half_step_readout": False,
+        "friction": "identified",
+        "friction_parameters": parameters,
+    }
     plant, oracle = make_plant(panda_urdf, **config), Oracle(panda_urdf, rotor)
     q, dq = np.array(POSE), np.linspace(-2.0, 2.0, 7)
     phi1, phi2, phi3 = (np.array([parameters[f"panda_joint{i}"][f"phi{k}"] for i in range(1, 8)]) for k in (1, 2, 3))
-    tau_f = phi1 / (1 + np.exp(-phi2 * (dq + phi3))) - phi1 / (1 + np.exp(-phi2 * phi3))
+
+    def tau_f(u):
+        return phi1 / (1 + np.exp(-phi2 * (u + phi3))) - phi1 / (1 + np.exp(-phi2 * phi3))
+
     plant.reset(q, dq)
-    expected = dq + 1e-3 * oracle.acceleration(q, dq, -tau_f)
-    assert np.abs(steps(plant, 1)[1] - expected).max() < 1e-9
+    middle = integrator == "accurate"
+    expected = oracle.middle_acceleration(q, dq, np.zeros(7), tau_f) if middle else oracle.acceleration(q, dq, -tau_f(dq))
+    assert np.abs(steps(plant, 1)[1] - dq - 1e-3 * expected).max() < (1e-6 if middle else 1e-9)
+
+
+def test_damping_of_any_size_brings_a_joint_to_rest(make_plant):
+    """Taken at the velocity of the middle of the step; at that of its beginning this much would blow up."""
+    plant = make_plant(two_link_urdf(damping=1000.0), JOINTS, rotor_inertia=0.0, gravity=STILL)
+    plant.reset([0.3, 0.2], [1.0, -2.0])
+    speeds = [np.abs(steps(plant, 1)[1]).max() for _ in range(200)]
+    assert max(speeds) <= 2.0
+    assert speeds[-1] < 1e-3
 
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])

@@ -76,8 +76,13 @@ class Plant(ABC):
         """Write the state at the measuring instant into the lists in place.
 
         q: joint position at the measuring instant (a semi-implicit engine gives q - dt*dq/2) [rad]; dq [rad/s];
-        tau: joint effort last applied by `apply` [N m].
+        tau: joint effort in the last step as an arm's sensors measure it, on the link's side of the rotor: effort of the motor, less rotor inertia
+            times acceleration; joint friction, which acts behind the sensor, is still in it [N m].
         """
+
+    @abstractmethod
+    def motor_effort(self) -> list[float]:
+        """Efforts of the motors in the last step: those of `apply`, or what a drive or a brake took, n floats [N m]."""
 
     @abstractmethod
     def engine_state(self) -> tuple[list[float], list[float]]:

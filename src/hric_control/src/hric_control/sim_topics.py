@@ -1,11 +1,13 @@
-"""Topics of a simulated robot under `sim/`: contacts, the poses of the models, and joint loads where the plant can tell them."""
+"""Topics of a simulated robot under `sim/`: contacts, motor efforts, the poses of the models, and joint loads where the plant can tell them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Twist, Vector3, Wrench
+from sensor_msgs.msg import JointState
 
 from gazebo_msgs.msg import ContactsState, ContactState, ModelStates
 from hric_control import poses, realtime, stamps, urdf
@@ -23,6 +25,8 @@ CONTACTS_EVERY = 0.01
 MODELS_EVERY = 0.1
 """[s of run time]"""
 REACTIONS_EVERY = 0.01
+"""[s of run time]"""
+MOTORS_EVERY = 0.01
 """[s of run time]"""
 
 
@@ -44,6 +48,8 @@ class SimTopics:
         self._root = urdf.root_link(urdf.parse(hw.description))
         self._contacts = realtime.publisher(node, "contacts", ContactsState)
         self._models = realtime.publisher(node, "model_states", ModelStates)
+        self._motors = realtime.publisher(node, "motor_efforts", JointState)
+        self._motor_cycles = max(1, round(MOTORS_EVERY / self._loop.time_step))
         self._reactions = realtime.publisher(node, "joint_reactions", JointReactions) if isinstance(hw.plant, ReactingPlant) else None
         self._reaction_cycles = max(1, round(REACTIONS_EVERY / self._loop.time_step))
         self._contact_cycles = max(1, round(CONTACTS_EVERY / self._loop.time_step))
@@ -57,6 +63,7 @@ class SimTopics:
         self._loop.after_cycle.remove(self._publish)
         self._contacts.unregister()
         self._models.unregister()
+        self._motors.unregister()
         if self._reactions is not None:
             self._reactions.unregister()
 
@@ -67,6 +74,8 @@ class SimTopics:
             if contacts or self._touching:
                 self._touching = bool(contacts)
                 self._contacts.publish(contacts_message, contacts, time)
+        if cycle % self._motor_cycles == 0 and self._motors.subscribers():
+            self._motors.publish(motors_message, self._plant.joint_names, self._plant.motor_effort(), time)
         if cycle % self._model_cycles == 0 and self._models.subscribers():
             names = [self._robot, *self._plant.model_names()]
             states = [self._state(name) for name in names]
@@ -110,6 +119,18 @@ def contacts_message(contacts: list[Contact], time: float) -> Any:
         state.depths.append(contact.depth)
         total = state.total_wrench.force
         total.x, total.y, total.z = total.x + force[0], total.y + force[1], total.z + force[2]
+    return message
+
+
+def motors_message(joint_names: Sequence[str], efforts: list[float], time: float) -> Any:
+    """sensor_msgs/JointState with the efforts of the motors in one cycle.
+
+    Args:
+        joint_names, efforts: of that cycle [N m or N].
+        time: run time at which it measured [s].
+    """
+    message = JointState(name=list(joint_names), effort=efforts)
+    message.header.stamp = stamps.to_time(time)
     return message
 
 

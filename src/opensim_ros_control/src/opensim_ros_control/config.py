@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from hric_control.errors import ParameterError
-from hric_control.plants.config import DEFAULTS, PlantConfig, choice, number
+from hric_control.plants.config import DEFAULTS, PlantConfig, number
 
-INTEGRATORS = ("accurate", "semi_implicit")
-OWN: dict[str, Any] = {"integrator": "accurate", "accuracy": 1e-3, "effort_limits": True}
+OWN: dict[str, Any] = {"accuracy": 1e-3, "effort_limits": True}
 """Keys and defaults beyond those of all plants; INTERFACE.md says what they mean."""
 
 
@@ -20,7 +19,6 @@ class OpenSimConfig(PlantConfig):
 
     defaults: ClassVar[Mapping[str, Any]] = {**DEFAULTS, **OWN}
 
-    integrator: str
     accuracy: float
     effort_limits: bool
 
@@ -28,7 +26,6 @@ class OpenSimConfig(PlantConfig):
     def check(cls, values: dict[str, Any], joint_names: Sequence[str]) -> None:
         """See the base. A window is refused: OpenSim's own needs a display and would take the loop's time."""
         super().check(values, joint_names)
-        choice(values["integrator"], INTEGRATORS, "plant/integrator")
         values["accuracy"] = number(values["accuracy"], "plant/accuracy", positive=True)
         if not isinstance(values["effort_limits"], bool):
             raise ParameterError(f"plant/effort_limits must be true or false; got {values['effort_limits']!r}")

@@ -71,6 +71,10 @@ class OpenSimPlant(Plant):
             q[:] = [x - half * v for x, v in zip(q, dq, strict=True)]
         tau[:] = robot.effort
 
+    def motor_effort(self) -> list[float]:
+        """Efforts of the motors in the last step, n floats [N m]."""
+        return list(self.robot.motor_effort)
+
     def engine_state(self) -> tuple[list[float], list[float]]:
         """Raw q, dq of the engine."""
         return self.robot.pick(self.robot.q), self.robot.pick(self.robot.u)

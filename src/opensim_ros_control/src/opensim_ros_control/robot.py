@@ -44,7 +44,8 @@ class Robot:
         time: [s].
         y: state at the end of the last step: positions, speeds, and what else the model integrates.
         q, u: positions and speeds in it as floats [rad or m, rad/s or m/s].
-        effort: of the actuated joints in the last step, in the user's order [N m].
+        motor_effort: efforts of the actuated joints' motors in the last step, in the user's order [N m].
+        effort: what of them arrived behind the rotors, where an arm's torque sensors are [N m].
         external: efforts that act on the coordinates in the coming steps besides the robot's, shape (nu,); None for none.
         touch: rigid contact in the coming step; None for none.
     """
@@ -62,7 +63,8 @@ class Robot:
         bound = [self._joints[i].effort if config.effort_limits else math.inf for i in numbers]
         self._bounds = [(-effort, effort) for effort in bound]
         self._half = 0.5 * config.time_step if config.half_step_readout and config.integrator == "semi_implicit" else 0.0
-        self.effort = [0.0] * len(numbers)
+        self.effort = self.motor_effort = [0.0] * len(numbers)
+        self._rotors = list(config.rotor_inertia) if any(config.rotor_inertia) else None
         self.external: FloatArray | None = None
         self.touch: Touch | None = None
         self._bind(Engine(model.build()))
@@ -151,7 +153,7 @@ class Robot:
         for place, source, multiplier, offset in self._mimics:
             y[place], y[n + place] = multiplier * y[source] + offset, multiplier * y[n + source]
         self._set_y(y)
-        self.effort = [0.0] * len(q)
+        self.effort = self.motor_effort = [0.0] * len(q)
         self.stops.place([self.q[place] for place in self._places])
         self._rows.forget()
         self._close_brakes()
@@ -242,13 +244,22 @@ class Robot:
 
     def _finish(self, step: Step, efforts: list[float]) -> None:
         self.time += self.config.time_step
+        before = self.u
         self._set_y(step.y)
-        self.effort = efforts
         check_finite(self.u, self.u)
-        if self._any_braked and step.acceleration is not None:
-            brakes = self.pick(self._dynamics.brake_efforts(step.acceleration).tolist())
-            self.effort = [b if on else e for e, b, on in zip(efforts, brakes, self._braked, strict=True)]
-        if self._any_driven:
-            self.effort = [self._rows.driven.get(place, e) for place, e in zip(self.user, self.effort, strict=True)]
+        self.effort = self.motor_effort = self._motor_efforts(step, efforts)
+        if self._rotors is not None:
+            rate = 1.0 / self.config.time_step
+            rows = zip(self.motor_effort, self._rotors, self.pick(before), self.pick(self.u), strict=True)
+            self.effort = [effort - b * rate * (v - u) for effort, b, u, v in rows]
         if self.stops.waiting:
             self.stops.check([self.q[place] for place in self._places])
+
+    def _motor_efforts(self, step: Step, efforts: list[float]) -> list[float]:
+        """Efforts of the step with those that brakes and drives found."""
+        if self._any_braked and step.acceleration is not None:
+            brakes = self.pick(self._dynamics.brake_efforts(step.acceleration).tolist())
+            efforts = [b if on else e for e, b, on in zip(efforts, brakes, self._braked, strict=True)]
+        if self._any_driven:
+            efforts = [self._rows.driven.get(place, e) for place, e in zip(self.user, efforts, strict=True)]
+        return efforts

@@ -151,7 +151,7 @@ class Engine:
             # In a call of its own: together with the settings above the engine ignores it.
             pybullet.changeDynamics(body.id, index, localInertiaDiagonal=moments, physicsClientId=self.client)
             info = pybullet.getDynamicsInfo(body.id, index, physicsClientId=self.client)
-            if info[0] != body.model.masses[link] or tuple(info[2]) != moments:
+            if info[0] != body.model.bodies[link].mass or tuple(info[2]) != moments:
                 raise HricError(f"PyBullet did not take the mass of {body.name}::{link}: it has {info[0]} kg, {info[2]} kg m^2")
 
     def state(self, body: Body) -> BodyState:

@@ -90,6 +90,10 @@ class PyBulletPlant(Plant):
             dq[:] = [robot.dq[i] for i in robot.user]
             tau[:] = [robot.effort[i] for i in robot.user]
 
+    def motor_effort(self) -> list[float]:
+        """Efforts of the motors in the last step, n floats [N m]."""
+        return [self._robot.motor_effort[i] for i in self._robot.user]
+
     def engine_state(self) -> tuple[list[float], list[float]]:
         """Raw q, dq of the engine."""
         robot = self._robot
@@ -118,7 +122,7 @@ class PyBulletPlant(Plant):
     def _push(self) -> list[float] | None:
         """Apply wrenches and penalty contact; returns the robot's joint efforts that they amount to."""
         forces, robot = self._forces, self._robot
-        forces.begin(robot.rotor is not None)
+        forces.begin(robot.balanced)
         for wrench in self._wrenches.active:
             body, link = self._world.find(wrench.body)
             index, T_body_frame = body.frame(link)

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import sub
 
 import numpy as np
 import pybullet
 
 from hric_control.errors import CommandError, HricError, UnknownNameError
 from hric_control.plants.config import PlantConfig
-from hric_control.plants.friction import JointLosses, sigmoid_parameters
+from hric_control.plants.friction import sigmoid_parameters
 from hric_control.plants.modes import Mode
 from hric_control.plants.spatial import MassProperties
 from hric_control.plants.urdf_tree import Joint, UrdfTree
-from pybullet_ros_control.balance import Matrix, Vector
 from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.joint_dynamics import Dynamics, Losses, Vector, make_dynamics
 from pybullet_ros_control.masks import apply_masks
 from pybullet_ros_control.motors import JointMotors
-from pybullet_ros_control.rotor_inertia import RotorInertia
 from pybullet_ros_control.stops import JointStops
 from pybullet_ros_control.urdf_model import EngineModel, prepare
 
@@ -39,7 +39,8 @@ class Robot:
 
     Attributes:
         q, dq: the engine's state after the last step [rad, rad/s].
-        effort: joint efforts applied in the last step [N m].
+        motor_effort: efforts of the joints' motors in the last step [N m].
+        effort: what of them arrived behind the rotors, where an arm's torque sensors are [N m].
     """
 
     def __init__(self, engine: Engine, tree: UrdfTree, joint_names: Sequence[str], config: PlantConfig, masks: list[tuple[str, str]]) -> None:
@@ -59,7 +60,7 @@ class Robot:
         self.zeros = [0.0] * len(names)
         self.q: Vector = self.zeros
         self.dq: Vector = self.zeros
-        self.effort = list(self.zeros)
+        self.effort = self.motor_effort = list(self.zeros)
         self._set_up([moving[name] for name in names])
 
     def _prepare(self, load: tuple[str, MassProperties] | None) -> EngineModel:
@@ -74,27 +75,40 @@ class Robot:
 
     def _set_up(self, joints: list[Joint]) -> None:
         config = self._config
-        inertia = self.spread(config.rotor_inertia, self.zeros)
-        sigmoid = [(0.0, 0.0, 0.0)] * len(joints)
-        if config.friction == "identified":
-            for i, phi in zip(self.user, sigmoid_parameters(config.friction_parameters, self.joint_names), strict=True):
-                sigmoid[i] = phi
-        losses = JointLosses([joint.damping for joint in joints], sigmoid if config.friction == "identified" else None)
-        self._losses = losses if losses.any else None
-        coulomb = [joint.friction if config.friction == "coulomb" else 0.0 for joint in joints]
-        balanced = any(inertia) or any(coulomb)
-        self.rotor = RotorInertia(inertia, coulomb, config.time_step, self.engine.client) if balanced else None
-        self._motors = JointMotors(self.engine, self.body, self._joints, [joint.effort for joint in joints], [joint.velocity for joint in joints])
+        self._moving = joints
+        self._losses = self._joint_losses(joints)
+        self._any_rotor = any(config.rotor_inertia)
+        # The engine's own step is what is asked for, and there is nothing that it lacks.
+        self._plain = config.integrator == "semi_implicit" and all(loss == Losses() for loss in self._losses)
         self._bind()
+        self._motors = JointMotors(self.engine, self.body, self._joints, [joint.effort for joint in joints], [joint.velocity for joint in joints])
         self._stops = JointStops(self.engine, self.body, self._joints, [(joint.lower, joint.upper) for joint in joints])
         self._half = 0.5 * config.time_step if config.half_step_readout else 0.0
         self._modes = [Mode.EFFORT] * len(self.joint_names)
         self._brakes = [False] * len(self.joint_names)
         self._send_modes()
 
+    def _joint_losses(self, joints: list[Joint]) -> list[Losses]:
+        config = self._config
+        rotors = self.spread(config.rotor_inertia, self.zeros)
+        sigmoid = [(0.0, 0.0, 0.0)] * len(joints)
+        if config.friction == "identified":
+            for i, phi in zip(self.user, sigmoid_parameters(config.friction_parameters, self.joint_names), strict=True):
+                sigmoid[i] = phi
+        coulomb = [joint.friction if config.friction == "coulomb" else 0.0 for joint in joints]
+        return [Losses(rotor, F, joint.damping, phi) for rotor, F, joint, phi in zip(rotors, coulomb, joints, sigmoid, strict=True)]
+
     def _bind(self) -> None:
-        if self.rotor is not None:
-            self.rotor.body_id = self.body.id
+        """The dynamics of the model that is loaded."""
+        config = self._config
+        self._dynamics: Dynamics = make_dynamics(
+            self._model,
+            [joint.name for joint in self._moving],
+            self._losses,
+            config.gravity,
+            config.time_step,
+            second_order=config.integrator == "accurate",
+        )
 
     def spread(self, values: Sequence[float], rest: Sequence[float]) -> list[float]:
         """Values of the actuated joints among all moving ones; `rest` fills the others."""
@@ -105,9 +119,14 @@ class Robot:
             full[i] = float(value)
         return full
 
-    def mass_matrix(self, q: Vector) -> Matrix:
+    @property
+    def balanced(self) -> bool:
+        """Whether the efforts of applied forces are wanted in each step."""
+        return not self._plain
+
+    def mass_matrix(self, q: Vector) -> Sequence[Vector]:
         """The engine's joint-space mass matrix [kg m^2]."""
-        result: Matrix = pybullet.calculateMassMatrix(self.body.id, q, physicsClientId=self.engine.client)
+        result: Sequence[Vector] = pybullet.calculateMassMatrix(self.body.id, q, physicsClientId=self.engine.client)
         return result
 
     # -- putting the robot somewhere -----------------------------------------------------------------------------------------------------
@@ -119,17 +138,16 @@ class Robot:
             raise CommandError(f"q and dq must be finite; got {list(q)} and {list(dq)}")
         # The read-out goes half a step back, so the engine starts half a step ahead.
         self._set_state([x + self._half * v for x, v in zip(full_q, full_dq, strict=True)], full_dq)
-        self.effort = list(self.zeros)
+        self.effort = self.motor_effort = list(self.zeros)
         self._motors.lock_at(self.q)
         self._stops.place(self.q)
-        if self.rotor is not None:
-            self.rotor.forget()
+        self._dynamics.forget()
 
     def _set_state(self, q: Vector, dq: Vector) -> None:
         for joint, x, v in zip(self._joints, q, dq, strict=True):
             pybullet.resetJointState(self.body.id, joint, x, v, physicsClientId=self.engine.client)
         states = pybullet.getJointStates(self.body.id, self._joints, self._client)
-        self.q, self.dq, _, self._motor_effort = zip(*states, strict=True)
+        self.q, self.dq, _, self._engine_effort = zip(*states, strict=True)
 
     def load_again(self) -> None:
         """After the engine was emptied: the robot anew, in the state of its joints; modes, brakes and stops as they were."""
@@ -177,33 +195,44 @@ class Robot:
             external: joint efforts of the forces that the plant applies in this step [N m]; None for none.
         """
         client, body, joints, motors = self._client, self.body.id, self._joints, self._motors
-        tau = values if self._losses is None else self._losses.subtract(values, self.dq)
-        if motors.all_effort:
-            self.effort = values
-            if self.rotor is not None:
-                tau = self.rotor.torque(self.q, self.dq, tau, external)
-            pybullet.setJointMotorControlArray(body, joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=client)
+        if not motors.all_effort:
+            self._drive(values, external)
         else:
-            self._drive(values, tau, external)
+            tau = values if self._plain else self._dynamics.torque(self.q, self.dq, values, external, None)
+            pybullet.setJointMotorControlArray(body, joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=client)
         pybullet.stepSimulation(client)
-        self.q, self.dq, _, self._motor_effort = zip(*pybullet.getJointStates(body, joints, client), strict=True)
+        self.q, self.dq, _, self._engine_effort = zip(*pybullet.getJointStates(body, joints, client), strict=True)
         # The dynamics couples all joints, so one that is not finite spoils the first.
         if not -_DIVERGED < self.dq[0] < _DIVERGED:
             raise HricError(f"the simulation diverged: joint velocities {self.dq} rad/s")
-        if not motors.all_effort:
-            for i, mode in enumerate(motors.modes):
-                if mode is not Mode.EFFORT:
-                    self.effort[i] = self._motor_effort[i]
+        self._take_efforts(values)
         if self._stops.waiting:
             self._stops.check(self.q)
 
-    def _drive(self, values: list[float], tau: list[float], external: list[float] | None) -> None:
+    def _take_efforts(self, values: list[float]) -> None:
+        """What the motors did, and what of it passed the rotors."""
+        modes = None if self._motors.all_effort else self._motors.modes
+        self.motor_effort = self.effort = values
+        if modes is not None:  # the engine's own motors act on the links
+            self.effort = [x if mode is Mode.EFFORT else engine for mode, x, engine in zip(modes, values, self._engine_effort, strict=True)]
+            self.motor_effort = self.effort
+        if self._any_rotor:
+            taken = self._dynamics.rotor_efforts(self.dq)
+            if modes is None:
+                self.effort = list(map(sub, values, taken))
+                return
+            rows = list(zip(modes, self.effort, taken, strict=True))
+            self.effort = [x - t if mode is Mode.EFFORT else x for mode, x, t in rows]
+            self.motor_effort = [x if mode is Mode.EFFORT else x + t for mode, x, t in rows]
+
+    def _drive(self, values: list[float], external: list[float] | None) -> None:
         """A step in which some joints are braked, or driven by velocity or position."""
         motors, dt = self._motors, self.engine.time_step
         targets = motors.target_velocities(self.q, values)
-        if self.rotor is not None:
+        tau = values
+        if not self._plain:
             wanted = [None if mode is Mode.EFFORT else (t - v) / dt for mode, t, v in zip(motors.modes, targets, self.dq, strict=True)]
-            tau = self.rotor.torque(self.q, self.dq, tau, external, wanted)
+            tau = self._dynamics.torque(self.q, self.dq, values, external, wanted)
         if motors.effort:
             pybullet.setJointMotorControlArray(
                 self.body.id,
@@ -213,4 +242,3 @@ class Robot:
                 physicsClientId=self.engine.client,
             )
         motors.drive(targets)
-        self.effort = list(values)

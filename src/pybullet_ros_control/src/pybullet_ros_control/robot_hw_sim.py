@@ -258,13 +258,13 @@ class RobotHWSim(RobotHW):
 
     def actuator_states(self) -> dict[str, tuple[float, float, float]]:
         """(position [rad or m], velocity, effort) of each actuator by name, through its transmission."""
-        result = {}
+        result, motors = {}, self.plant.motor_effort()
         for i, transmission in enumerate(self.transmissions):
             side = transmission.mapping()
             result[transmission.actuator] = (
                 side.joint_to_actuator_position(self.states.position[i]),
                 side.joint_to_actuator_velocity(self.states.velocity[i]),
-                side.joint_to_actuator_effort(self.states.effort[i]),
+                side.joint_to_actuator_effort(motors[i]),
             )
         return result
 

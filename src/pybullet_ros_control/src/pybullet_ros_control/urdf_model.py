@@ -48,8 +48,9 @@ class EngineModel:
         T_root_base: pose of the base in the description's root link, shape (4, 4).
         frames: every link of the description.
         moments: principal moments of each engine link with mass, 3 floats [kg m^2]; to be set after loading.
-        masses: of the same links [kg].
+        bodies: mass, centre of mass and tensor of the same links, in their frames.
         joints: the moving joints by name.
+        placements: by moving joint, the engine link that carries it, and its frame at q = 0 in that link, shape (4, 4).
         group: for each engine link, the link that names the rigid cluster it belongs to.
     """
 
@@ -59,8 +60,9 @@ class EngineModel:
     T_root_base: FloatArray
     frames: dict[str, Frame]
     moments: dict[str, tuple[float, ...]]
-    masses: dict[str, float]
+    bodies: dict[str, MassProperties]
     joints: dict[str, Joint]
+    placements: dict[str, tuple[str, FloatArray]]
     group: dict[str, str]
 
 
@@ -139,7 +141,8 @@ class _Preparation:
             tree.links = {name: Link(name, link.mass, [], link.visuals) for name, link in tree.links.items()}
         self.robot = Element("robot", name=tree.name)
         self.moments: dict[str, tuple[float, ...]] = {}
-        self.masses: dict[str, float] = {}
+        self.bodies: dict[str, MassProperties] = {}
+        self.placements: dict[str, tuple[str, FloatArray]] = {}
         self.frames: dict[str, Frame] = {}
 
     def mass(self, cluster: _Cluster) -> MassProperties:
@@ -165,7 +168,7 @@ class _Preparation:
         moments, R = mass.principal()
         _write_inertial(element, mass, moments, R)
         if mass.mass > 0.0:
-            self.moments[name], self.masses[name] = tuple(moments.tolist()), mass.mass
+            self.moments[name], self.bodies[name] = tuple(moments.tolist()), mass
         return element
 
     def write_cluster(self, cluster: _Cluster, moving: bool) -> None:
@@ -197,7 +200,8 @@ class _Preparation:
         kind = joint.type if bounded or joint.type == "prismatic" else "continuous"
         element = SubElement(self.robot, "joint", name=joint.name, type=kind)
         cluster = self.of[joint.parent]
-        self.connect(element, cluster.top, joint.child, cluster.poses[joint.parent] @ joint.T_parent_joint)
+        placement = self.placements[joint.name] = cluster.top, cluster.poses[joint.parent] @ joint.T_parent_joint
+        self.connect(element, placement[0], joint.child, placement[1])
         SubElement(element, "axis", xyz=_numbers(joint.axis))
         # An upper limit below the lower one is the engine's way to say "none".
         lower, upper = (joint.lower, joint.upper) if bounded else (1.0, -1.0)
@@ -221,8 +225,9 @@ class _Preparation:
             T_root_base,
             self.frames,
             self.moments,
-            self.masses,
+            self.bodies,
             {joint.name: joint for joint in moving},
+            self.placements,
             {frame.body_link: self.of[name].top for name, frame in self.frames.items()},
         )
 

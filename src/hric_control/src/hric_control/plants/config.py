@@ -13,6 +13,7 @@ from hric_control.plant import check_config
 
 DEFAULTS: dict[str, Any] = {
     "time_step": 0.001,
+    "integrator": "accurate",
     "rotor_inertia": 0.1,
     "friction": "none",
     "friction_parameters": {},
@@ -29,6 +30,7 @@ DEFAULTS: dict[str, Any] = {
 }
 """Keys and defaults; the INTERFACE.md of a plant says what they mean."""
 
+INTEGRATORS = ("accurate", "semi_implicit")
 FRICTIONS = ("none", "coulomb", "identified")
 PASSIVE = ("free", "locked")
 
@@ -40,6 +42,7 @@ class PlantConfig:
     defaults: ClassVar[Mapping[str, Any]] = DEFAULTS
 
     time_step: float
+    integrator: str
     rotor_inertia: tuple[float, ...]
     friction: str
     friction_parameters: Mapping[str, Any]
@@ -71,7 +74,7 @@ class PlantConfig:
         for key in ("self_collision", "collision", "gui", "half_step_readout"):
             if not isinstance(values[key], bool):
                 raise ParameterError(f"plant/{key} must be true or false; got {values[key]!r}")
-        for key, valid in (("friction", FRICTIONS), ("passive_joints", PASSIVE)):
+        for key, valid in (("integrator", INTEGRATORS), ("friction", FRICTIONS), ("passive_joints", PASSIVE)):
             choice(values[key], valid, f"plant/{key}")
         for key in ("time_step", "contact_stiffness"):
             values[key] = number(values[key], f"plant/{key}", positive=True)
