@@ -89,7 +89,10 @@ def test_tau_J_d_is_the_accepted_command_without_gravity_and_tau_J_holds_gravity
     arm.cycle(torques(0.5, -0.5, 0.4, -0.4, 0.3, -0.3, 0.2))
     assert arm.state.tau_J_d == [0.5, -0.5, 0.4, -0.4, 0.3, -0.3, 0.2]
     gravity = arm.box.model.gravity_list(arm.state.q)
-    assert arm.state.tau_J == pytest.approx([a + b for a, b in zip(arm.state.tau_J_d, gravity, strict=True)], abs=1e-3)
+    motors = arm.plant.motor_effort()
+    assert motors == pytest.approx([a + b for a, b in zip(arm.state.tau_J_d, gravity, strict=True)], abs=1e-3)
+    rotors = [b * rate * 1e3 for b, rate in zip(arm.box.config.rotor_inertia, arm.state.dq, strict=True)]
+    assert arm.state.tau_J == pytest.approx([tau - taken for tau, taken in zip(motors, rotors, strict=True)], abs=1e-12)
 
 
 def test_a_lost_packet_repeats_the_last_torque_and_counts(make_box, torques) -> None:

@@ -117,7 +117,7 @@ def test_inverse_dynamics_of_a_run_is_the_torque_that_it_logged(run: RunFolder) 
     dynamics = inverse_dynamics.solve(recording.find(str(run.path)))
     worst = np.abs(dynamics.error).max()
     print(f"largest error {worst:.5f} N m, largest torque {np.abs(dynamics.logged).max():.1f} N m")
-    assert len(dynamics.joint_names) == 7 and dynamics.rotor_inertia == (0.1,) * 7
+    assert len(dynamics.joint_names) == 7 and dynamics.rotor_inertia == (0.0,) * 7
     assert np.abs(dynamics.logged).max() > 10.0 and worst < TORQUE_BOUND
     assert np.array_equal(np.array(opensim.TimeSeriesTable(str(dynamics.file)).getIndependentColumn()), dynamics.time)
 

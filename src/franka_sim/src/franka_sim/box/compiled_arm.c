@@ -167,7 +167,7 @@ EXPORT void inverse_dynamics(const Told *told, const double in[3 * JOINTS], doub
 typedef struct {
   double q[7], dq[7], q_now[7], dq_now[7], tau[7], friction[7], value[7]; /* each cycle */
   double gravity[7]; /* at q_now */
-  double rotors[7], rate, gain; /* told once */
+  double rate, gain; /* told once */
 } Estimate;
 
 /* One cycle of estimates.ExternalTorque, and the gravity of the next one. */
@@ -175,7 +175,6 @@ EXPORT void external_torque(const Told *told, Estimate *e) {
   double ddq[JOINTS], expected[JOINTS];
   for (int i = 0; i < JOINTS; ++i) ddq[i] = e->rate * (e->dq_now[i] - e->dq[i]);
   newton_euler(told, e->q, e->dq, ddq, expected);
-  for (int i = 0; i < JOINTS; ++i)
-    e->value[i] += e->gain * (e->tau[i] - expected[i] - e->rotors[i] * ddq[i] - e->friction[i] - e->value[i]);
+  for (int i = 0; i < JOINTS; ++i) e->value[i] += e->gain * (e->tau[i] - expected[i] - e->friction[i] - e->value[i]);
   newton_euler(told, e->q_now, STILL, STILL, e->gravity);
 }

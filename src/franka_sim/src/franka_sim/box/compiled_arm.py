@@ -19,7 +19,7 @@ from hric_control.vectors import put, take
 OWN_SOURCE = Path(__file__).with_name("compiled_arm.c")
 _TOLD, _MOTION, _JOINTS = 16, 21, 7
 """Sizes of what goes to and fro [doubles]."""
-_VALUE, _GRAVITY, _CONSTANTS, _ESTIMATE = 42, 49, 56, 65
+_VALUE, _GRAVITY, _CONSTANTS, _ESTIMATE = 42, 49, 56, 58
 """Places in the C struct Estimate, and its size [doubles]."""
 
 Vector = Sequence[float]
@@ -81,16 +81,15 @@ class CompiledArm:
         self._inverse_dynamics(*self._resting)
         return take(self._torque, 0, 7)
 
-    def estimator(self, rotors: Vector, rate: float, gain: float) -> Update:
+    def estimator(self, rate: float, gain: float) -> Update:
         """The update of `estimates.ExternalTorque` as a function (value, q, dq, q_now, dq_now, tau, friction) -> g(q_now); it changes value in place.
 
         Args:
-            rotors: rotor inertia, 7 floats [kg m^2].
             rate: cycles per second [1/s].
             gain: share of the low-pass filter per cycle [1].
         """
         values, at = _buffer(_ESTIMATE)
-        put(values, _CONSTANTS, rotors, (rate, gain))
+        put(values, _CONSTANTS, (rate, gain))
         compute, told_at = self._external_torque, self._told_at
 
         def update(value: list[float], q: Vector, dq: Vector, q_now: Vector, dq_now: Vector, tau: Vector, friction: Vector | None) -> list[float]:

@@ -42,11 +42,12 @@ class _InverseDynamics:
 class ExternalTorque:
     """tau_ext_hat_filtered: the part of the measured torque that the model does not explain, low-pass filtered.
 
-    r' = w (tau_J - [M(q) + B] ddq - C(q, dq) dq - g(q) - tau_f(dq) - r),   w = 2 pi cut-off
+    r' = w (tau_J - M(q) ddq - C(q, dq) dq - g(q) - tau_f(dq) - r),   w = 2 pi cut-off
 
     In continuous time this is the momentum observer of De Luca et al. (IROS 2006), r = w (integral of (tau_J + C^T dq - g - tau_f - r) dt - p): both
     give the external torque behind one first-order low-pass. Here the acceleration is the difference of two measured velocities, the mean over the
-    cycle, so that the observer's transpose of C is not needed. B: rotor inertia, tau_f: friction as far as the box knows it.
+    cycle, so that the observer's transpose of C is not needed. tau_f: friction as far as the box knows it. The rotors are not in it: tau_J is
+    measured on the link's side of them.
 
     Sign as in libfranka, whose RobotState calls it the error between tau_J and the torques that the model expects: a torque that the arm exerts on
     its environment is positive, and a force F that pushes the arm shows as -J^T F.
@@ -57,11 +58,11 @@ class ExternalTorque:
 
     def __init__(self, model: KdlFrankaModel, config: BoxConfig, compiled: CompiledArm | None = None) -> None:
         self._compiled = compiled
-        self._model, self._rotors = model, config.rotor_inertia
+        self._model = model
         self._rate = 1.0 / config.time_step
         self._gain = 1.0 - math.exp(-2.0 * math.pi * config.external_torque_cutoff * config.time_step)
         self.value = [0.0] * 7
-        self._update: Update = self._update_by_kdl if compiled is None else compiled.estimator(self._rotors, self._rate, self._gain)
+        self._update: Update = self._update_by_kdl if compiled is None else compiled.estimator(self._rate, self._gain)
         self.take_model()
 
     def take_model(self) -> None:
@@ -95,8 +96,7 @@ class ExternalTorque:
         rate, gain = self._rate, self._gain
         ddq = [rate * (b - a) for a, b in zip(dq, dq_now, strict=True)]
         expected = self._expected(q, dq, ddq)
-        rows = zip(value, tau, expected, self._rotors, ddq, strict=True)
-        value[:] = [r + gain * (t - e - b * a - r) for r, t, e, b, a in rows]
+        value[:] = [r + gain * (t - e - r) for r, t, e in zip(value, tau, expected, strict=True)]
         if friction is not None:
             value[:] = [r - gain * f for r, f in zip(value, friction, strict=True)]
         return self._model.gravity_list(q_now)

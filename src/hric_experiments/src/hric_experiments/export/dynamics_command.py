@@ -23,8 +23,9 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument(
         "--rotor-inertia",
         type=float,
+        default=0.0,
         metavar="KGM2",
-        help="of all joints (default: that of the simulated robot; 0 for a real one, where it is not known)",
+        help="of all joints, for a log of motor torques (default: 0, for torques behind the rotors)",
     )
     parser.add_argument("--output", type=Path, metavar="DIR", help="where to write (default: inverse_dynamics/ of the run)")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")

@@ -12,7 +12,7 @@ import numpy as np
 import opensim
 
 import urdf_to_osim
-from hric_control.plants.config import DEFAULTS, rotor_inertia
+from hric_control.plants.config import rotor_inertia
 from hric_experiments import opensim_files, table
 from hric_experiments.export import batches, recording
 from hric_experiments.export.opensim_text import read_storage, write_storage
@@ -35,7 +35,7 @@ class Dynamics:
     Attributes:
         joint_names: order of the columns.
         time: run time, shape (n,) [s].
-        torque: that the motion needs, rotor inertia included, shape (n, j) [N m].
+        torque: that the motion needs, shape (n, j) [N m].
         logged: the measured effort of the control log, shape (n, j) [N m].
         rotor_inertia: that was added, shape (j,) [kg m^2].
         file: .sto file with both.
@@ -56,16 +56,17 @@ class Dynamics:
         return self.torque - self.logged
 
 
-def solve(source: Source, topic: str = "", lowpass: float = -1.0, rotor: float | None = None, output: Path | None = None) -> Dynamics:
+def solve(source: Source, topic: str = "", lowpass: float = -1.0, rotor: float = 0.0, output: Path | None = None) -> Dynamics:
     """Export the coordinates, convert the robot, run the tool.
 
-    tau = M(q) ddq + C(q, dq) + g(q) + friction and damping of the description + B ddq, with rotor inertia B, which the model does not have.
+    tau = M(q) ddq + C(q, dq) + g(q) + friction and damping of the description + B ddq. The effort of the log is that on the link's side of the
+    rotors, so B is zero unless the log holds efforts of motors.
 
     Args:
         source: a run with its description.
         topic: of the control log; empty: the only one.
         lowpass: cut-off of the tool's filter of the coordinates [Hz]; negative: none.
-        rotor: rotor inertia of all joints [kg m^2]; None: that of the run's plant, 0 for a run without one.
+        rotor: rotor inertia B of all joints [kg m^2].
         output: folder; default: inverse_dynamics in the run folder.
 
     Raises:
@@ -75,7 +76,7 @@ def solve(source: Source, topic: str = "", lowpass: float = -1.0, rotor: float |
         raise SolveError(f"inverse dynamics needs the robot's description: a run folder with robot.urdf; {source.bag.name} has none")
     log = _log(recording.read(source, types=(batches.CONTROL_LOG,)), topic)
     names = tuple(log.below("position"))
-    inertia = _rotor_inertia(source.run, names, rotor)
+    inertia = rotor_inertia(rotor, names)
     folder = output_folder(source, "inverse_dynamics", output)
     model = _convert(source, folder / "model.osim")
     torques = folder / "torques.sto"
@@ -89,12 +90,6 @@ def _log(tables: Mapping[str, Table], topic: str) -> Table:
     if len(found) != 1:
         raise SolveError(f"inverse dynamics needs one control log{f' {topic}' if topic else ''}; the bag has: {', '.join(tables) or 'none'}")
     return next(iter(found.values()))
-
-
-def _rotor_inertia(run: Mapping[str, Any], names: tuple[str, ...], given: float | None) -> tuple[float, ...]:
-    robot = (run.get("parameters") or {}).get("robot") or {}
-    known = (robot.get("plant") or {}).get("rotor_inertia", DEFAULTS["rotor_inertia"]) if _simulated(run) else 0.0
-    return rotor_inertia(known if given is None else given, names)
 
 
 def _simulated(run: Mapping[str, Any]) -> bool:
@@ -138,7 +133,7 @@ def _compared(log: Table, names: tuple[str, ...], inertia: tuple[float, ...], ag
         acceleration = np.interp(time, log.time, np.gradient(velocity[name], log.time))
         torque[:, j] = columns[name + FORCE_ENDINGS[unit]][inside] + inertia[j] * acceleration
         logged[:, j] = np.interp(time, effort_time, effort[name])
-    about = {"units": "time s; N m", "torque": "inverse dynamics with rotor inertia", "logged": f"effort of {log.topic}"}
+    about = {"units": "time s; N m", "torque": "inverse dynamics with the rotor inertia that was given", "logged": f"effort of {log.topic}"}
     both = {f"torque.{name}": torque[:, j] for j, name in enumerate(names)} | {f"logged.{name}": logged[:, j] for j, name in enumerate(names)}
     write_storage(file, time, both, "Inverse dynamics", about=about)
     return Dynamics(names, time, torque, logged, inertia, file, model)
