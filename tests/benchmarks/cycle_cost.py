@@ -161,6 +161,23 @@ def measure(rotor_inertia: float, folder: Any, rounds: int = 60, robot_hw: str =
     return Cost(bare_s * 1e6, cycle_s * 1e6, statistics.median(cycle / step for step, cycle in pairs))
 
 
+def share_of_the_accurate_step(rotor_inertia: float, rounds: int = 60) -> float:
+    """Cost of a whole cycle with the plant's step of second order, as a multiple of one with the engine's own step [1].
+
+    Args:
+        rotor_inertia: of every joint [kg m^2].
+        rounds: pairs of blocks.
+    """
+    plants = [{"rotor_inertia": rotor_inertia, "integrator": integrator} for integrator in ("semi_implicit", "accurate")]
+    own, accurate = (WholeCycle(arm_urdf(), plant) for plant in plants)
+    for cycle in (own, accurate):
+        cycle.run(BLOCK)
+    pairs = sorted((_seconds(own.run), _seconds(accurate.run)) for _ in range(rounds))[: rounds // 4]
+    for cycle in (own, accurate):
+        cycle.hw.shutdown()
+    return statistics.median(second / first for first, second in pairs)
+
+
 def main() -> None:
     """Print the table."""
     import tempfile
@@ -173,6 +190,8 @@ def main() -> None:
             cost = measure(rotor, Path(folder), robot_hw=robot)
             times = f"{cost.bare_us:10.1f} {cost.cycle_us:12.1f} {cost.ratio:6.2f} {cost.real_time_factor:17.1f}"
             print(f"{robot.split('/')[1]:11s} {rotor:14.1f} {times}")
+    shares = ", ".join(f"{share_of_the_accurate_step(rotor):.2f} with rotor inertia {rotor:g} kg m^2" for rotor in (0.0, 0.1))
+    print(f"whole cycle with the step of second order beside one with the engine's own: {shares}")
 
 
 if __name__ == "__main__":

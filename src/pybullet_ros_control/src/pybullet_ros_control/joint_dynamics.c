@@ -46,7 +46,7 @@ typedef struct {
     PyObject_HEAD
     Py_ssize_t n;
     double dt, gravity[3];
-    int passes, predicting, adding, sticking;
+    int passes, predicting, adding, sticking, lossy;
     Constants *constants;
     Body *bodies;
     double *block;
@@ -331,11 +331,17 @@ static void accelerate(Dynamics *self, int first)
     Py_ssize_t n = self->n;
     double half = first ? 0.0 : 0.5 * self->dt;
     double lean = self->passes > 0 ? 0.5 * self->dt : 0.0; /* losses follow the velocity in the middle of the step */
+    int fresh = first || self->lossy; /* the matrix of the first pass serves all, unless a slope is in it */
     bias(self, self->w, self->bias);
-    losses(self, self->w);
-    memcpy(self->A, self->M, sizeof(double) * (size_t)(n * n));
+    if (self->lossy)
+        losses(self, self->w);
+    else
+        memset(self->loss, 0, sizeof(double) * (size_t)n);
+    if (fresh)
+        memcpy(self->A, self->M, sizeof(double) * (size_t)(n * n));
     for (Py_ssize_t i = 0; i < n; i++) {
-        self->A[i * n + i] += self->inertia[i] + lean * self->slope[i];
+        if (fresh)
+            self->A[i * n + i] += self->inertia[i] + lean * self->slope[i];
         if (self->driven[i]) {
             self->x[i] = LOCKED * self->prescribed[i];
             continue;
@@ -348,7 +354,8 @@ static void accelerate(Dynamics *self, int first)
             drive += self->engine[i];
         self->x[i] = drive;
     }
-    factor(n, self->A);
+    if (fresh)
+        factor(n, self->A);
     solve(n, self->A, self->x);
     if (self->sticking)
         stick(self);
@@ -510,6 +517,7 @@ static int take_rows(Dynamics *self, PyObject *rows)
             return -1;
         }
         self->sticking = self->sticking || self->constants[i].coulomb > 0.0;
+        self->lossy = self->lossy || self->constants[i].damping != 0.0 || self->constants[i].sigmoid[0] != 0.0;
     }
     return 0;
 }
