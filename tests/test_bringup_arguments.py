@@ -18,7 +18,7 @@ from bringup_sections import has_section  # noqa: E402
 
 NAMES = (
     "env", "robot_ip", "robot", "simulator", "controller", "experiment", "rviz", "gui", "ns", "xyz", "kp", "q_start", "real_time_factor", "world",
-    "arm_id", "rotor_inertia", "load_gripper", "record", "subject", "notes", "split_size", "split_duration",
+    "arm_id", "rotor_inertia", "realism", "load_gripper", "record", "subject", "notes", "split_size", "split_duration",
     "mocap", "mocap_server", "mocap_calibration", "emg", "force_plate", "view",
 )  # fmt: skip
 CONTROLLERS = ("joint_state_controller", "joint_pd_controller", "effort_joint_trajectory_controller")
@@ -57,6 +57,9 @@ def checked(*arguments: str) -> dict[str, str]:
         ("kp:=.nan", ("not a number",)),
         ("kp:=stiff", ("not a number",)),
         ("q_start:=[0,0]", ("7 angles",)),
+        ("realism:=clean", ("no preset 'clean'", "ideal, measured")),
+        ("realism:={preset: measured, noise: 1}", ("no value 'noise'", "dq_noise")),
+        ("realism:={preset", ("cannot be read",)),
         ("real_time_factor:=-1", ("as fast as possible",)),
         ("real_time_factor:=true", ("not a number",)),
         ("world:=nowhere.yaml", ("no such file",)),
@@ -149,6 +152,7 @@ def test_good_values_pass_and_are_brought_into_one_form(tmp_path: Path) -> None:
         "world": str(world),
     }
     angles = "[0, -pi/4, 0, -3*pi/4, 0, pi/2, pi/4]"
+    assert checked("realism:={preset: measured, dq_noise: 0}") == {"realism": "{preset: measured, dq_noise: 0}"}
     assert checked(f"q_start:={angles}", "kp:=[1,2,3,4,5,6,7]") == {"q_start": angles.replace(" ", ""), "kp": "[1,2,3,4,5,6,7]"}
 
 

@@ -146,13 +146,15 @@ def test_sensors_need_a_run_that_is_paced() -> None:
 
 def test_every_argument_reaches_the_robot() -> None:
     given = "ns:=/left arm_id:=left_arm hand:=false damping:=0.5 rotor_inertia:=0.2 gui:=true record:=false controller:=none real_time_factor:=0"
-    config = loaded(*given.split(), "xyz:=0 0.5 0", "q_start:=[0,-pi/4,0,-2.0,0,pi/2,0]")
+    realism = {"preset": "measured", "dq_noise": 0}
+    config = loaded(*given.split(), "xyz:=0 0.5 0", "q_start:=[0,-pi/4,0,-2.0,0,pi/2,0]", "realism:={preset: measured, dq_noise: 0}")
     values = parameters(config)
     description = str(values["/left/robot_description"])
     assert (
         "left_arm_joint1" in description and "left_arm_hand" not in description and 'xyz="0 0.5 0"' in description and 'damping="0.5"' in description
     )
     assert values["/left/robot"]["plant"]["rotor_inertia"] == 0.2
+    assert values["/left/robot"]["realism"] == realism and values["/left/robot"]["plant"]["friction"] == "identified"
     assert values["/left/joint_pd_controller/joints"][0] == "left_arm_joint1"
     assert "/left/recorder" not in nodes(config)
     assert "controllers:=[joint_state_controller,franka_state_controller]" in str(values["/left/spawner/overrides"])

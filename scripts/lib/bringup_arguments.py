@@ -88,7 +88,7 @@ def check(given: Mapping[str, str], valid_names: Iterable[str], choices: Choices
 
 Check = Callable[[str, str], str]
 
-ONLY_SIMULATED = ("simulator", "gui", "world", "friction", "damping", "rotor_inertia", "q_start", "real_time_factor")
+ONLY_SIMULATED = ("simulator", "gui", "world", "friction", "damping", "rotor_inertia", "realism", "q_start", "real_time_factor")
 """Arguments that say something about the simulation."""
 ONLY_REAL = ("robot_ip", "robot")
 """Arguments that say something about the arm itself."""
@@ -196,6 +196,7 @@ def _checks(choices: Choices) -> dict[str, Check]:
         "rotor_inertia": _number_at_least_zero,
         "kp": _number_at_least_zero,
         "kd": _number_at_least_zero,
+        "realism": _realism,
         "real_time_factor": _one_number("1 is real time, 2 twice as fast, 0 as fast as possible"),
         "q_start": _angles,
     }
@@ -281,6 +282,19 @@ def _number_at_least_zero(name: str, value: str) -> str:
     numbers = _numbers(name, loaded, "0.1")
     if min(numbers) < 0.0 or (isinstance(loaded, list) and len(numbers) != JOINTS):
         raise ArgumentError(f"{name}:={value}: must be 0 or more, one number or {JOINTS} of them in brackets")
+    return value
+
+
+def _realism(name: str, value: str) -> str:
+    if value == "auto":
+        return value
+    from franka_sim.realism import parse  # with all that the simulated arm is made of, which other runs need not wait for
+    from hric_control.errors import HricError
+
+    try:
+        parse(_loaded(name, value), name)
+    except HricError as error:
+        raise ArgumentError(f"{name}:={value} is not possible: {error}") from None
     return value
 
 

@@ -41,6 +41,16 @@ def test_shortcuts_reach_the_keys_they_stand_for() -> None:
     assert run.robot.q_start == (math.pi, 0.0)
 
 
+def test_realism_reaches_the_robot_with_the_friction_that_acts_and_is_refused_before_anything_runs() -> None:
+    made = parameters.robot(load("pd_step", "realism:=measured"), seed=4)
+    assert made["realism"] == "measured" and made["plant"]["friction"] == "identified" and made["plant"]["seed"] == 4
+    assert parameters.robot(load("pd_step", "realism:={preset: measured, friction: none}"))["plant"] == {"seed": 0}
+    assert parameters.robot(load("pd_step", "realism:=measured", "friction:=none"))["plant"]["friction"] == "none"
+    for name, given, said in (("pd_step", "dirty", "valid: ideal, measured"), ("thesis_step", "measured", "robot.hw franka_sim/FrankaHWSim")):
+        with pytest.raises(HricError, match=said):
+            parameters.robot(load(name, f"realism:={given}"))
+
+
 def test_dotted_paths_reach_any_key_of_the_file() -> None:
     run = load("pd_step", "parameters.joint_pd_controller.profile.velocity:=0.5", "robot.plant.friction:=identified", "setpoints.0.time:=0.5")
     assert run.parameters["joint_pd_controller"]["profile"] == {"enabled": True, "velocity": 0.5, "acceleration": 5.0}

@@ -59,6 +59,15 @@ def test_run_yaml_tells_what_ran(tmp_path: Path) -> None:
     assert os.uname().nodename not in text
 
 
+def test_a_measured_arm_runs_alike_for_the_same_seed_only_and_sags_as_its_body_is_not_the_one_that_it_believes_in(tmp_path: Path) -> None:
+    definition = experiment.load("pd_step", ("realism:=measured", "duration:=4"))
+    results = [headless.run(definition, seed=seed, root=tmp_path / str(i), progress=False, figures=False) for i, seed in enumerate((1, 1, 2))]
+    one, same, other = (result.metrics["state_sha256"] for result in results)
+    assert one == same != other
+    assert 1e-3 < results[0].metrics["setpoints"][0]["final_error_max"] < 5e-2
+    assert "arm_error" not in results[0].folder.read()
+
+
 def test_friction_acts_in_the_plant_and_only_what_the_arm_does_not_compensate_leaves_an_error(tmp_path: Path) -> None:
     for friction, least, most in (("identified", 0.0, 2e-4), ("coulomb", 1e-3, 5e-2)):
         result = run(tmp_path, "pd_step", f"friction:={friction}", "duration:=4")

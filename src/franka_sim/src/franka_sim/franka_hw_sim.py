@@ -10,7 +10,7 @@ from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.modes import HOLD
 from franka_hw_interface.robot_state import RobotMode
-from franka_sim import settings
+from franka_sim import sensors, settings
 from franka_sim.box.compiled_arm import compiled_arm
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import Outcome
@@ -51,18 +51,21 @@ class FrankaHWSim(CommandedArm):
         node = self._node = robot_hw_node
         self.description = root_node.search_param("robot_description")
         self.arm_id = settings.read_arm_id(node)
-        plant_config = settings.read_plant(node, self.arm_id)
+        realism = settings.read_realism(node)
+        plant_config = settings.read_plant(node, self.arm_id, realism)
         self.model = settings.make_model(node, self.description, self.arm_id, plant_config)
         names = self.joint_names = self.model.joint_names
         self.q_start = settings.read_q_start(node, names)
         limits = settings.read_limits(self.description, root_node, node, self.arm_id, names)
-        self.plant: Plant = plugins.find(plugins.PLANT, node.param("plant_type", DEFAULT_PLANT))(self.description, names, plant_config)
+        make_plant = plugins.find(plugins.PLANT, node.param("plant_type", DEFAULT_PLANT))
+        self.plant: Plant = make_plant(realism.body(self.description, self.arm_id), names, plant_config)
         try:
             self.loop = SimLoop(self.plant.time_step, node.param("real_time_factor", 1.0))
             self.rotor_inertia = settings.read_rotor_inertia(plant_config, names)
-            config = settings.read_box(node, plant_config, names, self.plant.time_step)
+            config = settings.read_box(node, plant_config, names, self.plant.time_step, realism)
             compiled = compiled_arm(self.description, self.arm_id, config.least_singular_value, node.log_info)
             self.box = ControlBox(self.model, config, self._hear, compiled)
+            self._read_state = sensors.attach(self.plant, self.box, realism, plant_config.get("seed", 0))
             settings.read_internal_impedance(node, self.box.joint_impedance)
             self.states = JointStates(names)
             self.robot_state = self.box.state
@@ -100,9 +103,9 @@ class FrankaHWSim(CommandedArm):
         self.loop.run(cycle)
 
     def read(self, time: float, period: float) -> None:
-        """State of the plant at the measuring instant, and what the box makes of it."""
+        """State of the plant at the measuring instant as the sensors report it, and what the box makes of it."""
         states = self.states
-        self.plant.read_state(states.position, states.velocity, states.effort)
+        self._read_state(states.position, states.velocity, states.effort)
         self.box.read(states.position, states.velocity, states.effort, time)
 
     def _begin(self) -> bool:
@@ -168,7 +171,7 @@ class FrankaHWSim(CommandedArm):
         self.box.reset(list(q))
         self.box.take_finished()
         self.mode, self.error = HOLD, ""
-        self.plant.read_state(self.states.position, self.states.velocity, self.states.effort)
+        self._read_state(self.states.position, self.states.velocity, self.states.effort)
         self._commands.enter(HOLD)
         self._commands.check_start()
 

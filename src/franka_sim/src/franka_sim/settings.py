@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
-import panda_description
 from franka_hw_interface.arm_parameters import numbers, read_arm_id, read_limits
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.kdl_chain import GRAVITY
@@ -17,6 +16,7 @@ from franka_hw_interface.rate_limits import RateLimits
 from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.internal_impedance import JointImpedanceLaw
 from franka_sim.impedance import defaults
+from franka_sim.realism import IDEAL, Realism, parse
 from hric_control.errors import CommandError, DescriptionError, ParameterError, UnknownNameError
 from hric_control.node import Node
 
@@ -50,15 +50,17 @@ def read_q_start(node: Node, joint_names: Sequence[str]) -> list[float]:
     return numbers(value, len(joint_names), where)
 
 
-def read_plant(node: Node, arm_id: str) -> dict[str, Any]:
-    """Parameters of the plant; friction "identified" gets the published values if none are given."""
+def read_realism(node: Node) -> Realism:
+    """How far the arm is from what its box believes: name of a preset, or a mapping with values that differ from one."""
+    return parse(node.param("realism", IDEAL), node.resolve("realism"))
+
+
+def read_plant(node: Node, arm_id: str, realism: Realism) -> dict[str, Any]:
+    """Parameters of the plant, with the friction of `realism` where they name none."""
     value = node.param("plant", {})
     if not isinstance(value, Mapping):
         raise ParameterError(f"{node.resolve('plant')} must be a set of parameters; got {value!r}")
-    config = dict(value)
-    if config.get("friction") == "identified" and not config.get("friction_parameters"):
-        config["friction_parameters"] = panda_description.friction_parameters(arm_id)
-    return config
+    return realism.with_friction(value, arm_id)
 
 
 def read_rotor_inertia(plant: Mapping[str, Any], joint_names: Sequence[str]) -> list[float]:
@@ -69,9 +71,12 @@ def read_rotor_inertia(plant: Mapping[str, Any], joint_names: Sequence[str]) -> 
     return [float(x) for x in value] if isinstance(value, list | tuple) else [float(value)] * len(joint_names)
 
 
-def read_box(node: Node, plant: Mapping[str, Any], joint_names: Sequence[str], time_step: float) -> BoxConfig:
-    """Parameters of the control box: `reflexes`, `settings_while_moving`, `collision_config`; it knows the plant's friction and rotor inertia."""
-    friction = plant["friction_parameters"] if plant.get("friction") == "identified" else None
+def read_box(node: Node, plant: Mapping[str, Any], joint_names: Sequence[str], time_step: float, realism: Realism) -> BoxConfig:
+    """Parameters of the control box: `reflexes`, `settings_while_moving`, `collision_config`.
+
+    It knows the plant's rotor inertia, and its friction as far as `realism` says.
+    """
+    friction = realism.known_friction(plant, joint_names)
     thresholds = _collision(node)
     config = BoxConfig(
         friction=friction,

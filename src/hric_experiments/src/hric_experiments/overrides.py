@@ -30,6 +30,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
     "inertials": ("robot.description.inertials", "barycentric or thesis"),
     "damping": ("robot.description.damping", "viscous joint damping [N m s/rad]"),
     "friction": ("robot.description.friction", "none, coulomb or identified"),
+    "realism": ("robot.parameters.realism", "of the simulated Franka: ideal, measured, or {preset: measured, dq_noise: 0, ...}"),
     "simulator": ("robot.plant_type", "pybullet, opensim, or the plugin type of a plant"),
     "rotor_inertia": ("robot.plant.rotor_inertia", "rotor inertia seen at the joint, number or list [kg m^2]"),
     "world": ("robot.plant.world", "world file, path or package:// address"),

@@ -18,6 +18,9 @@ from hric_experiments.experiment import Experiment, ExperimentError, RobotSpec, 
 ROBOT = "robot"
 """Namespace of the robot's own parameters, below the robot's namespace."""
 
+GENERIC = "pybullet_ros_control/RobotHWSim"
+"""The robot of any URDF, which has no control box that could believe anything."""
+
 MOCAP_CLIENT, EMULATED_HUMAN = "natnet_client", "emulated_human"
 """Names of the motion capture's nodes."""
 
@@ -63,14 +66,30 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
 
 
 def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
-    """Private parameters of the RobotHW."""
+    """Private parameters of the RobotHW.
+
+    Raises:
+        HricError: a realism that there is not, or of a robot that knows none.
+    """
     spec = experiment.robot
-    values: dict[str, Any] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": {"seed": seed, **_friction(spec), **spec.plant}}
+    plant = _realistic(spec, {"seed": seed, **_friction(spec), **spec.plant})
+    values: dict[str, Any] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": plant}
     if spec.plant_type:
         values["plant_type"] = spec.plant_type
     if spec.q_start is not None:
         values["q_start"] = dict(spec.q_start) if isinstance(spec.q_start, Mapping) else list(spec.q_start)
     return values
+
+
+def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
+    """The plant's parameters with the friction of `realism`, so that the run tells which friction acted."""
+    if "realism" not in spec.parameters:
+        return plant
+    if spec.hw == GENERIC:
+        raise ExperimentError(f"realism is of the simulated Franka with its control box (robot.hw franka_sim/FrankaHWSim); this experiment has {GENERIC}")
+    from franka_sim.realism import parse  # with the control box's settings, which other experiments need not wait for
+
+    return parse(spec.parameters["realism"], "realism").with_friction(plant, spec.arm_id)
 
 
 def _friction(spec: RobotSpec) -> dict[str, Any]:

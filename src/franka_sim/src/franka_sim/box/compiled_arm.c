@@ -16,6 +16,7 @@ typedef struct {
   double O_T_EE[16], O_F_ext_hat_K[6], K_F_ext_hat_K[6], joint_contact[7], cartesian_contact[6], dtau_J[7], elbow[2];
   /* computed, where no Cartesian generator writes them */
   double O_T_EE_d[16], O_T_EE_c[16], O_dP_EE_d[6], elbow_d[2], elbow_c[2], O_dP_EE_c[6], O_ddP_EE_c[6], delbow_c[2], ddelbow_c[2];
+  double wrench_noise[6]; /* added to O_F_ext_hat_K; zero where nothing is noisy */
 } Fields;
 
 /* A - shift 1 = L L' (Cholesky; Golub and Van Loan, Matrix Computations, 4th ed., sec. 4.2); 0 if that is not positive definite: A has an
@@ -35,8 +36,9 @@ static int factor(const double A[N][N], double shift, double L[N][N]) {
   return 1;
 }
 
-/* The wrench F of least squares in tau = J^T F, that is (J J^T) F = J tau; zero where J has a singular value below `least`. J: column-major. */
-static void wrench(const double J[42], const double tau[JOINTS], double least, double F[N]) {
+/* The wrench F of least squares in tau = J^T F, that is (J J^T) F = J tau; zero, and 0 returned, where J has a singular value below `least`.
+ * J: column-major. */
+static int wrench(const double J[42], const double tau[JOINTS], double least, double F[N]) {
   double A[N][N], L[N][N];
   memset(F, 0, N * sizeof(double));
   for (int i = 0; i < N; ++i)
@@ -44,7 +46,7 @@ static void wrench(const double J[42], const double tau[JOINTS], double least, d
       A[i][j] = 0.0;
       for (int k = 0; k < JOINTS; ++k) A[i][j] += J[N * k + i] * J[N * k + j];
     }
-  if (!factor(A, least * least, L) || !factor(A, 0.0, L)) return;
+  if (!factor(A, least * least, L) || !factor(A, 0.0, L)) return 0;
   for (int i = 0; i < N; ++i) {
     for (int k = 0; k < JOINTS; ++k) F[i] += J[N * k + i] * tau[k];
     for (int k = 0; k < i; ++k) F[i] -= L[i][k] * F[k];
@@ -54,6 +56,7 @@ static void wrench(const double J[42], const double tau[JOINTS], double least, d
     for (int k = i + 1; k < N; ++k) F[i] -= L[k][i] * F[k];
     F[i] /= L[i][i];
   }
+  return 1;
 }
 
 static double side(const Fields *f, const double q[JOINTS]) { return q[3] > f->elbow_flip ? 1.0 : -1.0; }
@@ -66,7 +69,8 @@ static void measured(Fields *f) {
   write_pose(&tool, f->O_T_EE);
   beyond_flange(&tool, f->EE_T_K, &stiffness);
   write_jacobian(poses, JOINTS, &stiffness, 0, J);
-  wrench(J, f->tau_ext_hat_filtered, f->least_singular_value, f->O_F_ext_hat_K);
+  if (wrench(J, f->tau_ext_hat_filtered, f->least_singular_value, f->O_F_ext_hat_K))
+    for (int i = 0; i < N; ++i) f->O_F_ext_hat_K[i] += f->wrench_noise[i];
   rotate_back(stiffness.R, f->O_F_ext_hat_K, f->K_F_ext_hat_K);
   rotate_back(stiffness.R, f->O_F_ext_hat_K + 3, f->K_F_ext_hat_K + 3);
 }

@@ -14,6 +14,7 @@ from operator import attrgetter
 
 from franka_hw_interface.robot_state import RobotState
 from franka_sim.box.state import CARTESIAN, ELBOW_FLIP, BoxState
+from hric_control.vectors import put
 
 _Sizes = dict[str, int]
 _EACH_CYCLE: _Sizes = {
@@ -33,7 +34,9 @@ _DESIRED: _Sizes = {"O_T_EE_d": 16, "O_T_EE_c": 16, "O_dP_EE_d": 6, "elbow_d": 2
 """Computed, where no Cartesian generator writes them."""
 _COMMANDED: _Sizes = {"O_dP_EE_c": 6, "O_ddP_EE_c": 6, "delbow_c": 2, "ddelbow_c": 2}
 """Zero, where no Cartesian generator writes them."""
-_LAYOUT: _Sizes = {**_EACH_CYCLE, **_TOLD, **_COMPUTED, **_DESIRED, **_COMMANDED}
+_NOISE: _Sizes = {"wrench_noise": 6}
+"""Zero, where nothing is noisy."""
+_LAYOUT: _Sizes = {**_EACH_CYCLE, **_TOLD, **_COMPUTED, **_DESIRED, **_COMMANDED, **_NOISE}
 _SAME = {"theta": "q", "dtheta": "dq"}
 _PLACES = {name: end - size for (name, size), end in zip(_LAYOUT.items(), accumulate(_LAYOUT.values()), strict=True)}
 """Where each member begins in the doubles of the C struct Fields."""
@@ -116,6 +119,8 @@ class CompiledFields:
         """
         if self._told[0] is not state.F_T_EE or self._told[1] is not state.thresholds:
             self._take_told(state)
+        if state.wrench_noise is not None:
+            put(self._values, _PLACES["wrench_noise"], state.wrench_noise)
         _TICK_BLOCK.pack_into(
             self._values,
             0,

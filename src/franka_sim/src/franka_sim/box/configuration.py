@@ -71,6 +71,16 @@ class ConfiguredBox:
         self._cartesian_revision = -1
         self._reflexes = Reflexes(config, SelfCollision(model, config))
 
+    def take_wrench_noise(self, noise: list[float], peak: float) -> None:
+        """Let the estimate of the external wrench have noise, from now on.
+
+        Args:
+            noise: 3 forces [N] and 3 moments [N m], base axes; whoever measures changes it in place each cycle.
+            peak: none of its numbers will be larger, nor will they in other axes [N], [N m].
+        """
+        self.state.wrench_noise = noise
+        self._reflexes.take_wrench_noise(peak)
+
     @property
     def cartesian_impedance(self) -> CartesianImpedanceLaw:
         """The internal Cartesian impedance; its gains cost some time at the first call and after a change of the frames."""

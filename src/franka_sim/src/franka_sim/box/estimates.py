@@ -10,9 +10,9 @@ import PyKDL
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame
-from franka_hw_interface.robot_state import RobotState
 from franka_sim.box.compiled_arm import CompiledArm, Update
 from franka_sim.box.config import BoxConfig
+from franka_sim.box.state import BoxState
 
 Vector = Sequence[float]
 _ROW = tuple(range(7))
@@ -102,19 +102,21 @@ class ExternalTorque:
         return self._model.gravity_list(q_now)
 
 
-def wrench_estimator(model: KdlFrankaModel, least_singular_value: float) -> Callable[[RobotState], tuple[list[float], list[float]]]:
+def wrench_estimator(model: KdlFrankaModel, least_singular_value: float) -> Callable[[BoxState], tuple[list[float], list[float]]]:
     """state -> (O_F_ext_hat_K, K_F_ext_hat_K), 3 forces [N] and 3 moments [N m] each.
 
     The wrench of least squares in tau_ext = J_K(q)^T F with the Jacobian of the stiffness frame; zero where the least singular value of J_K is below
-    `least_singular_value`. Sign as tau_ext_hat_filtered: what the arm exerts on its environment is positive.
+    `least_singular_value`. Sign as tau_ext_hat_filtered: what the arm exerts on its environment is positive. The state's `wrench_noise` is added.
     """
 
-    def estimate(state: RobotState) -> tuple[list[float], list[float]]:
+    def estimate(state: BoxState) -> tuple[list[float], list[float]]:
         jacobian = model.zero_jacobian(Frame.STIFFNESS, state.q)
         U, s, Vt = np.linalg.svd(jacobian, full_matrices=False)
         if s[-1] < least_singular_value:
             return [0.0] * 6, [0.0] * 6
         F = U @ ((Vt @ np.array(state.tau_ext_hat_filtered)) / s)
+        if state.wrench_noise is not None:
+            F += state.wrench_noise
         R = model.pose(Frame.STIFFNESS, state.q)[:3, :3]
         return F.tolist(), [*(R.T @ F[:3]).tolist(), *(R.T @ F[3:]).tolist()]
 

@@ -38,8 +38,9 @@ class Reflexes:
         self._range = [x + margin for x in limits.lower], [x - margin for x in limits.upper]
         self._lower, self._upper = (list(row) for row in self._range)
         self._speed = limits.translation.velocity
-        # |tau_ext|^2 below which no threshold of a joint or of the wrench is reached: |F| <= |tau_ext| / (least singular value).
+        # |tau_ext|^2 below which no threshold of a joint or of the wrench is reached: |F| <= |tau_ext| / (least singular value) + noise.
         self._gate = 0.0
+        self._wrench_noise = 0.0
 
     def start(self, state: BoxState) -> None:
         """A motion begins: what is beyond a limit now may come back, but not go further."""
@@ -49,10 +50,15 @@ class Reflexes:
         self._bodies.start(state.q)
         self.take_thresholds(state)
 
+    def take_wrench_noise(self, peak: float) -> None:
+        """No force or moment of the wrench's noise will be larger than `peak` [N], [N m]; before `start`."""
+        self._wrench_noise = peak
+
     def take_thresholds(self, state: BoxState) -> None:
         """The collision behaviour was set."""
         t = state.thresholds
-        force = self._config.least_singular_value * min(*t.upper_force_acceleration, *t.upper_force_nominal)
+        lowest = min(*t.upper_force_acceleration, *t.upper_force_nominal)
+        force = self._config.least_singular_value * max(lowest - self._wrench_noise, 0.0)
         self._gate = min(force, *t.upper_torque_acceleration, *t.upper_torque_nominal) ** 2
 
     def errors(self, state: BoxState) -> Errors:

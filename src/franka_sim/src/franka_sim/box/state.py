@@ -66,6 +66,7 @@ class BoxState(RobotState):
         kinematics: of the arm with the end effector that it was told.
         estimate_wrench: called for O_F_ext_hat_K and K_F_ext_hat_K when one of them is read.
         thresholds: of contact and collision.
+        wrench_noise: added to the estimate of the external wrench, 3 forces [N] and 3 moments [N m], base axes; None: nothing.
         compiled: computes all lazy fields at once, faster than each by itself; None: there is no such code.
         last_motion_errors: the errors that ended the last motion (on the wire: reflex_reason).
 
@@ -83,6 +84,7 @@ class BoxState(RobotState):
         "period",
         "tau_before",
         "thresholds",
+        "wrench_noise",
     )
 
     O_T_EE = lazy_field("O_T_EE", lambda state: _pose(state, state.q))
@@ -112,6 +114,7 @@ class BoxState(RobotState):
         self.kinematics = ArmKinematics(model)
         self.model, self.period, self.thresholds, self.estimate_wrench = model, period, thresholds, estimate_wrench
         self.tau_before = [0.0] * 7
+        self.wrench_noise: list[float] | None = None
         self.theta, self.dtheta = self.q, self.dq
         self.computed_at.clear()
         self.take_configuration()

@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
+
+import yaml
 
 from franka_sim.fci.console import HELP
 from franka_sim.fci.robots import ROBOTS
+from franka_sim.realism import IDEAL
 from franka_sim.settings import Q_START
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
+
+
+def yaml_value(text: str) -> Any:
+    """A word of the command line as YAML."""
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not YAML: {str(error).splitlines()[0]}") from None
 
 
 def parser() -> argparse.ArgumentParser:
@@ -59,8 +71,15 @@ def _add_physics(made: argparse.ArgumentParser) -> None:
     add(
         "--friction",
         choices=("none", "identified"),
-        default="none",
-        help="joint friction of the plant, which the box compensates (default: %(default)s)",
+        default=None,
+        help="joint friction of the plant, which the box compensates as far as --realism says (default: as --realism says, else none)",
+    )
+    add(
+        "--realism",
+        type=yaml_value,
+        default=IDEAL,
+        metavar="PRESET",
+        help="how far the arm is from what its box believes: ideal, measured, or as '{preset: measured, dq_noise: 0}' (default: %(default)s)",
     )
     add("--no-collision", action="store_true", help="no contact of the arm with itself or the world")
     add("--world", default="", metavar="FILE", help="objects around the arm, path or package://PACKAGE/FILE (plants that know worlds)")
@@ -72,7 +91,7 @@ def _add_network(made: argparse.ArgumentParser) -> None:
     add("--latency", type=float, default=0.0, metavar="S", help="[s]")
     add("--jitter", type=float, default=0.0, metavar="S", help="added to it, from 0 to this [s]")
     add("--loss", type=float, default=0.0, metavar="SHARE", help="share of datagrams lost, 0 to 1")
-    add("--seed", type=int, default=0, metavar="N", help="of the faults")
+    add("--seed", type=int, default=0, metavar="N", help="of the faults, and of the noise of the sensors")
 
 
 def _add_care(made: argparse.ArgumentParser) -> None:

@@ -10,6 +10,7 @@ from franka_sim.box.requests import MotionCommand, MoveRequest, Outcome
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.hand_service import Hand
 from franka_sim.fci.wire import StateCodec
+from franka_sim.sensors import ReadState
 from hric_control.errors import CommandError, HricError
 from hric_control.plant import Plant
 
@@ -28,6 +29,7 @@ class ArmDevice:
         q: pose of the start and of `reset`, 7 floats [rad].
         hand: at the flange, or None.
         fields: computes what clients are sent in each state; None: the state does so by itself.
+        read_state: how the sensors report the plant; None: as it is.
 
     Attributes:
         state: of the box.
@@ -43,9 +45,10 @@ class ArmDevice:
         q: Sequence[float],
         hand: Hand | None = None,
         fields: CompiledFields | None = None,
+        read_state: ReadState | None = None,
     ) -> None:
         self.plant, self.box, self.hand, self.state = plant, box, hand, box.state
-        self._fields = fields
+        self._fields, self._read_state = fields, read_state or plant.read_state
         self._codec: StateCodec | None = None
         self.urdf, self.model_library = urdf, model_library
         self._q_start = list(q)
@@ -91,7 +94,7 @@ class ArmDevice:
         return self.box.set_load(mass, com, inertia)
 
     def _read(self) -> None:
-        self.plant.read_state(self._q, self._dq, self._tau)
+        self._read_state(self._q, self._dq, self._tau)
         self.box.read(self._q, self._dq, self._tau, self._cycles * self._period)
 
     def encode(self, codec: StateCodec, message_id: int) -> bytes:

@@ -1,0 +1,155 @@
+"""How far the simulated arm is from what its control box believes: noise of the sensors, another body, friction that the box does not know."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+import panda_description
+from franka_sim.box.config import Vector, read_config
+from hric_control.errors import ParameterError, UnknownNameError
+
+JOINTS = 7
+MOST_MASS_ERROR = 0.3
+"""Standard deviation as a share of the mass; three of them leave a tenth of the link."""
+CUT_OFF = 3.0
+"""Largest draw of mass and centre of mass [standard deviations]."""
+FRICTIONS = ("none", "identified")
+IDEAL = "ideal"
+
+
+@dataclass(frozen=True)
+class Realism:
+    """The keys of a preset in config/realism.yaml, which explains them; numbers per joint as 7 floats."""
+
+    q_noise: Vector
+    dq_noise: Vector
+    tau_J_noise: Vector
+    wrench_noise: Vector
+    mass_error: Vector
+    com_error: Vector
+    body_seed: int
+    friction: str
+    friction_known: Vector
+
+    @property
+    def noisy(self) -> bool:
+        """Whether any sensor or estimate has noise."""
+        return any((*self.q_noise, *self.dq_noise, *self.tau_J_noise, *self.wrench_noise))
+
+    def body(self, urdf_xml: str, arm_id: str) -> str:
+        """The description of the arm that the plant gets; the very same text where the body has no errors.
+
+        Args:
+            urdf_xml: what the box knows of the arm.
+            arm_id: prefix of its links.
+        """
+        if not any((*self.mass_error, *self.com_error)):
+            return urdf_xml
+        rng = np.random.default_rng(self.body_seed)
+        draws = np.clip(rng.standard_normal((JOINTS, 4)), -CUT_OFF, CUT_OFF)
+        root = ElementTree.fromstring(urdf_xml)
+        links = {link.get("name"): link for link in root.iterfind("link")}
+        for i, (mass_error, com_error, draw) in enumerate(zip(self.mass_error, self.com_error, draws, strict=True), start=1):
+            inertial = links[f"{arm_id}_link{i}"].find("inertial")
+            if inertial is not None:
+                _change(inertial, 1.0 + mass_error * draw[0], com_error * draw[1:])
+        return ElementTree.tostring(root, encoding="unicode")
+
+    def with_friction(self, plant: Mapping[str, Any], arm_id: str) -> dict[str, Any]:
+        """Parameters of the plant with the friction of this arm where they name none; "identified" gets the published values if none are given.
+
+        Args:
+            plant: its parameters.
+            arm_id: prefix of the joints.
+        """
+        config = dict(plant)
+        if "friction" not in config and self.friction != "none":
+            config["friction"] = self.friction
+        if config.get("friction") == "identified" and not config.get("friction_parameters"):
+            config["friction_parameters"] = panda_description.friction_parameters(arm_id)
+        return config
+
+    def known_friction(self, plant: Mapping[str, Any], joint_names: Sequence[str]) -> Mapping[str, Mapping[str, float]] | None:
+        """What the box knows of the plant's friction, phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint; None: nothing.
+
+        Args:
+            plant: its parameters, after `with_friction`.
+            joint_names: the joints in order.
+        """
+        if plant.get("friction") != "identified" or not any(self.friction_known):
+            return None
+        parameters: Mapping[str, Mapping[str, float]] = plant["friction_parameters"]
+        if all(share == 1.0 for share in self.friction_known):
+            return parameters
+        known = {name: dict(values) for name, values in parameters.items()}
+        for name, share in zip(joint_names, self.friction_known, strict=True):
+            if name in known and "phi1" in known[name]:
+                known[name]["phi1"] *= share
+        return known
+
+
+def _change(inertial: ElementTree.Element, factor: float, offset: Sequence[float]) -> None:
+    """Mass and inertia of a link times a factor, its centre of mass moved [m]."""
+    origin = inertial.find("origin")
+    if origin is None:
+        origin = ElementTree.SubElement(inertial, "origin")
+    centre = [float(x) + float(d) for x, d in zip(origin.get("xyz", "0 0 0").split(), offset, strict=True)]
+    origin.set("xyz", " ".join(map(repr, centre)))
+    for name in ("mass", "inertia"):
+        for element in inertial.iterfind(name):
+            element.attrib.update({key: repr(float(value) * float(factor)) for key, value in element.attrib.items()})
+
+
+def presets() -> tuple[str, ...]:
+    """Names of the presets."""
+    return tuple(read_config("realism"))
+
+
+def parse(value: Any, where: str) -> Realism:
+    """The realism that a parameter asks for.
+
+    Args:
+        value: name of a preset, or a mapping of `preset` (ideal if absent) and the values that differ from it.
+        where: full name of the parameter, for errors.
+
+    Raises:
+        HricError: no such preset or key, or a value that is none; lists the valid ones.
+    """
+    given = dict(value) if isinstance(value, Mapping) else {"preset": value}
+    name = given.pop("preset", IDEAL)
+    if not isinstance(name, str) or name not in presets():
+        raise UnknownNameError("preset", name, presets(), where)
+    valid = [item.name for item in fields(Realism)]
+    for key in given:
+        if key not in valid:
+            raise UnknownNameError("value", key, ["preset", *valid], where)
+    values = {**read_config("realism")[name], **given}
+    return Realism(**{key: _checked(key, values[key], f"{where}/{key}") for key in valid})
+
+
+def _checked(key: str, value: Any, where: str) -> Any:
+    if key == "friction":
+        if value not in FRICTIONS:
+            raise ParameterError(f"{where} must be one of {', '.join(FRICTIONS)}; got {value!r}")
+        return value
+    if key == "body_seed":
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+            raise ParameterError(f"{where} must be a whole number of 0 or more; got {value!r}")
+        return value
+    n = 6 if key == "wrench_noise" else JOINTS
+    highest = MOST_MASS_ERROR if key == "mass_error" else math.inf
+    row = list(value) if isinstance(value, list | tuple) else [value] * n
+    if (n == 6 and not isinstance(value, list | tuple)) or len(row) != n or not all(_amount(x, highest) for x in row):
+        form = "6 numbers" if n == 6 else "one number or 7"
+        raise ParameterError(f"{where} must be {form}, each {'from 0 to 0.3' if highest == MOST_MASS_ERROR else '0 or more'}; got {value!r}")
+    return tuple(float(x) for x in row)
+
+
+def _amount(x: Any, highest: float) -> bool:
+    return isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) and 0.0 <= x <= highest

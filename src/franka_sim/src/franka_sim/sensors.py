@@ -1,0 +1,74 @@
+"""What the arm's sensors report of the plant: the only way by which the control box, and all behind it, see the arm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from franka_sim.box.control_box import ControlBox
+from franka_sim.realism import JOINTS, Realism
+from hric_control.plant import Plant
+from hric_control.vectors import add
+
+ReadState = Callable[[list[float], list[float], list[float]], None]
+"""See `Plant.read_state`."""
+Row = tuple[list[float], list[float], list[float], list[float]]
+BLOCK = 32
+"""Cycles whose noise is drawn at once: short enough that no cycle takes long, long enough that a draw costs little."""
+CUT_OFF = 5.0
+"""Largest noise [standard deviations]."""
+
+
+def _noise(rng: np.random.Generator, scale: npt.NDArray[np.float64]) -> Iterator[Row]:
+    """Noise of q, dq, tau_J and the wrench, cycle by cycle; scale: standard deviations, shape (27,)."""
+    while True:
+        noise = rng.standard_normal((BLOCK, len(scale)))
+        np.clip(noise, -CUT_OFF, CUT_OFF, out=noise)
+        noise *= scale
+        parts = np.split(noise, (JOINTS, 2 * JOINTS, 3 * JOINTS), axis=1)
+        yield from zip(*(part.tolist() for part in parts), strict=True)
+
+
+class Sensors:
+    """The state of the plant with noise.
+
+    Args:
+        plant: the physics.
+        realism: standard deviations.
+        seed: of the run.
+
+    Attributes:
+        wrench: noise of the external wrench in this cycle, 3 forces [N] and 3 moments [N m]; always the same list.
+    """
+
+    def __init__(self, plant: Plant, realism: Realism, seed: int) -> None:
+        self._read = plant.read_state
+        scale = np.array([*realism.q_noise, *realism.dq_noise, *realism.tau_J_noise, *realism.wrench_noise])
+        self._rows = _noise(np.random.default_rng(seed), scale)
+        self.wrench = [0.0] * 6
+
+    def read(self, q: list[float], dq: list[float], tau: list[float]) -> None:
+        """As `Plant.read_state`; once per cycle, for each call draws new noise."""
+        self._read(q, dq, tau)
+        q_noise, dq_noise, tau_noise, wrench_noise = next(self._rows)
+        q[:], dq[:], tau[:] = add(q, q_noise), add(dq, dq_noise), add(tau, tau_noise)
+        self.wrench[:] = wrench_noise
+
+
+def attach(plant: Plant, box: ControlBox, realism: Realism, seed: int) -> ReadState:
+    """How the box is to read the plant: `plant.read_state` itself where nothing is noisy.
+
+    Args:
+        plant: the physics.
+        box: estimates the external wrench, whose noise it is given.
+        realism: of the arm.
+        seed: of the run.
+    """
+    if not realism.noisy:
+        return plant.read_state
+    sensors = Sensors(plant, realism, seed)
+    box.take_wrench_noise(sensors.wrench, CUT_OFF * math.hypot(*realism.wrench_noise))
+    return sensors.read
