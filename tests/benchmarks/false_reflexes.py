@@ -2,11 +2,11 @@
 
     python tests/benchmarks/false_reflexes.py [motions]
 
-The emulated arm of `rosrun franka_sim control_box` moves from pose to pose about the ready pose, with its internal joint impedance and no shapes that
-could touch anything, along fifth-order polynomials at half of its limits of velocity and acceleration. Its thresholds are out of reach meanwhile: with
-thresholds of s times the default (config/control_box.yaml) a motion would have ended in joint_reflex or cartesian_reflex if its largest external torque or
-force is more than s times theirs. The second table is what the preset `measured` was tuned by: the external torque that is not there, beside the residual
-of a real arm's model.
+The emulated arm of `rosrun franka_sim control_box` moves from pose to pose about the ready pose, with its internal joint impedance and no shapes
+that could touch anything, along fifth-order polynomials at half of its limits of velocity and acceleration. Its thresholds are out of reach
+meanwhile: with thresholds of s times the default (config/control_box.yaml) a motion would have ended in joint_reflex or cartesian_reflex if its
+largest external torque or force is more than s times theirs. The second table is what the preset `measured` was tuned by: the external torque
+that is not there, beside the residual of a real arm's model.
 """
 
 from __future__ import annotations

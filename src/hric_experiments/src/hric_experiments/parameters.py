@@ -86,7 +86,9 @@ def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
     if "realism" not in spec.parameters:
         return plant
     if spec.hw == GENERIC:
-        raise ExperimentError(f"realism is of the simulated Franka with its control box (robot.hw franka_sim/FrankaHWSim); this experiment has {GENERIC}")
+        raise ExperimentError(
+            f"realism is of the simulated Franka with its control box (robot.hw franka_sim/FrankaHWSim); this experiment has {GENERIC}"
+        )
     from franka_sim.realism import parse  # with the control box's settings, which other experiments need not wait for
 
     return parse(spec.parameters["realism"], "realism").with_friction(plant, spec.arm_id)

@@ -182,13 +182,13 @@ class ControlBox(ConfiguredBox):
             state.control_command_success_rate = 0.0
         state.last_motion_errors, self.finished = why, outcome
 
-    def _reflex(self, names: Errors) -> None:
-        """The arm protects itself."""
+    def _reflex(self, names: Errors, reason: str = "") -> None:
+        """The arm protects itself; reason: what there is to add to the names."""
         self.state.current_errors = names
         if self.mode is RobotMode.GUIDING:
             self.state.last_motion_errors = names
         self._change(Event.REFLEX, errors(names))
-        self.report(f"{self.model.arm_id}: motion aborted by reflex: {describe(names, self.state, self.config)}")
+        self.report(f"{self.model.arm_id}: motion aborted by reflex: {describe(names, self.state, self.config, reason)}")
 
     # -- the millisecond -----------------------------------------------------------------------------------------------------------------
 
@@ -258,7 +258,7 @@ class ControlBox(ConfiguredBox):
         state.control_command_success_rate = packets.success_rate
         tau, wrong = self._run.torque(command)
         if wrong:
-            self._reflex(wrong)
+            self._reflex(wrong, self._run.reason)
             return self._hold()
         if command is not None and command.finished:
             self._change(Event.FINISH)

@@ -75,6 +75,11 @@ class MotionRun:
             self._generators[kind] = make_generator(kind, box.model, box.config.limits, box.config.time_step)
         return self._generators[kind]
 
+    @property
+    def reason(self) -> str:
+        """What the motion generator refused and which limit was passed, in words; empty where there is nothing to add to the errors' names."""
+        return "" if self._generator is None else self._generator.reason
+
     def torque(self, command: MotionCommand | None) -> tuple[list[float], Errors]:
         """(torque without gravity, 7 floats [N m]; what is wrong with the command by libfranka's names) for one cycle."""
         wrong = self._generate(command)

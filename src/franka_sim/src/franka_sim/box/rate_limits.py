@@ -48,11 +48,30 @@ CARTESIAN_ERRORS = RateErrors.of("cartesian_motion_generator")
 CARTESIAN_JOINT_ERRORS = RateErrors.of("cartesian_motion_generator_joint")
 
 
+_Row = tuple[Sequence[float], Sequence[float], str, float]
+"""Values, their limits, the unit, and the factor on the limits up to which a value is taken."""
+
+
+def _passed(what: str, value: float, limit: float, unit: str, tolerance: float = 1.0) -> str:
+    """What passed which limit, in words; tolerance: factor on the limit up to which a value is taken."""
+    more = f" and {100.0 * (tolerance - 1.0):.0f} % more" if tolerance > 1.0 else ""
+    return f"{what} at {value:.5g} {unit}, limit {limit:g} {unit}{more}"
+
+
+def _worst(shares: Sequence[float]) -> int:
+    """Index of the largest, one that is not finite before all others."""
+    return max(range(len(shares)), key=lambda i: shares[i] if math.isfinite(shares[i]) else math.inf)
+
+
 class JointRates:
     """Checks a desired joint motion. Values that are not finite violate what they enter.
 
+    Attributes:
+        reason: joints, values and limits behind the last violations, in words.
+
     Args:
         limits: of the arm.
+        joint_names: of the arm.
         errors: names to report.
         parameters: tolerances.
         time_step: [s].
@@ -60,8 +79,17 @@ class JointRates:
             velocity and acceleration there).
     """
 
-    def __init__(self, limits: FrankaLimits, errors: RateErrors, parameters: MotionParameters, time_step: float, with_jerk: bool = True) -> None:
-        self._errors, slack = errors, parameters.position_tolerance
+    def __init__(
+        self,
+        limits: FrankaLimits,
+        joint_names: Sequence[str],
+        errors: RateErrors,
+        parameters: MotionParameters,
+        time_step: float,
+        with_jerk: bool = True,
+    ) -> None:
+        self._errors, slack, self.reason = errors, parameters.position_tolerance, ""
+        self._limits, self._names, self._parameters, self._dt = limits, joint_names, parameters, time_step
         self._range = [x - slack for x in limits.lower], [x + slack for x in limits.upper]
         self.lower, self.upper = self._range
         self.velocity = [x * parameters.velocity_tolerance for x in limits.velocity]
@@ -109,20 +137,46 @@ class JointRates:
             if not -a_step <= a - last_a <= a_step and not (after_loss and (a - last_a) * v < 0.0):
                 jerk = True
         if position or velocity or acceleration or jerk:
+            found = self._too_large((velocity, acceleration, jerk), dq, ddq, last_ddq)
+            self.reason = "; ".join([self._out_of_range(q), *found] if position else found)
             return self._errors.named(position, velocity, acceleration, jerk)
         return NO_ERRORS
+
+    def _out_of_range(self, q: Sequence[float]) -> str:
+        beyond = [max(low - x, x - high) for low, x, high in zip(self.lower, q, self.upper, strict=True)]
+        i = _worst(beyond)
+        return _passed(self._names[i], q[i], self._limits.lower[i] if q[i] < self.lower[i] else self._limits.upper[i], "rad")
+
+    def _too_large(self, violated: Sequence[bool], dq: Sequence[float], ddq: Sequence[float], last_ddq: Sequence[float]) -> list[str]:
+        """The joint that is farthest beyond its limit of velocity, acceleration and jerk, where one is."""
+        limits, tolerances = self._limits, self._parameters
+        jerk = [(a - b) / self._dt for a, b in zip(ddq, last_ddq, strict=True)]
+        rows: tuple[_Row, ...] = (
+            (dq, limits.velocity, "rad/s", tolerances.velocity_tolerance),
+            (ddq, limits.acceleration, "rad/s^2", tolerances.acceleration_tolerance),
+            (jerk, limits.jerk, "rad/s^3", tolerances.jerk_tolerance),
+        )
+        found = []
+        for passed, (values, most, unit, tolerance) in zip(violated, rows, strict=True):
+            if passed:
+                i = _worst([abs(x) / limit for x, limit in zip(values, most, strict=True)])
+                found.append(_passed(self._names[i], values[i], most[i], unit, tolerance))
+        return found
 
 
 class SpaceRates:
     """Checks the velocity of one quantity with its own limits by Euclidean norms: translation, rotation (3 floats) or elbow (1 float).
 
     Args:
+        what: its name.
+        unit: of its position.
         limit: velocity, acceleration, jerk.
         parameters: tolerances.
         time_step: [s].
     """
 
-    def __init__(self, limit: CartesianLimit, parameters: MotionParameters, time_step: float) -> None:
+    def __init__(self, what: str, unit: str, limit: CartesianLimit, parameters: MotionParameters, time_step: float) -> None:
+        self._what, self._unit, self._limit, self._parameters, self._dt = what, unit, limit, parameters, time_step
         self.velocity = limit.velocity * parameters.velocity_tolerance
         self.acceleration = limit.acceleration * parameters.acceleration_tolerance
         self._acceleration_step = limit.jerk * parameters.jerk_tolerance * time_step
@@ -143,3 +197,15 @@ class SpaceRates:
         if jerk and after_loss and sum(j * x for j, x in zip(change, v, strict=True)) < 0.0:
             jerk = False
         return not math.hypot(*v) <= self.velocity, not math.hypot(*a) <= self.acceleration, jerk
+
+    def reasons(self, violated: Sequence[bool], v: Sequence[float], a: Sequence[float], last_a: Sequence[float]) -> list[str]:
+        """What `violated` answered, in words, one text for each limit that was passed."""
+        jerk = [(x - x_last) / self._dt for x, x_last in zip(a, last_a, strict=True)]
+        limit, tolerances, unit = self._limit, self._parameters, self._unit
+        rows: tuple[_Row, ...] = (
+            (v, [limit.velocity], f"{unit}/s", tolerances.velocity_tolerance),
+            (a, [limit.acceleration], f"{unit}/s^2", tolerances.acceleration_tolerance),
+            (jerk, [limit.jerk], f"{unit}/s^3", tolerances.jerk_tolerance),
+        )
+        found = zip(violated, rows, strict=True)
+        return [_passed(self._what, math.hypot(*x), most[0], unit, tolerance) for passed, (x, most, unit, tolerance) in found if passed]

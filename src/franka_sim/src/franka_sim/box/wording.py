@@ -16,8 +16,8 @@ def _worst(values: Sequence[float], limits: Sequence[float], names: Sequence[str
     return f"{names[i]} at {values[i]:.3g} {units[i]}, limit {limits[i]:g}"
 
 
-def describe(names: Errors, state: BoxState, config: BoxConfig) -> str:
-    """Errors by name, and the worst value behind them where it is known."""
+def describe(names: Errors, state: BoxState, config: BoxConfig, reason: str = "") -> str:
+    """Errors by name, and the worst value behind them where it is known; reason: what the motion generator says."""
     joints, limits, text = state.model.joint_names, config.limits, ", ".join(sorted(names))
     if "joint_velocity_violation" in names:
         return f"{text} ({_worst(state.dq, limits.velocity, joints, ['rad/s'] * 7)})"
@@ -29,4 +29,4 @@ def describe(names: Errors, state: BoxState, config: BoxConfig) -> str:
         distances = [min(q - low, high - q) for low, q, high in zip(limits.lower, state.q, limits.upper, strict=True)]
         i = distances.index(min(distances))
         return f"{text} ({joints[i]} at {state.q[i]:.4f} rad, range {limits.lower[i]:g} to {limits.upper[i]:g})"
-    return text
+    return f"{text} ({reason})" if reason else text

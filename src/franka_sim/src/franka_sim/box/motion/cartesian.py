@@ -10,7 +10,7 @@ from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotState
 from franka_sim.box.inverse_kinematics import ElbowInverseKinematics, elbow_side
 from franka_sim.box.motion.elbow import ElbowMotion
-from franka_sim.box.motion.generator import MotionGenerator
+from franka_sim.box.motion.generator import UNFINISHED, MotionGenerator
 from franka_sim.box.motion_parameters import MotionParameters
 from franka_sim.box.pose_lists import is_pose, moved, twist_between
 from franka_sim.box.rate_limits import CARTESIAN_ERRORS, CARTESIAN_JOINT_ERRORS, JointRates, SpaceRates
@@ -36,9 +36,10 @@ class CartesianGenerator(MotionGenerator):
 
     def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, parameters: MotionParameters, time_step: float) -> None:
         self._ik = ElbowInverseKinematics(model, parameters, time_step)
-        self._joints = JointRates(limits, CARTESIAN_JOINT_ERRORS, parameters, time_step, with_jerk=False)
-        self._translation, self._rotation = (SpaceRates(limit, parameters, time_step) for limit in (limits.translation, limits.rotation))
-        self._elbow = ElbowMotion(SpaceRates(limits.elbow, parameters, time_step), time_step)
+        self._joints = JointRates(limits, model.joint_names, CARTESIAN_JOINT_ERRORS, parameters, time_step, with_jerk=False)
+        self._translation = SpaceRates("translation", "m", limits.translation, parameters, time_step)
+        self._rotation = SpaceRates("rotation", "rad", limits.rotation, parameters, time_step)
+        self._elbow = ElbowMotion(SpaceRates("elbow", "rad", limits.elbow, parameters, time_step), time_step)
         self._parameters, self._dt, self._state = parameters, time_step, RobotState()
         self._T: list[float] = self._state.O_T_EE_c
         self._twist, self._acceleration = [0.0] * 6, [0.0] * 6
@@ -46,7 +47,7 @@ class CartesianGenerator(MotionGenerator):
 
     def start(self, state: RobotState) -> Errors:
         """Begin at rest at the pose of q_d, which must be within the position limits."""
-        self._state, self._moving, self._lost = state, False, False
+        self._state, self._moving, self._lost, self.reason = state, False, False, ""
         state.dq_d[:] = state.ddq_d[:] = [0.0] * 7
         self._ik.begin(state.q_d)
         self._T = self._ik.kinematics.end_effector(state.q_d).T
@@ -74,7 +75,7 @@ class CartesianGenerator(MotionGenerator):
         T, twist, errors = self._commanded(command)
         errors = errors or self._elbow.refused(command.elbow, self._moving)
         if not errors and command.finished and not (self._translation.can_stop(twist[:3]) and self._rotation.can_stop(twist[3:])):
-            errors = NOT_AT_REST
+            errors, self.reason = NOT_AT_REST, UNFINISHED
         if errors:
             return errors
         acceleration = [(v - last) / self._dt for v, last in zip(twist, self._twist, strict=True)]
@@ -91,18 +92,24 @@ class CartesianGenerator(MotionGenerator):
         return self._take(moved(self._T, twist, dt), twist, self._acceleration)
 
     def _take(self, T: list[float], twist: list[float], acceleration: list[float]) -> Errors:
-        errors = self._violations(twist, acceleration) | self._elbow.violations(self._lost)
-        return errors or self._take_joints(T, twist, acceleration)
+        errors, elbow = self._violations(twist, acceleration), self._elbow.violations(self._lost)
+        if elbow:
+            self.reason = "; ".join(filter(None, (self.reason, self._elbow.reason)))
+        return errors | elbow or self._take_joints(T, twist, acceleration)
 
     def _take_joints(self, T: list[float], twist: list[float], acceleration: list[float]) -> Errors:
         state, dt = self._state, self._dt
         guess = [x + v * dt + a * dt * dt for x, v, a in zip(state.q_d, state.dq_d, state.ddq_d, strict=True)]
         q = self._ik.solve(T, self._elbow.wanted, guess) if self._elbow.commanded else self._ik.follow(T, self._elbow.wanted, state.q_d, guess)
         if q is None:
+            self.reason = "no joint motion leads to the commanded pose: it is at the border of the workspace, or singular"
             return NO_JOINT_MOTION
         dq = [(x - last) / dt for x, last in zip(q, state.q_d, strict=True)]
         ddq = [(v - last) / dt for v, last in zip(dq, state.dq_d, strict=True)]
-        errors = self._joints.violations(q, dq, ddq, ddq, False) | self._elbow.side_violated(q)
+        errors = self._joints.violations(q, dq, ddq, ddq, False)
+        if errors:
+            self.reason = self._joints.reason
+        errors |= self._elbow.side_violated(q)
         if errors:
             return errors
         state.q_d[:], state.dq_d[:], state.ddq_d[:] = q, dq, ddq
@@ -113,10 +120,13 @@ class CartesianGenerator(MotionGenerator):
 
     def _violations(self, twist: Sequence[float], acceleration: Sequence[float]) -> Errors:
         last, lost = self._acceleration, self._lost
-        linear = self._translation.violated(twist[:3], acceleration[:3], last[:3], lost)
-        angular = self._rotation.violated(twist[3:], acceleration[3:], last[3:], lost)
+        motions = (twist[:3], acceleration[:3], last[:3]), (twist[3:], acceleration[3:], last[3:])
+        linear, angular = self._translation.violated(*motions[0], lost), self._rotation.violated(*motions[1], lost)
         velocity, sudden, jerk = (a or b for a, b in zip(linear, angular, strict=True))
-        return CARTESIAN_ERRORS.named(False, velocity, sudden, jerk) if velocity or sudden or jerk else NO_ERRORS
+        if not (velocity or sudden or jerk):
+            return NO_ERRORS
+        self.reason = "; ".join(self._translation.reasons(linear, *motions[0]) + self._rotation.reasons(angular, *motions[1]))
+        return CARTESIAN_ERRORS.named(False, velocity, sudden, jerk)
 
     def _publish(self) -> None:
         """Write the Cartesian fields of the state; new lists, for a state may compute these fields when they are read."""
@@ -152,6 +162,9 @@ class CartesianVelocityGenerator(CartesianGenerator):
 
     def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float], Errors]:
         twist = command.O_dP_EE[:]
-        if not (self._translation.reachable(twist[:3]) and self._rotation.reachable(twist[3:])):
+        parts = (self._translation, twist[:3]), (self._rotation, twist[3:])
+        too_fast = [rates.reasons((True, False, False), v, v, v)[0] for rates, v in parts if not rates.reachable(v)]
+        if too_fast:
+            self.reason = "; ".join(too_fast)
             return [], twist, frozenset({CARTESIAN_ERRORS.velocity})
         return moved(self._T, twist, self._dt), twist, NO_ERRORS

@@ -22,6 +22,7 @@ class ElbowMotion:
     Attributes:
         commanded: whether the client commands the elbow; else the joint is held at `wanted` as well as the pose allows.
         wanted: where joint 3 shall be after this step [rad].
+        reason: what `violations` found last, in words.
         position, velocity, acceleration: after the last step taken [rad], [rad/s], [rad/s^2].
 
     Args:
@@ -38,7 +39,7 @@ class ElbowMotion:
         self.position = self.wanted = q_d[ELBOW_JOINT]
         self.velocity = self.acceleration = 0.0
         self._next = (0.0, 0.0)
-        self._side, self.commanded = elbow_side(q_d), False
+        self._side, self.commanded, self.reason = elbow_side(q_d), False, ""
 
     def refused(self, elbow: tuple[float, float] | None, moving: bool) -> Errors:
         """What is wrong with a commanded elbow as such; moving: it is not the motion's first command."""
@@ -74,7 +75,12 @@ class ElbowMotion:
         if not self.commanded:
             return NO_ERRORS
         velocity, acceleration = self._next
-        return LIMIT_VIOLATION if any(self._rates.violated([velocity], [acceleration], [self.acceleration], after_loss)) else NO_ERRORS
+        motion = [velocity], [acceleration], [self.acceleration]
+        violated = self._rates.violated(*motion, after_loss)
+        if not any(violated):
+            return NO_ERRORS
+        self.reason = "; ".join(self._rates.reasons(violated, *motion))
+        return LIMIT_VIOLATION
 
     def side_violated(self, q: Sequence[float]) -> Errors:
         """Whether the joints end on the other side than commanded; q: 7 floats [rad]."""

@@ -17,7 +17,7 @@ def make_generator(kind: GeneratorMode, model: KdlFrankaModel, limits: FrankaLim
 
     Args:
         kind: one of the four modes that generate a motion.
-        model: of the arm; Cartesian generators follow its end effector.
+        model: of the arm; Cartesian generators follow its end effector, the others need its joints' names.
         limits: nominal limits of the arm, without libfranka's margins.
         time_step: [s].
 
@@ -26,9 +26,9 @@ def make_generator(kind: GeneratorMode, model: KdlFrankaModel, limits: FrankaLim
     """
     parameters = motion_parameters()
     if kind is GeneratorMode.JOINT_POSITION:
-        return JointPositionGenerator(limits, parameters, time_step)
+        return JointPositionGenerator(limits, model.joint_names, parameters, time_step)
     if kind is GeneratorMode.JOINT_VELOCITY:
-        return JointVelocityGenerator(limits, parameters, time_step)
+        return JointVelocityGenerator(limits, model.joint_names, parameters, time_step)
     if kind is GeneratorMode.CARTESIAN_POSITION:
         return CartesianPositionGenerator(model, limits, parameters, time_step)
     if kind is GeneratorMode.CARTESIAN_VELOCITY:

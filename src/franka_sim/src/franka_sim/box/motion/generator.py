@@ -7,6 +7,9 @@ from abc import ABC, abstractmethod
 from franka_hw_interface.robot_state import Errors, RobotState
 from franka_sim.box.requests import MotionCommand
 
+UNFINISHED = "the motion was finished where it is not at rest"
+"""Reason of a refusal."""
+
 
 class MotionGenerator(ABC):
     """Desired motion from one command per millisecond.
@@ -15,7 +18,12 @@ class MotionGenerator(ABC):
     written in place. The Cartesian fields (`O_T_EE_d`, `O_T_EE_c`, `O_dP_EE_d`, `O_dP_EE_c`, `O_ddP_EE_c`, `elbow_d`, `elbow_c`, `delbow_c`,
     `ddelbow_c`) are assigned by Cartesian generators only. They are what the client's own filters start from and must stay until the next `advance`,
     so a state that computes them when they are read must not do so while a Cartesian generator runs.
+
+    Attributes:
+        reason: what `advance` refused and which limit it passed, in words; empty where the errors' names say it all, and after `start`.
     """
+
+    reason: str = ""
 
     @abstractmethod
     def start(self, state: RobotState) -> Errors:

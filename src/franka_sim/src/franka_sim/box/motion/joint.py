@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 
 from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotState
-from franka_sim.box.motion.generator import MotionGenerator
+from franka_sim.box.motion.generator import UNFINISHED, MotionGenerator
 from franka_sim.box.motion_parameters import MotionParameters
 from franka_sim.box.rate_limits import JOINT_ERRORS, JointRates
 from franka_sim.box.requests import MotionCommand
@@ -21,18 +22,19 @@ class JointGenerator(MotionGenerator):
 
     Args:
         limits: of the arm.
+        joint_names: of the arm.
         parameters: tolerances.
         time_step: [s].
     """
 
-    def __init__(self, limits: FrankaLimits, parameters: MotionParameters, time_step: float) -> None:
-        self._rates, self._dt = JointRates(limits, JOINT_ERRORS, parameters, time_step), time_step
+    def __init__(self, limits: FrankaLimits, joint_names: Sequence[str], parameters: MotionParameters, time_step: float) -> None:
+        self._rates, self._dt = JointRates(limits, joint_names, JOINT_ERRORS, parameters, time_step), time_step
         self._state = RobotState()
         self._moving = self._lost = False
 
     def start(self, state: RobotState) -> Errors:
         """Begin at rest at q_d."""
-        self._state, self._moving, self._lost = state, False, False
+        self._state, self._moving, self._lost, self.reason = state, False, False, ""
         state.dq_d[:] = state.ddq_d[:] = REST
         return NO_ERRORS
 
@@ -47,6 +49,7 @@ class JointGenerator(MotionGenerator):
         dt, state = self._dt, self._state
         q, dq = self._commanded(command)
         if command.finished and not self._rates.can_stop(dq):
+            self.reason = UNFINISHED
             return NOT_AT_REST
         ddq = [(v - last) / dt for v, last in zip(dq, state.dq_d, strict=True)]
         errors = self._take(q, dq, ddq)
@@ -63,7 +66,9 @@ class JointGenerator(MotionGenerator):
     def _take(self, q: list[float], dq: list[float], ddq: list[float]) -> Errors:
         state = self._state
         errors = self._rates.violations(q, dq, ddq, state.ddq_d, self._lost)
-        if not errors:
+        if errors:
+            self.reason = self._rates.reason
+        else:
             state.q_d[:], state.dq_d[:], state.ddq_d[:] = q, dq, ddq
         return errors
 
