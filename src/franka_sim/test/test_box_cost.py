@@ -9,6 +9,8 @@ import pybullet
 import pytest
 
 import panda_description
+from franka_sim.realism import parse
+from franka_sim.sensors import attach
 
 
 def least(work: Callable[[], object], n: int) -> float:
@@ -38,3 +40,18 @@ def test_read_and_write_in_torque_control_cost_few_bare_steps(make_box, torques,
     with capsys.disabled():
         print(f"\nread + write {1e6 * ours:.1f} us, bare step {1e6 * bare:.1f} us, ratio {ours / bare:.1f}")
     assert ours < 8.0 * bare
+
+
+@pytest.mark.slow
+def test_sensors_with_noise_cost_less_than_half_a_bare_step_more_than_the_plants_own_reading(make_box, capsys) -> None:
+    arm = make_box(plant={"rotor_inertia": 0.0})
+    client, row = arm.plant._engine.client, ([0.0] * 7, [0.0] * 7, [0.0] * 7)
+    noisy = attach(arm.plant, arm.box, parse("measured", ""), 0)
+    rounds = [
+        (least(lambda: noisy(*row), 64), least(lambda: arm.plant.read_state(*row), 64), least(lambda: pybullet.stepSimulation(client), 64))
+        for _ in range(400)
+    ]
+    with_noise, without, bare = (min(column) for column in zip(*rounds, strict=True))
+    with capsys.disabled():
+        print(f"\nreading with noise {1e6 * with_noise:.1f} us, without {1e6 * without:.1f} us, bare step {1e6 * bare:.1f} us")
+    assert with_noise - without < 0.5 * bare
