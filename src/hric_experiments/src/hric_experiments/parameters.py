@@ -82,7 +82,7 @@ def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
 
 
 def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
-    """The plant's parameters with the friction of `realism`, so that the run tells which friction acted."""
+    """The plant's parameters with the friction of `realism`, so that run.yaml has the friction that acted."""
     if "realism" not in spec.parameters:
         return plant
     if spec.hw == GENERIC:
