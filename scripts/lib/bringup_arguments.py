@@ -186,7 +186,7 @@ def _checks(choices: Choices) -> dict[str, Check]:
         "hand": _one_of(*BOOL, "auto"),
         "load_gripper": _one_of(*BOOL, "auto"),
         "inertials": _one_of("barycentric", "thesis", "auto"),
-        "friction": _one_of("none", "coulomb", "identified", "auto"),
+        "friction": _friction,
         "ns": _namespace,
         "arm_id": _identifier,
         "xyz": _vector,
@@ -245,6 +245,15 @@ def _existing_file(name: str, value: str) -> str:
 
 def _world(name: str, value: str) -> str:
     return value if value in ("auto", "none") or value.startswith("package://") else _existing_file(name, value)
+
+
+def _friction(name: str, value: str) -> str:
+    if value.endswith((".yaml", ".yml")):
+        return _existing_file(name, value)
+    valid = ("none", "coulomb", "identified", "auto")
+    if value not in valid:
+        raise ArgumentError(f"{name}:={value} is not possible; valid: {', '.join(valid)}, or the path of a .yaml file with the friction of each joint")
+    return value
 
 
 def _namespace(name: str, value: str) -> str:

@@ -240,6 +240,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "export": _of("export.command"),
     "inverse_kinematics": _of("export.kinematics_command"),
     "inverse_dynamics": _of("export.dynamics_command"),
+    "check_model": _of("check_model.command"),
 }
 
 

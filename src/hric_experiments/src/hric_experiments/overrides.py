@@ -6,10 +6,13 @@ import copy
 import shlex
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 import yaml
 
+from franka_hw_interface.friction_file import read_friction
+from hric_control.plants.friction import PHI
 from hric_experiments.experiment import METRICS_KEYS, ROBOT_KEYS, ExperimentError
 from hric_experiments.mocap_spec import MOCAP_KEYS
 from hric_experiments.sensor_spec import EMG_KEYS, PLATE_KEYS, SYNC_KEYS
@@ -29,7 +32,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
     "hand": ("robot.description.hand", "with or without the hand"),
     "inertials": ("robot.description.inertials", "barycentric or thesis"),
     "damping": ("robot.description.damping", "viscous joint damping [N m s/rad]"),
-    "friction": ("robot.description.friction", "none, coulomb or identified"),
+    "friction": ("robot.description.friction", "none, coulomb, identified, or a YAML file as check_model --fit friction writes it"),
     "realism": ("robot.parameters.realism", "of the simulated Franka: ideal, measured, or {preset: measured, dq_noise: 0, ...}"),
     "simulator": ("robot.plant_type", "pybullet, opensim, or the plugin type of a plant"),
     "rotor_inertia": ("robot.plant.rotor_inertia", "rotor inertia seen at the joint, number or list [kg m^2]"),
@@ -75,8 +78,12 @@ def apply(raw: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
 
 def _friction(raw: dict[str, Any], value: Any, text: str) -> str:
     """Tell the plant which friction acts; answers what the description needs for it, which knows Coulomb's values as part of the identified ones."""
+    if isinstance(value, str) and value.endswith((".yaml", ".yml")):
+        phis = zip(*read_friction(Path(value).expanduser()), strict=True)
+        _assign(raw, ["robot", "plant", "friction_parameters"], {name: list(phi) for name, phi in zip(PHI, phis, strict=True)}, text)
+        value = "identified"
     if value not in FRICTIONS:
-        raise ExperimentError(f"cannot apply {text!r}; valid: {', '.join(FRICTIONS)}")
+        raise ExperimentError(f"cannot apply {text!r}; valid: {', '.join(FRICTIONS)}, or a YAML file with the friction of each joint")
     _assign(raw, ["robot", "plant", "friction"], value, text)
     return "none" if value == "none" else "identified"
 

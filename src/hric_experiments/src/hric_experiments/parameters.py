@@ -12,6 +12,7 @@ import yaml
 
 import panda_description
 from hric_control.errors import HricError
+from hric_control.plants.friction import PHI, sigmoid_parameters
 from hric_experiments import config
 from hric_experiments.experiment import Experiment, ExperimentError, RobotSpec, SetPoint
 
@@ -72,7 +73,7 @@ def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
         HricError: a realism that there is not, or of a robot that knows none.
     """
     spec = experiment.robot
-    plant = _realistic(spec, {"seed": seed, **_friction(spec), **spec.plant})
+    plant = _realistic(spec, {"seed": seed, **spec.plant, **_friction(spec)})
     values: dict[str, Any] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": plant}
     if spec.plant_type:
         values["plant_type"] = spec.plant_type
@@ -99,8 +100,12 @@ def _friction(spec: RobotSpec) -> dict[str, Any]:
     wanted = spec.plant.get("friction", spec.description.get("friction", "none"))
     if spec.urdf or wanted == "none":
         return {}
+    if wanted != "identified":
+        return {"friction": wanted}
     published = panda_description.friction_parameters(spec.arm_id)
-    return {"friction": wanted} | ({"friction_parameters": published} if wanted == "identified" else {})
+    values = sigmoid_parameters(spec.plant.get("friction_parameters") or published, list(published))
+    # By the joints' names, as the control box takes them: a fitted file has the values in their order, whatever the arm is called.
+    return {"friction": wanted, "friction_parameters": {joint: dict(zip(PHI, phi, strict=True)) for joint, phi in zip(published, values, strict=True)}}
 
 
 def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:

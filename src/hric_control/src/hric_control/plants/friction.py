@@ -9,12 +9,32 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from hric_control.errors import ParameterError
 
 PHI = ("phi1", "phi2", "phi3")
+Phi = tuple[float, float, float]
+"""phi1 [N m], phi2 [s/rad], phi3 [rad/s] of one joint."""
 
 
-def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[tuple[float, float, float]]:
+def sigmoid_torque(dq: npt.NDArray[np.float64], phi: Sequence[float]) -> npt.NDArray[np.float64]:
+    """Friction of one joint over many velocities, as `JointLosses` takes it away.
+
+    Args:
+        dq: joint velocity, shape (n,) [rad/s].
+        phi: phi1 [N m], phi2 [s/rad], phi3 [rad/s].
+
+    Returns:
+        phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)), shape (n,) [N m].
+    """
+    phi1, phi2, phi3 = phi
+    curve: npt.NDArray[np.float64] = 0.5 * phi1 * (np.tanh(0.5 * phi2 * (dq + phi3)) - np.tanh(0.5 * phi2 * phi3))
+    return curve
+
+
+def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[Phi]:
     """(phi1 [N m], phi2 [s/rad], phi3 [rad/s]) of each joint, in the order of `joint_names`.
 
     Args:

@@ -1,0 +1,131 @@
+"""A log of an arm as arrays, and what makes it unusable: values that are not finite, time that does not increase, units that are not SI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_control.errors import HricError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+FAR = 0.5
+"""A measured position farther outside its joint's range than this is not one in radians; default chosen by this project, unconfirmed [rad]."""
+MOVED = 0.05
+"""A joint whose position spans less than this says nothing about units; default chosen by this project, unconfirmed [rad]."""
+SPAN = 20
+"""Samples over which the change of the position is compared with the integral of the velocity: many enough for the noise of both."""
+SLOPE_TOLERANCE = 0.25
+"""Relative error of that comparison which is accepted; default chosen by this project, unconfirmed [1]."""
+LEAST_CORRELATION = 0.5
+"""Below it a velocity has nothing to do with its position; default chosen by this project, unconfirmed [1]."""
+WRONG_UNITS = (
+    (1e-3, "the time looks like milliseconds; seconds are needed"),
+    (1e-6, "the time looks like microseconds; seconds are needed"),
+    (1e-9, "the time looks like nanoseconds; seconds are needed"),
+    (np.pi / 180.0, "the velocities look like degrees per second; rad/s are needed"),
+    (180.0 / np.pi, "the positions look like degrees; radians are needed"),
+)
+"""Change of position per integral of velocity over time, and the mistake that makes it."""
+
+
+class LogError(HricError):
+    """A log that cannot be compared with a model; the message says where and why."""
+
+
+@dataclass(frozen=True)
+class ArmLog:
+    """n samples of j joints.
+
+    Attributes:
+        joint_names: order of the columns.
+        time: shape (n,) [s].
+        q, dq: position and velocity, shape (n, j) [rad, rad/s].
+        tau: torque that the sensors behind the gears measure, gravity included (tau_J), shape (n, j) [N m].
+        columns: what the log calls time, positions, velocities and torques, 1 + 3 j names.
+        rows: where each sample is in its source, shape (n,), e.g. the lines of a file.
+        row: what is counted by `rows`, e.g. "line".
+    """
+
+    joint_names: tuple[str, ...]
+    time: FloatArray
+    q: FloatArray
+    dq: FloatArray
+    tau: FloatArray
+    columns: tuple[str, ...]
+    rows: IntArray
+    row: str
+
+    def at(self, sample: int) -> str:
+        """Where a sample is in its source."""
+        return f"{self.row} {self.rows[sample]}"
+
+
+def check_log(log: ArmLog, lower: Sequence[float], upper: Sequence[float]) -> None:
+    """Refuse a log that cannot be of this arm in SI units.
+
+    Args:
+        log: what was recorded.
+        lower, upper: position range of each joint [rad].
+
+    Raises:
+        LogError: one line with row and column.
+    """
+    _check_finite(log)
+    _check_time(log)
+    _check_range(log, np.array(lower), np.array(upper))
+    _check_motion(log)
+
+
+def _check_finite(log: ArmLog) -> None:
+    values = np.column_stack([log.time, log.q, log.dq, log.tau])
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        k, column = bad[0]
+        raise LogError(f"{log.at(k)}, column {log.columns[column]} is {values[k, column]}; each value must be finite")
+
+
+def _check_time(log: ArmLog) -> None:
+    if len(log.time) < 2:
+        raise LogError(f"the log has {len(log.time)} samples")
+    steps = np.diff(log.time)
+    if (steps <= 0.0).any():
+        k = int(np.argmax(steps <= 0.0)) + 1
+        raise LogError(f"time does not increase: {log.columns[0]} is {log.time[k]:.9g} in {log.at(k)} after {log.time[k - 1]:.9g} in {log.at(k - 1)}")
+
+
+def _check_range(log: ArmLog, lower: FloatArray, upper: FloatArray) -> None:
+    excess = np.maximum(lower - log.q, log.q - upper)
+    if excess.max() <= FAR:
+        return
+    k, j = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    in_degrees = np.deg2rad(log.q)
+    degrees = (np.maximum(lower - in_degrees, in_degrees - upper) <= FAR).all()
+    guess = WRONG_UNITS[-1][1] if degrees else "are these the joint positions, in radians?"
+    span = f"{log.joint_names[j]} ranges from {lower[j]:.4g} to {upper[j]:.4g} rad"
+    raise LogError(f"{log.at(int(k))}: {log.columns[1 + j]} is {log.q[k, j]:.6g}, but {span}; {guess}")
+
+
+def _check_motion(log: ArmLog) -> None:
+    """The position must change as the velocity says: slope and correlation over short spans, joint by joint."""
+    steps = np.diff(log.time)[:, None]
+    integral = np.vstack([np.zeros(log.q.shape[1]), np.cumsum(0.5 * (log.dq[1:] + log.dq[:-1]) * steps, axis=0)])
+    span = min(SPAN, len(log.time) - 1)
+    change, told = log.q[span:] - log.q[:-span], integral[span:] - integral[:-span]
+    product, told_square = (change * told).sum(axis=0), (told * told).sum(axis=0)
+    moved = (np.ptp(log.q, axis=0) > MOVED) & (told_square > 0.0)
+    if not moved.any():
+        return
+    slopes = product[moved] / told_square[moved]
+    for slope, guess in WRONG_UNITS:
+        if abs(np.median(slopes) / slope - 1.0) < SLOPE_TOLERANCE:
+            raise LogError(f"the positions change {np.median(slopes):.3g} times as fast as the velocities say: {guess}")
+    correlations = product[moved] / np.sqrt(told_square[moved] * (change * change).sum(axis=0)[moved])
+    for j, slope, correlation in zip(np.flatnonzero(moved), slopes, correlations, strict=True):
+        if correlation < LEAST_CORRELATION or abs(slope - 1.0) > SLOPE_TOLERANCE:
+            q, dq = log.columns[1 + j], log.columns[1 + len(log.joint_names) + j]
+            raise LogError(f"{dq} is not the derivative of {q}: {q} changes {slope:.3g} times as fast as {dq} says (correlation {correlation:.2f})")

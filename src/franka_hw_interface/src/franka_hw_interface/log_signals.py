@@ -1,0 +1,120 @@
+"""Motion and torque of a log as a model takes them: uniform in time, low-pass filtered without phase, with acceleration.
+
+Position, velocity and torque of the log go through one filter, and what a model says of the filtered motion goes through it once more before it is
+compared: so friction, which is sharper than the motion, is smoothed alike on both sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.signal
+
+from franka_hw_interface.arm_log import ArmLog, LogError
+
+FloatArray = npt.NDArray[np.float64]
+
+CUTOFF = 10.0
+"""Cut-off of the low-pass; default chosen by this project, unconfirmed [Hz]."""
+ORDER = 4
+"""Of the Butterworth low-pass, which runs forwards and backwards; default chosen by this project, unconfirmed."""
+EDGE_PERIODS = 3.0
+"""Periods of the cut-off that are dropped at each end, where the filter has nothing beyond; default chosen by this project, unconfirmed."""
+LEAST_DURATION = 2.0
+"""What must be left after that; default chosen by this project, unconfirmed [s]."""
+LEAST_RATE = 5.0
+"""Samples per period of the cut-off that a log must have: its central differences are then right to 7 % at half the cut-off [1]."""
+LONGEST_GAP = 0.5
+"""Periods of the cut-off over which samples may be missing: what is slower is known there by interpolation [1]."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """m instants of j joints at a uniform rate, filtered.
+
+    Attributes:
+        time: on the clock of the log, shape (m,) [s].
+        q, dq, ddq, tau: shape (m, j) [rad, rad/s, rad/s^2, N m].
+        rate: [Hz].
+        cutoff: [Hz].
+        kept: the instants that count; beyond them the filter has its transients.
+    """
+
+    time: FloatArray
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+    tau: FloatArray
+    rate: float
+    cutoff: float
+    kept: slice
+
+    def low_pass(self, values: FloatArray) -> FloatArray:
+        """What the log's own signals went through; values: shape (m, ...)."""
+        return low_pass(values, self.rate, self.cutoff)
+
+    @property
+    def duration(self) -> float:
+        """Of what counts [s]."""
+        return float(np.ptp(self.time[self.kept]))
+
+    def told(self) -> str:
+        """The settings, for a report."""
+        edge = EDGE_PERIODS / self.cutoff
+        return (
+            f"zero-phase Butterworth low-pass of order {ORDER}, forwards and backwards, cut-off {self.cutoff:g} Hz, on q, dq, measured and modelled "
+            f"torque; ddq: central differences of dq at {self.rate:.6g} Hz; {edge:g} s dropped at each end"
+        )
+
+
+def low_pass(values: FloatArray, rate: float, cutoff: float) -> FloatArray:
+    """Zero-phase low-pass along the first axis; rate, cutoff: [Hz]."""
+    filtered: FloatArray = scipy.signal.sosfiltfilt(scipy.signal.butter(ORDER, cutoff, fs=rate, output="sos"), values, axis=0)
+    return filtered
+
+
+def condition(log: ArmLog, cutoff: float = CUTOFF) -> Signals:
+    """Resample at the log's median rate and filter.
+
+    Args:
+        log: checked by `check_log`.
+        cutoff: of the low-pass [Hz].
+
+    Raises:
+        LogError: too few samples per second, a gap, or too short.
+    """
+    rate = 1.0 / float(np.median(np.diff(log.time)))
+    _check_sampling(log, rate, cutoff)
+    span = float(log.time[-1] - log.time[0])
+    time = np.linspace(log.time[0], log.time[-1], round(span * rate) + 1)
+    period = float(time[1] - time[0])
+
+    def filtered(values: FloatArray) -> FloatArray:
+        return low_pass(np.column_stack([np.interp(time, log.time, column) for column in values.T]), 1.0 / period, cutoff)
+
+    dq = filtered(log.dq)
+    edge = round(EDGE_PERIODS / cutoff / period)
+    return Signals(time, filtered(log.q), dq, np.gradient(dq, period, axis=0), filtered(log.tau), 1.0 / period, cutoff, slice(edge, len(time) - edge))
+
+
+def _check_sampling(log: ArmLog, rate: float, cutoff: float) -> None:
+    if rate < LEAST_RATE * cutoff:
+        raise LogError(
+            f"the log has {rate:.3g} samples per second; a cut-off of {cutoff:g} Hz needs {LEAST_RATE * cutoff:g} or more: record faster, or lower "
+            "the cut-off (is the time in seconds?)"
+        )
+    edge = EDGE_PERIODS / cutoff
+    span = float(log.time[-1] - log.time[0])
+    if span < LEAST_DURATION + 2.0 * edge:
+        raise LogError(
+            f"the log is too short: {span:.3g} s; {LEAST_DURATION + 2.0 * edge:.3g} s are needed, of which the filter takes {edge:g} s at each end"
+        )
+    gaps = np.diff(log.time)
+    k = int(np.argmax(gaps))
+    if gaps[k] > LONGEST_GAP / cutoff:
+        raise LogError(
+            f"{gaps[k]:.3g} s are missing between {log.at(k)} and {log.at(k + 1)}, at {log.time[k]:.9g} s; a cut-off of {cutoff:g} Hz allows "
+            f"{LONGEST_GAP / cutoff:.3g} s: cut the log there, or lower the cut-off"
+        )

@@ -1,0 +1,127 @@
+"""A model of the arm against a log: the torque that the recorded motion needs by the model, beside the torque that the sensors measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from franka_hw_interface.arm_log import LogError
+from franka_hw_interface.log_signals import Signals
+from franka_hw_interface.model import FrankaModel
+from hric_control.plants.friction import Phi, sigmoid_torque
+
+FloatArray = npt.NDArray[np.float64]
+Counting = Callable[[range], Iterable[int]]
+"""Goes through a range, and may show how far it is."""
+
+PLAUSIBLE_SCALE = (0.2, 5.0)
+"""Measured torque as a multiple of the model's; beyond, it is something else. A forgotten load or another inertial set stays within."""
+
+
+@dataclass(frozen=True)
+class ModelCheck:
+    """m instants of j joints, all filtered alike; the transients of the filter are left out of every property.
+
+    Attributes:
+        joint_names: order of the columns.
+        signals: the log.
+        rigid: M(q) ddq + C(q, dq) dq + g(q), shape (m, j) [N m].
+        friction: friction of the model at dq, shape (m, j) [N m].
+    """
+
+    joint_names: tuple[str, ...]
+    signals: Signals
+    rigid: FloatArray
+    friction: FloatArray
+
+    @property
+    def time(self) -> FloatArray:
+        """On the clock of the log, shape (k,) [s]."""
+        return self.signals.time[self.signals.kept]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Shape (k, j) [rad/s]."""
+        return self.signals.dq[self.signals.kept]
+
+    @property
+    def measured(self) -> FloatArray:
+        """Shape (k, j) [N m]."""
+        return self.signals.tau[self.signals.kept]
+
+    @property
+    def modelled(self) -> FloatArray:
+        """Shape (k, j) [N m]."""
+        return (self.rigid + self.friction)[self.signals.kept]
+
+    @property
+    def residual(self) -> FloatArray:
+        """Measured minus modelled, shape (k, j) [N m]."""
+        return self.measured - self.modelled
+
+    @property
+    def rms(self) -> FloatArray:
+        """Root mean square of the residual of each joint, shape (j,) [N m]."""
+        return root_mean_square(self.residual)
+
+
+def root_mean_square(values: FloatArray) -> FloatArray:
+    """Along the first axis."""
+    result: FloatArray = np.sqrt(np.mean(values**2, axis=0))
+    return result
+
+
+def inverse_dynamics(model: FrankaModel, q: FloatArray, dq: FloatArray, ddq: FloatArray, counting: Counting = iter) -> FloatArray:
+    """M(q) ddq + C(q, dq) dq + g(q) of many instants, without friction and rotor inertia: the link side of the gears.
+
+    Args:
+        model: with the load that the arm carried.
+        q, dq, ddq: shape (m, 7) [rad, rad/s, rad/s^2].
+        counting: goes through the instants.
+
+    Returns:
+        shape (m, 7) [N m].
+    """
+    tau = np.empty_like(q)
+    for k in counting(range(len(q))):
+        tau[k] = model.mass(q[k]) @ ddq[k] + model.coriolis(q[k], dq[k]) + model.gravity(q[k])
+    return tau
+
+
+def friction_torque(dq: FloatArray, friction: Sequence[Phi] | None) -> FloatArray:
+    """The sigmoid of each joint at dq, shape (m, j) [N m]; None: no friction."""
+    if friction is None:
+        return np.zeros_like(dq)
+    return np.column_stack([sigmoid_torque(column, phi) for column, phi in zip(dq.T, friction, strict=True)])
+
+
+def check(
+    model: FrankaModel, joint_names: Sequence[str], signals: Signals, friction: Sequence[Phi] | None = None, counting: Counting = iter
+) -> ModelCheck:
+    """Compare.
+
+    tau = M(q) ddq + C(q, dq) dq + g(q) + friction(dq). The torque sensors of the arm are behind its gears, so there is no rotor inertia in it.
+
+    Args:
+        model: with the load that the arm carried.
+        joint_names: of the log.
+        signals: the log, filtered.
+        friction: phi1, phi2, phi3 of each joint; None: none.
+        counting: goes through the instants, the part that takes time.
+
+    Raises:
+        LogError: the measured torque is not that of such an arm.
+    """
+    rigid = signals.low_pass(inverse_dynamics(model, signals.q, signals.dq, signals.ddq, counting))
+    checked = ModelCheck(tuple(joint_names), signals, rigid, signals.low_pass(friction_torque(signals.dq, friction)))
+    expected = rigid[signals.kept]
+    scale = float((checked.measured * expected).sum() / (expected * expected).sum())
+    if not PLAUSIBLE_SCALE[0] <= scale <= PLAUSIBLE_SCALE[1]:
+        hint = "is it a commanded torque, without gravity?" if abs(scale) < PLAUSIBLE_SCALE[0] else "is it in N m?"
+        raise LogError(
+            f"the measured torque is {scale:.3g} times what the motion needs: the torque of the joints' sensors in N m (tau_J) is needed; {hint}"
+        )
+    return checked

@@ -1,0 +1,170 @@
+"""A log from a CSV file: time, positions, velocities and torques of seven joints, in any order, by names that are usual or given."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from franka_hw_interface.arm_log import ArmLog, FloatArray, LogError
+
+JOINTS = 7
+TIMES = ("t", "time", "timestamp", "time_s", "t_s", "seconds", "stamp")
+STEMS = {
+    "q": ("q", "position", "pos", "joint_position"),
+    "dq": ("dq", "qd", "qdot", "velocity", "vel", "joint_velocity"),
+    "tau": ("tau_j", "tau", "effort", "torque", "joint_torque"),
+}
+"""What comes before the joint's number or name, the best first; capitals do not count, and `field.` of `rostopic echo -p` may stand before it."""
+MEANINGS = {"t": "time [s]", "q": "joint positions [rad]", "dq": "joint velocities [rad/s]", "tau": "measured joint torques [N m]"}
+USUAL = "t, q1 to q7, dq1 to dq7, tau1 to tau7"
+
+
+def parse_columns(given: Sequence[str]) -> dict[str, str]:
+    """Names of columns from `KEY=NAME` of the command line, by key.
+
+    Raises:
+        LogError: not of that form, or a key that does not exist.
+    """
+    found = {}
+    for text in given:
+        key, separator, value = text.partition("=")
+        if key not in MEANINGS or not separator or not value:
+            raise LogError(
+                f"cannot read {text!r} of --columns; valid: t=NAME, and q=, dq=, tau= with seven names and commas, or one with {{}} for 1 to 7"
+            )
+        found[key] = value
+    return found
+
+
+def read_csv(path: Path, joint_names: Sequence[str], given: Mapping[str, str]) -> ArmLog:
+    """Read a file with a header. Separated by commas, semicolons, tabs or spaces; lines that begin with # are left out.
+
+    Args:
+        path: the file.
+        joint_names: of joints 1 to 7.
+        given: see `parse_columns`.
+
+    Raises:
+        LogError: it cannot be read, columns are missing, or a cell is no number.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"cannot read {path}: {getattr(error, 'strerror', None) or 'it is no text'}") from error
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    header, rows = _header(lines, path.name)
+    frequent = max(",;\t", key=header.count)
+    delimiter = frequent if frequent in header else None
+    names = [name.strip() for name in _cells(header, delimiter)]
+    columns = _columns(names, given, path.name)
+    numbers = [number for number, _ in rows]
+    values = _numbers(rows, delimiter, [names.index(column) for column in columns], columns)
+    time, q, dq, tau = np.split(values, (1, 1 + JOINTS, 1 + 2 * JOINTS), axis=1)
+    return ArmLog(tuple(joint_names), time[:, 0], q, dq, tau, tuple(columns), np.array(numbers, dtype=np.int64), "line")
+
+
+def _header(lines: list[tuple[int, str]], name: str) -> tuple[str, list[tuple[int, str]]]:
+    """The header and the lines of data: the header is the first line, or a comment right before the numbers, as numpy writes it."""
+    comments = [line for _, line in lines if line.startswith("#")]
+    data = [(number, line) for number, line in lines if not line.startswith("#")]
+    if data and not _is_data(data[0][1]):
+        return data[0][1], data[1:]
+    last = comments[-1].lstrip("# ") if comments and data else ""
+    if not last or _is_data(last):
+        raise LogError(f"{name} has no header; its first line must name the columns, usually {USUAL}")
+    return last, data
+
+
+def _is_data(line: str) -> bool:
+    try:
+        return bool([float(cell) for cell in re.split(r"[,;\t ]+", line.strip().rstrip(",;"))])
+    except ValueError:
+        return False
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    return line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter))
+
+
+def _columns(names: Sequence[str], given: Mapping[str, str], file: str) -> list[str]:
+    """Names of the columns of time, positions, velocities and torques, 22."""
+    found = [_named(given["t"], names, 1, file) if "t" in given else _time(names, file)]
+    for key in STEMS:
+        found.append(_named(given[key], names, JOINTS, file) if key in given else _joints(key, names, file))
+    flat = [name for group in found for name in group]
+    twice = sorted({name for name in flat if flat.count(name) > 1 or names.count(name) > 1})
+    if twice:
+        raise LogError(f"{file}: column {', '.join(twice)} is there or meant twice; columns there: {', '.join(names)}")
+    return flat
+
+
+def _named(given: str, names: Sequence[str], count: int, file: str) -> list[str]:
+    numbered = count > 1 and "{}" in given
+    wanted = [given.replace("{}", str(i)) for i in range(1, count + 1)] if numbered else [one.strip() for one in given.split(",")]
+    if len(wanted) != count:
+        raise LogError(f"--columns names {len(wanted)} columns in {given!r}; {count} are needed")
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        raise LogError(f"{file} has no column {', '.join(missing)}; columns there: {', '.join(names)}")
+    return wanted
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"^(%|/|field\.)+", "", name.lower())
+
+
+def _time(names: Sequence[str], file: str) -> list[str]:
+    by_plain = {_plain(name): name for name in reversed(names)}
+    for usual in TIMES:
+        if usual in by_plain:
+            return [by_plain[usual]]
+    raise _missing("t", names, file)
+
+
+def _joints(key: str, names: Sequence[str], file: str) -> list[str]:
+    """The seven columns of a quantity: numbered from 1 or from 0, or ending with the joints' names."""
+    for stem in STEMS[key]:
+        pattern = re.compile(rf"{stem}s?[._ ]?[\[(]?(?:\w*joint)?_?(\d+)[\])]?")
+        numbered = {int(match[1]): name for name in reversed(names) if (match := pattern.fullmatch(_plain(name)))}
+        for first in (0, 1):
+            if set(numbered) == set(range(first, first + JOINTS)):
+                return [numbered[first + i] for i in range(JOINTS)]
+    raise _missing(key, names, file)
+
+
+def _missing(key: str, names: Sequence[str], file: str) -> LogError:
+    usual, how = ("t", "t=NAME") if key == "t" else (f"{key}1 to {key}7", f"{key}=NAME{{}}")
+    return LogError(
+        f"{file} has no columns {usual} for the {MEANINGS[key]}; columns there: {', '.join(names)}; name them with --columns {how}"
+        + ("" if key == "t" else " ({} stands for 1 to 7), or seven names separated by commas")
+    )
+
+
+def _numbers(rows: list[tuple[int, str]], delimiter: str | None, places: Sequence[int], columns: Sequence[str]) -> FloatArray:
+    if not rows:
+        raise LogError("the file has a header, but no samples")
+    try:
+        values: FloatArray = np.loadtxt([line for _, line in rows], delimiter=delimiter, usecols=places, ndmin=2, quotechar='"')
+    except (ValueError, IndexError):
+        raise _bad_cell(rows, delimiter, places, columns) from None
+    return values
+
+
+def _bad_cell(rows: list[tuple[int, str]], delimiter: str | None, places: Sequence[int], columns: Sequence[str]) -> LogError:
+    for number, line in rows:
+        cells = _cells(line, delimiter)
+        for place, column in zip(places, columns, strict=True):
+            cell = cells[place].strip() if place < len(cells) else ""
+            try:
+                float(cell)
+            except ValueError:
+                return LogError(
+                    f"line {number}, column {column} is {cell!r}; each value must be a number"
+                    if cell
+                    else f"line {number}, column {column} is missing"
+                )
+    return LogError("the file has lines that cannot be read as numbers")

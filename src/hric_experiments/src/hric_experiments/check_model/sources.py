@@ -1,0 +1,154 @@
+"""What a check compares: the log, the model of the arm that made it, and its friction, by the arguments of the command and what a run tells."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import panda_description
+from franka_hw_interface.arm_log import ArmLog, LogError
+from franka_hw_interface.friction_file import JOINTS, read_friction
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from hric_control import urdf
+from hric_control.plants.friction import Phi, sigmoid_parameters
+from hric_experiments.check_model import csv_log
+from hric_experiments.run_folder import runs_root
+
+FRICTIONS = ("none", "identified")
+PANDA = "panda"
+
+
+@dataclass(frozen=True)
+class Source:
+    """A log and what is known of it.
+
+    Attributes:
+        log: the log.
+        name: of the file or run.
+        folder: where results go if nothing else is asked for.
+        urdf: of the robot that ran; empty: not known.
+        friction: that acted, of a simulated run; "identified" of anything else.
+        simulated: values of that friction; None: none, or the published ones.
+    """
+
+    log: ArmLog
+    name: str
+    folder: Path
+    urdf: str = ""
+    friction: str = "identified"
+    simulated: Any = None
+
+
+def find(given: argparse.Namespace) -> Source:
+    """The log that is meant: a CSV file, a bag, a run folder or its name.
+
+    Raises:
+        HricError: it is not there, or holds no such log.
+    """
+    path = Path(given.log).expanduser()
+    if path.suffix in (".bag", ".active") or path.is_dir() or not (path.is_file() or path.suffix):
+        if given.columns:
+            raise LogError("--columns names the columns of a CSV file; of a bag: --topic and --arm-id")
+        return _from_bag(given)
+    if given.topic:
+        raise LogError("--topic is for bags; of a CSV file: --columns")
+    names = [f"{given.arm_id or PANDA}_{joint}" for joint in JOINTS]
+    log = csv_log.read_csv(path, names, csv_log.parse_columns(given.columns))
+    return Source(log, path.name, path.with_name(f"{path.stem}_check_model"))
+
+
+def _from_bag(given: argparse.Namespace) -> Source:
+    from hric_experiments.check_model import bag_log
+    from hric_experiments.export import recording
+
+    found = recording.find(given.log, runs_root(given.runs))
+    log, topic = bag_log.read_bag(found, given.topic, given.arm_id)
+    if found.folder is None:
+        return Source(log, f"{found.bag.name}, {topic}", found.bag.with_name(f"{found.bag.stem}_check_model"))
+    name, output = f"{found.folder.path.name}, {topic}", found.folder.path / "check_model"
+    robot = (found.run.get("parameters") or {}).get("robot") or {}
+    if not robot or str(robot.get("robot_hw", "")).startswith("franka_real"):
+        return Source(log, name, output, found.urdf)
+    plant = robot.get("plant") or {}
+    acted = plant.get("friction", "none")
+    return Source(log, name, output, found.urdf, acted if acted in FRICTIONS else "none", plant.get("friction_parameters"))
+
+
+def model(given: argparse.Namespace, source: Source) -> tuple[KdlFrankaModel, str, str]:
+    """The model with its payload, its description, and what to call it.
+
+    Raises:
+        HricError: a description or a payload that cannot be used.
+    """
+    arm_id = source.log.joint_names[0].removesuffix("joint1").rstrip("_")
+    text, told, gravity_base = _description(given, source, arm_id)
+    made = KdlFrankaModel(text, arm_id) if gravity_base is None else KdlFrankaModel(text, arm_id, gravity_world=gravity_base)
+    return made, text, told + _loaded(made, given.load)
+
+
+def _description(given: argparse.Namespace, source: Source, arm_id: str) -> tuple[str, str, Sequence[float] | None]:
+    """URDF, what to call it, and gravity in the base where the URDF does not tell how it is mounted [m/s^2]."""
+    own = given.inertials is not None or given.no_hand
+    if given.urdf is not None:
+        if own:
+            raise LogError("--urdf brings its own inertials and hand; valid: without --inertials and --no-hand")
+        try:
+            return given.urdf.read_text(), given.urdf.name, None
+        except (OSError, UnicodeDecodeError) as error:
+            raise LogError(f"cannot read {given.urdf}: {getattr(error, 'strerror', None) or 'it is no text'}") from error
+    if source.urdf and not own:
+        return source.urdf, "robot.urdf of the run", None
+    hand = not given.no_hand and (not source.urdf or f'"{arm_id}_hand"' in source.urdf)
+    name = given.inertials or "barycentric"
+    text = panda_description.load(arm_id=arm_id, hand=hand, inertials=name, meshes=False, collision=False)
+    mounted = KdlFrankaModel(source.urdf, arm_id).gravity_base.tolist() if source.urdf else None
+    return text, f"inertials {name}, {'with' if hand else 'without'} hand", mounted
+
+
+def _loaded(made: KdlFrankaModel, load: Sequence[float] | None) -> str:
+    """Give the model its payload; answers what to say of it."""
+    if load is None:
+        return ""
+    if len(load) not in (4, 10):
+        raise LogError(f"--load has {len(load)} values; valid: 4 (mass x y z) or 10 (and ixx ixy ixz iyy iyz izz)")
+    mass, com, (xx, xy, xz, yy, yz, zz) = load[0], load[1:4], load[4:] or (0.0,) * 6
+    made.set_load(mass, com, (xx, xy, xz, xy, yy, yz, xz, yz, zz))
+    return f", load {mass:g} kg at {' '.join(f'{value:g}' for value in com)} m"
+
+
+def ranges(text: str, joint_names: Sequence[str]) -> tuple[list[float], list[float]]:
+    """Lower and upper end of each joint's range [rad]; text: the description."""
+    joints = urdf.joints(urdf.parse(text))
+    limits = [(joints[name].find("limit"), name) for name in joint_names]
+    lower = [-math.inf if limit is None else urdf.number(limit, "lower", f"joint {name}", -math.inf) for limit, name in limits]
+    upper = [math.inf if limit is None else urdf.number(limit, "upper", f"joint {name}", math.inf) for limit, name in limits]
+    return lower, upper
+
+
+def published() -> list[Phi]:
+    """phi1 [N m], phi2 [s/rad], phi3 [rad/s] of joints 1 to 7 of the Panda, as they were published."""
+    values = panda_description.friction_parameters(PANDA)
+    return sigmoid_parameters(values, list(values))
+
+
+def friction(given: argparse.Namespace, source: Source) -> tuple[list[Phi] | None, str]:
+    """Friction of the model (None: none), and what to call it.
+
+    Raises:
+        HricError: a file that cannot be used.
+    """
+    wanted = given.friction or source.friction
+    if wanted == "none":
+        return None, "none"
+    if wanted != "identified":
+        path = Path(wanted).expanduser()
+        if not path.is_file():
+            raise LogError(f"--friction {wanted}: no such file; valid: {', '.join(FRICTIONS)}, or a YAML file as --fit friction writes it")
+        return read_friction(path), f"of {path.name}"
+    if given.friction is None and source.simulated:
+        return sigmoid_parameters(source.simulated, source.log.joint_names), "identified, as it acted in the simulation"
+    return published(), "identified (published values)"
