@@ -205,3 +205,15 @@ def test_a_port_taken_by_something_else_is_avoided() -> None:
 def test_a_free_port_is_taken_as_asked() -> None:
     uri = f"http://localhost:{free_port()}"
     assert choose(uri, "/robot") == (uri, False)
+
+
+def test_friction_is_a_name_or_the_file_of_a_fit(tmp_path: Path) -> None:
+    file = tmp_path / "friction.yaml"
+    file.touch()
+    names = ("env", "friction")
+    assert check({"friction": str(file)}, names, CHOICES) == {"friction": str(file)}
+    assert check({"friction": "identified"}, names, CHOICES) == {"friction": "identified"}
+    with pytest.raises(ArgumentError, match=r"friction:=nowhere.yaml: there is no such file"):
+        check({"friction": "nowhere.yaml"}, names, CHOICES)
+    with pytest.raises(ArgumentError, match=r"friction:=dry is not possible; valid: none, coulomb, identified, auto, or the path of a .yaml file"):
+        check({"friction": "dry"}, names, CHOICES)

@@ -252,7 +252,9 @@ def _friction(name: str, value: str) -> str:
         return _existing_file(name, value)
     valid = ("none", "coulomb", "identified", "auto")
     if value not in valid:
-        raise ArgumentError(f"{name}:={value} is not possible; valid: {', '.join(valid)}, or the path of a .yaml file with the friction of each joint")
+        raise ArgumentError(
+            f"{name}:={value} is not possible; valid: {', '.join(valid)}, or the path of a .yaml file with the friction of each joint"
+        )
     return value
 
 

@@ -26,6 +26,8 @@ FRICTION = np.array(
     ]
 )
 """phi1 [N m], phi2 [s/rad], phi3 [rad/s] per joint: other values than any that come with the project."""
+LOAD_COM, LOAD_INERTIA = np.array([0.02, -0.03, 0.08]), np.diag([0.004, 0.005, 0.006])
+"""Of the payload: centre of mass in the flange frame [m], inertia about it [kg m^2]."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +61,12 @@ def desired(t: float, still: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
 
 
 @functools.cache
-def simulate(urdf: str, duration: float = 12.0, still: tuple[int, ...] = (), period: float = 1e-3) -> Simulated:
-    """A log with a sample per millisecond."""
+def simulate(urdf: str, duration: float = 12.0, still: tuple[int, ...] = (), load: float = 0.0, period: float = 1e-3) -> Simulated:
+    """A log with a sample per millisecond; load: mass of a ball at `LOAD_COM` of the flange [kg]."""
     model = pin.buildModelFromXML(urdf)
+    flange = model.frames[model.getFrameId("panda_link8")]
+    if load:
+        model.inertias[7] += flange.placement.act(pin.Inertia(load, LOAD_COM, LOAD_INERTIA))
     data = model.createData()
     n = round(duration / period)
     q, dq = MIDDLE.copy(), desired(0.0, still)[1]

@@ -9,6 +9,7 @@ import yaml
 
 from hric_control.errors import HricError, ParameterError
 from hric_control.plants.config import PlantConfig
+from hric_control.plants.friction import JointLosses, sigmoid_torque
 from hric_control.plants.masks import masked
 from hric_control.plants.resources import resolve
 from hric_control.plants.spatial import (
@@ -161,3 +162,9 @@ def test_masks_match_in_either_order():
     masks = [("*_link1", "*_link3")]
     assert masked("a_link3", "b_link1", masks)
     assert not masked("a_link3", "b_link2", masks)
+
+
+def test_friction_over_many_velocities_is_what_the_plant_takes_away_at_each(rng):
+    phi, velocity = (0.62, 6.0, 0.03), rng.uniform(-2.0, 2.0, 50)
+    losses = JointLosses([0.0], [phi])
+    assert np.allclose(sigmoid_torque(velocity, phi), [-losses.subtract([0.0], [v])[0] for v in velocity], rtol=0.0, atol=1e-15)

@@ -104,7 +104,7 @@ def _check_range(log: ArmLog, lower: FloatArray, upper: FloatArray) -> None:
         return
     k, j = np.unravel_index(int(np.argmax(excess)), excess.shape)
     in_degrees = np.deg2rad(log.q)
-    degrees = (np.maximum(lower - in_degrees, in_degrees - upper) <= FAR).all()
+    degrees = np.abs(log.q).max() > 2.0 * np.pi and (np.maximum(lower - in_degrees, in_degrees - upper) <= FAR).all()
     guess = WRONG_UNITS[-1][1] if degrees else "are these the joint positions, in radians?"
     span = f"{log.joint_names[j]} ranges from {lower[j]:.4g} to {upper[j]:.4g} rad"
     raise LogError(f"{log.at(int(k))}: {log.columns[1 + j]} is {log.q[k, j]:.6g}, but {span}; {guess}")

@@ -26,6 +26,8 @@ LEAST_DURATION = 2.0
 """What must be left after that; default chosen by this project, unconfirmed [s]."""
 LEAST_RATE = 5.0
 """Samples per period of the cut-off that a log must have: its central differences are then right to 7 % at half the cut-off [1]."""
+KEPT_RATE = 20.0
+"""Samples per period of the cut-off that are kept of what is filtered: a model need not be evaluated more often [1]."""
 LONGEST_GAP = 0.5
 """Periods of the cut-off over which samples may be missing: what is slower is known there by interpolation [1]."""
 
@@ -37,7 +39,8 @@ class Signals:
     Attributes:
         time: on the clock of the log, shape (m,) [s].
         q, dq, ddq, tau: shape (m, j) [rad, rad/s, rad/s^2, N m].
-        rate: [Hz].
+        rate: of what is kept [Hz].
+        log_rate: of the log, at which it was filtered and differentiated [Hz].
         cutoff: [Hz].
         kept: the instants that count; beyond them the filter has its transients.
     """
@@ -48,11 +51,12 @@ class Signals:
     ddq: FloatArray
     tau: FloatArray
     rate: float
+    log_rate: float
     cutoff: float
     kept: slice
 
     def low_pass(self, values: FloatArray) -> FloatArray:
-        """What the log's own signals went through; values: shape (m, ...)."""
+        """What the log's own signals went through, at the rate of what is kept; values: shape (m, ...)."""
         return low_pass(values, self.rate, self.cutoff)
 
     @property
@@ -62,11 +66,9 @@ class Signals:
 
     def told(self) -> str:
         """The settings, for a report."""
-        edge = EDGE_PERIODS / self.cutoff
-        return (
-            f"zero-phase Butterworth low-pass of order {ORDER}, forwards and backwards, cut-off {self.cutoff:g} Hz, on q, dq, measured and modelled "
-            f"torque; ddq: central differences of dq at {self.rate:.6g} Hz; {edge:g} s dropped at each end"
-        )
+        low_pass = f"zero-phase Butterworth low-pass of order {ORDER}, forwards and backwards, cut-off {self.cutoff:g} Hz"
+        kept = f"{self.rate:.6g} instants a second kept, {EDGE_PERIODS / self.cutoff:g} s dropped at each end"
+        return f"{low_pass}, on q, dq, measured and modelled torque; ddq: central differences of dq at {self.log_rate:.6g} Hz; {kept}"
 
 
 def low_pass(values: FloatArray, rate: float, cutoff: float) -> FloatArray:
@@ -94,9 +96,21 @@ def condition(log: ArmLog, cutoff: float = CUTOFF) -> Signals:
     def filtered(values: FloatArray) -> FloatArray:
         return low_pass(np.column_stack([np.interp(time, log.time, column) for column in values.T]), 1.0 / period, cutoff)
 
-    dq = filtered(log.dq)
-    edge = round(EDGE_PERIODS / cutoff / period)
-    return Signals(time, filtered(log.q), dq, np.gradient(dq, period, axis=0), filtered(log.tau), 1.0 / period, cutoff, slice(edge, len(time) - edge))
+    q, dq, tau = map(filtered, (log.q, log.dq, log.tau))
+    ddq = np.gradient(dq, period, axis=0)
+    step = max(1, int(1.0 / (KEPT_RATE * cutoff * period)))
+    edge = round(EDGE_PERIODS / cutoff / (step * period))
+    return Signals(
+        time=time[::step],
+        q=q[::step],
+        dq=dq[::step],
+        ddq=ddq[::step],
+        tau=tau[::step],
+        rate=1.0 / (step * period),
+        log_rate=1.0 / period,
+        cutoff=cutoff,
+        kept=slice(edge, -edge),
+    )
 
 
 def _check_sampling(log: ArmLog, rate: float, cutoff: float) -> None:

@@ -105,7 +105,10 @@ def _friction(spec: RobotSpec) -> dict[str, Any]:
     published = panda_description.friction_parameters(spec.arm_id)
     values = sigmoid_parameters(spec.plant.get("friction_parameters") or published, list(published))
     # By the joints' names, as the control box takes them: a fitted file has the values in their order, whatever the arm is called.
-    return {"friction": wanted, "friction_parameters": {joint: dict(zip(PHI, phi, strict=True)) for joint, phi in zip(published, values, strict=True)}}
+    return {
+        "friction": wanted,
+        "friction_parameters": {joint: dict(zip(PHI, phi, strict=True)) for joint, phi in zip(published, values, strict=True)},
+    }
 
 
 def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:
