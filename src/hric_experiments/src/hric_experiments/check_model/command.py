@@ -27,7 +27,7 @@ PROGRAM = "rosrun hric_experiments check_model"
 
 def main(arguments: Sequence[str]) -> int:
     """Compare the robot model with the log of an arm."""
-    given = _parser().parse_args(list(arguments))
+    given = _parser().parse_args([f" {one}" if _is_negative(one) else one for one in arguments])
     if given.fitted is not None and given.fit is None:
         raise LogError("-o names the file of a fit; valid: with --fit friction")
     source = sources.find(given)
@@ -74,6 +74,14 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _is_negative(text: str) -> bool:
+    """Whether a word is a negative number: argparse takes -1e-3 for an option, unless a space stands before it."""
+    try:
+        return text.startswith("-") and float(text) <= 0.0
+    except ValueError:
+        return False
+
+
 def _positive(text: str) -> float:
     try:
         value = float(text)
@@ -93,13 +101,14 @@ def _write(
     folder = (given.out or source.folder).expanduser().absolute()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        files.write_text(folder / "summary.txt", text)
-        figures.draw_all(folder, check, friction, fits, source.name)
         if fits:
             path = (given.fitted or folder / "friction.yaml").expanduser()
+            path.parent.mkdir(parents=True, exist_ok=True)
             about = (f"Joint friction, fitted to {source.name} by: {PROGRAM} --fit friction", check.signals.told())
             files.write_text(path, friction_text(fits, about))
             print(f"friction: {path}")
+        files.write_text(folder / "summary.txt", text)
+        figures.draw_all(folder, check, friction, fits, source.name)
     except OSError as error:
         raise LogError(f"cannot write to {error.filename or folder}: {error.strerror or error}") from error
     print(f"figures: {folder}")
