@@ -36,12 +36,14 @@ class Body:
         source: what moves it.
         id: streaming id, 1 to 32767.
         markers: in the body, z up [m].
+        seen: time of the stream [s] -> where each of the markers is seen, z up [m], None: it is not; None: where the pose puts them.
     """
 
     name: str
     source: Source
     id: int = 1
     markers: tuple[Vector, ...] = TRIANGLE
+    seen: Callable[[float], Sequence[Vector | None]] | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= self.id <= 32767:
@@ -139,10 +141,12 @@ class Scene:
         for body, noise in zip(self.bodies, self._noise.of(number), strict=True):
             exact = body.source(time)
             pose = self._noisy(exact or Pose(), noise)
-            hidden = self._hidden(body.name, time) or exact is None
+            away = self._hidden(body.name, time)
+            hidden = away or exact is None
             if not hidden:
                 self._last[body.name] = pose
-                seen = self._markers(body, pose, noise)
+            if not (away if body.seen is not None else hidden):
+                seen = self._markers(body, pose, noise, time)
                 markers += seen
                 sets.append(MarkerSet(body.name, tuple([marker.position for marker in seen])))
             told = pose_stream_axes(self.up, self._last.get(body.name, Pose()))
@@ -182,10 +186,13 @@ class Scene:
         size = faults.noise
         return Pose((x + size * noise[0], y + size * noise[1], z + size * noise[2]), orientation)
 
-    def _markers(self, body: Body, pose: Pose, noise: Sequence[float]) -> list[Marker]:
+    def _markers(self, body: Body, pose: Pose, noise: Sequence[float], time: float) -> list[Marker]:
         size, up, found = self.faults.marker_noise, self.up, list[Marker]()
-        for index, marker in enumerate(body.markers, 1):
-            (x, y, z), (dx, dy, dz) = transform(pose, marker), noise[3 + 3 * index : 6 + 3 * index]
+        places = [transform(pose, marker) for marker in body.markers] if body.seen is None else body.seen(time)
+        for index, place in enumerate(places, 1):
+            if place is None:
+                continue
+            (x, y, z), (dx, dy, dz) = place, noise[3 + 3 * index : 6 + 3 * index]
             position = stream_axes(up, (x + size * dx, y + size * dy, z + size * dz))
             found.append(Marker(body.id << 16 | index, position, MARKER_SIZE, MARKER_FLAGS, size))
         return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import yaml
 
@@ -14,6 +14,10 @@ from mocap_natnet.codec.types import Vector
 from mocap_natnet.poses import UP_AXES, Pose, from_rotation_vector
 from mocap_natnet.server.scene import Body, Faults, Plate, Scene
 from mocap_natnet.server.sources import Sinusoid, Source, Track, from_file
+
+if TYPE_CHECKING:
+    from mocap_natnet.server.c3d_source import RecordedBody
+    from mocap_natnet.trial import Trial
 
 DEFAULT_BODIES = (Body("marker", Sinusoid()),)
 """One body on a sinusoid along x: 0.1 m, 0.25 Hz, as in the marker tracking of the thesis."""
@@ -47,7 +51,7 @@ def load(path: Path, faults: Faults, up: str, describe_plates: bool = True, live
     table = _Table(str(path), content)
     table.only("bodies", "plates")
     bodies = tuple(_body(entry, path.parent, number, live) for number, entry in enumerate(table.tables("bodies"), 1))
-    plates = tuple(_plate(entry, number) for number, entry in enumerate(table.tables("plates"), 1))
+    plates = tuple(_plate(entry, path.parent, number) for number, entry in enumerate(table.tables("plates"), 1))
     if not bodies and not plates:
         raise ParameterError(f"{path} has neither bodies nor plates")
     return Scene(bodies, plates, faults, up, describe_plates)
@@ -83,6 +87,13 @@ class _Table:
         value = self._content.get(name, default)
         if not isinstance(value, str) or not value or "\0" in value:
             raise ParameterError(f"{name} in {self.where} is {value!r}; valid: a text")
+        return value
+
+    def texts(self, name: str) -> list[str]:
+        """A list of texts, one at least, all different."""
+        value = self._content.get(name)
+        if not isinstance(value, list) or not value or any(not isinstance(part, str) for part in value) or len(set(value)) != len(value):
+            raise ParameterError(f"{name} in {self.where} is {value!r}; valid: a list of different texts")
         return value
 
     def has(self, name: str) -> bool:
@@ -125,8 +136,14 @@ class _Table:
 
 def _body(table: _Table, folder: Path, number: int, live: Live | None) -> Body:
     table.only("name", "id", "markers", "motion")
+    motion = table.table("motion")
+    if motion.text("type") == RECORDED:
+        if table.has("markers"):
+            raise ParameterError(f"{table.where} has markers; those of motion {RECORDED} are in the file: valid: labels in motion")
+        recorded = _recorded(motion, folder, table.text("name"))
+        return Body(table.text("name"), recorded, table.integer("id", number), recorded.markers, recorded.seen)
     markers = tuple((row[0], row[1], row[2]) for row in table.rows("markers", 3))
-    body = Body(table.text("name"), _motion(table.table("motion"), folder, live), table.integer("id", number))
+    body = Body(table.text("name"), _motion(motion, folder, live), table.integer("id", number))
     return Body(body.name, body.source, body.id, markers) if markers else body
 
 
@@ -134,10 +151,11 @@ def _motion(table: _Table, folder: Path, live: Live | None) -> Source:
     kind = table.text("type")
     if kind in _LIVE:
         if live is None:
-            raise ParameterError(f"motion {kind} in {table.where} hears the running system, and no ROS master answers; valid: {', '.join(_MOTIONS)}")
+            valid = ", ".join([*_MOTIONS, RECORDED])
+            raise ParameterError(f"motion {kind} in {table.where} hears the running system, and no ROS master answers; valid: {valid}")
         return _LIVE[kind](table, live)
     if kind not in _MOTIONS:
-        raise UnknownNameError("motion", kind, [*_MOTIONS, *_LIVE], table.where)
+        raise UnknownNameError("motion", kind, [*_MOTIONS, RECORDED, *_LIVE], table.where)
     return _MOTIONS[kind](table, folder)
 
 
@@ -196,7 +214,25 @@ def _bag(table: _Table, folder: Path) -> Source:
     return from_bag(folder / table.text("path"), table.text("topic"), table.text("body") if table.has("body") else "", up)
 
 
-def _plate(table: _Table, number: int) -> Plate:
+def _recorded(table: _Table, folder: Path, name: str) -> RecordedBody:
+    from mocap_natnet.server.c3d_source import RecordedBody, labels_of
+
+    table.only("type", "path", "labels", "up")
+    trial = _trial(table, folder)
+    labels = table.texts("labels") if table.has("labels") else labels_of(trial, name)
+    return RecordedBody(trial, labels)
+
+
+def _trial(table: _Table, folder: Path) -> Trial:
+    from mocap_natnet.trial import read_trial
+
+    return read_trial((folder / table.text("path")).expanduser().absolute(), table.text("up") if table.has("up") else "")
+
+
+def _plate(table: _Table, folder: Path, number: int) -> Plate:
+    if table.has("recorded"):
+        table.only("id", "serial", "samples", "recorded")
+        return _recorded_plate(table, table.table("recorded"), folder, number)
     table.only("id", "serial", "centre", "samples", "wrench")
     wrench = tuple(table.numbers("wrench", 6, [0.0] * 6))
     base = Plate(lambda time: wrench)
@@ -209,6 +245,21 @@ def _plate(table: _Table, number: int) -> Plate:
     )
 
 
+def _recorded_plate(table: _Table, recorded: _Table, folder: Path, number: int) -> Plate:
+    """A plate that measures what one of the file measured, at its place."""
+    recorded.only("path", "plate", "up")
+    found = _trial(recorded, folder).plate(recorded.integer("plate", 1))
+    x, y, z = found.T_lab_plate[:3, 3].tolist()
+    base = Plate(found.at)
+    return Plate(
+        base.source,
+        table.integer("id", number),
+        table.text("serial", f"emulated-{number}"),
+        (x, y, z),
+        table.integer("samples", base.samples),
+    )
+
+
 _MOTIONS: dict[str, Callable[[_Table, Path], Source]] = {
     "still": _still,
     "sinusoid": _sinusoid,
@@ -217,4 +268,6 @@ _MOTIONS: dict[str, Callable[[_Table, Path], Source]] = {
     "file": _file,
     "bag": _bag,
 }
+RECORDED = "c3d"
+"""The motion that brings the markers along."""
 _LIVE: dict[str, Callable[[_Table, Live], Source]] = {"topic": _topic, "link": _link}
