@@ -15,6 +15,7 @@ from hric_control.errors import HricError
 from hric_control.plants.friction import PHI, sigmoid_parameters
 from hric_experiments import config
 from hric_experiments.experiment import Experiment, ExperimentError, RobotSpec, SetPoint
+from mocap_natnet.trial import located
 
 ROBOT = "robot"
 """Namespace of the robot's own parameters, below the robot's namespace."""
@@ -127,7 +128,7 @@ def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
     frame = f"{experiment.robot.arm_id}_link0"
     ports = {key: spec.stream[key] for key in ("command_port", "data_port") if key in spec.stream}
     client = {"body": spec.body, "up_axis": spec.stream.get("up_axis", "y"), **ports, **base, **({"base_frame": frame} if base else {})}
-    human = {"human": dict(spec.human), "stream": dict(spec.stream), **base, "base_frame": frame, "seed": seed}
+    human = {"human": located(spec.human), "stream": dict(spec.stream), **base, "base_frame": frame, "seed": seed}
     return {MOCAP_CLIENT: client, EMULATED_HUMAN: human}
 
 

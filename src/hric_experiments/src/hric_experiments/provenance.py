@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hric_experiments import config
+from mocap_natnet.trial import PROGRAM as RECORDED
 
 DISTRIBUTIONS = ("numpy", "pybullet", "opensim", "panda-python", "pylibfranka", "scipy", "xacro", "rosbags", "matplotlib")
 ROS_PACKAGES = ("rospy", "rosbag", "roslaunch", "kdl_parser")
@@ -101,6 +102,8 @@ def _folders() -> list[tuple[str, str]]:
 
 
 def parameters(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """A parameter tree without descriptions, bookkeeping of ROS and names of the machine."""
+    """A parameter tree without descriptions, bookkeeping of ROS and names of the machine; of a recorded trial the file's name alone."""
     kept = {key: value for key, value in tree.items() if key not in NOT_RECORDED}
+    if kept.get("program") == RECORDED and isinstance(kept.get("path"), str):
+        kept["path"] = Path(kept["path"]).name
     return {key: parameters(value) if isinstance(value, Mapping) else neutral(value) for key, value in kept.items()}

@@ -11,6 +11,7 @@ from hric_experiments.experiment import Experiment
 from hric_experiments.sensor_spec import EMULATED, SensorSpec
 from hric_perception.plate.geometry import CHANNELS
 from hric_perception.sync.topics import TOPIC, rate_topic
+from mocap_natnet.trial import located
 
 EMG, EMULATED_EMG, PLATE, EMULATED_PLATE, SYNC = "emg", "emulated_emg", "force_plate", "emulated_plate", "synchronizer"
 EMG_TOPIC, FRAMES, LOG = "/hric/perception/emg/raw", "/hric/perception/mocap", "control_log"
@@ -104,6 +105,7 @@ def _driver(spec: SensorSpec, kind: str) -> dict[str, Any]:
 
 def _emulated(spec: SensorSpec, name: str, seed: int) -> dict[str, Any]:
     values: dict[str, Any] = {"transport": spec.transport, "rate": spec.rate, "seed": seed, "block": min(spec.chunk / 2, BLOCK), **spec.emulated}
+    values |= {key: located(spec.emulated[key]) for key in ("activation", "load") if spec.emulated.get(key)}
     if spec.transport == "lsl":
         given: Mapping[str, Any] = spec.driver.get("lsl") or {}
         values |= {"name": given.get("name", name), "session": given.get("session", session())}

@@ -26,6 +26,7 @@ from hric_experiments.sensor_spec import (
     SensorSpec,
     SyncSpec,
 )
+from hric_perception import replayed
 from hric_perception.emg.activation import AMPLITUDE, MUSCLES, read_program
 from hric_perception.emg.activation import PROGRAMS as ACTIVATIONS
 from hric_perception.emg.settings import read_settings
@@ -34,6 +35,7 @@ from hric_perception.plate.geometry import read_place
 from hric_perception.plate.loads import PROGRAMS as LOADS
 from hric_perception.plate.loads import read_load
 from hric_perception.section import Section
+from mocap_natnet.trial import PROGRAM as RECORDED
 
 
 def read_emg(raw: Any) -> SensorSpec:
@@ -50,7 +52,10 @@ def read_emg(raw: Any) -> SensorSpec:
     emulated.only("activation", "amplitude", "faults")
     emulated.number("amplitude", AMPLITUDE, 0.0, 1.0)
     activation = emulated.section("activation")
-    if activation.text("program", "bursts", ACTIVATIONS) != "topic":
+    program = activation.text("program", "bursts", ACTIVATIONS)
+    if program == RECORDED:
+        replayed.read_emg(activation, channels)
+    elif program != "topic":
         read_program(activation, channels)
     section.section("trigno").only(*TRIGNO_KEYS)
     return _sensor(section, channels, EMG_TRANSPORTS, 2000.0, 100.0, ("envelope", "lsl", "trigno"))
@@ -75,7 +80,10 @@ def read_plate(raw: Any) -> SensorSpec:
     emulated = section.section("emulated")
     emulated.only("faults", "load", "natnet")
     load = emulated.section("load")
-    if load.text("program", "push", LOADS) != "contacts":
+    program = load.text("program", "push", LOADS)
+    if program == RECORDED:
+        replayed.read_load(load)
+    elif program != "contacts":
         read_load(load)
     section.content["id"] = name
     channels = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")

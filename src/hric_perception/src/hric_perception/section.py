@@ -77,6 +77,13 @@ class Section:
             raise ParameterError(f"{self.where}.{name} is {value!r}; valid: {', '.join(valid) or 'a text'}")
         return value
 
+    def texts(self, name: str) -> list[str]:
+        """A list of different texts, one at least."""
+        value = self.content.get(name)
+        if not isinstance(value, list | tuple) or not value or any(not isinstance(part, str) for part in value) or len(set(value)) != len(value):
+            raise ParameterError(f"{self.where}.{name} is {value!r}; valid: a list of different texts")
+        return list(value)
+
     @staticmethod
     def numbers(where: str, value: Any, lengths: Sequence[int]) -> list[float]:
         """A list of finite numbers, of one of the lengths; where: its full name."""

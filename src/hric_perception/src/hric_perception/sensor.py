@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from std_msgs.msg import Header
+
 from hric_control.errors import ParameterError
 from hric_control.ros_node import RosNode
 from hric_perception.chunk import Chunk, Layout
 from hric_perception.diagnostics import Reporter
-from hric_perception.health import StreamHealth
+from hric_perception.health import OK, WARN, Health, StreamHealth
+from hric_perception.replayed import START_DELAY, START_TOPIC, Replayed
 from hric_perception.section import Section
 from hric_perception.stream import SampleStream
 from mocap_natnet.run_time import RunTime
@@ -77,6 +80,21 @@ class Sensor:
         """End."""
         self._driver.close()
         self.run_time.close()
+
+
+def follow_human(node: RosNode, replayed: Replayed, faults: Section) -> None:
+    """Let a trial whose beginning is not given begin with the emulated human; its samples are held back until it is certain that he had not begun."""
+    if replayed.waits:
+        faults.content.setdefault("delay", START_DELAY)
+        node.subscribe(START_TOPIC, Header, lambda message: replayed.start(message.stamp.to_sec()))
+
+
+def emulated_health(standing: bool, replayed: Replayed | None, values: dict[str, str]) -> Health:
+    """What an emulated device tells: standing: whether the run's time does; replayed: the trial that it replays, if any."""
+    if standing:
+        return Health(WARN, "the run is paused or has not begun", values)
+    waits = replayed is not None and replayed.waits
+    return Health(OK, f"streams; the trial begins with the emulated human, {START_TOPIC}" if waits else "streams", values)
 
 
 def section_of(node: RosNode, *names: str) -> Section:

@@ -18,16 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hric_control.errors import ParameterError, UnknownNameError
-from mocap_natnet import c3d_child
 from mocap_natnet.poses import UP_AXES
 from mocap_natnet.trial_plates import PlateError, TrialPlate, read_plates
 
 FloatArray = NDArray[np.float64]
 
+PROGRAM = "c3d"
+"""Name of the programs of emulated sensors that replay a trial."""
 METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0}
 """Unit of POINT:UNITS -> metres."""
 VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
 """Unit of ANALOG:UNITS in small letters -> volts."""
+READER = Path(__file__).with_name("c3d_child.py")
+"""Not imported: ezc3d takes a tenth of a second."""
 BLOCK = 512
 """Of which a c3d file is made [byte]."""
 MAGIC = 0x50
@@ -115,6 +118,12 @@ def resolve(address: str) -> Path:
         raise ParameterError(f"{address}: there is no ROS package {package!r}") from error
 
 
+def located(section: Mapping[str, Any]) -> dict[str, Any]:
+    """The mapping of a program with the path of its trial, if it has one, from the root: as a process in another folder needs it."""
+    path = section.get("path")
+    return {**section, "path": str(resolve(path))} if section.get("program") == PROGRAM and isinstance(path, str) else dict(section)
+
+
 def read_trial(path: Path, up: str = "") -> Trial:
     """Read a c3d file.
 
@@ -139,7 +148,7 @@ def _read(path: Path, up: str, modified: int, size: int) -> Trial:
     _check_size(path, size)
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "trial.npz"
-        words = [sys.executable, os.fspath(Path(c3d_child.__file__)), os.fspath(path), os.fspath(output)]
+        words = [sys.executable, os.fspath(READER), os.fspath(path), os.fspath(output)]
         try:
             done = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT, check=False)
         except subprocess.TimeoutExpired as error:

@@ -16,14 +16,14 @@ AMPLITUDE = 1e-3
 """Root mean square at full activation [V]; surface EMG has 0 to 10 mV peak to peak (textbook)."""
 MUSCLES = ("deltoid_anterior", "deltoid_middle", "deltoid_posterior", "pectoralis_major", "biceps", "triceps", "brachioradialis", "wrist_flexors")
 """Eight of a working arm (our choice)."""
-PROGRAMS = ("bursts", "constant", "points", "topic")
+PROGRAMS = ("bursts", "constant", "points", "topic", "c3d")
 
 Activation = Callable[[FloatArray], FloatArray]
 """Run times, shape (n,) [s] -> activation from 0 to 1, shape (n, muscles)."""
 
 
 def read_program(section: Section, names: Sequence[str]) -> Activation:
-    """The activation that a mapping describes; `topic` is not among them.
+    """The activation that a mapping describes; `topic` and `c3d` are not among them.
 
     Raises:
         HricError: a value that cannot be.

@@ -18,16 +18,17 @@ from hric_perception.emg.activation import AMPLITUDE, MUSCLES, PROGRAMS, Activat
 from hric_perception.emg.muscles import Muscles
 from hric_perception.emulation import EvenSensor, Faults, read_faults
 from hric_perception.emulator import PERIOD, Emulator, Outlet
-from hric_perception.health import OK, WARN, Health
 from hric_perception.lsl import LslOutlet, source_name, use_session
+from hric_perception.replayed import read_emg
 from hric_perception.section import Section
-from hric_perception.sensor import section_of, seed_of
+from hric_perception.sensor import emulated_health, follow_human, section_of, seed_of
 from hric_perception.sent import SentCounts
 from hric_perception.track import Track
 from hric_perception.trigno.protocol import CHANNELS, COMMAND_PORT, EMG_PORT, trigno_name
 from hric_perception.trigno.server import TrignoServer
 from mocap_natnet.process import run
 from mocap_natnet.run_time import RunTime
+from mocap_natnet.trial import PROGRAM
 
 NAME = "emulated_emg"
 TRANSPORTS = ("lsl", "trigno")
@@ -47,13 +48,14 @@ class EmulatedEmgNode:
         section = section_of(
             node, "transport", "session", "name", "rate", "muscles", "amplitude", "activation", "faults", "ip", "command_port", "data_port", "block"
         )
-        faults_section = section.section("faults")
+        names, activation, faults_section = read_names(section), section.section("activation"), section.section("faults")
+        self._replayed = read_emg(activation, names) if activation.content.get("program") == PROGRAM else None
+        if self._replayed is not None:
+            follow_human(node, self._replayed, faults_section)
         faults = read_faults(faults_section, seed_of(node))
-        names = read_names(section)
-        rate = section.number("rate", 2000.0, 100.0, 20000.0)
-        activation = read_activation(node, section.section("activation"), names)
-        muscles = Muscles(activation, len(names), rate, section.number("amplitude", AMPLITUDE, 0.0, 1.0), faults.seed)
-        self._sensor = EvenSensor(rate, len(names), muscles, faults)
+        rate, amplitude = section.number("rate", 2000.0, 100.0, 20000.0), section.number("amplitude", AMPLITUDE, 0.0, 1.0)
+        signal = self._replayed or Muscles(read_activation(node, activation, names), len(names), rate, amplitude, faults.seed)
+        self._sensor = EvenSensor(rate, len(names), signal, faults)
         outlet = make_outlet(section, names, rate, faults)
         self._run_time, self._reporter = RunTime(node), Reporter(node, "stream")
         counts = SentCounts(node, source_of(section), "samples", rate)
@@ -66,8 +68,7 @@ class EmulatedEmgNode:
         """Once a second. Raises HricError in a run that is not paced."""
         self._run_time.tick()
         values = {"samples sent": str(self._sensor.sent), "samples dropped": str(self._sensor.dropped)}
-        standing = self._run_time.standing
-        self._reporter.report(Health(WARN if standing else OK, "the run is paused or has not begun" if standing else "streams", values))
+        self._reporter.report(emulated_health(self._run_time.standing, self._replayed, values))
 
     def close(self) -> None:
         """End."""

@@ -26,8 +26,8 @@ class Hand:
         self._program, self._begin, self._lock = program, begin, threading.Lock()
         self._zero = math.inf
 
-    def start(self, time: float) -> None:
-        """The program begins `begin` after `time` [s].
+    def start(self, time: float) -> float:
+        """The program begins `begin` after `time` [s]; when that is.
 
         Raises:
             HricError: it has begun already.
@@ -36,6 +36,12 @@ class Hand:
             if self._zero < math.inf:
                 raise HricError(f"the hand has moved since {self._zero:.3f} s; a program runs once")
             self._zero = time + self._begin
+            return self._zero
+
+    def since(self, time: float) -> float:
+        """Time of the program [s]; below 0: it has not begun."""
+        with self._lock:
+            return self._since(time)
 
     def __call__(self, time: float) -> Pose:
         """Where it is [m]."""

@@ -10,7 +10,8 @@ from typing import Any
 from hric_control.errors import HricError, ParameterError
 from hric_perception.human.hand import Hand
 from hric_perception.human.programs import read_program
-from hric_perception.section import Section
+from hric_perception.human.recorded import is_recorded, read_recorded
+from hric_perception.section import Section, Vector
 from mocap_natnet.codec import parse
 from mocap_natnet.poses import IDENTITY, ORIGIN, UP_AXES, Pose, compose, normalized
 from mocap_natnet.server.motive import Motive
@@ -52,13 +53,16 @@ def see(human: Any, stream: Any, base_from_mocap: Any, seed: int, where: str = "
         HricError: a value that cannot be; names the key.
     """
     person, streaming = Section(f"{where}human", human), Section(f"{where}stream", stream)
-    hand = Hand(read_program(person, seed), person.number("begin", 0.0, 0.0, 3600.0))
-    name = person.text("name", "hand")
-    markers = tuple((x, y, z) for x, y, z in person.rows("markers", 3)) or TRIANGLE
-    if len(markers) < 3:
-        raise ParameterError(f"{person.where}.markers has {len(markers)} rows; valid: three markers or more make a body")
-    T_mocap_base = inverse(read_pose(Section(f"{where}base_from_mocap", base_from_mocap)))
-    bodies = [Body(name, _seen_from(T_mocap_base, hand), 1, markers), *_still(person.section("still"), T_mocap_base)]
+    name, begin = person.text("name", "hand"), person.number("begin", 0.0, 0.0, 3600.0)
+    T_base_mocap = read_pose(Section(f"{where}base_from_mocap", base_from_mocap))
+    if is_recorded(person):
+        recorded = read_recorded(person, T_base_mocap)
+        hand = Hand(recorded, begin)
+        bodies = recorded.seen(hand)
+    else:
+        hand = Hand(read_program(person, seed), begin)
+        bodies = [Body(name, _seen_from(inverse(T_base_mocap), hand), 1, _markers(person))]
+    bodies += _still(person.section("still"), inverse(T_base_mocap), len(bodies) + 1)
     settings, faults, up = read_stream(streaming, seed)
     known = [body.name for body in bodies]
     for _, _, body in faults.occlusions:
@@ -67,14 +71,22 @@ def see(human: Any, stream: Any, base_from_mocap: Any, seed: int, where: str = "
     return Seen(hand, Motive(settings, Scene(tuple(bodies), (), faults, up)), name)
 
 
+def _markers(person: Section) -> tuple[Vector, ...]:
+    """Of the hand's body."""
+    markers = tuple((x, y, z) for x, y, z in person.rows("markers", 3)) or TRIANGLE
+    if len(markers) < 3:
+        raise ParameterError(f"{person.where}.markers has {len(markers)} rows; valid: three markers or more make a body")
+    return markers
+
+
 def _seen_from(T_mocap_base: Pose, source: Callable[[float], Pose]) -> Callable[[float], Pose]:
     return lambda time: compose(T_mocap_base, source(time))
 
 
-def _still(section: Section, T_mocap_base: Pose) -> list[Body]:
-    """Bodies that do not move: name -> [x, y, z] in the base [m]."""
+def _still(section: Section, T_mocap_base: Pose, first: int) -> list[Body]:
+    """Bodies that do not move: name -> [x, y, z] in the base [m]; first: streaming id of the first one."""
     found = []
-    for number, name in enumerate(section.content, 2):
+    for number, name in enumerate(section.content, first):
         pose = compose(T_mocap_base, Pose(section.vector(name, ORIGIN)))
         found.append(Body(name, lambda time, pose=pose: pose, number))  # type: ignore[misc]
     return found

@@ -9,14 +9,18 @@ from time import sleep
 from typing import Any
 
 import rospy
+from std_msgs.msg import Header
 from std_srvs.srv import Trigger, TriggerResponse
 
 from franka_msgs.msg import FrankaState
+from hric_control import stamps
 from hric_control.errors import HricError, ParameterError
 from hric_control.ros_node import RosNode
 from hric_perception.human.motion_capture import see
 from hric_perception.human.truth import RATE, Truth
+from hric_perception.replayed import START_TOPIC
 from hric_perception.sent import SentCounts
+from mocap_natnet import messages
 from mocap_natnet.process import run
 from mocap_natnet.run_time import RunTime
 from mocap_natnet.server import MotiveServer
@@ -47,6 +51,7 @@ class HumanNode:
         self._server = MotiveServer(seen.motive, self._run_time)
         self._counts = SentCounts(node, "", "frames", settings.rate)
         node.subscribe(str(topic) or f"{rospy.get_namespace()}franka_state_controller/franka_states", FrankaState, self._on_state, queue_size=1)
+        self._started = node.advertise(START_TOPIC, Header, latch=True)
         node.service("start", Trigger, self._on_start)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._tell, name="truth", daemon=True)
@@ -93,9 +98,10 @@ class HumanNode:
             return TriggerResponse(success=False, message="the time of the run is not known yet")
         time = self._server.time
         try:
-            self._hand.start(time)
+            zero = self._hand.start(time)
         except HricError as error:
             return TriggerResponse(success=False, message=str(error))
+        self._started.publish(messages.header(stamps.to_time(began + zero), ""))
         return TriggerResponse(success=True, message=f"the hand starts at {began + time:.3f} s")
 
 

@@ -18,6 +18,7 @@ from hric_perception.human.reactive import Reactive, read_reactive
 from hric_perception.section import Section, Vector
 from mocap_natnet.poses import ORIGIN, Pose, from_rotation_vector
 from mocap_natnet.server.sources import Track
+from mocap_natnet.trial import PROGRAM
 
 REST, MOVING, DONE = "rest", "moving", "done"
 _PROGRAM_SEED = 1
@@ -132,7 +133,7 @@ def read_program(section: Section, seed: int) -> Program:
     """
     name = section.text("program", "sinusoid")
     if name not in PROGRAMS:
-        raise UnknownNameError("program", name, PROGRAMS, section.where)
+        raise UnknownNameError("program", name, [*PROGRAMS, PROGRAM], section.where)
     keys, read = PROGRAMS[name]
     section.only(*COMMON_KEYS, *keys)
     try:

@@ -8,20 +8,21 @@ from typing import Any, Protocol
 from gazebo_msgs.msg import ContactsState
 from hric_control.errors import ParameterError
 from hric_control.ros_node import RosNode
+from hric_perception import replayed
 from hric_perception.chunk import Layout
 from hric_perception.diagnostics import Reporter
 from hric_perception.emulation import EvenSensor, Faults, read_faults
 from hric_perception.emulator import PERIOD, Emulator
-from hric_perception.health import OK, WARN, Health
 from hric_perception.lsl import LslOutlet, source_name, use_session
 from hric_perception.plate.geometry import CHANNELS, UNITS, read_place
 from hric_perception.plate.loads import CONTACTS_DELAY, PROGRAMS, ContactLoad, Load, read_load
 from hric_perception.plate.motive import PlateMotive
 from hric_perception.section import Section
-from hric_perception.sensor import section_of, seed_of
+from hric_perception.sensor import emulated_health, follow_human, section_of, seed_of
 from hric_perception.sent import SentCounts
 from mocap_natnet.process import run
 from mocap_natnet.run_time import RunTime
+from mocap_natnet.trial import PROGRAM
 
 NAME = "emulated_plate"
 TRANSPORTS = ("lsl", "natnet")
@@ -48,8 +49,11 @@ class EmulatedPlateNode:
         load_section = section.section("load")
         if load_section.content.get("program") == "contacts" and "delay" not in faults_section.content:
             faults_section.content["delay"] = CONTACTS_DELAY
+        self._replayed = replayed.read_load(load_section) if load_section.content.get("program") == PROGRAM else None
+        if self._replayed is not None:
+            follow_human(node, self._replayed, faults_section)
         faults = read_faults(faults_section, seed_of(node))
-        self._load = self._read_load(node, load_section, section.section("pose"))
+        self._load = self._replayed.at if self._replayed is not None else self._read_load(node, load_section, section.section("pose"))
         self._run_time, self._reporter = RunTime(node), Reporter(node, "stream")
         transport, rate = section.text("transport", "lsl", TRANSPORTS), section.number("rate", 1000.0, 10.0, 20000.0)
         self._sensor: EvenSensor | None = None
@@ -59,9 +63,9 @@ class EmulatedPlateNode:
     def tick(self) -> None:
         """Once a second. Raises HricError in a run that is not paced."""
         self._run_time.tick()
-        sensor, standing = self._sensor, self._run_time.standing
+        sensor = self._sensor
         values = {} if sensor is None else {"samples sent": str(sensor.sent), "samples dropped": str(sensor.dropped)}
-        self._reporter.report(Health(WARN if standing else OK, "the run is paused or has not begun" if standing else "streams", values))
+        self._reporter.report(emulated_health(self._run_time.standing, self._replayed, values))
 
     def close(self) -> None:
         """End."""

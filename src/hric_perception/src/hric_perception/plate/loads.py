@@ -13,7 +13,7 @@ from hric_perception.track import Track
 from mocap_natnet.codec.types import Vector
 from mocap_natnet.poses import Pose, rotate
 
-PROGRAMS = ("push", "constant", "contacts")
+PROGRAMS = ("push", "constant", "contacts", "c3d")
 CONTACTS_EVERY = 0.01
 """Period of `sim/contacts` [s]; it is silent while nothing touches."""
 CONTACTS_DELAY = 0.03
@@ -24,7 +24,7 @@ Load = Callable[[FloatArray], FloatArray]
 
 
 def read_load(section: Section) -> Load:
-    """The load of a mapping; `contacts` is not among them. Raises HricError."""
+    """The load of a mapping; `contacts` and `c3d` are not among them. Raises HricError."""
     if section.text("program", "push", PROGRAMS) == "constant":
         section.only("program", "wrench")
         wrench = np.array(section.numbers(f"{section.where}.wrench", section.content.get("wrench", [0.0] * 6), (len(CHANNELS),)))

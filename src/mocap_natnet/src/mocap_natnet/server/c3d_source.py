@@ -27,7 +27,7 @@ class RecordedBody:
 
     The body's axes are those of the laboratory in the first frame that shows all of its markers, its origin is their middle. With three markers or
     more its pose is fitted to those that are seen, three at least; with one or two it keeps its axes, and all have to be seen. Before the first frame
-    and after the last one it rests.
+    it rests where it is seen first, after the last one as it is there.
 
     Args:
         trial: what was recorded.
@@ -76,6 +76,9 @@ class RecordedBody:
     def _frames(self, time: float) -> tuple[int, int, float]:
         """The frames about a time, and how far it is on its way from the one to the other."""
         last = len(self._seen) - 1
+        if time < 0.0:
+            first = int(np.argmax(self._tracked))
+            return first, first, 0.0
         place = min(max(time * self._rate, 0.0), float(last))
         near = round(place)
         if abs(place - near) < ON_FRAME:
