@@ -188,7 +188,7 @@ def test_a_disk_that_refuses_leaves_no_half_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--format", "xls"], "no format 'xls'; valid: bag, csv, external_loads, mot, npz, parquet, sto, trc"),
+        (["--format", "xls"], "no format 'xls'; valid: bag, c3d, csv, external_loads, mot, npz, parquet, sto, trc"),
         (["--format", "npz", "--topics", "/nothing"], "no topic '/nothing' in the bag; valid: /control_log, "),
     ],
 )
@@ -199,6 +199,44 @@ def test_a_wrong_argument_is_one_line_with_the_valid_choices(
     message = capsys.readouterr().err
     assert told in message and message.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_format_that_cannot_be_written_does_not_keep_the_others_from_it(
+    truth: Truth, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from hric_experiments.export import opensim_formats
+
+    def broken(*_: Any) -> None:
+        raise ValueError("no\nsuch thing")
+
+    monkeypatch.setattr(opensim_formats, "write_signals", broken)
+    topics = ["--topics", "/joint_states", "/note", "--output", str(tmp_path), "--quiet"]
+    assert cli.main(["export", str(truth.bag), "--format", "trc", "sto", "mot", "csv", *topics]) == 1
+    said = capsys.readouterr()
+    assert [line.split()[0] for line in said.out.splitlines() if "files," in line] == ["mot", "csv"]
+    failed = said.err.splitlines()
+    assert len(failed) == 2 and failed[0].startswith("export: trc was not written: format trc needs motion capture")
+    assert failed[1] == "export: sto was not written: ValueError: no such thing"
+    assert (tmp_path / "mot" / "joint_states.mot").is_file() and not list((tmp_path).glob("sto/*"))
+    monkeypatch.undo()
+    assert cli.main(["export", str(truth.bag), "--format", "sto", "mot", *topics]) == 0  # and goes on where it failed
+
+
+def test_a_disk_that_refuses_one_format_is_told_and_the_others_are_written(truth: Truth, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "npz").write_text("in the way")
+    assert cli.main(["export", str(truth.bag), "--format", "npz", "csv", "--topics", "/note", "--output", str(tmp_path), "--quiet"]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("export: npz was not written: cannot write ") and said.count("\n") == 1
+    assert (tmp_path / "csv" / "note.csv").is_file()
+
+
+def test_external_loads_without_a_plate_say_so_and_the_export_goes_on(truth: Truth, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--format", "external_loads", "csv", "--topics", "/note", "--output", str(tmp_path), "--quiet"]
+    assert cli.main(["export", str(truth.bag), *arguments]) == 0
+    said = capsys.readouterr()
+    (line,) = [line for line in said.out.splitlines() if line.startswith("external_loads")]
+    assert "no force plate" in line and said.err == ""
+    assert (tmp_path / "csv" / "note.csv").is_file() and not (tmp_path / "external_loads").exists()
 
 
 def test_export_and_health_load_nothing_of_ros(truth: Truth, tmp_path: Path) -> None:

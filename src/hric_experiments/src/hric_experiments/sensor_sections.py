@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from hric_control.errors import ParameterError
 from hric_experiments.mocap_spec import read_mocap
@@ -19,6 +22,7 @@ from hric_experiments.sensor_spec import (
     MOST_CHANNELS,
     NATNET_KEYS,
     PLATE_KEYS,
+    PLATE_SIZE,
     PLATE_TRANSPORTS,
     RATES,
     SYNC_KEYS,
@@ -87,7 +91,21 @@ def read_plate(raw: Any) -> SensorSpec:
         read_load(load)
     section.content["id"] = name
     channels = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-    return _sensor(section, channels, PLATE_TRANSPORTS, 1000.0, 10.0, ("id", "height", "invert", "pose", "lsl", "natnet"))
+    spec = _sensor(section, channels, PLATE_TRANSPORTS, 1000.0, 10.0, ("id", "height", "invert", "pose", "lsl", "natnet"))
+    return replace(spec, described=_described(section))
+
+
+def _described(section: Section) -> dict[str, Any]:
+    """What a c3d file tells of the plate."""
+    size = Section.numbers("force_plate.size", section.content.get("size", list(PLATE_SIZE)), (2,))
+    if min(size) <= 0:
+        raise ParameterError(f"force_plate.size is {size}; valid: two numbers above 0 [m]")
+    if section.content.get("calibration") is None:
+        return {"size": size}
+    rows = section.rows("calibration", 6)
+    if len(rows) != 6 or np.linalg.matrix_rank(rows) < 6:
+        raise ParameterError(f"force_plate.calibration has {len(rows)} rows; valid: six rows of six numbers that can be inverted [N/V, N m/V]")
+    return {"size": size, "calibration": rows}
 
 
 def read_sync(raw: Any) -> SyncSpec:

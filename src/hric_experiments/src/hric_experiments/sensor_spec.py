@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 EMG_KEYS = ("channels", "chunk", "device", "emulated", "envelope", "lsl", "rate", "transport", "trigno")
-PLATE_KEYS = ("chunk", "device", "emulated", "height", "id", "invert", "lsl", "natnet", "pose", "rate", "transport")
+PLATE_KEYS = ("calibration", "chunk", "device", "emulated", "height", "id", "invert", "lsl", "natnet", "pose", "rate", "size", "transport")
 SYNC_KEYS = ("delay", "rates")
 EMULATED, REAL, NONE = "emulated", "real", "none"
 DEVICES = (EMULATED, REAL, NONE)
@@ -21,6 +21,8 @@ RATES = (100.0, 1000.0)
 DELAY = 1.0
 """A busy machine may hold a sensor's process back for a while, and nothing here is in a hurry (our choice) [s]."""
 MOST_CHANNELS = 64
+PLATE_SIZE = (0.6, 0.4)
+"""Of the surface of a force plate along x and y, that of the emulated one [m] (default chosen by this project, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ class SensorSpec:
         chunk: duration of a message [s].
         driver: further parameters of the driver node.
         emulated: of the emulated device: what it measures, `faults`.
+        described: what nothing here needs, but files for others tell: of a plate `size`, `calibration`.
     """
 
     device: str
@@ -44,6 +47,7 @@ class SensorSpec:
     chunk: float
     driver: Mapping[str, Any] = field(default_factory=dict)
     emulated: Mapping[str, Any] = field(default_factory=dict)
+    described: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def used(self) -> bool:

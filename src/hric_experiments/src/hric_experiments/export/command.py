@@ -39,5 +39,9 @@ def main(arguments: Sequence[str]) -> int:
     for kind, paths in result.files.items():
         took = f"{result.seconds[kind]:.1f} s" if kind in result.seconds else "there already"
         print(f"{kind:<14}  {took:>13}  {len(paths)} files, {sum(path.stat().st_size for path in paths) / 1e6:.1f} MB")
+    for note in result.notes:
+        print(note)
     print(f"export: {(given.output or source.output).absolute()}")
-    return 0
+    for kind, reason in result.failures.items():
+        print(f"export: {kind} was not written: {reason}", file=sys.stderr)
+    return 1 if result.failures else 0

@@ -9,19 +9,20 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from hric_control.errors import UnknownNameError
-from hric_experiments.export import batches, frames, opensim_formats, recording, unbatched
+from hric_control.errors import HricError, UnknownNameError
+from hric_experiments.export import batches, c3d_trial, frames, opensim_formats, recording, unbatched
 from hric_experiments.export.output import Output
 from hric_experiments.export.recording import Source
 from hric_experiments.export.table import ExportError, Table
 
 PLAIN = ("npz", "csv", "parquet")
-FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", "bag")
+FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", "c3d", "bag")
 NEEDED: dict[str, tuple[str, ...]] = {
     "trc": (opensim_formats.MOCAP_TYPE, frames.STATIC),
     "mot": (batches.CONTROL_LOG, opensim_formats.JOINTS_TYPE),
     "sto": (*opensim_formats.SIGNALS, batches.LAYOUT),
     "external_loads": (batches.CHUNK, frames.STATIC),
+    "c3d": (opensim_formats.MOCAP_TYPE, batches.CHUNK, frames.STATIC, c3d_trial.TRIGGER_TYPE, c3d_trial.PHASE_TYPE),
 }
 """Message types that a format needs; other formats need all."""
 
@@ -56,15 +57,19 @@ class Result:
         files: per format, those that are there now.
         seconds: per format, what writing took, without reading the bag (but for "bag") [s]; absent: it was there already.
         reading: what reading the bag into tables took [s].
+        notes: lines that tell how a format was made, or why there was nothing to write.
+        failures: per format that could not be written, why: one line.
     """
 
     files: dict[str, list[Path]] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     reading: float = 0.0
+    notes: list[str] = field(default_factory=list)
+    failures: dict[str, str] = field(default_factory=dict)
 
 
 def export(source: Source, request: Request, folder: Path | None = None, *, again: bool = False, progress: bool = False) -> Result:
-    """Write the formats that are not there yet.
+    """Write the formats that are not there yet; one that cannot be written does not keep the others from it.
 
     Args:
         source: see `recording.find`.
@@ -74,7 +79,7 @@ def export(source: Source, request: Request, folder: Path | None = None, *, agai
         progress: whether to draw bars.
 
     Raises:
-        HricError: the bag is damaged, the disk refuses, or a format finds nothing in the bag that it could hold.
+        HricError: the bag is damaged, or has no such topic.
     """
     told = {"topics": sorted(request.topics), "load_body": request.load_body, "surface": request.surface}
     output = Output(folder or source.output, source.bags, told, again=again)
@@ -89,9 +94,13 @@ def export(source: Source, request: Request, folder: Path | None = None, *, agai
             tables = recording.read(source, request.topics, progress=progress, types=_types(output, request))
             result.reading = time.perf_counter() - begin
         begin = time.perf_counter()
-        _write(kind, source, request, tables or {}, output, progress)
-        result.files[kind] = output.finish(kind)
-        result.seconds[kind] = time.perf_counter() - begin
+        try:
+            if _write(kind, source, request, tables or {}, output, progress, result.notes):
+                result.files[kind] = output.finish(kind)
+                result.seconds[kind] = time.perf_counter() - begin
+        except Exception as error:  # also of a library that one format needs: the others do not
+            text = " ".join(str(error).split())
+            result.failures[kind] = text if isinstance(error, HricError) else f"{type(error).__name__}: {text}"
     return result
 
 
@@ -101,7 +110,8 @@ def _types(output: Output, request: Request) -> tuple[str, ...]:
     return () if set(open_) & set(PLAIN) else tuple(name for kind in open_ for name in NEEDED[kind])
 
 
-def _write(kind: str, source: Source, request: Request, tables: dict[str, Table], output: Output, progress: bool) -> None:
+def _write(kind: str, source: Source, request: Request, tables: dict[str, Table], output: Output, progress: bool, notes: list[str]) -> bool:
+    """Whether there was something to write; notes: what else is to be told."""
     if kind == "bag":
         with output.file(kind, f"{source.bag.stem}_samples.bag") as path:
             if path is not None:
@@ -120,8 +130,11 @@ def _write(kind: str, source: Source, request: Request, tables: dict[str, Table]
         _each(kind, joints, opensim_formats.write_coordinates, output, progress)
     elif kind == "trc":
         _markers(source, tables, output)
+    elif kind == "c3d":
+        _c3d(source, request, tables, output, notes)
     else:
-        _loads(source, request, tables, output)
+        return _loads(source, request, tables, output, notes)
+    return True
 
 
 def _each(kind: str, tables: list[Table], write: Callable[[Table, Path], None], output: Output, progress: bool) -> None:
@@ -141,9 +154,24 @@ def _markers(source: Source, tables: dict[str, Table], output: Output) -> None:
                 opensim_formats.write_markers(opensim_formats.markers_of(table, known), path, f"{table.name}.trc")
 
 
-def _loads(source: Source, request: Request, tables: dict[str, Table], output: Output) -> None:
+def _c3d(source: Source, request: Request, tables: dict[str, Table], output: Output, notes: list[str]) -> None:
+    from hric_experiments.export import c3d_format
+
+    trial = c3d_trial.collect(tables, frames.of_run(source.urdf, tables, source.run), source.run, request.surface)
+    stem = source.bag.stem if source.folder is None else source.folder.path.name
+    pieces = list(c3d_format.parts(trial))
+    for number, piece in enumerate(pieces, 1):
+        with output.file("c3d", f"{stem}_{number}.c3d" if len(pieces) > 1 else f"{stem}.c3d") as path:
+            if path is not None:
+                c3d_format.write(piece, path, str(source.run.get("started") or ""))
+    notes.append(f"c3d: {c3d_trial.told(trial)}")
+
+
+def _loads(source: Source, request: Request, tables: dict[str, Table], output: Output, notes: list[str]) -> bool:
     plates = [table for table in tables.values() if opensim_formats.is_plate(table)]
-    _need(plates, "external_loads", f"force plates ({batches.CHUNK} with channels {' '.join(opensim_formats.CHANNELS)})", source)
+    if not plates:
+        notes.append(f"external_loads: no force plate among the topics ({batches.CHUNK} with {' '.join(opensim_formats.CHANNELS)}), nothing to write")
+        return False
     known = frames.of_run(source.urdf, tables, source.run)
     with output.file("external_loads", "external_loads.mot") as path:
         if path is not None:
@@ -152,6 +180,7 @@ def _loads(source: Source, request: Request, tables: dict[str, Table], output: O
         with output.file("external_loads", "external_loads.xml") as path:
             if path is not None:
                 path.write_text(opensim_formats.loads_setup(plates, request.load_body, "external_loads.mot"))
+    return True
 
 
 def _need(found: list[Table], kind: str, what: str, source: Source) -> None:
