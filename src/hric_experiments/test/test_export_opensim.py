@@ -106,6 +106,15 @@ def test_inverse_kinematics_of_a_body_without_markers_is_refused(truth: Truth, t
     assert "no body 'foot' with 3 labelled markers" in message and "hand (3)" in message and message.count("\n") == 1
 
 
+def test_inverse_kinematics_whose_markers_cannot_be_written_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    truth = export_bags.write(tmp_path / "made_up.bag")
+    (tmp_path / "made_up_export").mkdir()
+    (tmp_path / "made_up_export" / "trc").write_text("in the way")
+    assert cli.main(["inverse_kinematics", str(truth.bag), "--output", str(tmp_path / "ik")]) == 1
+    message = capsys.readouterr().err
+    assert "cannot write" in message and message.count("\n") == 1
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     overrides = ("duration:=2.0", "friction:=identified")

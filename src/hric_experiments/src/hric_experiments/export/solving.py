@@ -12,6 +12,7 @@ from typing import Any
 from hric_control.errors import HricError
 from hric_experiments.export.exporting import Request, export
 from hric_experiments.export.recording import Source
+from hric_experiments.export.table import ExportError
 
 
 class SolveError(HricError):
@@ -19,9 +20,16 @@ class SolveError(HricError):
 
 
 def exported(source: Source, kind: str, topic: str) -> Path:
-    """The exported file of a topic, written now if it is not there yet."""
+    """The exported file of a topic, written now if it is not there yet.
+
+    Raises:
+        ExportError: it cannot be written.
+    """
     name = topic.strip("/").replace("/", ".")
-    return next(path for path in export(source, Request((kind,))).files[kind] if path.name == f"{name}.{kind}")
+    result = export(source, Request((kind,)))
+    if kind in result.failures:
+        raise ExportError(result.failures[kind])
+    return next(path for path in result.files[kind] if path.name == f"{name}.{kind}")
 
 
 def output_folder(source: Source, name: str, given: Path | None) -> Path:
