@@ -107,7 +107,7 @@ def test_a_known_place_of_the_cameras_reaches_both_nodes() -> None:
     [
         ("noise:=-1", "mocap.stream.noise is -1; valid: a finite number from 0 to 1"),
         ("mocap.stream.fps:=1", "no key 'fps' in mocap.stream; valid: bitstream, command_port"),
-        ("mocap.human.program:=walk", "no program 'walk' in mocap.human; valid: minimum_jerk, reactive, sinusoid"),
+        ("mocap.human.program:=walk", "no program 'walk' in mocap.human; valid: c3d, minimum_jerk, reactive, sinusoid"),
         ("mocap.human:=3", "mocap.human is 3; valid: a mapping"),
         ("mocap.body:=head", "mocap.body is 'head'; valid: hand"),
         ("mocap.camera:=1", "'camera' is not one of base_from_mocap, body, human, stream"),

@@ -14,6 +14,7 @@ from hric_experiments import config
 from hric_experiments.checks import angle, fields, mapping, names_list, number, strings_of
 from hric_experiments.mocap_spec import MocapSpec
 from hric_experiments.sensor_spec import SensorSpec, SyncSpec
+from mocap_natnet.trial import located
 
 
 class ExperimentError(HricError):
@@ -139,7 +140,7 @@ def find(name: str) -> Path:
 
 
 def read(name: str) -> dict[str, Any]:
-    """Contents of an experiment file, not checked yet.
+    """Contents of an experiment file, not checked yet; recorded trials are looked for beside it.
 
     Raises:
         HricError: no such experiment, or it is not YAML.
@@ -151,7 +152,7 @@ def read(name: str) -> dict[str, Any]:
         raise ExperimentError(f"{path.name} is not valid YAML: {error}") from error
     if not isinstance(raw, dict):
         raise ExperimentError(f"{path.name} must be a mapping with the keys {', '.join(EXPERIMENT_KEYS)}")
-    return raw
+    return dict(located(raw, path.parent))
 
 
 def parse(name: str, raw: Mapping[str, Any]) -> Experiment:

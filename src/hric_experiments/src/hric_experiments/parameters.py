@@ -128,7 +128,7 @@ def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
     frame = f"{experiment.robot.arm_id}_link0"
     ports = {key: spec.stream[key] for key in ("command_port", "data_port") if key in spec.stream}
     client = {"body": spec.body, "up_axis": spec.stream.get("up_axis", "y"), **ports, **base, **({"base_frame": frame} if base else {})}
-    human = {"human": located(spec.human), "stream": dict(spec.stream), **base, "base_frame": frame, "seed": seed}
+    human = {"human": located(spec.human, Path.cwd()), "stream": dict(spec.stream), **base, "base_frame": frame, "seed": seed}
     return {MOCAP_CLIENT: client, EMULATED_HUMAN: human}
 
 

@@ -83,13 +83,13 @@ def platform_info() -> dict[str, Any]:
 
 
 def neutral(value: Any) -> Any:
-    """The same data with the workspace's folder written as $HRIC_WS and the home folder as ~."""
+    """The same data with the workspace's folder written as $HRIC_WS and the home folder as ~; of a recorded trial the file's name alone."""
     if isinstance(value, str):
         for folder, name in _folders():
             value = value.replace(folder, name)
         return value
     if isinstance(value, Mapping):
-        return {str(key): neutral(item) for key, item in value.items()}
+        return {str(key): neutral(item) for key, item in _without_folder(value).items()}
     if isinstance(value, list | tuple):
         return [neutral(item) for item in value]
     return value
@@ -101,9 +101,14 @@ def _folders() -> list[tuple[str, str]]:
     return [(workspace, "$HRIC_WS")] + ([(home, "~")] if home not in ("/", "~") else [])
 
 
+def _without_folder(values: Mapping[str, Any]) -> dict[str, Any]:
+    """A program that replays a trial, without the folder of its file."""
+    path = values.get("path")
+    return {**values, "path": Path(path).name} if values.get("program") == RECORDED and isinstance(path, str) else dict(values)
+
+
 def parameters(tree: Mapping[str, Any]) -> dict[str, Any]:
     """A parameter tree without descriptions, bookkeeping of ROS and names of the machine; of a recorded trial the file's name alone."""
     kept = {key: value for key, value in tree.items() if key not in NOT_RECORDED}
-    if kept.get("program") == RECORDED and isinstance(kept.get("path"), str):
-        kept["path"] = Path(kept["path"]).name
+    kept = _without_folder(kept)
     return {key: parameters(value) if isinstance(value, Mapping) else neutral(value) for key, value in kept.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlparse
 
@@ -104,8 +105,8 @@ def _driver(spec: SensorSpec, kind: str) -> dict[str, Any]:
 
 
 def _emulated(spec: SensorSpec, name: str, seed: int) -> dict[str, Any]:
-    values: dict[str, Any] = {"transport": spec.transport, "rate": spec.rate, "seed": seed, "block": min(spec.chunk / 2, BLOCK), **spec.emulated}
-    values |= {key: located(spec.emulated[key]) for key in ("activation", "load") if spec.emulated.get(key)}
+    values: dict[str, Any] = {"transport": spec.transport, "rate": spec.rate, "seed": seed, "block": min(spec.chunk / 2, BLOCK)}
+    values |= located(spec.emulated, Path.cwd())
     if spec.transport == "lsl":
         given: Mapping[str, Any] = spec.driver.get("lsl") or {}
         values |= {"name": given.get("name", name), "session": given.get("session", session())}

@@ -29,6 +29,7 @@ METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0}
 """Unit of POINT:UNITS -> metres."""
 VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
 """Unit of ANALOG:UNITS in small letters -> volts."""
+PACKAGE = "package://"
 READER = Path(__file__).with_name("c3d_child.py")
 """Not imported: ezc3d takes a tenth of a second."""
 BLOCK = 512
@@ -107,21 +108,26 @@ class Trial:
 
 def resolve(address: str) -> Path:
     """File of a path or a package://package/path address. Raises ParameterError."""
-    if not address.startswith("package://"):
+    if not address.startswith(PACKAGE):
         return Path(address).expanduser().absolute()
     import rospkg
 
-    package, _, rest = address.removeprefix("package://").partition("/")
+    package, _, rest = address.removeprefix(PACKAGE).partition("/")
     try:
         return Path(rospkg.RosPack().get_path(package)) / rest
     except rospkg.ResourceNotFound as error:
         raise ParameterError(f"{address}: there is no ROS package {package!r}") from error
 
 
-def located(section: Mapping[str, Any]) -> dict[str, Any]:
-    """The mapping of a program with the path of its trial, if it has one, from the root: as a process in another folder needs it."""
-    path = section.get("path")
-    return {**section, "path": str(resolve(path))} if section.get("program") == PROGRAM and isinstance(path, str) else dict(section)
+def located(tree: Any, folder: Path) -> Any:
+    """The same data, in which programs that replay a trial have its path from the root; folder: that of relative ones."""
+    if not isinstance(tree, Mapping):
+        return tree
+    found = {key: located(value, folder) for key, value in tree.items()}
+    path = found.get("path")
+    if found.get("program") == PROGRAM and isinstance(path, str) and path and not path.startswith(PACKAGE):
+        found["path"] = str((folder / Path(path).expanduser()).absolute())
+    return found
 
 
 def read_trial(path: Path, up: str = "") -> Trial:
@@ -149,8 +155,8 @@ def _read(path: Path, up: str, modified: int, size: int) -> Trial:
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "trial.npz"
         words = [sys.executable, os.fspath(READER), os.fspath(path), os.fspath(output)]
-        try:
-            done = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT, check=False)
+        try:  # in a session of its own: a Ctrl-C for all would look like a damaged file
+            done = subprocess.run(words, capture_output=True, text=True, timeout=TIMEOUT, check=False, start_new_session=True)
         except subprocess.TimeoutExpired as error:
             raise ParameterError(f"c3d file {path} cannot be read: it takes longer than {TIMEOUT:g} s") from error
         if done.returncode:

@@ -79,7 +79,8 @@ def collect(tables: Mapping[str, Table], frames: Frames, run: Mapping[str, Any],
     """
     captures = [table for table in tables.values() if table.type_name == opensim_formats.MOCAP_TYPE]
     plates = [table for table in tables.values() if opensim_formats.is_plate(table)]
-    emg = [table for table in tables.values() if table.type_name == batches.CHUNK and table not in plates]
+    others = [table for table in tables.values() if table.type_name == batches.CHUNK and table not in plates]
+    emg = sorted(others, key=lambda table: -len(table.time))  # what was recorded before its envelope
     if not (captures or plates or emg):
         raise ExportError(f"format c3d needs motion capture, force plates or EMG (hric_msgs/MocapData, {batches.CHUNK}), among the topics asked for")
     if len(captures) > 1:

@@ -32,13 +32,9 @@ class Sampled:
     def __init__(self, table: Table) -> None:
         self._table = table
         self.time, self._rows = np.unique(table.time, return_index=True)
-        numbers = table.column("sample")
-        span = float(self.time[-1] - self.time[0])
-        count = len(self.time) - 1
-        if numbers is not None and np.all(np.diff(own := numbers.values[self._rows]) > 0):
-            count = int(own[-1] - own[0])
-        rate = count / span if span > 0 else 1.0
-        self.rate = float(round(rate)) if abs(rate - round(rate)) < ALMOST * rate and round(rate) else rate
+        # Within a chunk samples are apart as the source told, whatever pace the run kept between two chunks.
+        rate = 1.0 / float(np.median(np.diff(self.time))) if len(self.time) > 1 else 1.0
+        self.rate = float(round(rate)) if abs(rate - round(rate)) < ALMOST else rate
         self.gaps = int(np.sum(np.diff(self.time) * self.rate > GAP))
 
     def values(self, names: Sequence[str], times: FloatArray) -> FloatArray:
