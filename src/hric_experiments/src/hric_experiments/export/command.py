@@ -25,7 +25,11 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--output", type=Path, metavar="DIR", help="where to write (default: export/ of the run, or <bag>_export/ beside a bag)")
     parser.add_argument("--load-body", default="", metavar="BODY", help="external_loads: a set-up file that applies the plates' loads to this body")
     parser.add_argument(
-        "--surface", type=float, default=0.0, metavar="METRES", help="external_loads: height of the plates' surface over their electrical origin"
+        "--surface",
+        type=float,
+        default=0.0,
+        metavar="METRES",
+        help="external_loads, c3d: height of the plates' surface over their electrical origin (c3d: else as the run tells)",
     )
     parser.add_argument("--again", action="store_true", help="write also what is there already")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
