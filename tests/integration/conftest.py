@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts/lib"))
-from live_system import LiveSystem
+from live_system import READY_TIMEOUT, LiveSystem, wait_for
+
+from hric_experiments import parameters
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -68,6 +70,8 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
     system = LiveSystem(tmp_path_factory.mktemp("live"), "env:=sim", "rviz:=false")
     try:
         system.wait_running("joint_state_controller", "franka_state_controller", "joint_pd_controller")
+        configured = set(parameters.defaults("panda"))
+        wait_for(lambda: configured <= set(system.controllers()), READY_TIMEOUT, f"{configured} loaded; output:\n{system.output}")
         os.environ.update({key: system.environment[key] for key in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME")})
         warnings.simplefilter("ignore", ResourceWarning)
         import rospy
