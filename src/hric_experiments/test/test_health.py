@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,13 @@ from typing import Any
 import export_bags
 import numpy as np
 import pytest
+import rosbag
 from geometry_msgs.msg import PointStamped
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 from synthetic import log_message, signals, write_run
 
 from hric_control.stamps import to_time
@@ -88,6 +94,40 @@ def test_stamps_out_of_order_are_told(tmp_path: Path) -> None:
     swapped = stamps.copy()
     swapped[[50, 52]] = swapped[[52, 50]]
     assert "2 stamps are older than the one before, the first at message 51, by up to 0.010 s" in told(points(tmp_path / "a.bag", swapped, stamps))
+
+
+ARM, GRIPPER = "/robot_topics", "/franka_gripper"
+
+
+def joint_states(path: Path, arm: Any, gripper: Any) -> Path:
+    """A bag as a recorder writes it: a connection for each of two nodes that publish on one topic; their stamps, in the order of their recording."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(path) as writer:
+        named = {
+            name: writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store, callerid=name) for name in (ARM, GRIPPER)
+        }
+        recorded = [(0.01 * k, stamp, ARM) for k, stamp in enumerate(arm)] + [(0.03 * k + 0.005, stamp, GRIPPER) for k, stamp in enumerate(gripper)]
+        for time, stamp, name in sorted(recorded):
+            buffer = io.BytesIO()
+            JointState(header=Header(stamp=to_time(float(stamp)))).serialize(buffer)
+            writer.write(named[name], round(1e9 * (time + 5.0)), buffer.getvalue())
+    with rosbag.Bag(str(path)) as bag:
+        found = {message.connection_header["callerid"].decode() for message in bag.read_messages(return_connection_header=True)}
+    assert found == {ARM, GRIPPER}, "ROS's own reader sees them so, too"
+    return path
+
+
+def test_two_publishers_of_one_topic_are_in_order_where_each_of_them_is(tmp_path: Path) -> None:
+    arm, gripper = 5.0 + 0.01 * np.arange(300), 5.0 + 0.03 * np.arange(100) - 0.02
+    assert told(joint_states(tmp_path / "a.bag", arm, gripper)) == ""
+
+
+def test_of_two_publishers_the_one_that_is_out_of_order_is_named(tmp_path: Path) -> None:
+    arm, gripper = 5.0 + 0.01 * np.arange(300), 5.0 + 0.03 * np.arange(100) - 0.02
+    gripper[[40, 41]] = gripper[[41, 40]]
+    path = joint_states(tmp_path / "a.bag", arm, gripper)
+    expected = f"1 stamp is older than the one before, the first at its message 41, by up to 0.030 s; published by {GRIPPER}"
+    assert told(path) == f"problem /joint_states {expected}" and examine(path).code == 3
 
 
 @pytest.mark.parametrize(

@@ -101,15 +101,20 @@ def _gaps(stream: Stream) -> list[Finding]:
 
 
 def _order(stream: Stream) -> list[Finding]:
+    """Stamps that go back, of each publisher for itself: nobody puts the messages of several nodes on one topic into an order."""
     if stream.stamps is None or stream.latched:
         return []
-    steps = np.diff(stream.stamps)
-    back = np.flatnonzero(steps < 0)
-    if not len(back):
-        return []
-    many = f"{len(back)} stamps are" if len(back) > 1 else "1 stamp is"
-    text = f"{many} older than the one before, the first at message {back[0] + 1}, by up to {-steps.min() * 1e-9:.3f} s"
-    return [Finding(PROBLEM, stream.topic, text)]
+    found = []
+    for index, name in enumerate(stream.publishers):
+        steps = np.diff(stream.stamps[stream.published_by == index])
+        back = np.flatnonzero(steps < 0)
+        if not len(back):
+            continue
+        many = f"{len(back)} stamps are" if len(back) > 1 else "1 stamp is"
+        message = f"message {back[0] + 1}" if len(stream.publishers) == 1 else f"its message {back[0] + 1}"
+        text = f"{many} older than the one before, the first at {message}, by up to {-steps.min() * 1e-9:.3f} s"
+        found.append(Finding(PROBLEM, stream.topic, text if not name else f"{text}; published by {name}"))
+    return found
 
 
 def _clock(stream: Stream, offset: float) -> list[Finding]:

@@ -36,6 +36,8 @@ class Stream:
         latched: whether a publisher of it latches.
         recorded: times of recording in the order of the file, shape (n,) [ns].
         stamps: header stamps, shape (n,) [ns]; None: the type has no header.
+        publishers: callerids of the nodes that published it, in the order of their first messages; "": the bag names none.
+        published_by: index into `publishers` of each message, shape (n,).
         counts: what its running number counts; "": it has none.
         missing: running numbers that are not in the bag, as (first, how many).
         repeated: from where it went back: what came twice, or a source that began anew, likewise.
@@ -47,6 +49,8 @@ class Stream:
     latched: bool
     recorded: IntArray
     stamps: IntArray | None
+    publishers: tuple[str, ...]
+    published_by: IntArray
     counts: str = ""
     missing: tuple[tuple[int, int], ...] = ()
     repeated: tuple[tuple[int, int], ...] = ()
@@ -73,6 +77,8 @@ class _Gathered:
     recorded: list[int] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
     numbers: list[tuple[int, int]] = field(default_factory=list)
+    publishers: dict[str, int] = field(default_factory=dict)
+    published_by: list[int] = field(default_factory=list)
 
 
 class StreamGatherer:
@@ -88,6 +94,7 @@ class StreamGatherer:
         if gathered is None:
             gathered = self._topics[connection.topic] = _Gathered(connection)
         gathered.recorded.append(time)
+        gathered.published_by.append(gathered.publishers.setdefault(connection.caller, len(gathered.publishers)))
         if _has_header(connection) and len(raw) >= _STAMP.size:
             _, seconds, nanoseconds = _STAMP.unpack_from(raw)
             gathered.stamps.append(seconds * 1_000_000_000 + nanoseconds)
@@ -125,7 +132,21 @@ def _stream(gathered: _Gathered) -> Stream:
     counts = COUNTED[connection.type_name][0] if connection.type_name in COUNTED else ""
     recorded = np.array(gathered.recorded, dtype=np.int64)
     first, after = (gathered.numbers[0][0], sum(gathered.numbers[-1])) if gathered.numbers else (0, 0)
-    return Stream(connection.topic, connection.type_name, connection.latching, recorded, stamps, counts, missing, repeated, first, after)
+    publishers, published_by = tuple(gathered.publishers), np.array(gathered.published_by, dtype=np.int64)
+    return Stream(
+        connection.topic,
+        connection.type_name,
+        connection.latching,
+        recorded,
+        stamps,
+        publishers,
+        published_by,
+        counts,
+        missing,
+        repeated,
+        first,
+        after,
+    )
 
 
 def _continuity(numbers: list[tuple[int, int]]) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]:
