@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mocap_natnet.clock import NS, EchoClock, ExposureClock, RunClock, RunningMinimum
+from mocap_natnet.clock import NS, EchoClock, ExposureClock, RunningMinimum
 from mocap_natnet.codec.types import Frame, Suffix
+from mocap_natnet.run_clock import RunClock
 
 FREQUENCY = 3_312_787
 START = 123_456 * NS

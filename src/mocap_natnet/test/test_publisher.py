@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import math
 
+import numpy as np
 import pytest
+from busy_run import OVER, BusyDriver, BusyRun
 from geometry_msgs.msg import Point, PointStamped, Pose2D, PoseStamped
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -227,3 +229,15 @@ def test_a_wrong_parameter_is_refused(wrong: dict) -> None:
     with pytest.raises(HricError):
         read_settings(node)
         read_publishing(node)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_on_a_busy_machine_and_in_a_pause_each_stamp_is_later_than_the_one_before(seed: int) -> None:
+    """Pairs late, in bunches and twice, stalls of up to 0.4 s; then a pause, in which a real Motive goes on."""
+    driver, node, seen = BusyDriver(BusyRun(seed, 1.0, load=1.0)), LocalNode(), []
+    node.subscribe("/hric/perception/mocap", MocapData, seen.append)
+    publisher = MocapPublisher(node, read_publishing(node), lambda monotonic: driver.run_time(monotonic / 1e9))
+    HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher).advance(OVER)
+    stamps = [message.header.stamp.to_nsec() for message in seen]
+    assert len(stamps) > 7000 and min(np.diff(stamps)) > 0
+    assert publisher.held > 400 and stamps[-1] - stamps[-400] < 1e4

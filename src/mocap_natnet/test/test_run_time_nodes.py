@@ -33,12 +33,13 @@ class TellsTime:
 
     Attributes:
         pace: run time per wall time; may be changed.
+        loses: wall time that the run loses at once every half second, as a loop does that a busy machine keeps from running [s]; may be changed.
     """
 
     def __init__(self) -> None:
         import rospy
 
-        self.pace, self.time, self._stop = 1.0, 0.0, threading.Event()
+        self.pace, self.time, self.loses, self._stop = 1.0, 0.0, 0.0, threading.Event()
         self.told: float | None = None
         self._publisher = rospy.Publisher("/hric/clock", ClockPair, queue_size=10)
         self._thread = threading.Thread(target=self._work, daemon=True)
@@ -46,10 +47,15 @@ class TellsTime:
 
     def _work(self) -> None:
         last = time.monotonic_ns()
-        while not self._stop.wait(0.02):
+        for index in itertools.count():
+            if self._stop.wait(0.02):
+                return
             now = time.monotonic_ns()
             self.time += self.pace * 1e-9 * (now - last)
             last = now
+            if self.loses and index % 25 == 0:
+                time.sleep(self.loses)
+                last = time.monotonic_ns()
             self._publisher.publish(ClockPair(now, stamps.to_time(self.time), self.pace or 1.0 if self.told is None else self.told))
 
     def close(self) -> None:
@@ -72,9 +78,19 @@ def robot(ros: str) -> Iterator[TellsTime]:
 @pytest.fixture
 def nodes(robot: TellsTime) -> Iterator[tuple[subprocess.Popen[str], subprocess.Popen[str]]]:
     """The client, and the emulated Motive that it listens to."""
+    yield from _started()
+
+
+@pytest.fixture
+def elsewhere(robot: TellsTime) -> Iterator[tuple[subprocess.Popen[str], subprocess.Popen[str]]]:
+    """The client, and a Motive that goes on whatever the run does, as a real one."""
+    yield from _started("--clock", "wall")
+
+
+def _started(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], subprocess.Popen[str]]]:
     command, data = str(free_port()), str(free_port())
     client = _start("natnet_client", f"_command_port:={command}", f"_data_port:={data}", "_local:=127.0.0.1")
-    motive = _start("emulated_motive", "--transport", "unicast", "--command-port", command, "--data-port", data)
+    motive = _start("emulated_motive", "--transport", "unicast", "--command-port", command, "--data-port", data, *arguments)
     yield client, motive
     for process in (client, motive):
         if process.poll() is None:
@@ -117,6 +133,23 @@ def test_stamps_are_those_of_the_run_at_half_its_pace_and_a_pause_has_no_frames(
     _wait(lambda: len(frames) > stood + 50)
     subscriber.unregister()
     assert "Traceback" not in _end(nodes[0]) + _end(nodes[1])
+
+
+def test_where_the_run_loses_time_again_and_again_no_stamp_goes_back(robot: TellsTime, elsewhere) -> None:
+    import rospy
+
+    frames: list = []
+    subscriber = rospy.Subscriber("/hric/perception/mocap", MocapData, frames.append, queue_size=None)
+    _wait(lambda: len(frames) > 50)
+    robot.loses = 0.15
+    begun = len(frames)
+    _wait(lambda: len(frames) > begun + 600)
+    robot.loses = 0.0
+    numbers, stamps = zip(*((frame.frame_number, frame.header.stamp.to_nsec()) for frame in list(frames)), strict=True)
+    assert list(numbers) == sorted(numbers) and min(b - a for a, b in itertools.pairwise(stamps)) > 0
+    latest = frames[-1].header.stamp.to_sec()
+    assert abs(latest - robot.time) < 0.5
+    subscriber.unregister()
 
 
 def test_an_unpaced_run_is_refused_by_name(robot: TellsTime, nodes) -> None:

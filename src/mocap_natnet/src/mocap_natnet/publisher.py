@@ -26,8 +26,8 @@ from mocap_natnet.trail import Trail
 NS = 1e-9
 BACK = 0.1
 """A stamp that would go back by less than this is held; by more, the run began anew [s] (our choice)."""
-LEAST_STEP = 1e-6
-"""Between two stamps [s]."""
+LEAST_STEP = 2e-9
+"""Between two stamps, which have whole nanoseconds, or what a float can tell apart [s]: small, since a real Motive goes on while the run stands."""
 
 
 def ros_name(body: str) -> str:
@@ -47,7 +47,7 @@ class MocapPublisher:
     Attributes:
         tracker: names and judges the bodies.
         untimed: frames that came before the time of the run was known.
-        held: frames whose stamp would have gone back, since the relation of the two clocks was found to be another one.
+        held: frames whose stamp would have been that of the one before, since the run stood, or would have gone back a little.
     """
 
     def __init__(self, node: Node, publishing: Publishing, run_time: Callable[[int], float | None]) -> None:
@@ -98,14 +98,15 @@ class MocapPublisher:
                 self._balls.publish(messages.marker_array(head, self.tracker.markers(frame)))
 
     def _time(self, exposed: int) -> float | None:
-        """Time of the run at an exposure [s]; of frames in order it rises, also where the line between the two clocks is drawn anew."""
+        """Time of the run at an exposure [s]; of frames in order it rises, also where the run stands."""
         time = self._run_time(exposed)
         if time is None or time < 0:
             return None
         before, last = self._last
-        if exposed > before and last - BACK < time <= last:
+        step = max(LEAST_STEP, math.ulp(time))
+        if exposed > before and last - BACK < time < last + step:
             self.held += 1
-            time = last + LEAST_STEP
+            time = last + step
         if exposed > before:
             self._last = (exposed, time)
         return time

@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from hric_control.errors import HricError
 from hric_control.ros_node import RosNode, RosRegistration
 from hric_msgs.msg import ClockPair
-from mocap_natnet.run_clock import NS, RunClock
+from mocap_natnet.run_clock import HORIZON_NS, NS, RunClock
 
 TOPIC = "/hric/clock"
 PATIENCE = 3.0
@@ -20,6 +20,8 @@ FRESH = NS
 """Where the last pair is no older, the ticks of `/clock` need not be heard [ns] (our choice)."""
 SAME_MACHINE = 2 * NS
 """Pairs are at most this old when they arrive [ns]; others are of another machine, whose monotonic clock is another one."""
+LOOK = NS // 50
+"""Between looks at the wall clock, as between pairs [ns] (our choice)."""
 PAIRS, TICKS, WALL, NOTHING = TOPIC, "/clock", "the wall clock", "nothing"
 
 
@@ -31,6 +33,9 @@ class RunTime:
     """Maps the monotonic clock here to the time of the run: by the pairs on `/hric/clock`; without them for some seconds, by the ticks of `/clock`
     where `/use_sim_time` is true, else by the wall clock. A clock for `MotiveServer`. From any thread.
 
+    Whatever the load of the machine, a later monotonic time never gets an earlier time of the run than one that was asked for before, unless the run
+    restarts or another clock takes over.
+
     Args:
         node: private node, whose name is told in messages.
     """
@@ -38,7 +43,8 @@ class RunTime:
     def __init__(self, node: RosNode) -> None:
         self._node, self._lock = node, threading.Lock()
         self._simulated = bool(node.param("/use_sim_time", False))
-        self._pairs, self._ticks = RunClock(), RunClock()
+        self._pairs, self._ticks, self._wall = RunClock(), RunClock(), RunClock()
+        self._looked = 0
         self._heard = time.monotonic_ns()
         self._known = self._unpaced = self._foreign = False
         self._told = PAIRS
@@ -67,18 +73,15 @@ class RunTime:
     def run_time(self, monotonic: int) -> float | None:
         """The time of the run [s] at a monotonic time [ns]; None while it is not known."""
         with self._lock:
-            source = self._source()
-            if source == WALL:
-                return (monotonic + time.time_ns() - time.monotonic_ns()) / NS
-            return self._clock(source).run_time(monotonic)
+            now = time.monotonic_ns()
+            clock = self._clock(self._source(), now)
+            clock.settle(min(monotonic, now))  # what has not come yet is no measurement
+            return clock.run_time(monotonic)
 
     def monotonic(self, run: float) -> int | None:
         """When that was the time of the run, or will be [ns]; None while it is not known."""
         with self._lock:
-            source = self._source()
-            if source == WALL:
-                return round(run * NS) - time.time_ns() + time.monotonic_ns()
-            return self._clock(source).monotonic(run)
+            return self._clock(self._source(), time.monotonic_ns()).monotonic(run)
 
     def now(self) -> float | None:
         """The time of the run [s]; None while it is not known."""
@@ -122,8 +125,14 @@ class RunTime:
             return TICKS
         return PAIRS if self._known else NOTHING
 
-    def _clock(self, source: str) -> RunClock:
-        return self._ticks if source == TICKS else self._pairs
+    def _clock(self, source: str, now: int) -> RunClock:
+        if source == WALL and now >= self._looked + LOOK:
+            if now > self._looked + HORIZON_NS:
+                self._wall = RunClock()
+            self._looked = now
+            told = time.time_ns()
+            self._wall.add(time.monotonic_ns(), told / NS, 1.0)  # read in this order a pair may be late, never early
+        return {WALL: self._wall, TICKS: self._ticks}.get(source, self._pairs)
 
     def _on_pair(self, message: Any) -> None:
         now = time.monotonic_ns()

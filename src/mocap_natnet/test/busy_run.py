@@ -1,0 +1,77 @@
+"""For tests of clocks: a run on a busy machine, and a driver on it, by arithmetic alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mocap_natnet.run_clock import NS, RunClock
+
+START = 40_000 * NS
+CALM, END, OVER = 24.0, 30.0, 32.0
+"""The load ends, the run is paused, and no more pairs come [s of wall time]."""
+
+
+class BusyRun:
+    """A loop on a machine that takes the processor away from it, and delivers its pairs late, in bunches, and twice.
+
+    Args:
+        seed: of all that is random.
+        pace: run time per wall time that is asked for.
+        load: 1: a stall of 5 to 400 ms about each 0.2 s, and a fifth of the pairs late by 100 ms; 0: none.
+
+    Attributes:
+        pairs: by their delivery: delivered, told [s of wall time], run time [s].
+    """
+
+    def __init__(self, seed: int, pace: float, load: float) -> None:
+        self._random, self.pace, self._load = np.random.default_rng(seed), pace, load
+        self.pairs: list[tuple[float, float, float]] = []
+        self._work()
+        self.pairs.sort(key=lambda pair: pair[0])
+
+    def _work(self) -> None:
+        """As `SimLoop`: it catches up at four times the pace, but beyond 0.1 s the time is lost; a pair each 20 ms of wall time."""
+        random, wall, run, due, told, delivered = self._random, 0.0, 0.0, 0.0, 0.0, 0.0
+        while wall < END:
+            load = self._load if wall < CALM else 0.0
+            stalled = float(np.exp(random.uniform(np.log(0.005), np.log(0.4)))) if random.random() < load * 0.005 else 0.0
+            wall += 1e-3 + stalled
+            due += 1e-3 + stalled
+            if due - run / self.pace > 0.1:
+                due = run / self.pace
+            run = min(run + 4e-3 * self.pace, due * self.pace)
+            if wall >= told + 0.02:
+                told = wall
+                if random.random() < load * 0.2:  # the listener does not get to run, and hears all that waits at once
+                    delivered = max(delivered, wall + float(random.exponential(0.1)))
+                arrived = max(wall + float(random.exponential(3e-4)), delivered)
+                self.pairs += [(arrived, wall, run)] * int(random.integers(1, 3))
+        self.pairs += [(at, at, run) for at in np.arange(wall + 0.02, OVER, 0.02).tolist()]
+
+    def truth(self, wall: np.ndarray) -> np.ndarray:
+        """Time of the run at wall times [s], shape (n,)."""
+        told, run = np.array(sorted({(told, run) for _, told, run in self.pairs})).T
+        return np.interp(wall, told, run)
+
+
+class BusyDriver:
+    """Asks for the time of the run as a driver does: some milliseconds after a measurement, with the pairs that were delivered until then.
+
+    Args:
+        busy: whose pairs it hears.
+    """
+
+    def __init__(self, busy: BusyRun) -> None:
+        self.clock = RunClock()
+        self._pace, self._waiting = busy.pace, busy.pairs[::-1]
+        self._random = np.random.default_rng(7)
+
+    def run_time(self, wall: float) -> float | None:
+        """The time of the run [s] at a wall time [s]; None while it is not known."""
+        asked = wall + 0.0055 + float(self._random.exponential(2e-3))
+        while self._waiting and self._waiting[-1][0] <= asked:
+            _, told, run = self._waiting.pop()
+            self.clock.add(START + round(told * NS), run, self._pace)
+        at = START + round(wall * NS)
+        self.clock.settle(at)
+        return self.clock.run_time(at)
