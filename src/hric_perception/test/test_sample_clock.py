@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from busy_run import CALM, END, BusyDriver, BusyRun
 
 from hric_perception.chunk import Chunk, Layout, Merger
+from hric_perception.chunk_messages import chunk_message, read_chunk
 from hric_perception.sample_clock import SampleClock
 
 RATE = 2000.0
@@ -137,3 +139,33 @@ def test_chunks_are_joined_and_cut_to_the_length_of_a_message_and_end_before_a_m
         merger.add(Chunk(LAYOUT, first / RATE, first, np.arange(first, first + count)[:, None] / RATE))
     assert [(chunk.first, len(chunk.data)) for chunk in joined] == [(0, 20), (20, 7), (40, 20), (60, 20), (80, 20)]
     assert all(np.allclose(chunk.times, chunk.data[:, 0]) for chunk in joined)
+
+
+@pytest.mark.parametrize(("latency", "jitter", "block"), [(None, 0.0, 20), (None, 1e-3, 20), (1e-3, 3e-3, 27)])
+@pytest.mark.parametrize("seed", range(3))
+def test_on_a_busy_machine_each_sample_is_later_than_the_one_before(seed: int, latency: float | None, jitter: float, block: int) -> None:
+    """A device at its own pace beside a run that stalls, loses time, and publishes that late: exact stamps, stamps that jitter, arrivals."""
+    random, busy = np.random.default_rng(seed), BusyRun(seed, 1.0, load=1.0)
+    clock, chunks = SampleClock(LAYOUT, BusyDriver(busy).run_time, latency), []
+    number, arrived = round(0.5 * RATE), 0.0
+    while number < (END - 0.2) * RATE:
+        number += block
+        late = 0.0 if latency is None else latency + float(random.exponential(jitter))
+        stamp = (number - 1) / RATE + (late or jitter * float(random.standard_normal()))
+        arrived = stamp if latency is None else max(arrived, stamp)
+        chunks += clock.add(arrived, np.arange(number - block, number)[:, None] / RATE)
+    times, walls = np.concatenate([chunk.times for chunk in chunks]), np.concatenate([chunk.data[:, 0] for chunk in chunks])
+    assert len(times) > 50_000 and np.diff(times).min() > 0.0
+    errors = np.abs(times - busy.truth(walls))
+    assert np.median(errors) < 0.15 and np.percentile(errors[walls > CALM + 4.0], 90) < 10e-3
+
+
+def test_samples_that_lie_closer_together_are_so_in_messages_and_in_pieces_of_chunks() -> None:
+    whole = Chunk(LAYOUT, 1.0, 40, np.arange(8.0)[:, None], pace=2.0)
+    joined: list[Chunk] = []
+    merger = Merger(0.002, joined.append)
+    for chunk in (Chunk(LAYOUT, 0.999, 38, np.zeros((2, 1))), whole, Chunk(LAYOUT, 1.002, 48, np.zeros((2, 1)))):
+        merger.add(chunk)
+    merger.flush()
+    times = np.concatenate([read_chunk(chunk_message(chunk)).times for chunk in joined])
+    assert times == pytest.approx([0.999, 0.9995, *(1.0 + np.arange(8) / 4000), 1.002, 1.0025], abs=1e-9)

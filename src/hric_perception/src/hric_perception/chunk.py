@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,24 +38,31 @@ class Layout:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Samples without a gap; sample k was taken at start + k / rate.
+    """Samples without a gap; sample k was taken at start + k / rate, the rate being the layout's times `pace`.
 
     Args:
         layout: what is sampled.
         start: run time of the first sample [s].
         first: its running number.
         data: shape (samples, channels).
+        pace: rate over that of the layout: above 1 where the run lost time, which the source did not know.
     """
 
     layout: Layout
     start: float
     first: int
     data: FloatArray
+    pace: float = 1.0
+
+    @property
+    def rate(self) -> float:
+        """Samples per second of run time [Hz]."""
+        return self.layout.rate * self.pace
 
     @property
     def times(self) -> FloatArray:
         """Run time of each sample [s]."""
-        return self.start + np.arange(len(self.data)) / self.layout.rate
+        return self.start + np.arange(len(self.data)) / self.rate
 
     @property
     def after(self) -> int:
@@ -78,7 +85,7 @@ class Merger:
 
     def add(self, chunk: Chunk) -> None:
         """Take the next one."""
-        if self._parts and (chunk.first != self._parts[-1].after or chunk.layout is not self._parts[0].layout or self._strays(chunk)):
+        if self._parts and (chunk.first != self._parts[-1].after or self._differs(chunk) or self._strays(chunk)):
             self.flush()
         size = round(self._duration * chunk.layout.rate) or len(chunk.data)
         while chunk.data.size and self._count + len(chunk.data) >= size:
@@ -94,16 +101,19 @@ class Merger:
         if self._parts:
             first = self._parts[0]
             parts, self._parts, self._count = self._parts, [], 0
-            self._on_chunk(Chunk(first.layout, first.start, first.first, np.concatenate([part.data for part in parts])))
+            self._on_chunk(Chunk(first.layout, first.start, first.first, np.concatenate([part.data for part in parts]), first.pace))
+
+    def _differs(self, chunk: Chunk) -> bool:
+        first = self._parts[0]
+        return chunk.layout is not first.layout or chunk.pace != first.pace
 
     def _strays(self, chunk: Chunk) -> bool:
         """Whether its time is not that which the first part foretells, by more than half a sample."""
-        rate = chunk.layout.rate
+        rate = chunk.rate
         return abs(self._parts[0].start + self._count / rate - chunk.start) > 0.5 / rate
 
 
 def cut(chunk: Chunk, count: int) -> tuple[Chunk, Chunk]:
     """The first `count` samples, and the others."""
-    layout = chunk.layout
-    rest = Chunk(layout, chunk.start + count / layout.rate, chunk.first + count, chunk.data[count:])
-    return Chunk(layout, chunk.start, chunk.first, chunk.data[:count]), rest
+    rest = replace(chunk, start=chunk.start + count / chunk.rate, first=chunk.first + count, data=chunk.data[count:])
+    return replace(chunk, data=chunk.data[:count]), rest

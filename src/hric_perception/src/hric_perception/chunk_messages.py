@@ -21,7 +21,7 @@ def chunk_message(chunk: Chunk) -> Any:
         source=layout.source,
         channels=list(layout.channels),
         unit=layout.unit,
-        rate=layout.rate,
+        rate=chunk.rate,
         first_sample=chunk.first,
         data=chunk.data.ravel().tolist(),
     )

@@ -9,6 +9,7 @@ from itertools import islice
 import numpy as np
 
 from hric_perception.chunk import Chunk, FloatArray, Layout
+from mocap_natnet.rising_line import SLOWEST
 
 WINDOW = 2.0
 """Of the past that places the line [s]. The constants of this file are our choice."""
@@ -46,6 +47,8 @@ class SampleClock:
     """Places blocks of samples on a line of run time over sample number.
 
     Exact stamps count as they are. Others scatter about a line: least squares. Arrivals are late, never early: the line runs through the earliest.
+    Where the line goes back, as when the run has lost time, samples lie closer until they are on it again: none is placed before one that came first,
+    unless the run or the clock of the source restarts.
 
     Args:
         layout: of the samples, with the declared rate.
@@ -70,6 +73,7 @@ class SampleClock:
         self._steps: deque[float] = deque(maxlen=STEPS)
         self._deviations: deque[float] = deque(maxlen=STEPS)
         self._exact = False
+        self._known = self._end = float("-inf")  # time of the run at the last block, and of its last sample as it was placed
 
     def add(self, monotonic: float, data: FloatArray, lost: int | None = None) -> list[Chunk]:
         """Take a block of samples without gap.
@@ -151,6 +155,10 @@ class SampleClock:
         first, last = self.number, self.number + len(data) - 1
         known = self._run_time(monotonic)
         time = self._at(last) if known is None else known - (self._latency or 0.0)
+        if known is not None:
+            if known < self._known - TOLD:  # stamps jitter by less
+                self._end = float("-inf")
+            self._known = known
         self.number += len(data)
         if self._points:
             self._note(monotonic - self._monotonic, last - self._points[-1][0])
@@ -165,7 +173,17 @@ class SampleClock:
         elif len(self._points) < FIT_ALL or self._unfitted >= FIT_EVERY:
             self._unfitted = 0
             self._fit()
-        return Chunk(self.layout, max(0.0, self._at(first)), first, data)
+        return self._after_last(first, data)
+
+    def _after_last(self, first: int, data: FloatArray) -> Chunk:
+        """The chunk on the line, or behind the last one and closer together."""
+        count, nominal, before = len(data), 1.0 / self.layout.rate, self._end
+        start, pace = max(0.0, self._at(first)), 1.0
+        if start <= before:
+            period = max((self._at(first + count - 1) - before) / count, SLOWEST * nominal)
+            start, pace = before + period, nominal / period
+        self._end = start + (count - 1) * nominal / pace
+        return Chunk(self.layout, start, first, data, pace)
 
     def _note(self, step: float, samples: int) -> None:
         """Learn the scatter of the stamps from a step by the monotonic clock [s]."""

@@ -89,7 +89,7 @@ class Envelope:
         if skip >= len(smooth):
             return None
         kept = smooth[skip :: self._decimate] * self._scale
-        return Chunk(self.layout, chunk.start + skip / self._rate, (chunk.first + skip) // self._decimate, kept)
+        return Chunk(self.layout, chunk.start + skip / chunk.rate, (chunk.first + skip) // self._decimate, kept, chunk.pace)
 
     def _filled(self, data: FloatArray, bad: Any) -> FloatArray:
         """Each value that is no number replaced by the one before."""
