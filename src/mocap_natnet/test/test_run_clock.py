@@ -116,6 +116,20 @@ def test_a_run_that_begins_anew_begins_a_new_line() -> None:
     assert abs(run.error()) < 0.3e-3
 
 
+@pytest.mark.parametrize("pace", [1.0, None])
+def test_pairs_that_go_back_a_little_bend_the_line_and_no_time_goes_back(pace: float | None) -> None:
+    """As those of a real arm, whose time was brought forward while a busy machine got its states late."""
+    clock, told = RunClock(), []
+    for index in range(400):
+        wall = 0.02 * index
+        clock.add(START + round(wall * NS), wall + (0.05 if 2.0 < wall < 3.0 else 0.0), pace)
+        at = START + round((wall + 0.01) * NS)
+        clock.settle(at)
+        told.append(clock.run_time(at))
+    assert min(np.diff(np.array(told))) > 0.0
+    assert told[-1] == pytest.approx(0.02 * 399 + 0.01, abs=0.3e-3)
+
+
 def test_a_robot_that_is_gone_leaves_the_time_standing() -> None:
     run = Run()
     run.go(2.0)

@@ -21,6 +21,10 @@ LOST = 0.09
 """A loop that is late by less than this catches up (`LATE` of hric_control.sim_loop) [s of wall time]; ..."""
 LOST_PAIRS = 3
 """... as many later pairs in a row, and it has lost that time for good."""
+RESTART = 1.0
+"""A time of the run that goes back by more is another run's; by less, as where an arm's clock is set by this machine's again, it bends [s]."""
+SLOWEST_PACE = 1e-3
+"""Of a line through pairs that go back [1]."""
 HORIZON = 0.5
 """So long after the last pair the run counts as standing [s]."""
 HORIZON_NS = round(HORIZON * NS)
@@ -52,7 +56,7 @@ class RunClock:
         self.standing = False
 
     def add(self, monotonic: int, run: float, pace: float | None = None) -> None:
-        """A pair. One that is older than the last is left out; the line begins anew where the time of the run goes back.
+        """A pair. One that is older than the last is left out; the line begins anew where the time of the run goes back by more than `RESTART`.
 
         Args:
             monotonic: [ns].
@@ -61,7 +65,7 @@ class RunClock:
         """
         (last, before), known, pace = self._last, self._map, pace or None
         until = monotonic + HORIZON_NS
-        if known is None or (monotonic > last and run < before):
+        if known is None or (monotonic > last and run < before - RESTART):
             self._map = RisingLine(self._begin(monotonic, run, pace), until)
         elif monotonic <= last:
             return
@@ -116,10 +120,10 @@ class RunClock:
         span, gain = (last - first) / NS, end - run
         if pace is None:
             offset, slope = fit_line((((at - first) / NS, time - run) for at, time in self._history), float("inf"))
-            return Line(first, run + offset, slope, NS)
+            return Line(first, run + offset, max(slope, SLOWEST_PACE), NS)
         left = [(time - run) - pace * (at - first) / NS for at, time in pairs]
         if span < RATE_SPAN or abs(gain / span - pace) <= RATE_TOLERANCE * pace:
             return Line(first, run + max(left), pace, NS)
-        slope = gain / span
+        slope = max(gain / span, SLOWEST_PACE)
         recent = [(time - run) - slope * (at - first) / NS for at, time in list(pairs)[-RECENT:]]
         return Line(first, run + sum(recent) / len(recent), slope, NS)
