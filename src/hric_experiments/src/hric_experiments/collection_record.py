@@ -146,7 +146,7 @@ def _chunks(messages: list[Any]) -> Numbered:
     told = np.concatenate(codes)
     return Numbered(
         str(messages[-1].source),
-        float(messages[-1].rate),
+        min(float(message.rate) for message in messages),  # higher where the run lost time
         np.concatenate(stamps),
         np.concatenate(numbers).astype(np.int64),
         None if np.isnan(told).all() else told,

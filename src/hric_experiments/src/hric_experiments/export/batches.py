@@ -70,7 +70,8 @@ def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> T
     columns += [Column(name, unit[name], np.concatenate(parts)) for name, parts in values.items()]
     missing = sum(max(0, int(b[0]) - int(a[-1]) - 1) for a, b in itertools.pairwise(numbers) if len(a) and len(b))
     rates = sorted({float(message.rate) for message in messages})
-    notes = [f"source {messages[0].source}", f"rate told by the source: {', '.join(f'{rate:g}' for rate in rates)} Hz"]
+    ends = rates[:1] + rates[1:][-1:]  # many between them where the run lost time
+    notes = [f"source {messages[0].source}", f"rate told by the source: {' to '.join(f'{rate:g}' for rate in ends)} Hz"]
     notes += [f"{missing} samples are missing"] if missing else []
     return Table(topic, CHUNK, str(messages[0].header.frame_id), np.concatenate(times), stamp, tuple(columns), clock, tuple(notes))
 
