@@ -39,7 +39,8 @@ class Contact:
         position: world frame, 3 floats [m].
         normal: from b to a, world frame, unit vector of 3 floats.
         depth: penetration, positive when inside [m].
-        force: normal force on a, along `normal` [N].
+        force: normal force on a, along `normal`, at the end of the step or, where it had its maximum within the step, this maximum [N].
+        kind: "penalty": of a spring, as a sensor would read it; "rigid": what stops the bodies within a step, an impact far above the elastic one.
     """
 
     body_a: str
@@ -48,6 +49,7 @@ class Contact:
     normal: tuple[float, float, float]
     depth: float
     force: float
+    kind: str = "rigid"
 
 
 class Plant(ABC):

@@ -196,6 +196,18 @@ class Engine:
         T[:3, :3], T[:3, 3] = rotation_from_quaternion(info[4]), info[3]
         return T
 
+    def motion(self, body: Body, index: int) -> tuple[FloatArray, tuple[float, ...], tuple[float, ...]]:
+        """(T_world_inertial, shape (4, 4), linear velocity [m/s] and angular velocity [rad/s], world frame) of a link's centre of mass."""
+        if index < 0:
+            place = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
+            linear, angular = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
+        else:
+            state = pybullet.getLinkState(body.id, index, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self.client)
+            place, linear, angular = state[:2], state[6], state[7]
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = rotation_from_quaternion(place[1]), place[0]
+        return T, linear, angular
+
     def twist(self, body: Body, index: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(linear velocity [m/s] of the centre of mass, angular velocity [rad/s], centre of mass [m]), world frame, shape (3,) each."""
         if index < 0:

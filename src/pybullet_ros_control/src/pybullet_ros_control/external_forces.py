@@ -7,12 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 import pybullet
 
-from hric_control.plants.spatial import FloatArray, rotation_from_quaternion
+from hric_control.plants.spatial import FloatArray
 from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.joint_rows import JointRows
 
 
 class ExternalForces:
-    """Sends forces to the engine for the next step and sums the robot's joint efforts that they amount to."""
+    """Sends forces to the engine for the next step and sums the robot's joint efforts that they amount to.
+
+    Attributes:
+        rows: the robot's joints.
+    """
 
     def __init__(self, engine: Engine, robot: Body) -> None:
         self._engine = engine
@@ -20,20 +25,13 @@ class ExternalForces:
 
     def set_robot(self, robot: Body) -> None:
         """The body whose efforts are summed; again after it was loaded anew."""
-        assert robot.model is not None
-        self._robot = robot
-        self._joints = sorted(robot.joints.values())
-        names = {index: name for name, index in robot.joints.items()}
-        joints = [robot.model.joints[names[index]] for index in self._joints]
-        self._axes = np.array([joint.axis for joint in joints])
-        self._slides = np.array([joint.type == "prismatic" for joint in joints])
-        self._carries: dict[int, FloatArray] = {}
+        self._robot, self.rows = robot, JointRows(robot, self._engine.client)
         self._wanted = False
-        self._frames: tuple[FloatArray, FloatArray] | None = None
 
     def begin(self, wanted: bool) -> None:
         """Start a step; `wanted`: sum up efforts."""
-        self._wanted, self._frames = wanted, None
+        self._wanted = wanted
+        self.rows.forget()
         self._efforts: FloatArray | None = None
 
     @property
@@ -48,32 +46,5 @@ class ExternalForces:
         if torque is not None:
             pybullet.applyExternalTorque(body.id, index, torque, pybullet.WORLD_FRAME, physicsClientId=client)
         if self._wanted and body is self._robot and index >= 0:
-            self._add_efforts(index, np.array(force), torque, np.array(point))
-
-    def _joint_frames(self) -> tuple[FloatArray, FloatArray]:
-        """(axes, origins) of all moving joints in the world, shape (n, 3) each; asked once per step."""
-        if self._frames is None:
-            states = pybullet.getLinkStates(self._robot.id, self._joints, computeForwardKinematics=1, physicsClientId=self._engine.client)
-            rotations = np.array([rotation_from_quaternion(state[5]) for state in states])
-            self._frames = np.einsum("nij,nj->ni", rotations, self._axes), np.array([state[4] for state in states])
-        return self._frames
-
-    def _carried_by(self, index: int) -> FloatArray:
-        """1 for each moving joint between the base and a link, else 0."""
-        if index not in self._carries:
-            chain, link = set(), index
-            while link >= 0:
-                chain.add(link)
-                link = self._robot.parents[link]
-            self._carries[index] = np.array([float(joint in chain) for joint in self._joints])
-        return self._carries[index]
-
-    def _add_efforts(self, index: int, force: FloatArray, torque: Sequence[float] | None, point: FloatArray) -> None:
-        """tau_i = a_i . ((p - o_i) x F + T) for a turning joint, a_i . F for a sliding one. (The engine's own Jacobian is not that of the point.)"""
-        axes, origins = self._joint_frames()
-        moments = np.cross(point - origins, force)
-        if torque is not None:
-            moments += torque
-        moments[self._slides] = force
-        efforts = self._carried_by(index) * np.einsum("ni,ni->n", axes, moments)
-        self._efforts = efforts if self._efforts is None else self._efforts + efforts
+            efforts = self.rows.efforts(index, np.array(force), torque, np.array(point))
+            self._efforts = efforts if self._efforts is None else self._efforts + efforts

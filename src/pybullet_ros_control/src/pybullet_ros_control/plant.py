@@ -130,7 +130,7 @@ class PyBulletPlant(Plant):
             point = T_world_link[:3, :3] @ wrench.point + T_world_link[:3, 3]
             forces.apply(body, index, wrench.force.tolist(), wrench.torque.tolist(), point.tolist())
         self._wrenches.count_step()
-        self._world.push(forces)
+        self._world.push(forces, robot)
         return forces.efforts
 
     # -- modes, brakes, load -------------------------------------------------------------------------------------------------------------

@@ -110,6 +110,11 @@ class Robot:
             second_order=config.integrator == "accurate",
         )
 
+    @property
+    def free_joints(self) -> list[int]:
+        """Those that neither a brake nor a drive holds."""
+        return self._motors.effort
+
     def spread(self, values: Sequence[float], rest: Sequence[float]) -> list[float]:
         """Values of the actuated joints among all moving ones; `rest` fills the others."""
         if len(values) != len(self.joint_names):

@@ -15,6 +15,7 @@ from hric_control.plants.worlds import WorldObject
 from pybullet_ros_control.contact import PenaltyContact, rigid_contacts
 from pybullet_ros_control.engine import Body, BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces
+from pybullet_ros_control.robot import Robot
 from pybullet_ros_control.urdf_model import EngineModel, prepare
 
 _ROBOT_SURFACE = Surface()
@@ -81,7 +82,7 @@ class World:
 
     def _changed(self) -> None:
         self.by_id = {body.id: body for body in self.bodies.values()}
-        self.penalty.set_pairs(self.bodies, self.surfaces)
+        self.penalty.set_pairs(self.bodies, lambda body, index: self.surfaces[body.name])
 
     def _load_object(self, item: WorldObject) -> Body:
         T = item.T_world_object
@@ -140,9 +141,9 @@ class World:
             raise UnknownNameError("model", model, self.bodies, "the world")
         return self.bodies[model], link
 
-    def push(self, forces: ExternalForces) -> None:
+    def push(self, forces: ExternalForces, robot: Robot) -> None:
         """Apply penalty contact for the coming step."""
-        self.penalty.apply(forces)
+        self.penalty.apply(forces, robot)
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last step."""

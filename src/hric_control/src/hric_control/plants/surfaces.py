@@ -34,18 +34,16 @@ def combine(first: Surface, second: Surface) -> tuple[float, float, float] | Non
     return 1.0 / sum(1.0 / k for k in stiffnesses), max(first.damping, second.damping), first.friction * second.friction
 
 
-def penalty_force(load: float, damping: float, friction: float, normal: FloatArray, relative: FloatArray) -> tuple[float, FloatArray]:
-    """(normal force [N], force on a, shape (3,) [N]) with damping along the normal and friction across it; a contact never pulls.
+def friction_force(load: float, friction: float, normal: FloatArray, relative: FloatArray) -> FloatArray:
+    """What friction takes from the force on a, shape (3,) [N].
 
     Args:
-        load: of the spring alone [N].
-        damping: [N s/m].
+        load: normal force [N].
         friction: coefficient.
         normal: from b to a, unit vector, shape (3,).
         relative: velocity of a seen from b at the contact, shape (3,) [m/s].
     """
-    load = max(load - damping * float(relative @ normal), 0.0)
     sliding = relative - (relative @ normal) * normal
     speed = math.sqrt(float(sliding @ sliding))
-    across = friction * load / max(speed, SLIP_VELOCITY) * sliding
-    return load, load * normal - across
+    across: FloatArray = friction * load / max(speed, SLIP_VELOCITY) * sliding
+    return across

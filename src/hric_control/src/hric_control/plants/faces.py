@@ -1,0 +1,270 @@
+"""Where two shapes lie on each other: the corners of the area in which the sides that they turn to each other meet.
+
+A library for collisions tells the deepest point of two convex shapes. Where a side lies on a side that point jumps from corner to corner, and a
+spring there would turn what should be pushed straight. So the side that each shape turns to the other is taken as a polygon (a box, the end of a
+cylinder, a hull), a line (a capsule, the side of a cylinder) or nothing (a ball); both are seen along the normal, cut with each other, and the
+overlap is told at each corner of what remains. Plain floats: sides have few corners.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from hric_control.plants.spatial import FloatArray
+
+KINDS = ("sphere", "capsule", "cylinder", "box", "plane", "hull")
+_ROUND = 12
+"""Corners that stand for the edge of a round end (default chosen by this project, unconfirmed)."""
+_LYING = 0.7
+"""A cylinder whose axis is within 45 degrees of the normal stands on its end."""
+_PARALLEL = 0.05
+"""Sine of the angle below which two lines lie along each other (default chosen by this project, unconfirmed)."""
+_FLAT = 1e-3
+"""Points of a hull that are within this of its outermost side, per size of the hull, belong to that side."""
+_AGREES = 1e-4
+"""The deepest corner must be as deep as the deepest point of the shapes, to this and a twentieth of it [m]; else sides are not what meets there."""
+_TINY = 1e-9
+
+Point = tuple[float, float]
+
+
+class Corner(NamedTuple):
+    """A corner of a meeting.
+
+    Attributes:
+        position: shape (3,) [m].
+        depth: overlap along the normal, negative for a gap [m].
+        share: of the meeting's edge that is nearest to it, in any unit.
+    """
+
+    position: FloatArray
+    depth: float
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A convex shape in a link.
+
+    Attributes:
+        kind: one of KINDS; capsules and cylinders lie along z, a plane is the half-space below z = 0.
+        size: sphere: radius; capsule, cylinder: radius, length between the ends; box: three edges; else empty [m].
+        T_link_solid: its pose, shape (4, 4).
+        points: of a hull, shape (n, 3) [m].
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    T_link_solid: FloatArray
+    points: FloatArray | None = None
+
+
+def _box_side(size: Sequence[float], d: FloatArray) -> FloatArray:
+    k = int(np.argmax(np.abs(d)))
+    half = [0.5 * s for s in size]
+    corners = np.empty((4, 3))
+    corners[:, k] = math.copysign(half[k], d[k])
+    i, j = (k + 1) % 3, (k + 2) % 3
+    corners[:, i] = [half[i], -half[i], -half[i], half[i]]
+    corners[:, j] = [half[j], half[j], -half[j], -half[j]]
+    return corners
+
+
+@lru_cache(maxsize=64)
+def _circle(radius: float) -> FloatArray:
+    angles = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
+    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.zeros(_ROUND)])
+
+
+def _cylinder_side(radius: float, length: float, d: FloatArray) -> FloatArray:
+    half = 0.5 * length
+    if abs(d[2]) > _LYING:
+        side: FloatArray = _circle(radius) + [0.0, 0.0, math.copysign(half, d[2])]
+        return side
+    out = radius / math.hypot(d[0], d[1])
+    return np.array([[out * d[0], out * d[1], half], [out * d[0], out * d[1], -half]])
+
+
+def _hull_side(points: FloatArray, d: FloatArray) -> FloatArray:
+    """Its points that are outermost along d, in a tolerance. They need not be ordered: their hull is taken as all meet in one plane."""
+    heights = points @ d
+    size = float(np.ptp(points, axis=0).max())
+    side: FloatArray = points[heights > heights.max() - _FLAT * size]
+    return side
+
+
+def _side(solid: Solid, T_world_link: FloatArray, direction: FloatArray) -> FloatArray | None:
+    """Corners of the side turned to a direction, shape (n, 3): two for a line, one or None for what has none. World frame."""
+    if solid.kind in ("sphere", "plane"):
+        return None
+    T = T_world_link @ solid.T_link_solid
+    R = T[:3, :3]
+    d = R.T @ direction
+    if solid.kind == "capsule":
+        radius, length = solid.size
+        ends = np.array([[0.0, 0.0, 0.5 * length], [0.0, 0.0, -0.5 * length]])
+        side: FloatArray = ends @ R.T + T[:3, 3] + radius * direction
+        return side
+    if solid.kind == "box":
+        local = _box_side(solid.size, d)
+    elif solid.kind == "cylinder":
+        local = _cylinder_side(solid.size[0], solid.size[1], d)
+    else:
+        assert solid.points is not None
+        local = _hull_side(solid.points, d)
+    return np.asarray(local @ R.T + T[:3, 3])
+
+
+def _across(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two unit vectors across a normal."""
+    k = int(np.argmin(np.abs(normal)))
+    e = np.zeros(3)
+    e[k] = 1.0
+    s = np.array([normal[1] * e[2] - normal[2] * e[1], normal[2] * e[0] - normal[0] * e[2], normal[0] * e[1] - normal[1] * e[0]])
+    s /= math.sqrt(float(s @ s))
+    t = np.array([normal[1] * s[2] - normal[2] * s[1], normal[2] * s[0] - normal[0] * s[2], normal[0] * s[1] - normal[1] * s[0]])
+    return s, t
+
+
+def _convex(points: Sequence[Point]) -> list[Point]:
+    """Convex hull, counter-clockwise (Andrew's monotone chain); one or two points stay as they are."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return ordered
+    halves = []
+    for run in (ordered, ordered[::-1]):
+        half: list[Point] = []
+        for p in run:
+            while len(half) > 1 and _turn(half[-2], half[-1], p) <= _TINY * _TINY:
+                half.pop()
+            half.append(p)
+        halves.append(half[:-1])
+    return halves[0] + halves[1]
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _cut(shape: list[Point], window: list[Point]) -> list[Point]:
+    """What of a convex polygon, or a line, lies within a convex polygon (Sutherland and Hodgman)."""
+    for i, a in enumerate(window):
+        b, kept = window[(i + 1) % len(window)], []
+        sides = [_turn(a, b, p) for p in shape]
+        pairs = range(len(shape)) if len(shape) > 2 else range(len(shape) - 1)
+        for k, p in enumerate(shape):
+            if sides[k] >= -_TINY * _TINY:
+                kept.append(p)
+            j = (k + 1) % len(shape)
+            if k in pairs and sides[k] * sides[j] < 0.0:
+                f = sides[k] / (sides[k] - sides[j])
+                kept.append((p[0] + f * (shape[j][0] - p[0]), p[1] + f * (shape[j][1] - p[1])))
+        shape = kept
+        if not shape:
+            break
+    return shape
+
+
+def _common(a: list[Point], b: list[Point]) -> list[Point]:
+    """Corners of what two shapes share; none where they are lines that cross."""
+    if len(a) > 2 and len(b) > 2:
+        return _cut(a, b)
+    if len(b) > 2:
+        return _cut(a, b)
+    if len(a) > 2:
+        return _cut(b, a)
+    if len(a) < 2 or len(b) < 2:
+        return []
+    (ux, uy), (vx, vy) = (a[1][0] - a[0][0], a[1][1] - a[0][1]), (b[1][0] - b[0][0], b[1][1] - b[0][1])
+    length, other = math.hypot(ux, uy), math.hypot(vx, vy)
+    if length < _TINY or other < _TINY or abs(ux * vy - uy * vx) > _PARALLEL * length * other:
+        return []
+    along = sorted(((p[0] - a[0][0]) * ux + (p[1] - a[0][1]) * uy) / (length * length) for p in b)
+    low, high = max(along[0], 0.0), min(along[1], 1.0)
+    return [(a[0][0] + f * ux, a[0][1] + f * uy) for f in (low, high)] if low < high else []
+
+
+class _Heights:
+    """Height along the normal of a side at any place across it: a plane through its corners, along a line what it has there."""
+
+    def __init__(self, places: FloatArray, heights: FloatArray) -> None:
+        centre = places.mean(axis=0)
+        out = places - centre
+        # The least slope that fits: a line has none across itself.
+        self._slope = np.linalg.lstsq(out, heights - heights.mean(), rcond=1e-6)[0].tolist()
+        self._offset = float(heights.mean()) - float(centre @ self._slope)
+
+    def __call__(self, place: Point) -> float:
+        return self._offset + self._slope[0] * place[0] + self._slope[1] * place[1]
+
+
+def corners(
+    a: Solid, T_world_a: FloatArray, b: Solid, T_world_b: FloatArray, normal: FloatArray, deepest: FloatArray, depth: float
+) -> list[Corner]:
+    """Where two shapes meet: one corner, the deepest point, unless a side of one lies on a side of the other.
+
+    Args:
+        a, b: the shapes.
+        T_world_a, T_world_b: poses of their links, shape (4, 4).
+        normal: from b to a, unit vector, shape (3,).
+        deepest: middle of the overlap at the deepest point, shape (3,) [m].
+        depth: overlap there, negative for a gap [m].
+    """
+    alone = [Corner(deepest, depth, 1.0)]
+    side_a, side_b = _side(a, T_world_a, -normal), _side(b, T_world_b, normal)
+    if (side_a is None and a.kind != "plane") or (side_b is None and b.kind != "plane") or (side_a is None and side_b is None):
+        return alone
+    s, t = _across(normal)
+    frame = np.column_stack([s, t])
+    middle, height = float(normal @ deepest), {}
+    outlines: list[list[Point]] = []
+    for name, side in (("a", side_a), ("b", side_b)):
+        if side is None:
+            continue
+        places = side @ frame
+        height[name] = _Heights(places, side @ normal)
+        outlines.append(_convex([(x, y) for x, y in places.tolist()]) if len(side) > 2 else [(x, y) for x, y in places.tolist()])
+    shared = _common(outlines[0], outlines[1]) if len(outlines) == 2 else outlines[0]
+    surface = float(normal @ deepest) + (0.5 * depth if side_b is None else -0.5 * depth)
+    found = []
+    for place, share in zip(shared, _shares(shared), strict=True):
+        top = height["b"](place) if "b" in height else surface
+        bottom = height["a"](place) if "a" in height else surface
+        found.append(Corner(place[0] * s + place[1] * t + middle * normal, top - bottom, share))
+    if not found or abs(max(corner.depth for corner in found) - depth) > _AGREES + 0.05 * abs(depth):
+        return alone
+    return found
+
+
+def _shares(shape: list[Point]) -> list[float]:
+    """Half the length of the edges beside each corner; equal ones where there are none."""
+    n = len(shape)
+    if n < 3:
+        return [1.0] * n
+    edges = [math.dist(shape[k], shape[(k + 1) % n]) for k in range(n)]
+    return [0.5 * (edges[k - 1] + edges[k]) + _TINY for k in range(n)]
+
+
+def centre(found: Sequence[Corner], deepening: Sequence[float], step: float) -> tuple[FloatArray, float]:
+    """(position, shape (3,), depth [m]) at which one spring stands for a meeting: the mean of its corners by share and depth.
+
+    Args:
+        found: corners, of all shapes of a pair of links.
+        deepening: speed at which each depth grows [m/s].
+        step: how long the spring will act; a corner counts by the deeper of its depths at the beginning and the end [s].
+    """
+    if len(found) == 1:
+        return found[0].position, found[0].depth
+    weights = [c.share * max(c.depth, c.depth + step * speed, 0.0) for c, speed in zip(found, deepening, strict=True)]
+    total = sum(weights)
+    if total <= 0.0:
+        nearest = max(found, key=lambda corner: corner.depth)
+        return nearest.position, nearest.depth
+    position = sum((w * c.position for w, c in zip(weights, found, strict=True)), np.zeros(3)) / total
+    return position, sum(w * c.depth for w, c in zip(weights, found, strict=True)) / total
