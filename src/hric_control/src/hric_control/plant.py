@@ -41,6 +41,7 @@ class Contact:
         depth: penetration, positive when inside [m].
         force: normal force on a, along `normal`, at the end of the step or, where it had its maximum within the step, this maximum [N].
         kind: "penalty": of a spring, as a sensor would read it; "rigid": what stops the bodies within a step, an impact far above the elastic one.
+        impulse: of the normal force over the step [N s]; that of a spring differs from step times `force`.
     """
 
     body_a: str
@@ -50,6 +51,7 @@ class Contact:
     depth: float
     force: float
     kind: str = "rigid"
+    impulse: float = 0.0
 
 
 class Plant(ABC):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hric_control.plants.faces import Corner, corners
 from hric_control.plants.spatial import FloatArray
 from opensim_ros_control.shapes import FAR, Pairing, Shape, Touch, pose
 
@@ -107,6 +108,12 @@ class Collisions:
             return [(meeting.points[0], meeting.touch.depth)]
         sides = [(c.shape.geometry, self._placed[id(c)]) for c in (meeting.a, meeting.b)]
         return [(point, -sum(self._ask.beyond(point, *side) for side in sides)) for point in meeting.points]
+
+    def corners(self, meeting: Meeting, body_pose: Callable[[int], FloatArray]) -> list[Corner]:
+        """Where the sides of the two shapes meet; their deepest point where they do not."""
+        a, b, touch = meeting.a, meeting.b, meeting.touch
+        T_a, T_b = body_pose(a.mobile) @ a.T_body_shape, body_pose(b.mobile) @ b.T_body_shape
+        return corners(a.shape.solid, T_a, b.shape.solid, T_b, touch.normal, touch.points[0], touch.depth)
 
     def _place(self, collider: Collider, body_pose: Callable[[int], FloatArray]) -> Any:
         key = id(collider)

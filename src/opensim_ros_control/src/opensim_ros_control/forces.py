@@ -9,7 +9,9 @@ import numpy as np
 
 from hric_control.plant import Contact
 from hric_control.plants.reactions import JointReaction
+from hric_control.plants.faces import centre
 from hric_control.plants.spatial import FloatArray
+from hric_control.plants.spring_step import Springs
 from hric_control.plants.surfaces import Surface, combine
 from hric_control.plants.wrenches import Wrenches
 from opensim_ros_control.collision import MARGIN, Collider, Collisions, Meeting
@@ -29,6 +31,7 @@ class Forces:
 
     Attributes:
         wrenches: from outside.
+        springs: of penalty contact.
     """
 
     def __init__(self, robot: Robot, R_ground_world: FloatArray) -> None:
@@ -36,14 +39,16 @@ class Forces:
         self._robot, self._R, self._dt = robot, R_ground_world, config.time_step
         self.wrenches = Wrenches(config.time_step)
         self._accurate = config.integrator == "accurate"
-        # Semi-implicit positions are those of the end of the step: there the force of the beginning is the right one.
+        # Until the middle of the step; semi-implicit positions are there already.
         self._ahead = 0.5 * self._dt if self._accurate else 0.0
         self._rigid = RigidContact(self._dt)
+        self.springs = Springs(self._dt)
         self.forget()
 
     def forget(self) -> None:
         """Bodies were put elsewhere: no contact, no step before, no memory."""
         self._rigid.forget()
+        self.springs.forget()
         self._points: list[Point] = []
         self._pushed: list[Load] = []
         self._before: FloatArray | None = None
@@ -58,7 +63,8 @@ class Forces:
     def act(self, frame: Callable[[str], str]) -> None:
         """Decide what acts in the coming step, and tell the robot; `frame` names the engine's frame of "model::link"."""
         robot = self._robot
-        self._before = robot.y
+        before, self._before = self._before, robot.y
+        self.springs.begin()
         if not self._collisions.pairs and not self.wrenches.active and robot.external is None:
             return
         self._points, self._pushed = [], []
@@ -75,7 +81,10 @@ class Forces:
             self._meet(near)
             soft = [point for point in self._points if point.law[0] is not None]
             hard = [point for point in self._points if point.law[0] is None]
-            efforts += push_apart(soft, robot.y[engine.nu : 2 * engine.nu], self._ahead)
+            if soft:
+                speeds = slice(engine.nu, 2 * engine.nu)
+                u = robot.y[speeds]
+                efforts += push_apart(soft, u, u if before is None else before[speeds], robot.response(), self.springs)
             if hard:
                 robot.touch = lambda v, gain: self._rigid.solve(hard, v, gain)
         if self._points or self.wrenches.active:
@@ -104,12 +113,29 @@ class Forces:
             of_links = list(group)
             law = self._law(of_links[0].a, of_links[0].b)
             if law[0] is not None:
-                # One spring per pair of links: a link of several shapes is not stiffer for it.
-                deepest = max(of_links, key=lambda m: m.touch.depth)
-                self._add(deepest, law, [(deepest.touch.points[0], deepest.touch.depth)], 0)
+                self._add_spring(of_links, law)
                 continue
             for number, meeting in enumerate(of_links):
                 self._add(meeting, law, self._collisions.depths(meeting), number)
+
+    def _add_spring(self, meetings: Sequence[Meeting], law: tuple[float | None, float, float]) -> None:
+        """One spring per pair of links: a link of several shapes is not stiffer for it."""
+        deepest = max(meetings, key=lambda m: m.touch.depth)
+        normal = sum((max(m.touch.depth, 0.0) * m.touch.normal for m in meetings), np.zeros(3))
+        size = float(np.linalg.norm(normal))
+        normal = normal / size if size > 0.0 else deepest.touch.normal
+        corners = [corner for m in meetings for corner in self._collisions.corners(m, self._kinematics.pose)]
+        a, b, engine = deepest.a, deepest.b, self._robot.engine
+        relative = self._motion(a, corners[0].position) - self._motion(b, corners[0].position)
+        angular, linear = (relative @ self._robot.y[engine.nu : 2 * engine.nu]).reshape(2, 3)
+        closing = [-float((linear + np.cross(angular, c.position - corners[0].position)) @ normal) for c in corners]
+        position, depth = centre(corners, closing, self._ahead)
+        key = (a.link, b.link)
+        self._points.append(Point(a.link, b.link, (a.mobile, b.mobile), position, normal, depth, self._relative(a, b, position), law, key, np.zeros(3)))
+
+    def _motion(self, collider: Collider, point: FloatArray) -> FloatArray:
+        """(angular, linear) velocity at a point of what carries a collider per speed, shape (6, nu)."""
+        return self._kinematics.jacobian(collider.mobile, point)
 
     def _add(self, meeting: Meeting, law: tuple[float | None, float, float], points: Sequence[tuple[FloatArray, float]], number: int) -> None:
         a, b, normal = meeting.a, meeting.b, meeting.touch.normal
@@ -134,10 +160,11 @@ class Forces:
         R = self._R.T
         result = []
         for point in self._points:
-            force = float(point.force @ point.normal)
-            if force > 0.0 or (point.depth > 0.0 and point.law[0] is None):
+            force, soft, mean = point.normal_force, point.law[0] is not None, float(point.force @ point.normal)
+            if mean > 0.0 or (point.depth > 0.0 and not soft):
                 p, n = (R @ point.position).tolist(), (R @ point.normal).tolist()
-                result.append(Contact(point.a, point.b, (p[0], p[1], p[2]), (n[0], n[1], n[2]), point.depth, force))
+                kind = "penalty" if soft else "rigid"
+                result.append(Contact(point.a, point.b, (p[0], p[1], p[2]), (n[0], n[1], n[2]), point.depth, force, kind, self._dt * mean))
         return result
 
     def reactions(self) -> list[JointReaction]:

@@ -172,6 +172,12 @@ class Robot:
         n = self.engine.nu
         return State(self.y[:n], self.y[n : 2 * n])
 
+    def response(self) -> FloatArray:
+        """Change of du/dt per effort on the coordinates, shape (nu, nu), where the engine stands; its positions must be realized."""
+        if self.engine.constraints:
+            self.engine.model.realizeVelocity(self.engine.system_state)
+        return self._dynamics.response()
+
     # -- modes and brakes ----------------------------------------------------------------------------------------------------------------
 
     def set_modes(self, modes: Sequence[Mode]) -> None:

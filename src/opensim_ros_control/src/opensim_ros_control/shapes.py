@@ -13,6 +13,7 @@ import numpy as np
 
 from hric_control.errors import DescriptionError, HricError
 from hric_control.plants.capsules import join_capsules
+from hric_control.plants.faces import Solid
 from hric_control.plants.resources import resolve
 from hric_control.plants.spatial import FloatArray
 from hric_control.plants.urdf_tree import origin
@@ -33,11 +34,13 @@ class Shape:
         geometry: coal's.
         T_link_shape: its pose in the link, shape (4, 4).
         radius: of a ball about the link's origin that holds it [m].
+        solid: the same in its own frame, for its sides.
     """
 
     geometry: Any
     T_link_shape: FloatArray
     radius: float
+    solid: Solid
 
 
 def _numbers(element: Element, attribute: str, count: int, where: str) -> list[float]:
@@ -99,13 +102,25 @@ def shapes(collisions: Sequence[Element], where: str) -> list[Shape]:
         geometry, T = _geometry(element, f"collision of {where}"), origin(element.find("origin"), f"collision of {where}")
         geometry.computeLocalAABB()
         centre = T[:3, :3] @ np.asarray(geometry.aabb_center) + T[:3, 3]
-        result.append(Shape(geometry, T, float(np.linalg.norm(centre)) + float(geometry.aabb_radius)))
+        result.append(Shape(geometry, T, float(np.linalg.norm(centre)) + float(geometry.aabb_radius), _solid(geometry)))
     return result
+
+
+def _solid(geometry: Any) -> Solid:
+    """coal's shape as one that tells its sides."""
+    if isinstance(geometry, coal.Box):
+        return Solid("box", tuple(2.0 * float(half) for half in geometry.halfSide), np.eye(4))
+    if isinstance(geometry, coal.Sphere):
+        return Solid("sphere", (float(geometry.radius),), np.eye(4))
+    if isinstance(geometry, coal.Capsule | coal.Cylinder):
+        kind = "capsule" if isinstance(geometry, coal.Capsule) else "cylinder"
+        return Solid(kind, (float(geometry.radius), 2.0 * float(geometry.halfLength)), np.eye(4))
+    return Solid("hull", (), np.eye(4), np.array(geometry.points()))
 
 
 def plane() -> Shape:
     """The half-space below z = 0 of the link."""
-    return Shape(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), np.eye(4), FAR)
+    return Shape(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), np.eye(4), FAR, Solid("plane", (), np.eye(4)))
 
 
 def pose(T: FloatArray) -> Any:

@@ -132,9 +132,9 @@ class PenaltyContact:
         normal = _normal(points)
         corners = [corner for point in points for corner in self._corners(a, b, point)]
         step = self._engine.time_step
-        # The engine's positions belong half a step after its velocities: half a step is left until the end.
+        # The engine's positions belong half a step after its velocities: where the bodies will be in the middle of the step.
         closing = [-float((a.velocities(c.position) - b.velocities(c.position))[0] @ normal) for c in corners]
-        position, depth = faces.centre(corners, closing, 0.5 * step)
+        position, depth = faces.centre(corners, closing, 0.0)
         relative = a.velocities(position) - b.velocities(position)
         speed, before = (-relative @ normal).tolist()
         inverse_mass = sum(self._mobility.inverse_mass(link.body, link.index, position, normal) for link in (a, b))
@@ -148,8 +148,7 @@ class PenaltyContact:
         force = (done.mean * normal - friction_force(done.mean, friction, normal, relative[0])).tolist()
         forces.apply(a.body, a.index, force, None, at)
         forces.apply(b.body, b.index, [-f for f in force], None, at)
-        if done.reading > 0.0:
-            self.last.append(Contact(name_a, name_b, at, way, depth, done.reading, "penalty"))
+        self.last.append(Contact(name_a, name_b, at, way, depth, done.reading, "penalty", step * done.mean))
 
     def _corners(self, a: _Link, b: _Link, point: tuple[Any, ...]) -> list[faces.Corner]:
         """Where the shapes meet that this closest point belongs to."""
@@ -195,5 +194,5 @@ def rigid_contacts(engine: Engine, bodies: Mapping[int, Body]) -> list[Contact]:
         force, depth = point[9], -point[8]
         if force > 0.0 or depth > 0.0:
             a, b = _names(bodies[point[1]], point[3]), _names(bodies[point[2]], point[4])
-            result.append(Contact(a, b, point[5], point[7], depth, force, "rigid"))
+            result.append(Contact(a, b, point[5], point[7], depth, force, "rigid", engine.time_step * force))
     return result

@@ -30,6 +30,8 @@ _FLAT = 1e-3
 _AGREES = 1e-4
 """The deepest corner must be as deep as the deepest point of the shapes, to this and a twentieth of it [m]; else sides are not what meets there."""
 _TINY = 1e-9
+SOFTNESS = 5e-4
+"""Over this difference of depth the push goes from one corner of a side to another [m] (default chosen by this project, unconfirmed)."""
 
 Point = tuple[float, float]
 
@@ -40,7 +42,7 @@ class Corner(NamedTuple):
     Attributes:
         position: shape (3,) [m].
         depth: overlap along the normal, negative for a gap [m].
-        share: of the meeting's edge that is nearest to it, in any unit.
+        share: of the edge of its meeting that is nearest to it; those of a meeting make 1.
     """
 
     position: FloatArray
@@ -243,28 +245,30 @@ def corners(
 
 
 def _shares(shape: list[Point]) -> list[float]:
-    """Half the length of the edges beside each corner; equal ones where there are none."""
+    """Half the edges beside each corner, as shares of all."""
     n = len(shape)
-    if n < 3:
-        return [1.0] * n
-    edges = [math.dist(shape[k], shape[(k + 1) % n]) for k in range(n)]
-    return [0.5 * (edges[k - 1] + edges[k]) + _TINY for k in range(n)]
+    edges = [math.dist(shape[k], shape[(k + 1) % n]) + _TINY for k in range(n)]
+    return [0.5 * (edges[k - 1] + edges[k]) / sum(edges) for k in range(n)]
 
 
-def centre(found: Sequence[Corner], deepening: Sequence[float], step: float) -> tuple[FloatArray, float]:
-    """(position, shape (3,), depth [m]) at which one spring stands for a meeting: the mean of its corners by share and depth.
+def centre(found: Sequence[Corner], deepening: Sequence[float], ahead: float) -> tuple[FloatArray, float]:
+    """(position, shape (3,), depth [m]) at which one spring stands for a meeting.
+
+    Depth is D = s ln(sum_i a_i exp(d_i / s)) over the depths d_i of the corners, a_i their shares of their sides, s a softness: equal depths give just
+    these, one far deeper corner gives its own. The position is the mean of the corners by the derivatives of D, so that the spring's force and its
+    moment have one potential: it gives what it took, also where the side tilts meanwhile. (The mean by depth has none: 12 % of the energy were gained
+    in one impact of the hand on a box.)
 
     Args:
         found: corners, of all shapes of a pair of links.
         deepening: speed at which each depth grows [m/s].
-        step: how long the spring will act; a corner counts by the deeper of its depths at the beginning and the end [s].
+        ahead: how long until the depths that count [s].
     """
     if len(found) == 1:
-        return found[0].position, found[0].depth
-    weights = [c.share * max(c.depth, c.depth + step * speed, 0.0) for c, speed in zip(found, deepening, strict=True)]
+        return found[0].position, found[0].depth + ahead * deepening[0]
+    depths = [corner.depth + ahead * speed for corner, speed in zip(found, deepening, strict=True)]
+    deepest = max(depths)
+    weights = [corner.share * math.exp((d - deepest) / SOFTNESS) for corner, d in zip(found, depths, strict=True)]
     total = sum(weights)
-    if total <= 0.0:
-        nearest = max(found, key=lambda corner: corner.depth)
-        return nearest.position, nearest.depth
-    position = sum((w * c.position for w, c in zip(weights, found, strict=True)), np.zeros(3)) / total
-    return position, sum(w * c.depth for w, c in zip(weights, found, strict=True)) / total
+    position = sum((w * corner.position for w, corner in zip(weights, found, strict=True)), np.zeros(3)) / total
+    return position, deepest + SOFTNESS * math.log(total)
