@@ -1,9 +1,11 @@
 """Penalty contact against closed formulas, as one table per engine: errors of peak force, impulse and energy [%]. Printed by `pytest -s`.
 
 A body that meets a fixed spring with speed v gives the peak v sqrt(m k) and the impulse 2 m v and leaves with the energy that it came with; of an arm,
-m is 1 / (n' J (M + B)^-1 J' n) (ISO/TS 15066 with the reflected mass of the pose in place of its rule of thumb).
+m is 1 / (n' J (M + B)^-1 J' n) (ISO/TS 15066 with the reflected mass of the pose in place of its rule of thumb). An arm turns while it touches: what it
+gives to a ball by then is told by a rigid-body library, with the same spring, in steps of 20 us.
 """
 
+import functools
 import itertools
 import math
 from typing import NamedTuple
@@ -15,7 +17,9 @@ from rigid_body_oracle import Oracle
 
 STIFFNESS, STEP = 75000.0, 1e-3
 POINT, FACE = 1.0, 3.0
-"""What the errors may be where one point meets, and where a side does [%]."""
+"""What the errors of peak and impulse may be where one point meets, and where a side does [%]."""
+ENERGY = 1.0
+"""What may be gained or lost [%]."""
 MASSES, SPEEDS = (0.6, 5.0), (0.25, 1.0)
 PARKED = [0.0, 0.2, 0.0, -2.2, 0.0, 2.4, 0.785]
 FRONT = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
@@ -47,7 +51,8 @@ def table():
 
 def note(table, plant_type, what, rotor, mass, speed, errors, bound):
     table.append((plant_type.rpartition("/")[2], what, rotor, mass, speed, errors))
-    assert max(map(abs, errors)) < bound or (bound == FACE and abs(errors.energy) < POINT and max(map(abs, errors[:2])) < bound)
+    assert max(abs(errors.peak), abs(errors.impulse)) < bound
+    assert abs(errors.energy) < ENERGY
 
 
 def write_world(folder, *objects):
@@ -86,6 +91,35 @@ def free_body(make_plant, panda_urdf, folder, shape, mass, speed, phase):
     return Errors(*(100.0 * (x - 1.0) for x in (peak / (speed * math.sqrt(mass * STIFFNESS)), impulse / (2.0 * mass * speed), energy)))
 
 
+@functools.cache
+def oracle_of(urdf, rotor):
+    oracle = Oracle(urdf, rotor_inertia=rotor)
+    oracle.model.gravity.linear = np.zeros(3)
+    return oracle
+
+
+def impulse_on_ball(urdf, rotor, start, centre):
+    """[N s] that the hand's capsule gives to a fixed ball, by leapfrog in 20 us on the library's forward dynamics."""
+    oracle, h = oracle_of(urdf, rotor), 2e-5
+    q, dq, impulse, touched = FRONT.copy(), start.copy(), 0.0, False
+    for _ in range(2500):
+        q = q + 0.5 * h * dq
+        T = oracle.frame(q, "panda_hand")
+        out = centre - (T[:3, 3] + 0.03 * T[:3, 2])
+        along = float(np.clip(out @ T[:3, 1], -0.075, 0.075))
+        apart = out - along * T[:3, 1]
+        distance = float(np.linalg.norm(apart))
+        load, way = STIFFNESS * max(0.065 - distance, 0.0), -apart / distance
+        J, arm_point = oracle.jacobian(q, "panda_hand"), centre + (0.03 + 0.5 * max(0.065 - distance, 0.0)) * way
+        tau = J.T @ (load * np.concatenate([way, np.cross(arm_point - T[:3, 3], way)]))
+        dq = dq + h * oracle.acceleration(q, dq, tau)
+        q = q + 0.5 * h * dq
+        impulse, touched = impulse + h * load, touched or load > 0.0
+        if touched and load == 0.0:
+            return impulse
+    raise AssertionError("the hand did not leave the ball")
+
+
 def arm(make_plant, panda_urdf, oracle, folder, rotor, speed, wall, phase):
     """The hand's capsule, which lies along y, moves along x into a fixed ball or into the face of a box; (mass [kg], errors)."""
     n = np.array([1.0, 0.0, 0.0])
@@ -107,7 +141,8 @@ def arm(make_plant, panda_urdf, oracle, folder, rotor, speed, wall, phase):
     q, dq = map(np.array, plant.engine_state())
     plant.close()
     after, before = (v @ (oracle.mass_matrix(x) + rotor * np.eye(7)) @ v for x, v in ((q, dq), (FRONT, start)))
-    expected = (speed * math.sqrt(mass * STIFFNESS), 2.0 * mass * speed, before)
+    given = 2.0 * mass * speed if wall == "box" else impulse_on_ball(panda_urdf, rotor, start, touch + (0.03 + gap) * n)
+    expected = (speed * math.sqrt(mass * STIFFNESS), given, before)
     return mass, Errors(*(100.0 * (x / y - 1.0) for x, y in zip((peak, impulse, after), expected, strict=True)))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from hric_control.errors import HricError, ParameterError
+from hric_control.errors import HricError, ParameterError, UnknownNameError
 from hric_control.plants.config import PlantConfig
 from hric_control.plants.friction import JointLosses, sigmoid_torque
 from hric_control.plants.masks import masked
@@ -20,7 +20,7 @@ from hric_control.plants.spatial import (
     rpy_from_rotation,
 )
 from hric_control.plants.stops import StopMemory
-from hric_control.plants.surfaces import SLIP_VELOCITY, Surface, combine, penalty_force
+from hric_control.plants.surfaces import SLIP_VELOCITY, Surface, Surfaces, combine, friction_force, read_rules
 from hric_control.plants.worlds import load_world
 from hric_control.plants.wrenches import Wrenches
 
@@ -149,13 +149,53 @@ def test_compliant_surfaces_act_in_series_and_rigid_ones_add_nothing():
     assert combine(soft, Surface(6000.0, 7.0, 1.0)) == (pytest.approx(1500.0), 7.0, 0.5)
 
 
-def test_a_penalty_contact_damps_rubs_and_never_pulls():
+def test_friction_acts_against_the_sliding_and_fades_where_there_is_hardly_any():
     n = np.array([0.0, 0.0, 1.0])
-    load, force = penalty_force(10.0, 2.0, 0.5, n, np.array([0.3, 0.0, -1.0]))
-    assert load == pytest.approx(12.0)
-    assert force == pytest.approx([-6.0, 0.0, 12.0])
-    assert penalty_force(10.0, 20.0, 0.5, n, np.array([0.3, 0.0, 1.0]))[0] == 0.0
-    assert penalty_force(10.0, 0.0, 0.5, n, np.array([0.5 * SLIP_VELOCITY, 0.0, 0.0]))[1] == pytest.approx([-2.5, 0.0, 10.0])
+    assert friction_force(12.0, 0.5, n, np.array([0.3, 0.0, -1.0])) == pytest.approx([6.0, 0.0, 0.0])
+    assert friction_force(10.0, 0.5, n, np.array([0.5 * SLIP_VELOCITY, 0.0, 0.0])) == pytest.approx([2.5, 0.0, 0.0])
+
+
+def test_a_later_rule_for_a_surface_goes_over_an_earlier_one_and_over_the_model():
+    rules = read_rules(
+        [
+            {"link": "*::*", "friction": 0.1},
+            {"link": "arm::*", "contact": "penalty", "damping": 3.0},
+            {"link": "arm::hand", "contact": "penalty", "stiffness": 2e4, "friction": 0.7},
+            {"link": "arm::base", "contact": "rigid"},
+        ],
+        75000.0,
+        "plant/surfaces",
+    )
+    surfaces = Surfaces(rules)
+    assert surfaces.of_model("arm", ["base", "elbow", "hand"], Surface()) == {
+        "base": Surface(None, 0.0, 0.1),
+        "elbow": Surface(75000.0, 3.0, 0.1),
+        "hand": Surface(2e4, 0.0, 0.7),
+    }
+    assert surfaces.of_model("ball", ["link"], Surface(1e4, 2.0, 0.9)) == {"link": Surface(1e4, 2.0, 0.1)}
+
+
+@pytest.mark.parametrize(
+    ("items", "message"),
+    [
+        ({"arm::hand": {}}, "must be a list of mappings with link and any of contact, stiffness, damping, friction"),
+        ([{"link": "hand"}], "link: must be model::link, each a name or a pattern such as"),
+        ([{"link": "arm::hand", "kp": 1.0}], "arm::hand: unknown key kp; valid: link, contact, stiffness, damping, friction"),
+        ([{"link": "arm::hand", "contact": "soft"}], "contact: unknown 'soft'; valid: rigid, penalty"),
+        ([{"link": "arm::hand", "stiffness": 1.0}], "stiffness and damping need contact: penalty"),
+        ([{"link": "arm::hand", "contact": "penalty", "stiffness": 0.0}], "stiffness: must be a number of at least"),
+    ],
+)
+def test_a_wrong_rule_for_a_surface_is_refused_with_what_is_valid(items, message):
+    with pytest.raises(ParameterError, match=f"plant/surfaces.*{message}"):
+        read_rules(items, 75000.0, "plant/surfaces")
+
+
+def test_a_rule_for_a_link_that_a_model_does_not_have_is_refused_with_its_links():
+    surfaces = Surfaces(read_rules([{"link": "arm::hnad", "friction": 0.1}], 75000.0, "plant/surfaces"))
+    assert surfaces.of_model("other", ["hand"], Surface()) == {"hand": Surface()}
+    with pytest.raises(UnknownNameError, match="no link 'hnad' in plant/surfaces: arm::hnad; valid: base, hand"):
+        surfaces.of_model("arm", ["base", "hand"], Surface())
 
 
 def test_masks_match_in_either_order():

@@ -139,6 +139,14 @@ class Plant(ABC):
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
         """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape (6,))."""
 
+    def base_link(self, model: str) -> str:
+        """Name of the link that carries a model; that of a plain shape is "link"."""
+        return "link"
+
+    def take_contact_peaks(self) -> dict[tuple[str, str], float]:
+        """Largest force of each pair of bodies that met by a spring, as `contacts` would have had it in any step since this was last asked [N]."""
+        return {}
+
     @abstractmethod
     def mass_matrix(self) -> FloatArray:
         """The engine's own joint-space mass matrix at the present q, without rotor inertia, shape (n, n) [kg m^2]; for checks."""

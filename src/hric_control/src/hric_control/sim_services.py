@@ -205,12 +205,10 @@ class SimServices:
         T = self._frame(request.reference_frame) @ poses.matrix(request.initial_pose)
         # A model whose root link is the world does not move, as in Gazebo.
         self._plant.spawn(request.model_name, request.model_xml, T, fixed=base == "world")
-        self.topics.bases[request.model_name] = base
         return f"{request.model_name} spawned" + (", fixed" if base == "world" else "")
 
     def _delete(self, request: Any) -> str:
         self._plant.delete(request.model_name)
-        self.topics.bases.pop(request.model_name, None)
         return f"{request.model_name} deleted"
 
     def _link_state(self, request: Any) -> Any:

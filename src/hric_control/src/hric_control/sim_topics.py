@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from geometry_msgs.msg import Point, Pose, Twist, Vector3, Wrench
 from sensor_msgs.msg import JointState
 
 from gazebo_msgs.msg import ContactsState, ContactState, ModelStates
-from hric_control import poses, realtime, stamps, urdf
+from hric_control import contact_info, poses, realtime, stamps, urdf
 from hric_control.errors import HricError
 from hric_control.node import Node
 from hric_control.plant import Contact, FloatArray
@@ -37,14 +37,10 @@ class SimTopics:
         hw: the simulated robot.
         node: namespace of the topics.
         robot: name of the robot's model.
-
-    Attributes:
-        bases: base link of each spawned model, where known.
     """
 
     def __init__(self, hw: SimulatedRobot, node: Node, robot: str) -> None:
         self._loop, self._plant, self._node, self._robot = hw.loop, hw.plant, node, robot
-        self.bases: dict[str, str] = {}
         self._root = urdf.root_link(urdf.parse(hw.description))
         self._contacts = realtime.publisher(node, "contacts", ContactsState)
         self._models = realtime.publisher(node, "model_states", ModelStates)
@@ -70,10 +66,10 @@ class SimTopics:
     def _publish(self, time: float) -> None:
         cycle = self._loop.cycles
         if cycle % self._contact_cycles == 0:
-            contacts = self._plant.contacts()
-            if contacts or self._touching:
-                self._touching = bool(contacts)
-                self._contacts.publish(contacts_message, contacts, time)
+            contacts, peaks = self._plant.contacts(), self._plant.take_contact_peaks()
+            if contacts or peaks or self._touching:
+                self._touching = bool(contacts or peaks)
+                self._contacts.publish(contacts_message, contacts, time, peaks)
         if cycle % self._motor_cycles == 0 and self._motors.subscribers():
             self._motors.publish(motors_message, self._plant.joint_names, self._plant.motor_effort(), time)
         if cycle % self._model_cycles == 0 and self._models.subscribers():
@@ -86,8 +82,8 @@ class SimTopics:
 
     def _state(self, name: str) -> tuple[FloatArray, FloatArray]:
         """(T_world_base, twist) of a model; the origin if the plant cannot tell, said once."""
-        body = self._root if name == self._robot else f"{name}::{self.bases[name]}" if name in self.bases else name
         try:
+            body = self._root if name == self._robot else f"{name}::{self._plant.base_link(name)}"
             return self._plant.link_state(body)
         except HricError as error:
             if not self._told:
@@ -97,21 +93,23 @@ class SimTopics:
             return np.eye(4), np.zeros(6)
 
 
-def contacts_message(contacts: list[Contact], time: float) -> Any:
+def contacts_message(contacts: list[Contact], time: float, peaks: Mapping[tuple[str, str], float] | None = None) -> Any:
     """gazebo_msgs/ContactsState in the world frame: one state per pair of bodies, with all its points; forces act on collision1.
 
     Args:
         contacts: of one cycle.
         time: run time at which that cycle measured [s].
+        peaks: of pairs that met by a spring since the message before [N]; one that has parted again has a state without points.
     """
     message = ContactsState()
     message.header.stamp, message.header.frame_id = stamps.to_time(time), "world"
     states: dict[tuple[str, str], Any] = {}
+    for pair, peak in (peaks or {}).items():
+        states[pair] = _state_of(message, pair, contact_info.text(*pair, "penalty", peak))
     for contact in contacts:
         pair = (contact.body_a, contact.body_b)
         if pair not in states:
-            states[pair] = ContactState(info=f"{pair[0]} on {pair[1]}", collision1_name=pair[0], collision2_name=pair[1])
-            message.states.append(states[pair])
+            states[pair] = _state_of(message, pair, contact_info.text(*pair, contact.kind))
         state, force = states[pair], [contact.force * part for part in contact.normal]
         state.wrenches.append(Wrench(force=Vector3(*force)))
         state.contact_positions.append(Vector3(*contact.position))
@@ -120,6 +118,12 @@ def contacts_message(contacts: list[Contact], time: float) -> Any:
         total = state.total_wrench.force
         total.x, total.y, total.z = total.x + force[0], total.y + force[1], total.z + force[2]
     return message
+
+
+def _state_of(message: Any, pair: tuple[str, str], info: str) -> Any:
+    state = ContactState(info=info, collision1_name=pair[0], collision2_name=pair[1])
+    message.states.append(state)
+    return state
 
 
 def motors_message(joint_names: Sequence[str], efforts: list[float], time: float) -> Any:

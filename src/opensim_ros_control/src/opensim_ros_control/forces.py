@@ -54,10 +54,10 @@ class Forces:
         self._before: FloatArray | None = None
 
     def bind(self, kinematics: Kinematics, collisions: Collisions, surfaces: Mapping[str, Surface], reactions: Reactions) -> None:
-        """All that depends on one build of the model; surfaces by the names of the models."""
+        """All that depends on one build of the model; surfaces by "model::link"."""
         self._kinematics, self._collisions, self._reactions = kinematics, collisions, reactions
-        self._laws = {(a, b): combine(surfaces[a], surfaces[b]) for a in surfaces for b in surfaces}
-        self._rub = {(a, b): surfaces[a].friction * surfaces[b].friction for a in surfaces for b in surfaces}
+        self._surfaces = surfaces
+        self._laws: dict[tuple[str, str], tuple[float | None, float, float]] = {}
         self._points, self._pushed, self._before = [], [], None
 
     def act(self, frame: Callable[[str], str]) -> None:
@@ -102,12 +102,16 @@ class Forces:
         return efforts
 
     def _law(self, a: Collider, b: Collider) -> tuple[float | None, float, float]:
-        law = self._laws[a.model, b.model]
-        return law if law is not None else (None, 0.0, self._rub[a.model, b.model])
+        """See Point."""
+        pair = (a.link, b.link)
+        if pair not in self._laws:
+            first, second = self._surfaces[a.link], self._surfaces[b.link]
+            self._laws[pair] = combine(first, second) or (None, 0.0, first.friction * second.friction)
+        return self._laws[pair]
 
     def _meet(self, near: Sequence[int]) -> None:
         """All points of contact of this step."""
-        found = self._collisions.meetings(near, self._kinematics.pose, lambda a, b: self._laws[a.model, b.model] is None)
+        found = self._collisions.meetings(near, self._kinematics.pose, lambda a, b: self._law(a, b)[0] is None)
         meetings = sorted(found, key=lambda m: (m.a.link, m.b.link))
         for _, group in groupby(meetings, key=lambda m: (m.a.link, m.b.link)):
             of_links = list(group)

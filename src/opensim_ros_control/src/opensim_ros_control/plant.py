@@ -13,7 +13,8 @@ from hric_control.plants.masks import load_masks
 from hric_control.plants.modes import Mode
 from hric_control.plants.reactions import JointReaction
 from hric_control.plants.spatial import MassProperties
-from hric_control.plants.worlds import load_world
+from hric_control.plants.surfaces import Surfaces
+from hric_control.plants.worlds import load_surfaces, load_world
 from opensim_ros_control.config import OpenSimConfig
 from opensim_ros_control.robot import Robot
 from opensim_ros_control.robot_model import RobotModel
@@ -41,7 +42,8 @@ class OpenSimPlant(Plant):
         self.T_ground_world = turns.base_pose("y")
         objects = load_world(self.config.world, self.config.contact_stiffness)
         self.robot = Robot(RobotModel(urdf_xml, self.joint_names, self.config.gravity), self.joint_names, self.config)
-        self.world = World(self.robot, objects, self.T_ground_world, load_masks(self.config.collision_masks))
+        rules = Surfaces((*load_surfaces(self.config.world, self.config.contact_stiffness), *self.config.surfaces))
+        self.world = World(self.robot, objects, rules, self.T_ground_world, load_masks(self.config.collision_masks))
         half = self.config.half_step_readout and self.config.integrator == "semi_implicit"
         self._half_step = 0.5 * self.time_step if half else 0.0
         self._values = [0.0] * len(self.joint_names)
@@ -149,6 +151,14 @@ class OpenSimPlant(Plant):
     def joint_reactions(self) -> list[JointReaction]:
         """Loads of the robot's moving joints in the last step; empty before the first."""
         return self.world.forces.reactions()
+
+    def take_contact_peaks(self) -> dict[tuple[str, str], float]:
+        """Largest force of each pair that met by a spring since this was last asked [N]."""
+        return self.world.forces.springs.take_peaks()
+
+    def base_link(self, model: str) -> str:
+        """Name of a model's root link."""
+        return self.world.base_link(model)
 
     def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, *, fixed: bool = False) -> None:
         """Add a model with its root link at T_world_model, shape (4, 4). The whole model is built anew, everything else goes on where it is."""

@@ -13,10 +13,8 @@ from hric_control.errors import DescriptionError
 from hric_control.plants.spatial import FloatArray, rpy_from_rotation
 from hric_control.plants.surfaces import Surface
 from hric_control.plants.urdf_tree import UrdfTree, parse_urdf
-from hric_control.plants.worlds import WorldObject
+from hric_control.plants.worlds import PLAIN_LINK, WorldObject
 
-PLAIN_LINK = "link"
-"""Name of the link of a plain shape."""
 _PLANE_DRAWN = 2.0
 """Side of the square that stands for a plane in pictures [m]; our choice."""
 

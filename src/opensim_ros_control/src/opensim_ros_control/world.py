@@ -9,7 +9,7 @@ import opensim
 
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.plants.spatial import FloatArray
-from hric_control.plants.surfaces import Surface
+from hric_control.plants.surfaces import Surface, Surfaces
 from hric_control.plants.worlds import WorldObject
 from opensim_ros_control import colliders, shapes
 from opensim_ros_control.collision import Collisions
@@ -34,6 +34,7 @@ class World:
     Args:
         robot: with the engine.
         objects: of the world file.
+        rules: surfaces of single links.
         T_ground_world: pose of the world in OpenSim's ground, shape (4, 4).
         masks: pairs of link patterns of the robot that do not collide.
 
@@ -42,15 +43,18 @@ class World:
         forces: contact and wrenches.
     """
 
-    def __init__(self, robot: Robot, objects: Sequence[WorldObject], T_ground_world: FloatArray, masks: Sequence[tuple[str, str]]) -> None:
+    def __init__(
+        self, robot: Robot, objects: Sequence[WorldObject], rules: Surfaces, T_ground_world: FloatArray, masks: Sequence[tuple[str, str]]
+    ) -> None:
         config = robot.config
         self.robot, self._masks, self._config = robot, list(masks), config
         self._name = robot.model.robot.name
-        self._R_ground_world = T_ground_world[:3, :3]
+        self._R_ground_world, self._rules = T_ground_world[:3, :3], rules
         self.forces = Forces(robot, self._R_ground_world)
         self._bound: Engine | None = None
         self._middle: dict[str, int] = {}
         self._shapes = self._shapes_of(robot.model.robot, "") if config.collision else {}
+        self._surfaces = {self._name: rules.of_model(self._name, robot.model.robot.links, _ROBOT_SURFACE)}
         self._start = {item.name: model_of_object(item) for item in objects}
         self.models: dict[str, Model] = {}
         for model in self._start.values():
@@ -75,12 +79,13 @@ class World:
         return {link: of_link for link, of_link in found.items() if of_link}
 
     def _admit(self, model: Model) -> None:
+        self._surfaces[model.name] = self._rules.of_model(model.name, model.tree.links, model.surface)
         self._shapes.update(self._shapes_of(model, f"{model.name}::"))
         self.models[model.name] = model
         model.T_world_origin = model.T_world_start
 
     def _dismiss(self, name: str) -> None:
-        del self.models[name]
+        del self.models[name], self._surfaces[name]
         self._shapes = {link: of_link for link, of_link in self._shapes.items() if not link.startswith(f"{name}::")}
         self.forces.wrenches.clear_model(name)
 
@@ -176,6 +181,12 @@ class World:
             raise UnknownNameError("link", link, links, model)
         return model, link
 
+    def base_link(self, model: str) -> str:
+        """Root link of a model. Raises UnknownNameError."""
+        if not self.has(model):
+            raise UnknownNameError("model", model, [self._name, *self.models], "the world")
+        return self.robot.model.robot.root if model == self._name else self.models[model].tree.root
+
     def has(self, model: str) -> bool:
         """Whether there is such a model, the robot among them."""
         return model == self._name or model in self.models
@@ -203,7 +214,7 @@ class World:
         places = {joint: [engine.place[path] for path in paths] for joint, paths in engine.built.joints.items()}
         made = colliders.make(description, self._shapes, engine, kinematics, places, self._name)
         pairs = colliders.pairs(description, made, self._name, self._masks, self._config.self_collision)
-        surfaces = {self._name: _ROBOT_SURFACE} | {name: model.surface for name, model in self.models.items()}
+        surfaces = {f"{model}::{link}": surface for model, links in self._surfaces.items() for link, surface in links.items()}
         joints = [(name, joint.child) for name, joint in self.robot.model.joints.items()]
         self.forces.bind(kinematics, Collisions(pairs, engine.nu), surfaces, Reactions(engine, joints, kinematics))
         self._middle = {name: places[model.free_joint][_MIDDLE] for name, model in self.models.items() if not model.fixed}

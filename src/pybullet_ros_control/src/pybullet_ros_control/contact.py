@@ -89,10 +89,9 @@ class PenaltyContact:
 
     def set_pairs(self, bodies: Mapping[str, Body], surface: Callable[[Body, int], Surface]) -> None:
         """Decide all pairs anew, and take their rigid contact out of the engine; surface: of an engine link."""
-        self.pairs, self.last = [], []
-        self.springs.forget()
+        self.forget()
+        self.pairs, self._solids = [], {}
         self._mobility.clear()
-        self._solids, self._links, self._before = {}, {}, {}
         ordered = list(bodies.values())
         for i, a in enumerate(ordered):
             for b in ordered[i + 1 :]:
@@ -104,6 +103,11 @@ class PenaltyContact:
                         pybullet.setCollisionFilterPair(a.id, b.id, link_a, link_b, 0, physicsClientId=self._engine.client)
                 if laws:
                     self.pairs.append(PenaltyPair(a, b, laws))
+
+    def forget(self) -> None:
+        """Bodies were put elsewhere: no step before."""
+        self.springs.forget()
+        self.last, self._links = [], {}
 
     def apply(self, forces: ExternalForces, robot: Robot) -> None:
         """Push every overlapping pair of links apart in the coming step."""

@@ -15,8 +15,9 @@ from hric_control.plants.config import PlantConfig
 from hric_control.plants.masks import load_masks
 from hric_control.plants.modes import Mode
 from hric_control.plants.spatial import MassProperties
+from hric_control.plants.surfaces import Surfaces
 from hric_control.plants.urdf_tree import parse_urdf
-from hric_control.plants.worlds import load_world
+from hric_control.plants.worlds import load_surfaces, load_world
 from hric_control.plants.wrenches import Wrenches
 from pybullet_ros_control.engine import BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces
@@ -38,13 +39,14 @@ class PyBulletPlant(Plant):
         tree = parse_urdf(urdf_xml)
         masks = load_masks(self.config.collision_masks)
         objects = load_world(self.config.world, self.config.contact_stiffness)
+        rules = Surfaces((*load_surfaces(self.config.world, self.config.contact_stiffness), *self.config.surfaces))
         self._times_half_step = (0.5 * self.time_step if self.config.half_step_readout else 0.0).__mul__
         self._wrenches = Wrenches(self.time_step)
         self._engine = Engine(self.config.gui, self.time_step, self.config.gravity)
         try:
             self._robot = Robot(self._engine, tree, self.joint_names, self.config, masks)
             self._straight_length = len(self.joint_names) if self._robot.straight else -1
-            self._world = World(self._engine, objects)
+            self._world = World(self._engine, objects, rules)
             self._world.build(self._robot.body)
             self._forces = ExternalForces(self._engine, self._robot.body)
             self._place([0.0] * len(self.joint_names), None)
@@ -61,6 +63,7 @@ class PyBulletPlant(Plant):
     def _place(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
         self._robot.place(q, [0.0] * len(q) if dq is None else dq)
         self._values = list(self._robot.zeros)
+        self._world.penalty.forget()
 
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
         """Everything is built anew, so that nothing of the past (contact memory, warm starts) can reach the next run."""
@@ -186,6 +189,14 @@ class PyBulletPlant(Plant):
     def contacts(self) -> list[Contact]:
         """Contacts of the last step."""
         return self._world.contacts()
+
+    def take_contact_peaks(self) -> dict[tuple[str, str], float]:
+        """Largest force of each pair that met by a spring since this was last asked [N]."""
+        return self._world.penalty.springs.take_peaks()
+
+    def base_link(self, model: str) -> str:
+        """Name of a model's root link."""
+        return self._world.base_link(model)
 
     def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, *, fixed: bool = False) -> None:
         """Add a model with its root link at T_world_model, shape (4, 4)."""

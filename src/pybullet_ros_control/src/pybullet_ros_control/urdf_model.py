@@ -52,6 +52,7 @@ class EngineModel:
         joints: the moving joints by name.
         placements: by moving joint, the engine link that carries it, and its frame at q = 0 in that link, shape (4, 4).
         group: for each engine link, the link that names the rigid cluster it belongs to.
+        root: of the description.
     """
 
     name: str
@@ -64,6 +65,7 @@ class EngineModel:
     joints: dict[str, Joint]
     placements: dict[str, tuple[str, FloatArray]]
     group: dict[str, str]
+    root: str
 
 
 @dataclass
@@ -229,6 +231,7 @@ class _Preparation:
             {joint.name: joint for joint in moving},
             self.placements,
             {frame.body_link: self.of[name].top for name, frame in self.frames.items()},
+            self.tree.root,
         )
 
 

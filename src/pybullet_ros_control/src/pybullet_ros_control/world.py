@@ -9,9 +9,9 @@ import pybullet
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.plant import Contact
 from hric_control.plants.spatial import FloatArray, quaternion_from_rotation
-from hric_control.plants.surfaces import Surface
+from hric_control.plants.surfaces import Surface, Surfaces
 from hric_control.plants.urdf_tree import parse_urdf
-from hric_control.plants.worlds import WorldObject
+from hric_control.plants.worlds import PLAIN_LINK, WorldObject
 from pybullet_ros_control.contact import PenaltyContact, rigid_contacts
 from pybullet_ros_control.engine import Body, BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces
@@ -43,13 +43,15 @@ class World:
 
     Args:
         objects: of the world file.
+        rules: surfaces of single links.
     """
 
     engine: Engine
     objects: list[WorldObject]
+    rules: Surfaces
     bodies: dict[str, Body] = field(default_factory=dict)
     spawned: dict[str, _Spawned] = field(default_factory=dict)
-    surfaces: dict[str, Surface] = field(default_factory=dict)
+    surfaces: dict[str, dict[str, Surface]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.penalty = PenaltyContact(self.engine)
@@ -63,7 +65,8 @@ class World:
     def build(self, robot: Body, states: dict[str, BodyState] | None = None) -> None:
         """Fill an empty engine, which holds the robot only: the world as at its start, or only what `states` names, where it says."""
         self._robot = robot.name
-        self.bodies, self.surfaces = {robot.name: robot}, {robot.name: _ROBOT_SURFACE}
+        self.bodies, self.surfaces = {}, {}
+        self._add(robot.name, robot, _ROBOT_SURFACE)
         for item in self.objects:
             if item.name == robot.name:
                 raise HricError(f"object {item.name}: the robot has this name; give the object another one")
@@ -76,13 +79,15 @@ class World:
         self._changed()
 
     def _add(self, name: str, body: Body, surface: Surface) -> None:
-        self.bodies[name], self.surfaces[name] = body, surface
-        for index in body.links.values():
-            pybullet.changeDynamics(body.id, index, lateralFriction=surface.friction, physicsClientId=self.engine.client)
+        links = body.links if body.model is None else body.model.frames
+        self.bodies[name], self.surfaces[name] = body, self.rules.of_model(name, links, surface)
+        for link, index in body.links.items():
+            friction = self.surfaces[name][link].friction
+            pybullet.changeDynamics(body.id, index, lateralFriction=friction, physicsClientId=self.engine.client)
 
     def _changed(self) -> None:
         self.by_id = {body.id: body for body in self.bodies.values()}
-        self.penalty.set_pairs(self.bodies, lambda body, index: self.surfaces[body.name])
+        self.penalty.set_pairs(self.bodies, lambda body, index: self.surfaces[body.name][body.link_names[index]])
 
     def _load_object(self, item: WorldObject) -> Body:
         T = item.T_world_object
@@ -100,7 +105,7 @@ class World:
         shape = pybullet.createCollisionShape(**_GEOMETRY[item.shape](item.size), physicsClientId=client)
         body_id = pybullet.createMultiBody(item.mass, shape, -1, T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), physicsClientId=client)
         pybullet.changeDynamics(body_id, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=client)
-        return Body(item.name, body_id, None, {"link": -1}, {}, {})
+        return Body(item.name, body_id, None, {PLAIN_LINK: -1}, {}, {})
 
     def _load_spawned(self, name: str, what: _Spawned) -> Body:
         return self.engine.load(name, what.model, what.T_world_model, fixed_base=what.fixed, self_collision=False)
@@ -110,6 +115,7 @@ class World:
         if not name or name in self.bodies:
             raise HricError(f"model name {name!r} is taken or empty; taken: {', '.join(sorted(self.bodies))}")
         model = prepare(parse_urdf(urdf_xml), fixed_base=fixed, visual=self.engine.gui)
+        self.rules.of_model(name, model.frames, Surface())  # a rule that does not fit is refused before anything is loaded
         what = _Spawned(model, T_world_model.copy(), fixed)
         self._add(name, self._load_spawned(name, what), Surface())
         self.spawned[name] = what
@@ -127,6 +133,13 @@ class World:
     def model_names(self) -> list[str]:
         """All bodies but the robot."""
         return [name for name in self.bodies if name != self._robot]
+
+    def base_link(self, name: str) -> str:
+        """Root link of a model. Raises UnknownNameError."""
+        if name not in self.bodies:
+            raise UnknownNameError("model", name, self.bodies, "the world")
+        model = self.bodies[name].model
+        return PLAIN_LINK if model is None else model.root
 
     def find(self, name: str) -> tuple[Body, str]:
         """(body, link) of "link" (of the robot) or "model::link".

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 
 from hric_control.errors import ParameterError, UnknownNameError
 from hric_control.plant import check_config
+from hric_control.plants.surfaces import SurfaceRule, read_rules
 
 DEFAULTS: dict[str, Any] = {
     "time_step": 0.001,
@@ -21,6 +22,7 @@ DEFAULTS: dict[str, Any] = {
     "collision": True,
     "collision_masks": "",
     "contact_stiffness": 75000.0,
+    "surfaces": [],
     "world": "",
     "gui": False,
     "gravity": [0.0, 0.0, -9.81],
@@ -50,6 +52,7 @@ class PlantConfig:
     collision: bool
     collision_masks: str
     contact_stiffness: float
+    surfaces: tuple[SurfaceRule, ...]
     world: str
     gui: bool
     gravity: tuple[float, ...]
@@ -78,6 +81,7 @@ class PlantConfig:
             choice(values[key], valid, f"plant/{key}")
         for key in ("time_step", "contact_stiffness"):
             values[key] = number(values[key], f"plant/{key}", positive=True)
+        values["surfaces"] = read_rules(values["surfaces"], values["contact_stiffness"], "plant/surfaces")
         if not isinstance(values["gravity"], (list, tuple)) or len(values["gravity"]) != 3:
             raise ParameterError(f"plant/gravity must be three numbers [m/s^2]; got {values['gravity']!r}")
         values["gravity"] = tuple(number(g, "plant/gravity") for g in values["gravity"])

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from typing import Any
 
+from hric_control.errors import ParameterError, UnknownNameError
 from hric_control.plant import FloatArray
 
 SLIP_VELOCITY = 1e-3
@@ -24,6 +28,118 @@ class Surface:
     stiffness: float | None = None
     damping: float = 0.0
     friction: float = 0.5
+
+
+SURFACE_KEYS = ("contact", "stiffness", "damping", "friction")
+"""What is said of a surface in files and parameters."""
+CONTACTS = ("rigid", "penalty")
+
+
+def read_surface(data: Mapping[str, Any], base: Surface, default_stiffness: float, where: str) -> Surface:
+    """A surface from the keys of SURFACE_KEYS; what is not given is that of `base`.
+
+    Args:
+        data: any of the keys.
+        base: the surface before.
+        default_stiffness: of penalty contact where none is given [N/m].
+        where: for error texts.
+
+    Raises:
+        ParameterError: a value that cannot be; an unknown word with the valid ones.
+    """
+    contact = data.get("contact")
+    if contact is not None and contact not in CONTACTS:
+        raise ParameterError(f"{where}: contact: unknown {contact!r}; valid: {', '.join(CONTACTS)}")
+    if contact != "penalty" and (data.get("stiffness") is not None or data.get("damping")):
+        raise ParameterError(f"{where}: stiffness and damping need contact: penalty")
+    friction = _number(data.get("friction", base.friction), f"{where}: friction")
+    if contact is None:
+        return replace(base, friction=friction)
+    if contact == "rigid":
+        return Surface(None, 0.0, friction)
+    stiffness = data.get("stiffness")
+    stiffness = default_stiffness if stiffness is None else _number(stiffness, f"{where}: stiffness", 1e-9)
+    return Surface(stiffness, _number(data.get("damping", 0.0), f"{where}: damping"), friction)
+
+
+def _number(value: Any, where: str, least: float = 0.0) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value < least:
+        raise ParameterError(f"{where}: must be a number of at least {least}; got {value!r}")
+    return float(value)
+
+
+@dataclass(frozen=True)
+class SurfaceRule:
+    """The surface of some links.
+
+    Attributes:
+        model, link: patterns of names, with * and ?.
+        values: keys of SURFACE_KEYS.
+        default_stiffness: of penalty contact where none is given [N/m].
+        where: for error texts.
+    """
+
+    model: str
+    link: str
+    values: Mapping[str, Any]
+    default_stiffness: float
+    where: str
+
+    def of(self, base: Surface) -> Surface:
+        """That surface, on a link that had `base`."""
+        return read_surface(self.values, base, self.default_stiffness, self.where)
+
+
+def read_rules(items: Any, default_stiffness: float, where: str) -> tuple[SurfaceRule, ...]:
+    """Rules from a list of mappings with `link`, "model::link", and the keys of SURFACE_KEYS.
+
+    Raises:
+        ParameterError: not that; unknown keys and words with the valid ones.
+    """
+    form = f"a list of mappings with link and any of {', '.join(SURFACE_KEYS)}"
+    if not isinstance(items, (list, tuple)):
+        raise ParameterError(f"{where}: must be {form}; got {items!r}")
+    rules = []
+    for item in items:
+        if not isinstance(item, Mapping) or not isinstance(item.get("link"), str):
+            raise ParameterError(f"{where}: must be {form}; got {item!r}")
+        unknown = sorted(str(key) for key in set(item) - {"link", *SURFACE_KEYS})
+        if unknown:
+            raise ParameterError(f"{where}: {item['link']}: unknown key {', '.join(unknown)}; valid: link, {', '.join(SURFACE_KEYS)}")
+        model, separator, link = item["link"].partition("::")
+        if not (model and separator and link):
+            raise ParameterError(f"{where}: link: must be model::link, each a name or a pattern such as *; got {item['link']!r}")
+        rule = SurfaceRule(model, link, {key: item[key] for key in SURFACE_KEYS if key in item}, default_stiffness, f"{where}: {item['link']}")
+        rule.of(Surface())
+        rules.append(rule)
+    return tuple(rules)
+
+
+class Surfaces:
+    """Surfaces of all links by rules; a later rule goes over an earlier one.
+
+    Args:
+        rules: of the world file and of the plant's parameters.
+    """
+
+    def __init__(self, rules: Sequence[SurfaceRule]) -> None:
+        self._rules = tuple(rules)
+
+    def of_model(self, model: str, links: Iterable[str], base: Surface) -> dict[str, Surface]:
+        """Surface of each link of a model whose links have `base` where no rule says otherwise.
+
+        Raises:
+            UnknownNameError: a rule fits the model, but none of its links.
+        """
+        found = dict.fromkeys(links, base)
+        for rule in self._rules:
+            if not fnmatchcase(model, rule.model):
+                continue
+            meant = [link for link in found if fnmatchcase(link, rule.link)]
+            if not meant and rule.model == model:
+                raise UnknownNameError("link", rule.link, found, rule.where)
+            found.update({link: rule.of(found[link]) for link in meant})
+        return found
 
 
 def combine(first: Surface, second: Surface) -> tuple[float, float, float] | None:

@@ -13,7 +13,7 @@ import yaml
 from hric_control.errors import HricError
 from hric_control.plants.resources import resolve
 from hric_control.plants.spatial import FloatArray, transform
-from hric_control.plants.surfaces import Surface
+from hric_control.plants.surfaces import Surface, SurfaceRule, read_rules, read_surface
 
 SIZES = {
     "box": ("length", "width", "height"),
@@ -24,7 +24,8 @@ SIZES = {
     "urdf": (),
 }
 """Shapes, and what their size lists [m]."""
-CONTACTS = ("rigid", "penalty")
+PLAIN_LINK = "link"
+"""Name of the link of a plain shape."""
 _DEFAULTS: dict[str, Any] = {
     "shape": None,
     "size": [],
@@ -93,15 +94,6 @@ def _choice(value: Any, valid: Any, where: str) -> str:
     return str(value)
 
 
-def _surface(data: dict[str, Any], default_stiffness: float, where: str) -> Surface:
-    penalty = _choice(data["contact"], CONTACTS, f"{where}: contact") == "penalty"
-    if not penalty and (data["stiffness"] is not None or data["damping"]):
-        raise HricError(f"{where}: stiffness and damping need contact: penalty")
-    stiffness = default_stiffness if data["stiffness"] is None else _number(data["stiffness"], f"{where}: stiffness", 1e-9)
-    damping = _number(data["damping"], f"{where}: damping", 0.0)
-    return Surface(stiffness if penalty else None, damping, _number(data["friction"], f"{where}: friction", 0.0))
-
-
 def _object(item: Any, folder: Path, default_stiffness: float, number: int, where: str) -> WorldObject:
     name = item.get("name") if isinstance(item, dict) else None
     if not isinstance(name, str) or not name:
@@ -126,8 +118,24 @@ def _object(item: Any, folder: Path, default_stiffness: float, number: int, wher
         transform(_numbers(pose.get("xyz", [0.0] * 3), 3, f"{where}: pose xyz"), _numbers(pose.get("rpy", [0.0] * 3), 3, f"{where}: pose rpy")),
         _numbers(velocity.get("linear", [0.0] * 3), 3, f"{where}: velocity linear"),
         _numbers(velocity.get("angular", [0.0] * 3), 3, f"{where}: velocity angular"),
-        _surface(data, default_stiffness, where),
+        read_surface(data, Surface(), default_stiffness, where),
     )
+
+
+def _contents(path: Path) -> dict[str, Any]:
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise HricError(f"{path}: not YAML: {error}") from error
+    return _known(data or {}, ("objects", "surfaces"), str(path))
+
+
+def load_surfaces(address: str, default_stiffness: float) -> tuple[SurfaceRule, ...]:
+    """Rules for the surfaces of single links in a world file; arguments and errors as of `load_world`."""
+    if not address:
+        return ()
+    path = resolve(address)
+    return read_rules(_contents(path).get("surfaces") or [], default_stiffness, f"{path}: surfaces")
 
 
 def load_world(address: str, default_stiffness: float) -> list[WorldObject]:
@@ -143,11 +151,7 @@ def load_world(address: str, default_stiffness: float) -> list[WorldObject]:
     if not address:
         return []
     path = resolve(address)
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise HricError(f"{path}: not YAML: {error}") from error
-    items = _known(data or {}, ("objects",), str(path)).get("objects") or []
+    items = _contents(path).get("objects") or []
     if not isinstance(items, list):
         raise HricError(f"{path}: objects must be a list; got {items!r}")
     objects = [_object(item, path.parent, default_stiffness, i, str(path)) for i, item in enumerate(items, 1)]
