@@ -35,6 +35,7 @@ class DoubleIntegrator(Plant):
         self.wrenches: list[tuple] = []
         self.models: dict[str, tuple[FloatArray, bool]] = {}
         self.touching: list[Contact] = []
+        self.peaks: list[dict[tuple[str, str], float]] = []
         self.steps = self.resets = 0
         self.closed = False
 
@@ -75,6 +76,9 @@ class DoubleIntegrator(Plant):
 
     def contacts(self) -> list[Contact]:
         return self.touching
+
+    def take_contact_peaks(self) -> dict[tuple[str, str], float]:
+        return self.peaks.pop(0) if self.peaks else {}
 
     def joint_reactions(self) -> list[JointReaction]:
         return [JointReaction("j1", "one", (0.0, 0.0, 1.0), (0.0, 0.0, 9.0), (1.0, 2.0, 3.0))]

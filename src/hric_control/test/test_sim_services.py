@@ -23,7 +23,7 @@ from gazebo_msgs.srv import (
     SetModelConfigurationRequest,
     SpawnModelRequest,
 )
-from hric_control import sim_services, stamps
+from hric_control import contact_info, sim_services, stamps
 from hric_control.local_node import LocalNode
 from hric_control.plant import Contact
 from hric_msgs.msg import JointReactions
@@ -247,6 +247,28 @@ def test_contacts_are_published_at_100_hz_grouped_by_pair_while_there_are_any(no
     assert first.total_wrench.force.z == 10.0
     assert [point.z for point in first.contact_positions] == [0.0, 0.1]
     assert seen[0].header.frame_id == "world"
+    assert first.info == "rigid contact of toy::two on cube::cube_link"
+
+
+def test_a_contact_by_spring_tells_its_kind_and_its_peak_since_the_message_before_also_when_it_is_over(node, robot):
+    seen, pair = [], ("toy::two", "cube::cube_link")
+    node.subscribe("sim/contacts", ContactsState, seen.append)
+    robot.plant.touching = [Contact(*pair, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.001, 5.0, "penalty")]
+    robot.plant.peaks = [{pair: 6.5}, {pair: 4.25}]
+    cycles(robot, 5)
+    robot.plant.touching = []
+    cycles(robot, 40)
+    first, second, last = seen
+    assert [state.info for state in first.states] == ["penalty contact of toy::two on cube::cube_link; peak 6.5 N"]
+    assert [state.total_wrench.force.z for state in first.states] == [5.0]
+    (state,) = second.states
+    assert state.info == "penalty contact of toy::two on cube::cube_link; peak 4.25 N"
+    assert (state.wrenches, state.total_wrench.force.z, state.collision1_name) == ([], 0.0, "toy::two")
+    assert last.states == []
+    assert [contact_info.read(one.info) for one in (*first.states, state)] == [
+        contact_info.ContactInfo("penalty", 6.5),
+        contact_info.ContactInfo("penalty", 4.25),
+    ]
 
 
 def test_the_end_of_all_contacts_is_told_once(node, robot):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +50,15 @@ def counts_message(time: float) -> Any:
     return message
 
 
-def write_run(root: Path, cycles: int = 2000, sent_at: float = 0.1, lost: tuple[int, ...] = (), twice: tuple[int, ...] = ()) -> RunFolder:
-    """A run folder with a bag; `lost` and `twice` are batches (of 20 cycles) left out or written twice."""
+def write_run(
+    root: Path,
+    cycles: int = 2000,
+    sent_at: float = 0.1,
+    lost: tuple[int, ...] = (),
+    twice: tuple[int, ...] = (),
+    extra: Sequence[tuple[str, Any, float]] = (),
+) -> RunFolder:
+    """A run folder with a bag; `lost` and `twice` are batches (of 20 cycles) left out or written twice, `extra` more for the bag."""
     folder = RunFolder.create(root, "made_up")
     data = signals(cycles, sent_at)
     with BagWriter(folder.bag_path) as bag:
@@ -62,6 +70,8 @@ def write_run(root: Path, cycles: int = 2000, sent_at: float = 0.1, lost: tuple[
             if abs(stamp - sent_at) < BATCH * PERIOD / 2:
                 bag.write("/pd/command", Float64MultiArray(data=TARGET.tolist()), sent_at)
                 bag.write("/pd/state", _state(stamp), stamp)
+        for topic, message, stamp in extra:
+            bag.write(topic, message, stamp)
         bag.write("/limit_counts", counts_message(cycles * PERIOD), cycles * PERIOD)
     limits = {name: {"lower": -2.0, "upper": 2.0, "velocity": 20.0, "effort": 20.0, "effort_rate": 1000.0} for name in JOINTS}
     run = {"experiment": "made_up", "description": "made up", "status": "completed", "mode": "headless"}

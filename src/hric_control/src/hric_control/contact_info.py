@@ -8,7 +8,7 @@ from dataclasses import dataclass
 KINDS = ("rigid", "penalty")
 UNKNOWN = "unknown"
 """Kind of a contact of which nothing is said, as in bags from before it was."""
-_FORM = re.compile(r"(?P<kind>rigid|penalty) contact of \S+ on \S+(; peak (?P<peak>[-+.\deE]+) N)?")
+_FORM = re.compile(r"(?P<kind>rigid|penalty) contact of \S+ on [^\s;]+(; peak (?P<peak>[-+.\deE]+) N)?")
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hric_experiments import collection, tracking
+from hric_experiments import collection, contact_record, tracking
 
 
 def rows(cells: Sequence[Sequence[str]]) -> list[str]:
@@ -32,6 +32,8 @@ def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
         parts.append(tracking.render(metrics["tracking"]))
     elif not metrics["setpoints"]:
         parts.append("no set point was recorded")
+    if metrics.get("contacts"):
+        parts.append(_contacts(metrics["contacts"]))
     parts += [_limits(metrics), _log(metrics)]
     if metrics.get("sources"):
         parts.append(collection.render(metrics))
@@ -86,6 +88,11 @@ def _move(move: Mapping[str, Any], peaks: Mapping[str, Any]) -> str:
 
 def _settled(value: float | None) -> str:
     return "never" if value is None else f"after {value:.3f} s"
+
+
+def _contacts(found: Sequence[Mapping[str, Any]]) -> str:
+    lines, note = rows([contact_record.HEAD, *contact_record.cells(found)]), contact_record.note(found)
+    return "\n".join([*lines, note] if note else lines)
 
 
 def _limits(metrics: Mapping[str, Any]) -> str:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from hric_control import urdf
-from hric_experiments import analysis, bag_reader, metrics, tracking, tracking_analysis
+from hric_experiments import analysis, bag_reader, contact_record, metrics, tracking, tracking_analysis
 from hric_experiments.bag_reader import BagError, RunRecord
 from hric_experiments.report_html import page, recordings, run_plots, tables
 from hric_experiments.report_html.page import Page
@@ -113,6 +113,9 @@ def _tables(data: RunData) -> list[tables.Table]:
     values, run = data.values, data.run
     found = [tables.move_table(move) for move in values["setpoints"]]
     found.append(tables.limits_table(values["joints"], values["limits_touched"] is not None))
+    if values.get("contacts"):
+        forces = values["contacts"]
+        found.append(tables.Table("Contact forces", contact_record.HEAD, tuple(contact_record.cells(forces)), contact_record.note(forces)))
     if values.get("tracking"):
         # Phases are among the events.
         found.append(tables.tree_table("Following the marker [SI units]", {k: v for k, v in values["tracking"].items() if k != "phases"}))
