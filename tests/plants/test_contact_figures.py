@@ -1,8 +1,8 @@
 """Penalty contact against closed formulas, as one table per engine: errors of peak force, impulse and energy [%]. Printed by `pytest -s`.
 
-A body that meets a fixed spring with speed v gives the peak v sqrt(m k) and the impulse 2 m v and leaves with the energy that it came with; of an arm,
-m is 1 / (n' J (M + B)^-1 J' n) (ISO/TS 15066 with the reflected mass of the pose in place of its rule of thumb). An arm turns while it touches: what it
-gives to a ball by then is told by a rigid-body library, with the same spring, in steps of 20 us.
+A body that meets a fixed spring with speed v gives the peak v sqrt(m k) and the impulse 2 m v and leaves with the energy that it came with; of an
+arm, m is 1 / (n' J (M + B)^-1 J' n) (ISO/TS 15066 with the reflected mass of the pose in place of its rule of thumb). An arm turns while it
+touches: what it gives to a ball by then is told by a rigid-body library, with the same spring, in steps of 20 us.
 """
 
 import functools

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 import yaml
+from geometry_msgs.msg import Point, Pose, Quaternion
+from two_link import transmission, two_link_urdf
 
 from gazebo_msgs.msg import ContactsState, ModelStates
 from gazebo_msgs.srv import SpawnModelRequest
-from geometry_msgs.msg import Point, Pose, Quaternion
 from hric_control import contact_info, sim_services
 from hric_control.local_node import LocalNode
 from hric_control.plants.spatial import rotation_from_quaternion, transform
 from pybullet_ros_control.robot_hw_sim import RobotHWSim
-from two_link import transmission, two_link_urdf
 
 URDF_OBJECT = """<robot name="part"><link name="stand"><inertial><origin xyz="0 0 0.3"/><mass value="0.5"/>
 <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""

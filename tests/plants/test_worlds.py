@@ -160,6 +160,59 @@ def test_a_folded_arm_touches_itself_unless_told_otherwise(make_plant, panda_urd
         assert plant.contacts() == []
 
 
+BALL = """<robot name="ball"><link name="shell"><inertial><mass value="1.0"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>
+  </inertial><collision><geometry><sphere radius="0.05"/></geometry></collision></link></robot>"""
+
+
+def kinds(plant, steps):
+    """Kind of contact by pair of bodies, over some steps."""
+    found = {}
+    for _ in range(steps):
+        run(plant, 1)
+        found.update({frozenset((c.body_a, c.body_b)): c.kind for c in plant.contacts()})
+    return found
+
+
+def test_surfaces_are_given_per_link_of_objects_and_of_models_to_come(make_plant, tmp_path):
+    world = tmp_path / "world.yaml"
+    floor = "{name: floor, shape: box, size: [20, 20, 1], pose: {xyz: [0, 0, -0.5]}}"
+    cube = "{name: cube, shape: box, size: [0.1, 0.1, 0.1], mass: 1, pose: {xyz: [3, 0, 0.051]}}"
+    world.write_text(f"objects: [{floor}, {cube}]\nsurfaces: [{{link: 'cube::*', contact: penalty}}]")
+    rules = [{"link": "ball*::shell", "contact": "penalty", "stiffness": 20000.0}, {"link": "cube::link", "friction": 0.0}]
+    plant = make_plant(two_link_urdf(), JOINTS, world=str(world), surfaces=rules)
+    plant.set_brakes([True, True])
+    plant.spawn("ball1", BALL, at(4, 0, 0.051))
+    plant.spawn("stone", BALL, at(5, 0, 0.051))
+    found = kinds(plant, 60)
+    pair = {name: found[frozenset((f"{name}::{link}", "floor::link"))] for name, link in (("ball1", "shell"), ("stone", "shell"), ("cube", "link"))}
+    assert pair == {"ball1": "penalty", "stone": "rigid", "cube": "penalty"}
+    peaks = {frozenset(names) for names in plant.take_contact_peaks()}
+    assert peaks == {frozenset((name, "floor::link")) for name in ("ball1::shell", "cube::link")}
+
+
+def test_a_link_of_the_robot_with_a_spring_meets_a_rigid_object_by_it(make_plant, panda_urdf, tmp_path):
+    hand = make_plant(panda_urdf, q=POSE).link_state("panda_hand")[0]
+    at_hand = (hand[:3, 3] + 0.03 * hand[:3, 2] + 0.054 * hand[:3, 0]).tolist()
+    world = tmp_path / "world.yaml"
+    world.write_text(f"objects: [{{name: ball, shape: sphere, size: 0.02, mass: 0.5, pose: {{xyz: {at_hand}}}}}]")
+    found = {}
+    for surfaces in ([], [{"link": "panda::panda_hand", "contact": "penalty", "stiffness": 1000.0}]):
+        plant = make_plant(panda_urdf, q=POSE, world=str(world), gravity=[0.0, 0.0, 0.0], surfaces=surfaces)
+        plant.set_brakes([True] * 7)
+        found[bool(surfaces)] = {kind for pair, kind in kinds(plant, 5).items() if "panda::panda_hand" in pair}
+    assert found == {False: {"rigid"}, True: {"penalty"}}
+
+
+def test_a_rule_for_a_link_that_is_not_there_is_refused_at_the_start_or_when_the_model_comes(make_plant):
+    with pytest.raises(UnknownNameError, match=r"no link 'hand' in plant/surfaces: planar::hand; valid: base, link1, link2"):
+        make_plant(two_link_urdf(), JOINTS, surfaces=[{"link": "planar::hand", "friction": 0.1}])
+    plant = make_plant(two_link_urdf(), JOINTS, surfaces=[{"link": "ball::core", "friction": 0.1}])
+    with pytest.raises(UnknownNameError, match=r"no link 'core' in plant/surfaces: ball::core; valid: shell"):
+        plant.spawn("ball", BALL, at(3, 0, 1))
+    assert plant.model_names() == []
+    plant.spawn("other", BALL, at(3, 0, 1))
+
+
 def scene(plant_type, rotor, steps):
     """A falling arm beside a stack, with a wrench: a hash of every bit of the way, twice."""
     joints = [f"panda_joint{i}" for i in range(1, 8)]

@@ -73,6 +73,22 @@ def test_rigid_contact_never_pulls_and_leaves_a_gap_its_time():
     assert contact.solve([far], np.array([0.0, 0.0, -1.1, 0.0]), GAIN)[2] == pytest.approx(100.0)
 
 
+PULLED = [  # places [m], depths [m], speeds, friction
+    ((0.43, -0.39), (1.2e-3, 1.8e-3), (0.5, -0.09, 0.47, -1.3), 0.5),
+    ((-0.36, 0.17), (1.1e-3, -0.5e-3), (-0.06, -0.13, 0.16, -1.43), 0.0),
+    ((-0.34, 0.21), (1.5e-3, 1.0e-3), (0.6, 0.32, 0.39, -1.6), 0.5),
+]
+
+
+@pytest.mark.parametrize(("places", "depths", "v", "friction"), PULLED)
+def test_where_the_direct_solution_would_pull_at_every_point_one_that_pulls_at_none_is_found(places, depths, v, friction):
+    contact, points = RigidContact(1e-3), [on_a_floor(x, 0.0, friction, depth) for x, depth in zip(places, depths, strict=True)]
+    after = np.array(v) + GAIN @ contact.solve(points, np.array(v), GAIN)
+    for point in points:
+        assert point.force[2] >= 0.0
+        assert point.normal @ point.J @ after >= contact._wanted(point.depth) - 1e-6
+
+
 @pytest.mark.parametrize(
     ("shape", "message"),
     [

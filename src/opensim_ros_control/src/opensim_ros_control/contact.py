@@ -1,7 +1,7 @@
 """Contact forces from the meetings of one step.
 
-Penalty contact is one spring per pair of links, at the centre of all the area in which they overlap, with the mean force of its motion through the step
-(`hric_control.plants.spring_step`): held over the step, it gives and takes the same energy.
+Penalty contact is one spring per pair of links, at the centre of all the area in which they overlap, with the mean force of its motion through
+the step (`hric_control.plants.spring_step`): held over the step, it gives and takes the same energy.
 Rigid contact is solved for the speeds at the end of the step, as the usual engines of robotics do: no approach that would leave a point inside,
 forces that never pull, friction within its cone (projected Gauss-Seidel).
 """

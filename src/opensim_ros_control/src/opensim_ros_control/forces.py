@@ -8,9 +8,9 @@ from itertools import groupby
 import numpy as np
 
 from hric_control.plant import Contact
-from hric_control.plants.reactions import JointReaction
 from hric_control.plants.faces import centre
-from hric_control.plants.spatial import FloatArray
+from hric_control.plants.reactions import JointReaction
+from hric_control.plants.spatial import FloatArray, cross
 from hric_control.plants.spring_step import Springs
 from hric_control.plants.surfaces import Surface, combine
 from hric_control.plants.wrenches import Wrenches
@@ -132,10 +132,14 @@ class Forces:
         a, b, engine = deepest.a, deepest.b, self._robot.engine
         relative = self._motion(a, corners[0].position) - self._motion(b, corners[0].position)
         angular, linear = (relative @ self._robot.y[engine.nu : 2 * engine.nu]).reshape(2, 3)
-        closing = [-float((linear + np.cross(angular, c.position - corners[0].position)) @ normal) for c in corners]
+        # n . (omega x r) = r . (n x omega)
+        pace, turn, first = float(linear @ normal), cross(normal, angular), corners[0].position
+        closing = [-pace - float((c.position - first) @ turn) for c in corners]
         position, depth = centre(corners, closing, self._ahead)
         key = (a.link, b.link)
-        self._points.append(Point(a.link, b.link, (a.mobile, b.mobile), position, normal, depth, self._relative(a, b, position), law, key, np.zeros(3)))
+        self._points.append(
+            Point(a.link, b.link, (a.mobile, b.mobile), position, normal, depth, self._relative(a, b, position), law, key, np.zeros(3))
+        )
 
     def _motion(self, collider: Collider, point: FloatArray) -> FloatArray:
         """(angular, linear) velocity at a point of what carries a collider per speed, shape (6, nu)."""

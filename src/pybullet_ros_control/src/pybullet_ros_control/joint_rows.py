@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pybullet
 
-from hric_control.plants.spatial import FloatArray, rotation_from_quaternion
+from hric_control.plants.spatial import FloatArray, crossing, rotation_from_quaternion
 from pybullet_ros_control.engine import Body
 
 
@@ -58,8 +58,8 @@ class JointRows:
     def efforts(self, index: int, force: FloatArray, torque: Sequence[float] | None, point: FloatArray) -> FloatArray:
         """tau_i = a_i . ((p - o_i) x F + T) for a turning joint, a_i . F for a sliding one, shape (n,) [N m or N]."""
         axes, origins = self._joint_frames()
-        moments = np.cross(point - origins, force)
+        moments = (point - origins) @ crossing(force)
         if torque is not None:
             moments += torque
         moments[self._slides] = force
-        return self._carried_by(index) * np.einsum("ni,ni->n", axes, moments)
+        return np.asarray(self._carried_by(index) * np.einsum("ni,ni->n", axes, moments))

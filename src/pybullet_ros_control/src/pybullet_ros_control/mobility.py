@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pybullet
 
-from hric_control.plants.spatial import FloatArray, rotation_from_quaternion
+from hric_control.plants.spatial import FloatArray, cross, rotation_from_quaternion
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.joint_rows import JointRows
 from pybullet_ros_control.robot import Robot
@@ -37,7 +37,10 @@ class Mobility:
         self._rows[robot.body.id] = rows
 
     def inverse_mass(self, body: Body, index: int, point: FloatArray, normal: FloatArray) -> float:
-        """n' J (M + B)^-1 J' n of a point of a link, shape (3,) [m], along a unit vector, shape (3,) [1/kg]. A free body with joints counts as one mass."""
+        """n' J (M + B)^-1 J' n of a point of a link, shape (3,) [m], along a unit vector, shape (3,) [1/kg].
+
+        A free body with joints counts as one mass at the point.
+        """
         mass, moments = self._mass(body)
         if mass > 0.0 and not body.joints:
             return self._of_free_body(body, mass, moments, point, normal)
@@ -61,7 +64,7 @@ class Mobility:
 
     def _of_free_body(self, body: Body, mass: float, moments: FloatArray, point: FloatArray, normal: FloatArray) -> float:
         centre, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self._engine.client)
-        lever = np.cross(point - centre, normal) @ rotation_from_quaternion(orientation)
+        lever = cross(point - centre, normal) @ rotation_from_quaternion(orientation)
         return float(1.0 / mass + (lever * lever) @ (1.0 / moments))
 
     def _inverse_inertia(self, body: Body) -> FloatArray:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_control.plants.spatial import FloatArray
+from hric_control.plants.spatial import FloatArray, cross
 
 KINDS = ("sphere", "capsule", "cylinder", "box", "plane", "hull")
 _ROUND = 12
@@ -87,7 +87,7 @@ def _circle(radius: float) -> FloatArray:
 def _cylinder_side(radius: float, length: float, d: FloatArray) -> FloatArray:
     half = 0.5 * length
     if abs(d[2]) > _LYING:
-        side: FloatArray = _circle(radius) + [0.0, 0.0, math.copysign(half, d[2])]
+        side: FloatArray = _circle(radius) + np.array([0.0, 0.0, math.copysign(half, d[2])])
         return side
     out = radius / math.hypot(d[0], d[1])
     return np.array([[out * d[0], out * d[1], half], [out * d[0], out * d[1], -half]])
@@ -125,13 +125,11 @@ def _side(solid: Solid, T_world_link: FloatArray, direction: FloatArray) -> Floa
 
 def _across(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit vectors across a normal."""
-    k = int(np.argmin(np.abs(normal)))
     e = np.zeros(3)
-    e[k] = 1.0
-    s = np.array([normal[1] * e[2] - normal[2] * e[1], normal[2] * e[0] - normal[0] * e[2], normal[0] * e[1] - normal[1] * e[0]])
+    e[int(np.argmin(np.abs(normal)))] = 1.0
+    s = cross(normal, e)
     s /= math.sqrt(float(s @ s))
-    t = np.array([normal[1] * s[2] - normal[2] * s[1], normal[2] * s[0] - normal[0] * s[2], normal[0] * s[1] - normal[1] * s[0]])
-    return s, t
+    return s, cross(normal, s)
 
 
 def _convex(points: Sequence[Point]) -> list[Point]:
@@ -193,22 +191,32 @@ def _common(a: list[Point], b: list[Point]) -> list[Point]:
 
 
 class _Heights:
-    """Height along the normal of a side at any place across it: a plane through its corners, along a line what it has there."""
+    """Height along the normal of a side at any place across it: a plane through its corners, of a line as it rises along itself.
 
-    def __init__(self, places: FloatArray, heights: FloatArray) -> None:
-        centre = places.mean(axis=0)
-        out = places - centre
-        # The least slope that fits: a line has none across itself.
-        self._slope = np.linalg.lstsq(out, heights - heights.mean(), rcond=1e-6)[0].tolist()
-        self._offset = float(heights.mean()) - float(centre @ self._slope)
+    Args:
+        places, heights: of its corners [m].
+    """
+
+    def __init__(self, places: Sequence[Point], heights: Sequence[float]) -> None:
+        n = len(places)
+        x0, y0, h0 = sum(x for x, _ in places) / n, sum(y for _, y in places) / n, sum(heights) / n
+        xx = xy = yy = xh = yh = 0.0
+        for (x, y), h in zip(places, heights, strict=True):
+            dx, dy, dh = x - x0, y - y0, h - h0
+            xx, xy, yy, xh, yh = xx + dx * dx, xy + dx * dy, yy + dy * dy, xh + dx * dh, yh + dy * dh
+        size, area = xx + yy, xx * yy - xy * xy
+        if area > _TINY * size * size:
+            self._slope = (yy * xh - xy * yh) / area, (xx * yh - xy * xh) / area
+        else:  # the least slope that fits: a line has none across itself
+            self._slope = (xh / size, yh / size) if size > 0.0 else (0.0, 0.0)
+        self._offset = h0 - x0 * self._slope[0] - y0 * self._slope[1]
 
     def __call__(self, place: Point) -> float:
-        return self._offset + self._slope[0] * place[0] + self._slope[1] * place[1]
+        height: float = self._offset + self._slope[0] * place[0] + self._slope[1] * place[1]
+        return height
 
 
-def corners(
-    a: Solid, T_world_a: FloatArray, b: Solid, T_world_b: FloatArray, normal: FloatArray, deepest: FloatArray, depth: float
-) -> list[Corner]:
+def corners(a: Solid, T_world_a: FloatArray, b: Solid, T_world_b: FloatArray, normal: FloatArray, deepest: FloatArray, depth: float) -> list[Corner]:
     """Where two shapes meet: one corner, the deepest point, unless a side of one lies on a side of the other.
 
     Args:
@@ -223,17 +231,18 @@ def corners(
     if (side_a is None and a.kind != "plane") or (side_b is None and b.kind != "plane") or (side_a is None and side_b is None):
         return alone
     s, t = _across(normal)
-    frame = np.column_stack([s, t])
+    frame = np.column_stack([s, t, normal])
     middle, height = float(normal @ deepest), {}
     outlines: list[list[Point]] = []
     for name, side in (("a", side_a), ("b", side_b)):
         if side is None:
             continue
-        places = side @ frame
-        height[name] = _Heights(places, side @ normal)
-        outlines.append(_convex([(x, y) for x, y in places.tolist()]) if len(side) > 2 else [(x, y) for x, y in places.tolist()])
+        seen = (side @ frame).tolist()
+        places = [(x, y) for x, y, _ in seen]
+        height[name] = _Heights(places, [z for *_, z in seen])
+        outlines.append(_convex(places) if len(seen) > 2 else places)
     shared = _common(outlines[0], outlines[1]) if len(outlines) == 2 else outlines[0]
-    surface = float(normal @ deepest) + (0.5 * depth if side_b is None else -0.5 * depth)
+    surface = middle + (0.5 * depth if side_b is None else -0.5 * depth)
     found = []
     for place, share in zip(shared, _shares(shared), strict=True):
         top = height["b"](place) if "b" in height else surface
@@ -251,22 +260,24 @@ def _shares(shape: list[Point]) -> list[float]:
     return [0.5 * (edges[k - 1] + edges[k]) / sum(edges) for k in range(n)]
 
 
-def centre(found: Sequence[Corner], deepening: Sequence[float], ahead: float) -> tuple[FloatArray, float]:
+def centre(found: Sequence[Corner], deepening: Sequence[float] = (), ahead: float = 0.0) -> tuple[FloatArray, float]:
     """(position, shape (3,), depth [m]) at which one spring stands for a meeting.
 
-    Depth is D = s ln(sum_i a_i exp(d_i / s)) over the depths d_i of the corners, a_i their shares of their sides, s a softness: equal depths give just
-    these, one far deeper corner gives its own. The position is the mean of the corners by the derivatives of D, so that the spring's force and its
-    moment have one potential: it gives what it took, also where the side tilts meanwhile. (The mean by depth has none: 12 % of the energy were gained
-    in one impact of the hand on a box.)
+    Depth is D = s ln(sum_i a_i exp(d_i / s)) over the depths d_i of the corners, a_i their shares of their sides, s a softness: equal depths
+    give just these, one far deeper corner gives its own. The position is the mean of the corners by the derivatives of D, so that the spring's
+    force and its moment have one potential: it gives what it took, also where the side tilts meanwhile. (The mean by depth has none: 12 % of
+    the energy were gained in one impact of the hand on a box.)
 
     Args:
         found: corners, of all shapes of a pair of links.
-        deepening: speed at which each depth grows [m/s].
+        deepening: speed at which each depth grows [m/s]; none where the depths are those that count.
         ahead: how long until the depths that count [s].
     """
+    depths = [corner.depth for corner in found]
+    if deepening:
+        depths = [depth + ahead * speed for depth, speed in zip(depths, deepening, strict=True)]
     if len(found) == 1:
-        return found[0].position, found[0].depth + ahead * deepening[0]
-    depths = [corner.depth + ahead * speed for corner, speed in zip(found, deepening, strict=True)]
+        return found[0].position, depths[0]
     deepest = max(depths)
     weights = [corner.share * math.exp((d - deepest) / SOFTNESS) for corner, d in zip(found, depths, strict=True)]
     total = sum(weights)

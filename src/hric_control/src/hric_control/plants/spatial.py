@@ -1,4 +1,4 @@
-"""Rigid transforms and mass properties, for setting a model up. Not used in the loop."""
+"""Rigid transforms and mass properties, for setting a model up; of these only the cross products are meant for the loop."""
 
 from __future__ import annotations
 
@@ -71,6 +71,18 @@ def rotation_from_quaternion(q: Sequence[float]) -> FloatArray:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """a x b of two vectors, shape (3,); numpy's own takes twenty times as long for so few numbers."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+def crossing(b: FloatArray) -> FloatArray:
+    """The matrix S, shape (3, 3), with r S = r x b for rows r."""
+    x, y, z = b.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 @dataclass(frozen=True)

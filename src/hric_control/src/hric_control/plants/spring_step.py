@@ -50,9 +50,7 @@ def _touch_time(depth: float, speed: float, acceleration: float, step: float) ->
     return min(-2.0 * depth / pace, step) if pace > 0.0 else step
 
 
-def spring_step(
-    depth: float, speed: float, acceleration: float, inverse_mass: float, stiffness: float, damping: float, step: float
-) -> SpringStep:
+def spring_step(depth: float, speed: float, acceleration: float, inverse_mass: float, stiffness: float, damping: float, step: float) -> SpringStep:
     """Integrate one step.
 
     Args:
@@ -141,9 +139,7 @@ class Springs:
         """A new step; pairs that are not pushed in it are forgotten."""
         self._before, self._now = self._now, {}
 
-    def push(
-        self, pair: tuple[str, str], depth: float, speed: float, measured: float, inverse_mass: float, law: tuple[float, float]
-    ) -> SpringStep:
+    def push(self, pair: tuple[str, str], depth: float, speed: float, measured: float, inverse_mass: float, law: tuple[float, float]) -> SpringStep:
         """One pair in this step.
 
         Args:
