@@ -72,9 +72,7 @@ class Mobility:
         if body.id not in self._inertias:
             robot = self._robot
             if body.id == robot.body.id:
-                M = np.array(robot.mass_matrix(robot.q))
-                if robot.rotor is not None:
-                    M += np.diag(robot.rotor.inertia)
+                M = np.array(robot.mass_matrix(robot.q)) + np.diag(robot.rotor_inertia)
                 free = robot.free_joints
             else:
                 states = pybullet.getJointStates(body.id, self._rows[body.id].joints, self._engine.client)

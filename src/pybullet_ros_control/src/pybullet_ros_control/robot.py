@@ -115,6 +115,11 @@ class Robot:
         """Those that neither a brake nor a drive holds."""
         return self._motors.effort
 
+    @property
+    def rotor_inertia(self) -> list[float]:
+        """Of all moving joints [kg m^2]."""
+        return [loss.rotor for loss in self._losses]
+
     def spread(self, values: Sequence[float], rest: Sequence[float]) -> list[float]:
         """Values of the actuated joints among all moving ones; `rest` fills the others."""
         if len(values) != len(self.joint_names):
