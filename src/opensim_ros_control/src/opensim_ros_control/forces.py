@@ -106,7 +106,8 @@ class Forces:
         pair = (a.link, b.link)
         if pair not in self._laws:
             first, second = self._surfaces[a.link], self._surfaces[b.link]
-            self._laws[pair] = combine(first, second) or (None, 0.0, first.friction * second.friction)
+            law = combine(first, second) if a.model != b.model else None  # within the robot contact is rigid
+            self._laws[pair] = law or (None, 0.0, first.friction * second.friction)
         return self._laws[pair]
 
     def _meet(self, near: Sequence[int]) -> None:
