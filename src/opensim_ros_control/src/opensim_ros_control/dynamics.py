@@ -15,15 +15,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg.lapack import dposv
 
-from hric_control.errors import HricError
 from hric_control.plant import FloatArray
 from opensim_ros_control.engine import Engine
 
 Places = npt.NDArray[np.intp]
 Losses = Callable[[FloatArray], FloatArray]
 """Speeds -> efforts that friction takes away, both of shape (nu,)."""
-DIVERGED = 1e9
-"""A speed beyond any [rad/s or m/s]."""
 
 
 class Dynamics:
@@ -127,9 +124,3 @@ class Dynamics:
         after = y.copy()
         after[n : 2 * n] = new
         return after
-
-
-def check_finite(values: Sequence[float], u: Sequence[float]) -> None:
-    """Raises HricError, with the speeds u, when values are beyond any: one that is no number spoils the sum."""
-    if not -DIVERGED < sum(values) < DIVERGED:
-        raise HricError(f"the simulation diverged: joint velocities {list(u)} rad/s")

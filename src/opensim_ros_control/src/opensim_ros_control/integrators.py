@@ -29,6 +29,10 @@ LONGEST_CALL = 1e-3
 """Most simulated time in one call of OpenSim's integrator, which keeps all other threads waiting [s] (our choice)."""
 
 
+class IntegrationError(HricError):
+    """OpenSim's integrator gives a step up."""
+
+
 class Step(NamedTuple):
     """A step that was done.
 
@@ -159,7 +163,7 @@ class ManagerSteps:
                 self._steps += 1
                 running = manager.integrate(self._origin + self._steps * self._part)
         except RuntimeError as error:
-            raise HricError(f"OpenSim could not integrate: {str(error).strip().splitlines()[0]}") from error
+            raise IntegrationError(f"OpenSim could not integrate: {str(error).strip().splitlines()[0]}") from error
         self._running = running
         self._last = end = self._engine.y_of(running)
         return Step(end, None)

@@ -10,13 +10,14 @@ import numpy as np
 
 from hric_control.errors import CommandError
 from hric_control.plant import FloatArray
+from hric_control.plants.divergence import Divergence
 from hric_control.plants.friction import JointLosses, sigmoid_parameters
 from hric_control.plants.modes import Mode
 from hric_control.plants.stops import StopMemory
 from opensim_ros_control.config import OpenSimConfig
-from opensim_ros_control.dynamics import Dynamics, Losses, check_finite
+from opensim_ros_control.dynamics import Dynamics, Losses
 from opensim_ros_control.engine import Engine
-from opensim_ros_control.integrators import ManagerSteps, OwnSteps, Step, Touch
+from opensim_ros_control.integrators import IntegrationError, ManagerSteps, OwnSteps, Step, Touch
 from opensim_ros_control.joint_efforts import JointEfforts, Row
 from opensim_ros_control.robot_model import RobotModel
 
@@ -59,6 +60,8 @@ class Robot:
         self._on = [False] * len(numbers)
         self._numbers = numbers
         self._velocity = [model.velocity_limits[name] for name in self.joint_names]
+        limits, slides = [model.velocity_limits[name] for name in self._names], [joint.type == "prismatic" for joint in self._joints]
+        self._divergence = Divergence(self._names, limits, slides, config.time_step)
         self.stops = StopMemory([(joint.lower, joint.upper) for joint in self._joints])
         bound = [self._joints[i].effort if config.effort_limits else math.inf for i in numbers]
         self._bounds = [(-effort, effort) for effort in bound]
@@ -81,6 +84,7 @@ class Robot:
         self._places = [engine.place[path[name]] for name in self._names]
         self.user = [self._places[i] for i in self._numbers]
         self.straight = self.user == list(range(engine.nu))
+        self._all_straight = self._places == list(range(engine.nu))
         inertia = np.zeros(engine.nu)
         inertia[self.user] = config.rotor_inertia
         losses = self._losses()
@@ -166,6 +170,10 @@ class Robot:
         """Those of the actuated joints, in the user's order, among those of all coordinates."""
         return values if self.straight else [values[place] for place in self.user]
 
+    def _of_joints(self, values: list[float]) -> list[float]:
+        """Those of all joints of the robot, in their own order, among those of all coordinates."""
+        return values if self._all_straight else [values[place] for place in self._places]
+
     @property
     def state(self) -> State:
         """Positions and speeds as arrays."""
@@ -226,7 +234,7 @@ class Robot:
             values: commands of the actuated joints, in the meaning of their modes.
         """
         efforts = [low if v < low else high if v > high else v for v, (low, high) in zip(values, self._bounds, strict=True)]
-        check_finite(efforts, self.u)  # an effort that is no number must not reach an integrator with error control
+        self._divergence.check_efforts(self.joint_names, efforts)
         rows = self._rows
         if self._any_braked or self._any_driven:
             efforts = [0.0 if b or d else e for e, b, d in zip(efforts, self._braked, self._driven, strict=True)]
@@ -234,10 +242,16 @@ class Robot:
         rows.active = rows.always or rows.near_stop(self.q, self.u)
         tau = np.array(efforts if self.straight else self._spread(efforts))
         if self._plain and not rows.active and self._untouched():
-            self._finish(self._manager.step(self.time, self.y, tau), efforts)
+            self._finish(self._by_manager(tau), efforts)
         else:
             tau = tau if self.external is None else tau + self.external
             self._finish(self._own_step(self.time, self.y, tau, self.touch), efforts)
+
+    def _by_manager(self, tau: FloatArray) -> Step:
+        try:
+            return self._manager.step(self.time, self.y, tau)
+        except IntegrationError as error:
+            raise self._divergence.fail(self._of_joints(self.u), str(error)) from error
 
     def _untouched(self) -> bool:
         return not (self._any_braked or self._any_driven or self.external is not None or self.touch is not None)
@@ -252,7 +266,7 @@ class Robot:
         self.time += self.config.time_step
         before = self.u
         self._set_y(step.y)
-        check_finite(self.u, self.u)
+        self._divergence.check(self._of_joints(self.q), self._of_joints(self.u))
         self.effort = self.motor_effort = self._motor_efforts(step, efforts)
         if self._rotors is not None:
             rate = 1.0 / self.config.time_step

@@ -9,8 +9,9 @@ from operator import sub
 import numpy as np
 import pybullet
 
-from hric_control.errors import CommandError, HricError, UnknownNameError
+from hric_control.errors import CommandError, UnknownNameError
 from hric_control.plants.config import PlantConfig
+from hric_control.plants.divergence import Divergence
 from hric_control.plants.friction import sigmoid_parameters
 from hric_control.plants.modes import Mode
 from hric_control.plants.spatial import MassProperties
@@ -21,9 +22,6 @@ from pybullet_ros_control.masks import apply_masks
 from pybullet_ros_control.motors import JointMotors
 from pybullet_ros_control.stops import JointStops
 from pybullet_ros_control.urdf_model import EngineModel, prepare
-
-_DIVERGED = 1e9
-"""A joint velocity beyond any [rad/s]."""
 
 
 class Robot:
@@ -75,6 +73,8 @@ class Robot:
 
     def _set_up(self, joints: list[Joint]) -> None:
         config = self._config
+        limits, slides = [joint.velocity for joint in joints], [joint.type == "prismatic" for joint in joints]
+        self._divergence = Divergence([joint.name for joint in joints], limits, slides, config.time_step)
         self._moving = joints
         self._losses = self._joint_losses(joints)
         self._any_rotor = any(config.rotor_inertia)
@@ -212,9 +212,7 @@ class Robot:
             pybullet.setJointMotorControlArray(body, joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=client)
         pybullet.stepSimulation(client)
         self.q, self.dq, _, self._engine_effort = zip(*pybullet.getJointStates(body, joints, client), strict=True)
-        # The dynamics couples all joints, so one that is not finite spoils the first.
-        if not -_DIVERGED < self.dq[0] < _DIVERGED:
-            raise HricError(f"the simulation diverged: joint velocities {self.dq} rad/s")
+        self._divergence.check(self.q, self.dq)
         self._take_efforts(values)
         if self._stops.waiting:
             self._stops.check(self.q)

@@ -1,0 +1,118 @@
+"""When a simulation has diverged: one rule for all plants."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from hric_control.errors import HricError
+
+VELOCITY_FACTOR = 100.0
+"""Multiple of its velocity limit beyond which a joint has diverged [1]; default chosen by this project, unconfirmed. Limit cycles that clamps bound
+reach 7 times the limit: 16 rad/s on the Panda."""
+LOWEST_BOUND = 20.0
+"""A joint never counts as diverged below this speed, however low its velocity limit is [rad/s or m/s]; default chosen by this project, unconfirmed.
+What touches a slow joint can throw it faster than its drive may."""
+UNLIMITED_BOUND = 1000.0
+"""Speed beyond which a joint without a velocity limit has diverged [rad/s or m/s]; default chosen by this project, unconfirmed."""
+
+
+class DivergedError(HricError):
+    """The simulation has diverged; the message tells joint, simulation time and value in one line.
+
+    Attributes:
+        joint: of the description.
+        time: simulation time at the end of the step [s].
+        quantity: position, speed or effort.
+        value: not finite, or beyond the bound [rad or m, rad/s or m/s, N m or N].
+    """
+
+    def __init__(self, joint: str, time: float, quantity: str, value: float, unit: str, why: str) -> None:
+        self.joint, self.time, self.quantity, self.value = joint, time, quantity, value
+        super().__init__(f"the simulation diverged at {time:.3f} s: {quantity} of {joint} is {value:.4g} {unit}, {why}")
+
+
+class Divergence:
+    """The check after each step of a plant. Well under a microsecond while all is well.
+
+    Args:
+        joints: names of all moving joints, passive ones too.
+        velocity_limits: of the description, infinite where it has none, n floats [rad/s or m/s].
+        prismatic: whether the joint slides, n times.
+        time_step: of the plant [s].
+    """
+
+    def __init__(self, joints: Sequence[str], velocity_limits: Sequence[float], prismatic: Sequence[bool], time_step: float) -> None:
+        self._joints, self._limits = list(joints), list(velocity_limits)
+        self._units = ["m" if slides else "rad" for slides in prismatic]
+        self._bounds = [bound(limit) for limit in velocity_limits]
+        self._quiet = min(self._bounds, default=math.inf)
+        self._time_step, self._steps = time_step, 0
+
+    def check(self, q: Sequence[float], dq: Sequence[float]) -> None:
+        """Look at the state that a step has led to; to be called once a step.
+
+        Args:
+            q: positions of all moving joints, n floats [rad or m].
+            dq: their speeds [rad/s or m/s].
+
+        Raises:
+            DivergedError: a joint is not finite, or too fast.
+        """
+        self._steps += 1
+        # The norms carry NaN and infinity, and no joint is faster than the norm: the look at each joint is rare.
+        if not (math.hypot(*dq) <= self._quiet and math.hypot(*q) < math.inf):
+            self._look(q, dq)
+
+    def check_efforts(self, joints: Sequence[str], efforts: Sequence[float]) -> None:
+        """Look at efforts before an integrator with error control gets them: it would not come back from one that is not finite.
+
+        Args:
+            joints: their names.
+            efforts: [N m or N].
+
+        Raises:
+            DivergedError: an effort is not finite.
+        """
+        if not math.hypot(*efforts) < math.inf:
+            for joint, value in zip(joints, efforts, strict=True):
+                if not math.isfinite(value):
+                    unit = "N" if self._units[self._joints.index(joint)] == "m" else "N m"
+                    raise DivergedError(joint, self._steps * self._time_step, "effort", value, unit, "not finite")
+
+    def fail(self, dq: Sequence[float], why: str) -> DivergedError:
+        """The error of a step that an integrator could not make: names the fastest joint, measured by its bound.
+
+        Args:
+            dq: speeds of all moving joints before the step [rad/s or m/s].
+            why: what the integrator says.
+        """
+        worst = self._fastest(dq)
+        return DivergedError(self._joints[worst], self._steps * self._time_step, "speed", dq[worst], f"{self._units[worst]}/s", why)
+
+    def _fastest(self, dq: Sequence[float]) -> int:
+        return max(range(len(dq)), key=lambda i: abs(dq[i]) / self._bounds[i])
+
+    def _look(self, q: Sequence[float], dq: Sequence[float]) -> None:
+        time = self._steps * self._time_step
+        for quantity, values, per in (("speed", dq, "/s"), ("position", q, "")):
+            for joint, value, unit in zip(self._joints, values, self._units, strict=True):
+                if not math.isfinite(value):
+                    raise DivergedError(joint, time, quantity, value, unit + per, "not finite")
+        i = self._fastest(dq)
+        if abs(dq[i]) > self._bounds[i]:
+            raise DivergedError(self._joints[i], time, "speed", dq[i], f"{self._units[i]}/s", self._reason(i))
+
+    def _reason(self, i: int) -> str:
+        limit, unit = self._limits[i], f"{self._units[i]}/s"
+        told = f"velocity limit {limit:g} {unit}" if math.isfinite(limit) else "no velocity limit"
+        return f"beyond {self._bounds[i]:.4g} {unit} ({told})"
+
+
+def bound(velocity_limit: float) -> float:
+    """Speed beyond which a joint has diverged [rad/s or m/s].
+
+    Args:
+        velocity_limit: of the description, infinite where it has none [rad/s or m/s].
+    """
+    return max(VELOCITY_FACTOR * velocity_limit, LOWEST_BOUND) if math.isfinite(velocity_limit) else UNLIMITED_BOUND
