@@ -204,7 +204,7 @@ def test_the_model_that_libfranka_loads_knows_the_torque_that_holds_the_arm() ->
     assert gravity == pytest.approx(torque, abs=1e-6)
 
 
-def test_a_plant_that_breaks_down_is_put_back_and_the_box_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_plant_that_breaks_down_ends_the_motion_by_name_is_put_back_and_the_box_goes_on(caplog: pytest.LogCaptureFixture) -> None:
     device = make_arm(parser().parse_args(["--no-collision"]), ROBOTS["panda"])
     try:
         start = device.state.q[:]
@@ -216,9 +216,26 @@ def test_a_plant_that_breaks_down_is_put_back_and_the_box_goes_on(caplog: pytest
         device.cycle(command(1.0))
         device.plant.step = step  # type: ignore[method-assign]
         assert "diverged" in caplog.text and "put back to its start" in caplog.text
-        assert device.take_finished() is Outcome.ABORTED
-        assert device.state.q == pytest.approx(start, abs=1e-12) and device.state.robot_mode is RobotMode.IDLE
+        assert device.take_finished() is Outcome.REFLEX_ABORTED
+        assert device.state.current_errors == device.state.last_motion_errors == {"instability_detected"}
+        assert device.state.q == pytest.approx(start, abs=1e-12) and device.state.robot_mode is RobotMode.REFLEX
+        for _ in range(100):
+            device.cycle(None)
+        assert device.state.q == pytest.approx(start, abs=1e-6)
+        assert device.recover() is Outcome.SUCCESS and device.state.robot_mode is RobotMode.IDLE
         assert device.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.JOINT_VELOCITY)) is Outcome.STARTED
+    finally:
+        device.close()
+
+
+def test_a_plant_that_breaks_down_at_idle_is_put_back_without_an_error() -> None:
+    device = make_arm(parser().parse_args(["--no-collision"]), ROBOTS["panda"])
+    try:
+        start = device.state.q[:]
+        device.push("panda_link7", (0.0, 0.0, 1e7), 0.01)
+        device.cycle(None)
+        assert device.state.q == pytest.approx(start, abs=1e-6)
+        assert device.state.robot_mode is RobotMode.IDLE and not device.state.current_errors
     finally:
         device.close()
 

@@ -30,6 +30,7 @@ _COLLISIONS = frozenset(("joint_reflex", "cartesian_reflex"))
 _WATCHED = (RobotMode.MOVE, RobotMode.GUIDING)
 """Modes in which the measured state can be a reflex."""
 _LOST: Errors = frozenset(("communication_constraints_violation",))
+_UNSTABLE: Errors = frozenset(("instability_detected",))
 
 
 class ControlBox(ConfiguredBox):
@@ -138,13 +139,23 @@ class ControlBox(ConfiguredBox):
         """The arm was put to q at rest (simulation only): idle, errors cleared, a running motion aborted. q: 7 floats [rad]."""
         if len(q) != 7:
             raise CommandError(f"a pose is 7 numbers [rad]; got {len(q)}")
-        state = self.state
         self._end_motion(Outcome.ABORTED, NO_ERRORS)
         self._clear_errors()
+        self._put(q)
+        self.state.robot_mode = RobotMode.IDLE
+
+    def break_down(self, q: Sequence[float]) -> None:
+        """The plant broke down and was put to q at rest (simulation only): a reflex, where the mode has any. q: 7 floats [rad]."""
+        self._put(q)
+        if next_mode(self.mode, Event.REFLEX) is not None:
+            self._protect(_UNSTABLE)
+
+    def _put(self, q: Sequence[float]) -> None:
+        state = self.state
         for name in ("dq", "dq_d", "ddq_d", "tau_J_d"):
             getattr(state, name)[:] = _ZEROS
         state.q[:], state.q_d[:] = q, q
-        state.robot_mode, state.tick = RobotMode.IDLE, state.tick + 1
+        state.tick += 1
         self._external.reset()
         self._gravity_torque, self._fresh = None, True
 
@@ -182,12 +193,16 @@ class ControlBox(ConfiguredBox):
             state.control_command_success_rate = 0.0
         state.last_motion_errors, self.finished = why, outcome
 
-    def _reflex(self, names: Errors, reason: str = "") -> None:
-        """The arm protects itself; reason: what there is to add to the names."""
+    def _protect(self, names: Errors) -> None:
+        """The arm protects itself."""
         self.state.current_errors = names
         if self.mode is RobotMode.GUIDING:
             self.state.last_motion_errors = names
         self._change(Event.REFLEX, errors(names))
+
+    def _reflex(self, names: Errors, reason: str = "") -> None:
+        """The arm protects itself, and says why; reason: what there is to add to the names."""
+        self._protect(names)
         self.report(f"{self.model.arm_id}: motion aborted by reflex: {describe(names, self.state, self.config, reason)}")
 
     # -- the millisecond -----------------------------------------------------------------------------------------------------------------

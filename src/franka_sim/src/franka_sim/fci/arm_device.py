@@ -74,7 +74,8 @@ class ArmDevice:
     def cycle(self, command: MotionCommand | None) -> None:
         """The torque for the command, one step of the plant, and what the box makes of the arm then.
 
-        Where the plant breaks down (a push no arm could stand), its motion is aborted and it is put back to its start: a server goes on.
+        Where the plant breaks down (diverges, or an effort no engine can stand), the motion ends in a reflex that the client is told by name, and the
+        arm is put back to its start: a server goes on.
         """
         self._cycles += 1
         try:
@@ -82,8 +83,8 @@ class ArmDevice:
             self.plant.step()
         except HricError as error:
             LOG.error("%s; the arm is put back to its start", error)
-            self.reset()
-            return
+            self.plant.reset(self._q_start)
+            self.box.break_down(self._q_start)
         self._read()
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> Outcome:
