@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -14,7 +15,8 @@ import numpy as np
 import pytest
 
 from hric_control.errors import HricError
-from hric_experiments import bag_reader, experiment, headless
+from hric_experiments import bag_reader, cli, experiment, headless
+from hric_experiments.analysis import analyse
 from hric_experiments.run_folder import RunFolder
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
@@ -134,6 +136,65 @@ def test_ctrl_c_leaves_a_whole_bag_and_a_run_marked_interrupted(tmp_path: Path) 
     assert folder.read()["status"] == "interrupted"
     assert folder.bag_path.is_file() and not list(folder.path.glob("*.active"))
     assert "run folder:" in output and folder.metrics_path.is_file()
+
+
+UNSTABLE = ("rotor_inertia:=0", "kp:=200", "kd:=100", "limits:=false", "rotatum_limit:=0", "duration:=1")
+
+
+def test_a_diverged_run_is_one_line_a_failed_run_and_a_whole_bag_that_can_be_reported(tmp_path: Path) -> None:
+    process = rosrun(tmp_path, "thesis_step", *UNSTABLE)
+    output, error = process.communicate(timeout=60)
+    told = [line for line in error.splitlines() if line.startswith("run: ")]
+    assert process.returncode == 1 and len(told) == 1 and "Traceback" not in error + output, error
+    match = re.fullmatch(r"run: (the simulation diverged at (\S+) s: speed of panda_joint\d is (\S+) rad/s, beyond 261 rad/s .*)", told[0])
+    assert match is not None and 261.0 < abs(float(match[3])) < 1e6, told
+    folder = RunFolder.open("latest", tmp_path)
+    assert folder.read()["status"] == "failed" and folder.read()["error"] == f"DivergedError: {match[1]}"
+    assert folder.bag_path.is_file() and not list(folder.path.glob("*.active"))
+    log = bag_reader.read(folder.bag_path).log
+    assert log.time[-1] == pytest.approx(float(match[2]) - 1e-3, abs=1e-6)  # every cycle until then
+    report = analyse(folder, figures=False)
+    assert report["stability"]["verdict"] == "unstable" and report["stability"]["reasons"][0] == match[1]
+    assert f"failed (headless): DivergedError: {match[1]}" in report["report"]
+
+
+def test_a_bounded_run_that_chatters_is_completed_and_called_unstable_in_report_and_metrics_also_when_quiet(tmp_path: Path) -> None:
+    process = rosrun(tmp_path, "thesis_step", *UNSTABLE, "simulator:=opensim")
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 0 and "unstable: panda_joint7 chatters at 500 Hz" in error
+    folder = RunFolder.open("latest", tmp_path)
+    assert folder.read()["status"] == "completed"
+    stability = json.loads(folder.metrics_path.read_text())["stability"]
+    assert stability["verdict"] == "unstable" and stability["joints"]["panda_joint7"]["share"] > 1.0
+    assert f"stability: UNSTABLE\n- {stability['reasons'][0]}" in (folder.path / "summary.txt").read_text()
+
+
+@pytest.mark.parametrize("name", ["pd_step", "thesis_step", "marker_tracking"])
+def test_the_usual_experiments_are_called_stable(tmp_path: Path, name: str) -> None:
+    result = run(tmp_path, name, "duration:=2.5")
+    assert result.metrics["stability"]["verdict"] == "stable" and "stability: stable" in result.metrics["report"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["pd_step", "--quiet", "duration:=0.05", "--seed", "3", "kp:=20"],
+        ["duration:=0.05", "--seed", "3", "pd_step", "kp:=20", "--quiet"],
+        ["--quiet", "--seed=3", "duration:=0.05", "kp:=20", "pd_step"],
+    ],
+)
+def test_experiment_options_and_overrides_come_in_any_order(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["run", *words, "--runs", str(tmp_path), "--no-figures"]) == 0
+    assert "set point" not in capsys.readouterr().out
+    data = RunFolder.open("latest", tmp_path).read()
+    assert (data["arguments"], data["seed"], data["experiment"]) == (["duration:=0.05", "kp:=20"], 3, "pd_step")
+
+
+@pytest.mark.parametrize(("words", "told"), [(["kp:=20"], "got none"), (["pd_step", "--quiet", "thesis_step"], "got pd_step, thesis_step")])
+def test_not_exactly_one_experiment_is_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["run", *words])
+    assert ended.value.code == 2 and told in capsys.readouterr().err
 
 
 def test_a_robot_that_refuses_its_parameters_is_one_line_and_a_failed_run(tmp_path: Path) -> None:

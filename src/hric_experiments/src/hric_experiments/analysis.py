@@ -6,7 +6,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hric_experiments import bag_reader, collection, collection_record, contact_record, differences, files, metrics, table, tracking_analysis
+from hric_experiments import (
+    bag_reader,
+    collection,
+    collection_record,
+    contact_record,
+    differences,
+    files,
+    metrics,
+    stability,
+    table,
+    tracking_analysis,
+)
 from hric_experiments.experiment import MetricsSpec
 from hric_experiments.run_folder import RunFolder
 
@@ -38,6 +49,7 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
     result["real_time_factor"] = run.get("real_time_factor")
     result["reflexes"] = [{"time": time, "errors": list(names)} for time, names in record.reflexes]
     result["contacts"] = contact_record.metrics(contact_record.read(bag_of(folder, run), record.run_time))
+    result["stability"] = stability.judge(run, record.log, limits)
     followed = tracking_analysis.analyse(folder, bag_of(folder, run), run, record)
     result["tracking"] = None if followed is None else followed.values
     collected, interval = collection_record.read(bag_of(folder, run)), run.get("interval")

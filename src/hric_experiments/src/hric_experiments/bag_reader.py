@@ -48,6 +48,7 @@ class ControlRecord:
         first_cycle: index of the first recorded cycle, counted from the start of the run.
         gaps: cycles missing after the first, as (first missing, how many).
         repeats: cycles that came twice, as (first repeated, how many).
+        by_effort: whether the command was an effort, shape (n, j); None: as `interfaces` tell throughout.
     """
 
     joint_names: tuple[str, ...]
@@ -61,6 +62,13 @@ class ControlRecord:
     first_cycle: int
     gaps: tuple[tuple[int, int], ...]
     repeats: tuple[tuple[int, int], ...]
+    by_effort: npt.NDArray[np.bool_] | None = None
+
+    @property
+    def torque(self) -> FloatArray:
+        """Torque asked for where the joint was commanded by effort in that cycle, else that measured, shape (n, j) [N m]."""
+        by_effort = [kind == "effort" for kind in self.interfaces] if self.by_effort is None else self.by_effort
+        return np.where(by_effort, self.command_raw, self.effort)
 
     @property
     def cycles(self) -> int:
@@ -175,7 +183,7 @@ def _reflexes(messages: list[tuple[str, float, Any]], run_time: RunTime) -> list
 
 def stitch(messages: Iterable[Any]) -> ControlRecord:
     """Join control log messages to arrays; every cycle is kept once, in order, and gaps and repeats are noted."""
-    parts: dict[str, list[FloatArray]] = {name: [] for name in ("time", *ARRAYS)}
+    parts: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in ("time", *ARRAYS, "by_effort")}
     gaps, repeats = [], []
     expected = None
     first, last = 0, None
@@ -193,6 +201,7 @@ def stitch(messages: Iterable[Any]) -> ControlRecord:
         parts["time"].append(np.asarray(message.time, dtype=float)[skip:])
         for name in ARRAYS:
             parts[name].append(np.asarray(getattr(message, name), dtype=float).reshape(count, joints)[skip:])
+        parts["by_effort"].append(np.tile([kind == "effort" for kind in message.command_interface], (count, 1))[skip:])
         expected, last = max(expected, start + count), message
     if last is None:
         raise BagError("the control log is empty")

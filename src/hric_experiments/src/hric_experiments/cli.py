@@ -43,7 +43,7 @@ def run(arguments: Sequence[str]) -> int:
     parser.add_argument("--quiet", action="store_true", help="no progress bar and no report, only errors and the run folder")
     parser.add_argument("--no-figures", action="store_true", help="do not draw")
     parser.add_argument("--html", action="store_true", help="leave report.html, too: one file with plots, tables and a replay")
-    given = parser.parse_args(list(arguments))
+    given = _in_any_order(parser, arguments)
     _log_to_terminal(given.quiet)
     if given.experiment in study.names():
         return _run_study(given)
@@ -57,6 +57,8 @@ def run(arguments: Sequence[str]) -> int:
     )
     if not given.quiet:
         print(f"\n{result.metrics['report']}")
+    else:
+        print("".join(f"unstable: {reason}\n" for reason in result.metrics["stability"]["reasons"]), end="", file=sys.stderr)
     print(f"state_sha256: {result.metrics['state_sha256']}\nrun folder: {result.folder.path}")
     if given.html:
         _html(result.folder, progress=not given.quiet)
@@ -64,6 +66,18 @@ def run(arguments: Sequence[str]) -> int:
         print("interrupted; the bag holds what ran until then", file=sys.stderr)
         return INTERRUPTED_CODE
     return 0
+
+
+def _in_any_order(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> argparse.Namespace:
+    """Options, `experiment` and `overrides` may be mixed: what has := is an override."""
+    given = parser.parse_intermixed_args(list(arguments))
+    words = [given.experiment, *given.overrides]
+    given.overrides = [word for word in words if ":=" in word]
+    names = [word for word in words if ":=" not in word]
+    if len(names) != 1:
+        parser.error(f"one experiment is needed; got {', '.join(names) or 'none'}. Overrides are written key:=value")
+    given.experiment = names[0]
+    return given
 
 
 def _run_study(given: argparse.Namespace) -> int:
@@ -186,7 +200,7 @@ def describe(arguments: Sequence[str]) -> int:
     parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes, as for run")
     parser.add_argument("--also", action="append", default=[], metavar="KEY:=VALUE", help="print this parameter, too; may be repeated")
     parser.add_argument("--also-file", type=Path, metavar="FILE", help="print the parameters of this YAML file, too")
-    given = parser.parse_args(list(arguments))
+    given = _in_any_order(parser, arguments)
     _log_to_terminal(quiet=False)
     definition = experiment.load(given.experiment, given.overrides)
     if given.what == "urdf":

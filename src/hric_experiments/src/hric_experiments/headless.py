@@ -166,8 +166,14 @@ def _simulate(node: LocalNode, definition: Experiment, folder: RunFolder, progre
                 app.manager.load(name)
             app.manager.switch(list(definition.controllers), [], loop_running=False)
             wall = time.perf_counter()
-            interrupted = _run(app, node, definition, progress, human)
+            failure, interrupted = None, False
+            try:
+                interrupted = _run(app, node, definition, progress, human)
+            except HricError as error:  # the robot ended the run: raised when the bag, which has all cycles until then, is whole
+                failure = error
             wall = time.perf_counter() - wall
+        if failure is not None:
+            raise failure
         status = INTERRUPTED if interrupted else COMPLETED
         reached = app.cycles * app.loop.time_step if app.loop is not None else 0.0
         folder.update(status=status, finished=iso_now(), real_time_factor=round(reached / wall, 3), **_arm_error(app))

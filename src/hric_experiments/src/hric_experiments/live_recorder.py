@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import rosgraph
 import rospy
 from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger, TriggerResponse
@@ -245,9 +246,20 @@ class Recorder:
         return path
 
     def close(self) -> None:
-        """At shutdown: an experiment that is still being recorded was interrupted."""
-        if self._recording is not None:
+        """At shutdown: an experiment that is still being recorded was interrupted, or failed with its robot."""
+        if self._recording is None:
+            return
+        if failure := _robot_failure():
+            self.stop(FAILED, SHUTDOWN_TIMEOUT, error=failure)
+        else:
             self.stop(COMPLETED if self._free else INTERRUPTED, SHUTDOWN_TIMEOUT)
+
+
+def _robot_failure() -> str:
+    """Why the robot has ended; empty: it has not, or as it was told to."""
+    with contextlib.suppress(OSError, rosgraph.MasterException):
+        return str(rospy.get_param(f"{rospy.resolve_name('robot')}/failure", ""))
+    return ""
 
 
 def _ending() -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_experiments import bag_reader, files, headless, study_tracking, table
+from hric_experiments import bag_reader, files, headless, stability, study_tracking, table
 from hric_experiments.analysis import bag_of
 from hric_experiments.bag_reader import FloatArray
 from hric_experiments.compare import compare
@@ -35,8 +35,10 @@ class StudyResult:
 
     @property
     def passed(self) -> bool:
-        """Whether no difference is larger than its bound."""
-        return all(pair["passed"] is not False for form in self.metrics["forms"].values() for pair in form["compared"])
+        """Whether no difference is larger than its bound, and no run unstable."""
+        forms = self.metrics["forms"].values()
+        stable = all(run["stability"] != stability.UNSTABLE for form in forms for run in form["runs"].values())
+        return stable and all(pair["passed"] is not False for form in forms for pair in form["compared"])
 
 
 def run(study: Study, forms: Sequence[Form], given: Sequence[str], *, seed: int, root: Path, progress: bool, figures: bool) -> StudyResult:
@@ -107,6 +109,7 @@ def _run(result: Result) -> dict[str, Any]:
         "run": result.folder.path.name,
         "arguments": data["arguments"],
         "real_time_factor": data.get("real_time_factor"),
+        "stability": result.metrics["stability"]["verdict"],
         "law_times": law_times(times_of(result.folder)),
         "tracking": study_tracking.chosen(result.metrics),
     }
@@ -171,6 +174,7 @@ def render(result: Mapping[str, Any]) -> str:
         for run, values in form["runs"].items():
             law = values["law_times"]
             rising = "time strictly rises" if law["strictly_rising"] else f"time went BACK {law['backward_steps']} times"
+            rising += ", UNSTABLE" if values["stability"] == stability.UNSTABLE else ""
             lines.append(f"  {run}: {law['calls']} calls of the law, {rising}; {values['real_time_factor']:.2f} times real time ({values['run']})")
         if "start_pose_difference_max" in form:
             lines.append(f"  link frames at the start agree within {form['start_pose_difference_max']:.1e} (m, and entries of the rotation)")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hric_experiments import collection, contact_record, tracking
+from hric_experiments import collection, contact_record, stability, tracking
 
 
 def rows(cells: Sequence[Sequence[str]]) -> list[str]:
@@ -27,6 +27,7 @@ def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     """
     parts = [_head(run, metrics)]
     parts += [f"THE ARM PROTECTED ITSELF at {one['time']:.3f} s: {', '.join(one['errors'])}" for one in metrics.get("reflexes", ())]
+    parts.append(_stability(metrics["stability"]))
     parts += [_move(move, metrics["joints"]) for move in metrics["setpoints"]]
     if metrics.get("tracking"):
         parts.append(tracking.render(metrics["tracking"]))
@@ -47,11 +48,20 @@ def _head(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     rtf = run.get("real_time_factor")
     pace = f", {rtf:.2f} times real time" if isinstance(rtf, int | float) else ""
     cycles = metrics["control_log"]
+    error = f": {run['error']}" if run.get("error") else ""
     return (
         f"{run.get('experiment', 'run')}: {run.get('description', '')}\n"
-        f"{run.get('status', '')} ({run.get('mode', '')}), arguments: {arguments}, seed {run.get('seed', 0)}\n"
+        f"{run.get('status', '')} ({run.get('mode', '')}){error}, arguments: {arguments}, seed {run.get('seed', 0)}\n"
         f"{cycles['cycles']} cycles, {cycles['duration']:.3f} s of run time{pace}"
     )
+
+
+def _stability(found: Mapping[str, Any]) -> str:
+    if found["verdict"] is None:
+        return "stability: not judged, the run is too short"
+    if found["verdict"] == stability.STABLE:
+        return "stability: stable"
+    return "\n".join(["stability: UNSTABLE", *(f"- {reason}" for reason in found["reasons"])])
 
 
 def _time(value: float | None) -> str:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from hric_control import urdf
-from hric_experiments import analysis, bag_reader, contact_record, metrics, tracking, tracking_analysis
+from hric_experiments import analysis, bag_reader, contact_record, metrics, stability, tracking, tracking_analysis
 from hric_experiments.bag_reader import BagError, RunRecord
 from hric_experiments.report_html import page, recordings, run_plots, tables
 from hric_experiments.report_html.page import Page
@@ -99,6 +99,9 @@ def verdicts(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tuple[st
     """What a reader wants to know first."""
     status = str(run.get("status", ""))
     found = [("good" if status == COMPLETED else "bad", status)]
+    stable = values["stability"]
+    if stable["verdict"] is not None:
+        found.append(("good" if stable["verdict"] == stability.STABLE else "bad", ", ".join([stable["verdict"], *list(stable["joints"])[:1]])))
     if values.get("reflexes"):
         found.append(("bad", f"the arm protected itself {len(values['reflexes'])} times"))
     touched = values.get("limits_touched")

@@ -88,6 +88,7 @@ def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
     rows = [
         ("experiment", f"{run.get('experiment', '')}: {run.get('description', '')}"),
         ("status", f"{run.get('status', '')} ({run.get('mode', '')})"),
+        ("stability", "; ".join([metrics["stability"]["verdict"] or "not judged: too short", *metrics["stability"]["reasons"]])),
         ("arguments", " ".join(run.get("arguments") or []) or "none"),
         ("seed", number(run.get("seed", 0))),
         ("robot", " ".join(str(robot[key]) for key in ("hw", "plant_type") if robot.get(key)) or "-"),
@@ -98,7 +99,7 @@ def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
         ("revision", f"{str(revision.get('commit') or '-')[:12]}{' (changed since)' if revision.get('dirty') else ''}"),
         ("hash of the states", str(metrics.get("state_sha256") or "-")[:16]),
     ]
-    rows += [(key, str(run[key])) for key in ("subject", "notes") if run.get(key)]
+    rows += [(key, str(run[key])) for key in ("error", "subject", "notes") if run.get(key)]
     if run.get("arm_error"):
         rows.append(("error of the arm at the end", str(run["arm_error"])))
     return Table("", ("what", "value"), tuple(rows))
