@@ -139,6 +139,22 @@ def test_a_world_that_cannot_be_used_is_told_in_one_error_and_ends_the_run(start
     assert system.processes() == {}
 
 
+def test_a_simulation_that_diverges_is_told_in_one_line_and_leaves_a_failed_run_with_a_whole_bag(start: Start, tmp_path: Path) -> None:
+    raw: dict[str, Any] = yaml.safe_load((ROOT / "src/hric_experiments/config/experiments/thesis_step.yaml").read_text())
+    raw["robot"]["parameters"] = {"enforce_limits": False}
+    raw["robot"]["plant"]["rotor_inertia"] = 0.0
+    raw["parameters"]["joint_pd_controller"] |= {"kp": 200.0, "kd": 100.0, "rotatum_limit": 0.0}
+    (tmp_path / "unstable.yaml").write_text(yaml.safe_dump(raw))
+    system = start("env:=sim", "rviz:=false", f"experiment:={tmp_path / 'unstable.yaml'}")
+    assert system.wait(60.0) == 1, system.output
+    told = [line for line in system.output.splitlines() if "the simulation diverged at" in line]
+    assert len(told) == 1 and "speed of panda_joint" in told[0] and "Traceback" not in system.output, system.output
+    run = yaml.safe_load((system.run_folder / "run.yaml").read_text())
+    assert run["status"] == "failed" and run["error"].startswith("DivergedError: the simulation diverged at"), run
+    (bag,) = system.run_folder.glob("*.bag*")
+    assert bag.suffix == ".bag" and len(control_log(bag)[0]) > 0
+
+
 def test_the_template_in_a_package_of_its_own_runs_on_the_arm_as_the_readme_says(start: Start, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "src/hric_controllers/templates/my_controller", tmp_path / "own/my_controller")
     packages = f"{tmp_path / 'own'}:{os.environ['ROS_PACKAGE_PATH']}"
