@@ -117,3 +117,9 @@ def test_an_unknown_form_and_a_form_without_study_are_refused(tmp_path: Path) ->
         command = ["rosrun", "hric_experiments", "run", *words, "--runs", str(tmp_path)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=os.environ)
         assert done.returncode == 1 and told in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(("verdict", "passed"), [("stable", True), (None, True), ("unstable", False)])
+def test_a_study_with_an_unstable_run_has_not_passed(verdict: str | None, passed: bool, tmp_path: Path) -> None:
+    form = {"runs": {"a": {"stability": "stable"}, "b": {"stability": verdict}}, "compared": [{"passed": True}]}
+    assert study_run.StudyResult(tmp_path, {"forms": {"one": form}}, interrupted=False).passed is passed
