@@ -1,6 +1,5 @@
 """Robots for the tests, and the folder of the helpers."""
 
-import re
 import sys
 from pathlib import Path
 
@@ -11,14 +10,11 @@ import panda_description
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from rigid_body_oracle import wide
+
 from pybullet_ros_control.plant import PyBulletPlant
 
 PANDA = [f"panda_joint{i}" for i in range(1, 8)]
-
-
-def wide(urdf):
-    """The same robot without joint limits that could be reached."""
-    return re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="-1000" upper="1000"', urdf)
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,14 @@
 """A second opinion on the physics: pinocchio's forward dynamics, integrated by Runge-Kutta of fourth order, torques held for 1 ms."""
 
+import re
+
 import numpy as np
 import pinocchio
+
+
+def wide(urdf):
+    """The same robot without joint limits that could be reached."""
+    return re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="-1000" upper="1000"', urdf)
 
 
 class Oracle:

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from rigid_body_oracle import Oracle, plant_pd_run
+from rigid_body_oracle import Oracle, plant_pd_run, wide
 
 import panda_description
-from conftest import wide
 from hric_control.errors import HricError
 from hric_control.plant import Load
 from hric_control.plants.urdf_tree import parse_urdf
