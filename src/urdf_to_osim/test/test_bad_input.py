@@ -111,7 +111,7 @@ def test_an_open_surface_is_refused_as_contact_geometry(tmp_path) -> None:
     ("wrong", "message"),
     [
         ({"up": "x"}, "option up is 'x'; valid: y, z"),
-        ({"inertia": "guess"}, "option inertia is 'guess'; valid: refuse, repair, keep"),
+        ({"inertia": "guess"}, "option inertia is 'guess'; valid: refuse, repair, invent, keep"),
         ({"stop_stiffness": 0.0}, "option stop_stiffness is 0.0; it must be a number above 0"),
         ({"stop_damping": -1.0}, "option stop_damping is -1.0"),
         ({"gravity": 9.81}, "option gravity is 9.81; it must be three finite numbers"),

@@ -11,6 +11,7 @@ from small_robots import LIMIT, gripper, joint, link, one_joint, robot
 import panda_description
 from hric_control.errors import DescriptionError
 from urdf_to_osim import Options, convert, prove, write
+from urdf_to_osim.forward import ENOUGH
 
 LOSSES = f'{LIMIT}<dynamics damping="0.7" friction="1.5"/><axis xyz="0 1 0"/>'
 
@@ -107,3 +108,19 @@ def test_a_file_that_is_no_model_is_one_clear_error(tmp_path: Path) -> None:
     (tmp_path / "a.osim").write_text("<nothing/>")
     with pytest.raises(DescriptionError, match="OpenSim cannot use the model"):
         prove(tmp_path / "a.osim", one_joint())
+
+
+def test_the_proof_runs_the_model_forward_and_measures_its_speed_in_processor_time(tmp_path: Path) -> None:
+    path = write(convert(one_joint()), tmp_path / "a.osim").path
+    forward = prove(path, one_joint(), states=1, forward=0.1).forward
+    assert forward is not None and forward.simulated == pytest.approx(0.1)
+    assert forward.processor >= ENOUGH
+    assert forward.real_time_factor == pytest.approx(forward.runs * 0.1 / forward.processor)
+
+
+def test_a_forward_run_that_is_slow_ends_early_and_tells_how_far_it_came(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("urdf_to_osim.forward.LIMIT", 0.0)
+    path = write(convert(one_joint()), tmp_path / "a.osim").path
+    forward = prove(path, one_joint(), states=1, forward=0.1).forward
+    assert forward is not None and forward.simulated == pytest.approx(0.01)
+    assert forward.told().startswith("forward 0.01 s in ")

@@ -19,6 +19,8 @@ from urdf_to_osim.options import CHOICES, Options
 from urdf_to_osim.output import SUFFIX, write
 from urdf_to_osim.proof import Proof, prove
 
+FORWARD = 0.1
+"""Simulated time of the forward run [s]."""
 EPILOG = """The model is written only if the file, read back, agrees with the description: frames, mass matrix, gravity and inverse dynamics with a
 rigid-body library, damping, friction, stops and couplers with closed forms. Exit code 0: written; 1: refused, nothing is written."""
 
@@ -86,12 +88,17 @@ def run(arguments: argparse.Namespace) -> None:
     written = write(conversion, output, lambda path: proofs.append(_demand(path, urdf_xml, options, arguments)))
     print(proofs[0].table())
     meshes = f", {len(written.meshes)} mesh files {written.mesh_seconds:.2f} s" if written.meshes else ""
+    if changes := proofs[0].repaired:
+        told = " and ".join(f"the {name} by {change:.1e}" for name, change in changes.items())
+        print(f"the repair of inertias changed {told} (largest over {arguments.states} random states, relative to the largest value)")
+    if proofs[0].forward:
+        print(proofs[0].forward.told())
     print(f"conversion {converted - started:.2f} s{meshes}, proof over {arguments.states} random states {proofs[0].seconds:.2f} s")
     print(f"wrote {written.path}")
 
 
 def _demand(path: Path, urdf_xml: str, options: Options, arguments: argparse.Namespace) -> Proof:
-    proof = prove(path, urdf_xml, options, arguments.states, arguments.seed)
+    proof = prove(path, urdf_xml, options, arguments.states, arguments.seed, FORWARD)
     if not proof.passed:
         print(proof.table())
         raise DescriptionError(f"the proof failed: {', '.join(proof.failed)}; nothing was written")

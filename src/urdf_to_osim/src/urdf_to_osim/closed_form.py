@@ -15,10 +15,10 @@ def damping(joint: Joint, dq: float) -> float:
     return -joint.damping * dq
 
 
-def friction(joint: Joint, dq: float, options: Options) -> float:
-    """Coulomb: -f tanh(dq/v); sigmoid: -(phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3))) [N m or N]."""
+def friction(joint: Joint, dq: float, options: Options, velocity: float) -> float:
+    """Coulomb: -f tanh(dq/v) with v = `velocity`; sigmoid: -(phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3))) [N m or N]."""
     if options.friction == "coulomb":
-        return -joint.friction * math.tanh(dq / options.friction_velocity)
+        return -joint.friction * math.tanh(dq / velocity)
     if joint.name not in options.friction_parameters:
         return 0.0
     phi1, phi2, phi3 = sigmoid_parameters(options.friction_parameters, [joint.name])[0]

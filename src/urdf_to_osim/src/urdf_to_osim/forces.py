@@ -20,7 +20,7 @@ def add(model: opensim.Model, plan: Plan, options: Options) -> None:
     single = {joint.name: joint for joint in plan.robot.joints.values() if joint.type in ONE_COORDINATE}
     for joint in single.values():
         name = plan.joints[joint.name]
-        _add_losses(model, joint, name, options)
+        _add_losses(model, joint, name, options, plan.friction_velocities.get(joint.name))
         if options.stops and math.isfinite(joint.lower):
             model.addForce(_stop(joint, name, options))
         if options.actuators and joint.mimic is None:
@@ -30,7 +30,7 @@ def add(model: opensim.Model, plan: Plan, options: Options) -> None:
     _set_mimic_defaults(model, plan)
 
 
-def _add_losses(model: opensim.Model, joint: Joint, name: str, options: Options) -> None:
+def _add_losses(model: opensim.Model, joint: Joint, name: str, options: Options, velocity: float | None) -> None:
     if options.damping and joint.damping > 0.0:
         force = opensim.SpringGeneralizedForce(name)
         force.setName(f"{name}_damping")
@@ -38,23 +38,24 @@ def _add_losses(model: opensim.Model, joint: Joint, name: str, options: Options)
         force.setRestLength(0.0)
         force.setViscosity(joint.damping)
         model.addForce(force)
-    if (expression := friction_expression(joint, options)) is not None:
+    if (expression := friction_expression(joint, options, velocity)) is not None:
         force = opensim.ExpressionBasedCoordinateForce(name, expression)
         force.setName(f"{name}_friction")
         model.addForce(force)
 
 
-def friction_expression(joint: Joint, options: Options) -> str | None:
+def friction_expression(joint: Joint, options: Options, velocity: float | None) -> str | None:
     """Friction of a joint [N m or N] in OpenSim's terms of its velocity `qdot` [rad/s or m/s]; None if there is none.
 
-    Coulomb: -f tanh(dq/v). Sigmoid (C. Gaz et al., Dynamic identification of the Franka Emika Panda robot, IEEE RA-L 4(4), 2019):
+    Coulomb: -f tanh(dq/v) with v = `velocity`, which is None for a joint without.
+    Sigmoid (C. Gaz et al., Dynamic identification of the Franka Emika Panda robot, IEEE RA-L 4(4), 2019):
 
     -(phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3))),
 
     written with 1 / (1 + exp(-x)) = (1 + tanh(x/2)) / 2, which cannot overflow.
     """
-    if options.friction == "coulomb" and joint.friction > 0.0:
-        return f"-{joint.friction!r}*tanh(qdot/{options.friction_velocity!r})"
+    if velocity is not None:
+        return f"-{joint.friction!r}*tanh(qdot/{velocity!r})"
     if options.friction == "sigmoid" and joint.name in options.friction_parameters:
         phi1, phi2, phi3 = sigmoid_parameters(options.friction_parameters, [joint.name])[0]
         return f"({-0.5 * phi1!r})*(tanh({0.5 * phi2!r}*(qdot+({phi3!r})))-({math.tanh(0.5 * phi2 * phi3)!r}))"

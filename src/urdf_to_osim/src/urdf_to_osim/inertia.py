@@ -18,6 +18,8 @@ from hric_control.plants.spatial import FloatArray, MassProperties
 ROUNDING = 1e-6
 # A moving leaf that is repaired: too light to be felt, heavy enough to be integrated. Our choice [kg], [kg m^2].
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
+# A radius of gyration that no body has, since it is a hundredth of an atom's: the tensor is what is left of a zero [m].
+LEAST_RADIUS = 1e-12
 # A body without an inertia is repaired to a ball of water [kg/m^3].
 DENSITY = 1000.0
 
@@ -28,7 +30,7 @@ def fault(body: MassProperties) -> str:
         return f"its mass {body.mass} kg is negative"
     if body.mass == 0.0:
         return "it has an inertia but no mass" if body.inertia.any() else ""
-    if not body.inertia.any():
+    if _has_none(body):
         return f"it has {body.mass} kg but no inertia"
     moments = np.asarray(np.linalg.eigvalsh(body.inertia), dtype=np.float64)
     slack = ROUNDING * float(np.max(np.abs(moments)))
@@ -37,6 +39,10 @@ def fault(body: MassProperties) -> str:
     if moments[0] + moments[1] - moments[2] < -slack:
         return f"its inertia breaks the triangle inequality (principal moments {_text(moments)} kg m^2)"
     return ""
+
+
+def _has_none(body: MassProperties) -> bool:
+    return float(np.max(np.abs(body.inertia))) <= body.mass * LEAST_RADIUS**2
 
 
 def _text(moments: FloatArray) -> str:
@@ -49,7 +55,7 @@ def repaired(body: MassProperties) -> tuple[MassProperties, str]:
         if body.mass < 0.0:
             raise DescriptionError("a negative mass cannot be repaired")
         return MassProperties.zero(), "its inertia was dropped, since it has no mass"
-    if not body.inertia.any():
+    if _has_none(body):
         radius = (0.75 * body.mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
         return MassProperties(body.mass, body.com, 0.4 * body.mass * radius**2 * np.eye(3)), f"it got the inertia of a ball of water, {radius:.3g} m"
     moments, axes = np.linalg.eigh(0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia)
@@ -67,7 +73,7 @@ def settled(name: str, body: MassProperties, choice: str) -> tuple[MassPropertie
     Args:
         name: of the link.
         body: as the description has it.
-        choice: "refuse", "repair" or "keep".
+        choice: as in `Options.inertia`.
 
     Raises:
         DescriptionError: a fault that may not stay; says what to do.
@@ -75,7 +81,7 @@ def settled(name: str, body: MassProperties, choice: str) -> tuple[MassPropertie
     reason = fault(body)
     if not reason:
         return body, ""
-    cannot_keep = body.mass <= 0.0 or not body.inertia.any()
+    cannot_keep = body.mass <= 0.0 or _has_none(body)
     if choice == "refuse" or body.mass < 0.0 or (choice == "keep" and cannot_keep):
         advice = "correct its <inertial>" + ("" if body.mass < 0.0 else ", or convert with inertia repair")
         raise DescriptionError(f"link {name}: {reason}; {advice}")

@@ -11,7 +11,7 @@ from hric_control.plants.friction import sigmoid_parameters
 
 CHOICES = {
     "up": ("y", "z"),
-    "inertia": ("refuse", "repair", "keep"),
+    "inertia": ("refuse", "repair", "invent", "keep"),
     "names": ("refuse", "rename"),
     "friction": ("none", "coulomb", "sigmoid"),
 }
@@ -25,7 +25,8 @@ class Options:
         name: name of the model; empty takes the robot's.
         up: axis of OpenSim's ground that points where z of the description does; OpenSim's custom: "y".
         gravity: acceleration in axes of the description's root link, three numbers [m/s^2]; the default is that of ROS's simulators.
-        inertia: what becomes of inertias that no body has: "refuse"; "repair" (to the nearest that a body has); "keep" (but zero ones).
+        inertia: what becomes of inertias that no body has: "refuse"; "repair" (to the nearest that a body has);
+            "invent" (the same, also where most of a robot's mass comes from the repair); "keep" (but zero ones).
         names: what becomes of names that OpenSim forbids: "refuse" or "rename".
         stops: joint stops act (CoordinateLimitForce).
         stop_stiffness: of a stop, beyond its transition [N m/rad]. Our choice: 100 N m (a Panda's largest effort) give 0.1 rad.
@@ -36,7 +37,8 @@ class Options:
         stop_transition_linear: the same for prismatic joints [m], our choice.
         damping: viscous damping of the description acts (SpringGeneralizedForce).
         friction: "none"; "coulomb", -f tanh(dq/v) with f of the description; "sigmoid", identified friction by `friction_parameters`.
-        friction_velocity: v of Coulomb friction [rad/s or m/s]. Smaller steps like real friction and costs smaller time steps; our choice.
+        friction_velocity: v of Coulomb friction for all joints [rad/s or m/s]: a smaller one is more like real friction and costs smaller time steps;
+            None: for each joint by `friction.transition_velocity`.
         friction_parameters: joint -> {phi1 [N m], phi2 [s/rad], phi3 [rad/s]} of the sigmoid, as `panda_description` has them.
         actuators: each driven coordinate has a CoordinateActuator with its effort limit.
         meshes: visual geometry is drawn.
@@ -58,7 +60,7 @@ class Options:
     stop_transition_linear: float = 1e-4
     damping: bool = True
     friction: str = "coulomb"
-    friction_velocity: float = 0.01
+    friction_velocity: float | None = None
     friction_parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     actuators: bool = True
     meshes: bool = True
@@ -69,8 +71,10 @@ class Options:
         for option, valid in CHOICES.items():
             if getattr(self, option) not in valid:
                 raise ParameterError(f"option {option} is {getattr(self, option)!r}; valid: {', '.join(valid)}")
-        for option in ("stop_stiffness", "stop_stiffness_linear", "stop_transition", "stop_transition_linear", "friction_velocity"):
+        for option in ("stop_stiffness", "stop_stiffness_linear", "stop_transition", "stop_transition_linear"):
             _positive(option, getattr(self, option))
+        if self.friction_velocity is not None:
+            _positive("friction_velocity", self.friction_velocity)
         for option in ("stop_damping", "stop_damping_linear"):
             _positive(option, getattr(self, option), zero=True)
         _numbers("gravity", self.gravity)

@@ -153,23 +153,18 @@ def rewritten(plan: Plan, urdf_xml: str) -> str:
     """The description as pinocchio is to read it."""
     root = ElementTree.fromstring(urdf_xml)
     root.set("name", plan.robot.name)
-    original = urdf.read(urdf_xml)
     for parent in list(root.iter()):
         for child in [child for child in parent if child.tag in NOT_DYNAMICS]:
             parent.remove(child)
     for link in root.findall("link"):
         name = link.get("name", "")
         mass = plan.robot.links[name].mass
-        if mass is not None and not _same(mass, original.links[name].mass):
+        if mass is not None and mass is not plan.described.links[name].mass:
             _replace_inertial(link, mass)
         link.set("name", LINK + name)
     for joint in root.findall("joint"):
         _rewrite_joint(root, joint, plan.robot.joints[joint.get("name", "")])
     return ElementTree.tostring(root, encoding="unicode")
-
-
-def _same(mass: MassProperties, other: MassProperties | None) -> bool:
-    return other is not None and mass.mass == other.mass and bool(np.array_equal(mass.inertia, other.inertia))
 
 
 def _replace_inertial(link: Element, mass: MassProperties) -> None:

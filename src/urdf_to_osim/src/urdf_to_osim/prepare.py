@@ -11,11 +11,14 @@ import numpy as np
 from hric_control.errors import DescriptionError, UnknownNameError
 from hric_control.plants.spatial import MassProperties
 from urdf_to_osim import inertia, urdf
+from urdf_to_osim.friction import told, transition_velocities
 from urdf_to_osim.joints import coordinate_names
 from urdf_to_osim.options import Options
+from urdf_to_osim.repair import check_invented
 
 # What separates and matches component paths in OpenSim, and white space.
 ILLEGAL = re.compile(r"[/\\*+\s]")
+REPAIRING = ("repair", "invent")
 # Components that every body, joint or model has.
 RESERVED = ("ground", "frame_geometry", "wrapobjectset", "components", "..", ".")
 
@@ -25,17 +28,26 @@ class Plan:
     """A description ready to be built.
 
     Attributes:
+        described: the description as it is.
         robot: with inertias settled.
         links, joints: names of the description -> names in OpenSim.
         bodies: links that become bodies; the others are frames.
-        notes: what was repaired, kept or renamed.
+        notes: what was repaired, kept or renamed, and how friction was made smooth.
+        friction_velocities: of Coulomb friction, -f tanh(dq/v), for each joint that has it [rad/s or m/s].
     """
 
+    described: urdf.Robot
     robot: urdf.Robot
     links: dict[str, str]
     joints: dict[str, str]
     bodies: frozenset[str]
     notes: tuple[str, ...]
+    friction_velocities: dict[str, float]
+
+    @property
+    def repaired(self) -> bool:
+        """Whether the mass properties of a link are not those of the description."""
+        return any(link.mass is not self.described.links[name].mass for name, link in self.robot.links.items())
 
 
 def prepare(robot: urdf.Robot, options: Options) -> Plan:
@@ -53,7 +65,9 @@ def prepare(robot: urdf.Robot, options: Options) -> Plan:
     settled = _settle_inertias(robot, options, notes)
     moved = {joint.child for joint in robot.joints.values() if joint.type != "fixed"}
     bodies = frozenset(name for name, link in settled.links.items() if name in moved or _has_mass(link))
-    return Plan(settled, links, joints, bodies, tuple(notes))
+    velocities = transition_velocities(settled, options)
+    notes += [told(velocities)] if velocities else []
+    return Plan(robot, settled, links, joints, bodies, tuple(notes), velocities)
 
 
 def legal_names(kind: str, names: Iterable[str], choice: str, notes: list[str]) -> dict[str, str]:
@@ -120,12 +134,15 @@ def _settle_inertias(robot: urdf.Robot, options: Options, notes: list[str]) -> u
     # From the leaves inwards, since what a link gets counts for the one before it.
     for joint in reversed(robot.joints.values()):
         reason = "" if joint.type == "fixed" else _carries_nothing(joint, robot.joints.values(), links)
-        if reason and options.inertia != "repair":
+        if reason and options.inertia not in REPAIRING:
             raise DescriptionError(f"link {joint.child}: {reason}; give it an <inertial>, make the joint fixed, or convert with inertia repair")
         if reason:
             links[joint.child] = replace(links[joint.child], mass=_least())
             notes.append(f"link {joint.child}: {reason}; it got {inertia.LEAST_MASS:g} kg and {inertia.LEAST_INERTIA:g} kg m^2")
-    return replace(robot, links=links)
+    settled = replace(robot, links=links)
+    if options.inertia == "repair" and notes:
+        check_invented(robot, settled)
+    return settled
 
 
 def _least() -> MassProperties:

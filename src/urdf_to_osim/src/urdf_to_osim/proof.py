@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from hric_control.errors import DescriptionError
 from hric_control.plants.spatial import FloatArray
 from urdf_to_osim import closed_form, states
 from urdf_to_osim.converter import Conversion, convert
+from urdf_to_osim.forward import Forward, run_forward
 from urdf_to_osim.options import Options
 from urdf_to_osim.oracle import Oracle
 from urdf_to_osim.reading import Reading
@@ -34,12 +35,16 @@ class Proof:
     Attributes:
         errors: what was compared -> largest error; only what the robot has.
         states: number of random states.
-        seconds: time that it took [s].
+        seconds: time that it took, without the forward run [s].
+        repaired: what the repair of inertias changed -> largest change, relative to the largest value; empty without a repair.
+        forward: the forward run; None without one.
     """
 
     states: int
     errors: dict[str, float] = field(default_factory=dict)
     seconds: float = 0.0
+    repaired: dict[str, float] = field(default_factory=dict)
+    forward: Forward | None = None
 
     @property
     def failed(self) -> list[str]:
@@ -75,7 +80,7 @@ class Proof:
         return "\n".join(lines)
 
 
-def prove(path: Path | str, urdf_xml: str, options: Options | None = None, states: int = 100, seed: int = 0) -> Proof:
+def prove(path: Path | str, urdf_xml: str, options: Options | None = None, states: int = 100, seed: int = 0, forward: float = 0.0) -> Proof:
     """Compare a written model with the description that it was made from.
 
     Args:
@@ -84,17 +89,22 @@ def prove(path: Path | str, urdf_xml: str, options: Options | None = None, state
         options: those of the conversion.
         states: number of random states.
         seed: of the random numbers.
+        forward: simulated time of a forward run after the comparisons [s]; 0 for none.
 
     Returns:
         The errors; `passed` tells whether they are small enough.
 
     Raises:
-        DescriptionError: OpenSim or pinocchio cannot use the model, or it cannot move: a joint moves no inertia.
+        DescriptionError: OpenSim or pinocchio cannot use the model, or it cannot move: a joint moves no inertia, or the forward run fails.
     """
     started = time.perf_counter()
     options = options or Options()
-    proof = _Prover(convert(urdf_xml, options), urdf_xml, Path(path), options).run(states, seed)
+    prover = _Prover(convert(urdf_xml, options), urdf_xml, Path(path), options)
+    proof = prover.run(states, seed)
+    proof.repaired = prover.repaired(states, seed)
     proof.seconds = time.perf_counter() - started
+    if forward > 0.0 and prover.size:
+        proof.forward = run_forward(prover.reading.model, prover.reading.start, forward)
     return proof
 
 
@@ -102,8 +112,8 @@ class _Prover:
     """The comparisons of one file."""
 
     def __init__(self, conversion: Conversion, urdf_xml: str, path: Path, options: Options) -> None:
-        self.options = options
-        self.names = conversion.plan.joints
+        self.options, self.plan, self.urdf_xml = options, conversion.plan, urdf_xml
+        self.names, self.friction_velocities = conversion.plan.joints, conversion.plan.friction_velocities
         self.oracle = Oracle(conversion.plan, urdf_xml, options.gravity, options.up)
         self.joints = self.oracle.joints
         paths = [name for joint in self.joints for name in conversion.joints[joint.name].paths]
@@ -126,8 +136,26 @@ class _Prover:
                 self._forces(proof, random)
         return proof
 
+    def repaired(self, count: int, seed: int) -> dict[str, float]:
+        """What the repair of inertias changed, largest over random states, relative to the largest value in each."""
+        if not self.size or not self.plan.repaired:
+            return {}
+        before = Oracle(replace(self.plan, robot=self.plan.described), self.urdf_xml, self.options.gravity, self.options.up)
+        changes, random = {"mass matrix": 0.0, "inverse dynamics": 0.0}, np.random.default_rng(seed)
+        for _ in range(count):
+            x = self._anywhere(random)
+            xd, xdd = random.normal(size=(2, self.size))
+            pairs = [(oracle.mass(x), oracle.inverse_dynamics(x, xd, xdd)) for oracle in (before, self.oracle)]
+            for name, old, new in zip(changes, *pairs, strict=True):
+                change = np.max(np.abs(new - old)) / max(np.max(np.abs(old)), np.max(np.abs(new)))
+                changes[name] = max(changes[name], float(change))
+        return changes
+
+    def _anywhere(self, random: np.random.Generator) -> FloatArray:
+        return np.array([value for joint in self.joints for value in states.coordinates(joint, random)])
+
     def _rigid(self, proof: Proof, random: np.random.Generator) -> None:
-        x = np.array([value for joint in self.joints for value in states.coordinates(joint, random)])
+        x = self._anywhere(random)
         xd, xdd = random.normal(size=(2, self.size))
         self.reading.move(x, np.zeros(self.size))
         wanted = self.oracle.frames(x)
@@ -161,7 +189,7 @@ class _Prover:
         return range({"planar": 3, "floating": 6}.get(joint.type, 1))
 
     def _forces(self, proof: Proof, random: np.random.Generator) -> None:
-        x = np.array([value for joint in self.joints for value in states.coordinates(joint, random)])
+        x = self._anywhere(random)
         xd = states.speeds(self.size, random)
         for joint, place in self.single.values():
             x[place] = states.around_stops(joint, random, self.options)
@@ -176,7 +204,8 @@ class _Prover:
         if kind == "damping":
             return closed_form.damping(joint, dq) if self.options.damping else 0.0
         if kind == "friction":
-            return closed_form.friction(joint, dq, self.options) if self.options.friction != "none" else 0.0
+            velocity = self.friction_velocities.get(joint.name, math.inf)
+            return closed_form.friction(joint, dq, self.options, velocity) if self.options.friction != "none" else 0.0
         return closed_form.stop(joint, q, dq, self.options) if self.options.stops else 0.0
 
     def _compare_force(self, proof: Proof, kind: str, none: FloatArray, x: FloatArray, xd: FloatArray) -> None:

@@ -22,6 +22,9 @@ class Reading:
         coordinates: paths of coordinates; all arrays follow them.
         frames: name -> path of a frame.
 
+    Attributes:
+        start: the model's default state.
+
     Raises:
         DescriptionError: OpenSim cannot load or initialise it.
     """
@@ -32,6 +35,7 @@ class Reading:
             self.state = self.model.initSystem()
         except RuntimeError as error:
             raise DescriptionError(f"OpenSim cannot use the model: {turns.said(error)}") from error
+        self.start = opensim.State(self.state)
         self._coordinates = [opensim.Coordinate.safeDownCast(self.model.getComponent(name)) for name in coordinates]
         self._frames = {name: opensim.PhysicalFrame.safeDownCast(self.model.getComponent(frame)) for name, frame in frames.items()}
         self._places = self._find_places()

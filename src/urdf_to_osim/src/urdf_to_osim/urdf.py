@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -39,6 +39,7 @@ class Joint:
         effort: `<limit>` value [N m or N], infinite where there is none (also if it is zero).
         damping: viscous friction [N m s/rad or N s/m].
         friction: Coulomb friction [N m or N].
+        velocity: `<limit>` value [rad/s or m/s], infinite where there is none (also if it is not above zero).
     """
 
     name: str
@@ -53,6 +54,7 @@ class Joint:
     damping: float = 0.0
     friction: float = 0.0
     mimic: Mimic | None = None
+    velocity: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,8 @@ def _joint(element: Element) -> Joint:
     damping, friction = (0.0 if dynamics is None else xml.number(dynamics, loss, where, 0.0) for loss in ("damping", "friction"))
     if damping < 0.0 or friction < 0.0:
         raise DescriptionError(f"{where}: damping {damping} and friction {friction} must not be negative: they would drive the joint")
-    return Joint(name, kind, parent, child, fixed.T_parent_joint, fixed.axis, lower, upper, effort, damping, friction, _mimic(element, where))
+    with_losses = replace(fixed, damping=damping, friction=friction, velocity=_velocity(element, where))
+    return replace(with_losses, lower=lower, upper=upper, effort=effort, mimic=_mimic(element, where))
 
 
 def _end(element: Element, side: str, where: str) -> str:
@@ -208,6 +211,12 @@ def _limits(element: Element, kind: str, where: str) -> tuple[float, float, floa
     if lower > upper:
         raise DescriptionError(f"{where}: its lower limit {lower} is above its upper one {upper}")
     return *sensible_range(lower, upper), effort
+
+
+def _velocity(element: Element, where: str) -> float:
+    limit = element.find("limit")
+    velocity = 0.0 if limit is None else xml.number(limit, "velocity", where, 0.0)
+    return velocity if velocity > 0.0 else math.inf
 
 
 def sensible_range(lower: float, upper: float) -> tuple[float, float]:
