@@ -123,4 +123,4 @@ def test_a_forward_run_that_is_slow_ends_early_and_tells_how_far_it_came(tmp_pat
     path = write(convert(one_joint()), tmp_path / "a.osim").path
     forward = prove(path, one_joint(), states=1, forward=0.1).forward
     assert forward is not None and forward.simulated == pytest.approx(0.01)
-    assert forward.told().startswith("forward 0.01 s in ")
+    assert forward.told().startswith("forward 0.01 s: real-time factor ")

@@ -44,7 +44,7 @@ def test_the_command_prints_the_changes_the_forward_run_and_the_transitions_of_f
     out = capsys.readouterr().out
     assert "the repair of inertias changed the mass matrix by 3.3e-01 and the inverse dynamics by " in out
     assert "note: friction is -f tanh(dq/v), v [rad/s or m/s]: swing 0.01" in out
-    assert "forward 0.1 s in " in out and "s of processor time: real-time factor " in out
+    assert "\nforward 0.1 s: real-time factor " in out
 
 
 @pytest.mark.parametrize(("fingers", "massless"), [(1, 1), (4, 3), (9, 9)])

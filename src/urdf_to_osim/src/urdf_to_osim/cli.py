@@ -7,17 +7,18 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import opensim
-import yaml
 
 from hric_control.errors import DescriptionError, HricError, ParameterError
-from panda_description import process_xacro
-from urdf_to_osim.converter import convert
+from urdf_to_osim.converter import Conversion, convert
 from urdf_to_osim.options import CHOICES, Options
 from urdf_to_osim.output import SUFFIX, write
-from urdf_to_osim.proof import Proof, prove
+
+if TYPE_CHECKING:
+    from urdf_to_osim.proof import Proof
 
 FORWARD = 0.1
 """Simulated time of the forward run [s]."""
@@ -85,7 +86,7 @@ def run(arguments: argparse.Namespace) -> None:
     for note in conversion.notes:
         print(f"note: {note}")
     proofs: list[Proof] = []
-    written = write(conversion, output, lambda path: proofs.append(_demand(path, urdf_xml, options, arguments)))
+    written = write(conversion, output, lambda path: proofs.append(_demand(path, urdf_xml, conversion, arguments)))
     print(proofs[0].table())
     meshes = f", {len(written.meshes)} mesh files {written.mesh_seconds:.2f} s" if written.meshes else ""
     if changes := proofs[0].repaired:
@@ -97,8 +98,10 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"wrote {written.path}")
 
 
-def _demand(path: Path, urdf_xml: str, options: Options, arguments: argparse.Namespace) -> Proof:
-    proof = prove(path, urdf_xml, options, arguments.states, arguments.seed, FORWARD)
+def _demand(path: Path, urdf_xml: str, conversion: Conversion, arguments: argparse.Namespace) -> Proof:
+    from urdf_to_osim.proof import prove  # loads the rigid-body library, which a refusal need not wait for
+
+    proof = prove(path, urdf_xml, conversion.options, arguments.states, arguments.seed, forward=FORWARD, conversion=conversion)
     if not proof.passed:
         print(proof.table())
         raise DescriptionError(f"the proof failed: {', '.join(proof.failed)}; nothing was written")
@@ -119,6 +122,8 @@ def read_description(source: str, xacro_arguments: Sequence[str] = ()) -> str:
         for name, separator, _ in pairs:
             if not separator or not name:
                 raise ParameterError(f"--xacro-arg {name!r} is not of the form NAME:=VALUE")
+        from panda_description import process_xacro  # loads xacro
+
         return str(process_xacro(Path(source), {name: value for name, _, value in pairs}).toxml())
     if xacro_arguments:
         raise ParameterError(f"--xacro-arg needs an input that ends in .xacro; got {source}")
@@ -158,6 +163,8 @@ def _options(arguments: argparse.Namespace) -> Options:
 def _friction_parameters(source: str | None) -> dict[str, dict[str, float]]:
     if source is None:
         return {}
+    import yaml
+
     try:
         found = yaml.safe_load(Path(source).read_text())
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

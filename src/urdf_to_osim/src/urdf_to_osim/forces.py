@@ -17,31 +17,33 @@ PRISMATIC = "prismatic"
 
 def add(model: opensim.Model, plan: Plan, options: Options) -> None:
     """Add what the options ask for to a model that has its joints."""
+    # Not Model.addForce, which goes through the whole model each time: with a hundred joints it took most of the conversion.
+    acting = model.updForceSet()
     single = {joint.name: joint for joint in plan.robot.joints.values() if joint.type in ONE_COORDINATE}
     for joint in single.values():
         name = plan.joints[joint.name]
-        _add_losses(model, joint, name, options, plan.friction_velocities.get(joint.name))
+        _add_losses(acting, joint, name, options, plan.friction_velocities.get(joint.name))
         if options.stops and math.isfinite(joint.lower):
-            model.addForce(_stop(joint, name, options))
+            acting.adoptAndAppend(_stop(joint, name, options))
         if options.actuators and joint.mimic is None:
-            model.addForce(_actuator(joint, name))
+            acting.adoptAndAppend(_actuator(joint, name))
         if joint.mimic is not None:
             model.addConstraint(_coupler(joint, name, plan.joints[joint.mimic.joint]))
     _set_mimic_defaults(model, plan)
 
 
-def _add_losses(model: opensim.Model, joint: Joint, name: str, options: Options, velocity: float | None) -> None:
+def _add_losses(acting: opensim.ForceSet, joint: Joint, name: str, options: Options, velocity: float | None) -> None:
     if options.damping and joint.damping > 0.0:
         force = opensim.SpringGeneralizedForce(name)
         force.setName(f"{name}_damping")
         force.setStiffness(0.0)
         force.setRestLength(0.0)
         force.setViscosity(joint.damping)
-        model.addForce(force)
+        acting.adoptAndAppend(force)
     if (expression := friction_expression(joint, options, velocity)) is not None:
         force = opensim.ExpressionBasedCoordinateForce(name, expression)
         force.setName(f"{name}_friction")
-        model.addForce(force)
+        acting.adoptAndAppend(force)
 
 
 def friction_expression(joint: Joint, options: Options, velocity: float | None) -> str | None:

@@ -40,7 +40,8 @@ class Forward:
 
     def told(self) -> str:
         """The result in one line."""
-        return f"forward {self.simulated:g} s in {self.processor / self.runs:.3g} s of processor time: real-time factor {self.real_time_factor:.2g}"
+        factor = f"real-time factor {self.real_time_factor:.2g} by processor time"
+        return f"forward {self.simulated:g} s: {factor} ({self.runs} runs, {self.processor:.3f} s of processor time in all)"
 
 
 def run_forward(model: opensim.Model, start: opensim.State, seconds: float) -> Forward:

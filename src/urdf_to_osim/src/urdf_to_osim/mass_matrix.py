@@ -43,16 +43,18 @@ def mass_matrix(robot: Robot, q: Mapping[str, float]) -> tuple[FloatArray, list[
     M, composite = np.zeros((len(rows), len(rows))), {name: _inertia(link.mass, T[name]) for name, link in robot.links.items()}
     for joint in reversed(robot.joints.values()):
         columns = moving[joint.child]
-        own_columns = columns[len(moving[joint.parent]) :]
-        block = S[:, columns].T @ composite[joint.child] @ S[:, own_columns]
-        M[np.ix_(columns, own_columns)] = block
-        M[np.ix_(own_columns, columns)] = block.T
+        if own_columns := columns[len(moving[joint.parent]) :]:
+            block = S[:, columns].T @ composite[joint.child] @ S[:, own_columns]
+            M[np.ix_(columns, own_columns)] = block
+            M[np.ix_(own_columns, columns)] = block.T
         composite[joint.parent] = composite[joint.parent] + composite[joint.child]
     return M, rows
 
 
 def _twists(joint: Joint, T_root_joint: FloatArray) -> FloatArray:
     """Angular velocity and velocity of the root's origin for each speed, shape (6, n)."""
+    if joint.type == "fixed":
+        return np.zeros((6, 0))
     turning = sliding = np.zeros((3, 0))
     if joint.type in ("revolute", "continuous"):
         turning = joint.axis[:, None]
@@ -84,7 +86,10 @@ def _inertia(body: MassProperties | None, T_root_link: FloatArray) -> FloatArray
         return np.zeros((6, 6))
     R = T_root_link[:3, :3]
     C = _skew(R @ body.com + T_root_link[:3, 3])
-    return np.block([[R @ body.inertia @ R.T + body.mass * C @ C.T, body.mass * C], [body.mass * C.T, body.mass * np.eye(3)]])
+    G = np.diag([0.0, 0.0, 0.0, *[body.mass] * 3])
+    G[:3, :3] = R @ body.inertia @ R.T + body.mass * C @ C.T
+    G[:3, 3:], G[3:, :3] = body.mass * C, body.mass * C.T
+    return G
 
 
 def _skew(v: FloatArray) -> FloatArray:

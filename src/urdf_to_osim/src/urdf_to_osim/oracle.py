@@ -66,6 +66,7 @@ class Oracle:
         sizes = np.cumsum([0, *(place.nv for place in self._places)])
         self._slices = [slice(int(a), int(b)) for a, b in pairwise(sizes)]
         self.size = int(sizes[-1])
+        self._known: tuple[bytes, tuple[FloatArray, FloatArray, FloatArray]] | None = None
 
     def frames(self, x: FloatArray) -> dict[str, FloatArray]:
         """Pose of each link in OpenSim's ground, shape (4, 4) [m], at coordinates x."""
@@ -102,7 +103,13 @@ class Oracle:
         return replace(own, lower=lower, upper=upper)
 
     def _motion(self, x: FloatArray, xd: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """q of pinocchio, J, and Jd xd, whose rows follow pinocchio's velocities and whose columns follow ours."""
+        """q of pinocchio, J, and Jd xd, whose rows follow pinocchio's velocities and whose columns follow ours; the last answer is kept."""
+        key = x.tobytes() + xd.tobytes()
+        if self._known is None or self._known[0] != key:
+            self._known = key, self._find_motion(x, xd)
+        return self._known[1]
+
+    def _find_motion(self, x: FloatArray, xd: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         q, J, Jd_xd = pin.neutral(self._model), np.zeros((self.size, self.size)), np.zeros(self.size)
         for joint, place, part in zip(self.joints, self._places, self._slices, strict=True):
             motion = MOTIONS[joint.type](x[part], xd[part])
@@ -112,12 +119,15 @@ class Oracle:
         return q, J, Jd_xd
 
 
+ONE, NONE = np.eye(1), np.zeros(1)
+
+
 def _single(x: FloatArray, xd: FloatArray) -> Motion:
-    return Motion(x, np.eye(1), np.zeros(1))
+    return Motion(x, ONE, NONE)
 
 
 def _continuous(x: FloatArray, xd: FloatArray) -> Motion:
-    return Motion(np.array([math.cos(x[0]), math.sin(x[0])]), np.eye(1), np.zeros(1))
+    return Motion(np.array([math.cos(x[0]), math.sin(x[0])]), ONE, NONE)
 
 
 def _planar(x: FloatArray, xd: FloatArray) -> Motion:

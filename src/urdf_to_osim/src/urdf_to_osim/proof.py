@@ -80,7 +80,16 @@ class Proof:
         return "\n".join(lines)
 
 
-def prove(path: Path | str, urdf_xml: str, options: Options | None = None, states: int = 100, seed: int = 0, forward: float = 0.0) -> Proof:
+def prove(
+    path: Path | str,
+    urdf_xml: str,
+    options: Options | None = None,
+    states: int = 100,
+    seed: int = 0,
+    *,
+    forward: float = 0.0,
+    conversion: Conversion | None = None,
+) -> Proof:
     """Compare a written model with the description that it was made from.
 
     Args:
@@ -90,6 +99,7 @@ def prove(path: Path | str, urdf_xml: str, options: Options | None = None, state
         states: number of random states.
         seed: of the random numbers.
         forward: simulated time of a forward run after the comparisons [s]; 0 for none.
+        conversion: of this description with these options, where it is at hand; without it, it is made again.
 
     Returns:
         The errors; `passed` tells whether they are small enough.
@@ -99,7 +109,7 @@ def prove(path: Path | str, urdf_xml: str, options: Options | None = None, state
     """
     started = time.perf_counter()
     options = options or Options()
-    prover = _Prover(convert(urdf_xml, options), urdf_xml, Path(path), options)
+    prover = _Prover(conversion or convert(urdf_xml, options), urdf_xml, Path(path), options)
     proof = prover.run(states, seed)
     proof.repaired = prover.repaired(states, seed)
     proof.seconds = time.perf_counter() - started
@@ -134,6 +144,7 @@ class _Prover:
             self._rigid(proof, random)
             if self.single:
                 self._forces(proof, random)
+        self._compare_limits(proof)
         return proof
 
     def repaired(self, count: int, seed: int) -> dict[str, float]:
@@ -221,9 +232,15 @@ class _Prover:
         scale = max(1.0, float(np.max(np.abs(none))))
         proof.compare({"stop": "stops"}.get(kind, kind), found / scale, wanted / scale)
 
+    def _driven(self) -> dict[str, tuple[Joint, int]]:
+        """Actuators of the model: joint and place of its coordinate."""
+        if not self.options.actuators:
+            return {}
+        return {f"{self.names[name]}_actuator": (joint, place) for name, (joint, place) in self.single.items() if joint.mimic is None}
+
     def _compare_actuators(self, proof: Proof, none: FloatArray, random: np.random.Generator) -> None:
-        driven = {f"{self.names[name]}_actuator": (joint, place) for name, (joint, place) in self.single.items() if joint.mimic is None}
-        if not self.options.actuators or not driven:
+        driven = self._driven()
+        if not driven:
             return
         values = {name: float(random.normal()) for name in driven}
         wanted = np.zeros(self.size)
@@ -234,6 +251,11 @@ class _Prover:
             found = none - self.reading.inverse_dynamics(np.zeros(self.size))
         scale = max(1.0, float(np.max(np.abs(none))))
         proof.compare("actuators", found / scale, wanted / scale)
+
+    def _compare_limits(self, proof: Proof) -> None:
+        driven = self._driven()
+        if not driven:
+            return
         limits = self.reading.control_limits()
         ends = np.array([[-joint.effort, joint.effort] for joint, _ in driven.values()])
         read = np.array([limits[name] for name in driven])

@@ -41,7 +41,10 @@ class Reading:
         self._places = self._find_places()
         self._solver = opensim.InverseDynamicsSolver(self.model)
         self.forces = {force.getName(): force for force in map(self.model.updForceSet().get, range(self.model.getForceSet().getSize()))}
+        self._acting: set[str] = set(self.forces)
         self.only(())
+        drives = {name: opensim.CoordinateActuator.safeDownCast(force) for name, force in self.forces.items()}
+        self._drives = {name: drive for name, drive in drives.items() if drive is not None}
 
     def _find_places(self) -> list[int]:
         """Where each coordinate's speed stands in Simbody's order, found by giving each its own value."""
@@ -53,8 +56,9 @@ class Reading:
     def only(self, names: Iterable[str]) -> None:
         """Let only these forces act, and gravity."""
         acting = set(names)
-        for name, force in self.forces.items():
-            force.setAppliesForce(self.state, name in acting)
+        for name in (acting ^ self._acting) & self.forces.keys():
+            self.forces[name].setAppliesForce(self.state, name in acting)
+        self._acting = acting
 
     def move(self, x: FloatArray, xd: FloatArray) -> None:
         """Put all coordinates and their speeds, shape (n,) each, without regard to couplers."""
@@ -110,15 +114,10 @@ class Reading:
         """Set controls of actuators by name [N m or N]."""
         self.model.realizeVelocity(self.state)
         controls = opensim.Vector(self.model.getNumControls(), 0.0)
-        for index, name in enumerate(self.actuators()):
+        for index, name in enumerate(self._drives):
             controls.set(index, values[name])
         self.model.setControls(self.state, controls)
 
-    def actuators(self) -> list[str]:
-        """Names of the actuators in the order of the controls."""
-        return [force.getName() for force in self.forces.values() if opensim.CoordinateActuator.safeDownCast(force) is not None]
-
     def control_limits(self) -> dict[str, tuple[float, float]]:
         """Least and greatest control of each actuator [N m or N]."""
-        drives = {name: opensim.CoordinateActuator.safeDownCast(self.forces[name]) for name in self.actuators()}
-        return {name: (drive.getMinControl(), drive.getMaxControl()) for name, drive in drives.items()}
+        return {name: (drive.getMinControl(), drive.getMaxControl()) for name, drive in self._drives.items()}

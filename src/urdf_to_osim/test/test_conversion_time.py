@@ -1,0 +1,45 @@
+"""Conversion and proof take little more than what they load; in processor time, as ratios within one run."""
+
+from __future__ import annotations
+
+import os
+import re
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import panda_description
+
+COMMAND = Path(__file__).resolve().parents[1] / "nodes" / "urdf_to_osim"
+RUNS = 3
+"""Of each command; the least counts, since a busy machine only adds."""
+LARGEST = 2.0
+"""Times the bare import of OpenSim; measured: 1.5, of which the rigid-body library and numpy are 0.5."""
+
+
+def processor_time(folder: Path, *words: str) -> float:
+    """Of one command [s]; the forward run of a conversion apart."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run([sys.executable, *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    forward = re.search(r"^forward .*, ([\d.]+) s of processor time in all", done.stdout, re.MULTILINE)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime - (float(forward[1]) if forward else 0.0)
+
+
+def test_conversion_and_proof_without_meshes_take_at_most_twice_the_import_of_opensim(tmp_path: Path) -> None:
+    (tmp_path / "panda.urdf").write_text(panda_description.load(fingers="prismatic"))
+    bare, whole = (
+        min(processor_time(tmp_path, *words) for _ in range(RUNS))
+        for words in (("-c", "import opensim"), (str(COMMAND), "panda.urdf", "--no-meshes"))
+    )
+    print(f"\nimport of OpenSim {bare:.2f} s, conversion and proof {whole:.2f} s: {whole / bare:.2f} times")
+    assert (tmp_path / "panda.osim").is_file()
+    assert whole < LARGEST * bare
+
+
+def test_who_only_converts_does_not_load_the_library_of_the_proof(tmp_path: Path) -> None:
+    code = "import sys, urdf_to_osim; print([name for name in ('pinocchio', 'trimesh', 'scipy', 'collada', 'xacro', 'yaml') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "[]\n"
