@@ -76,7 +76,7 @@ REFUSED = {
         robot(link("a", f"{BODY}<visual><geometry><cone/></geometry></visual>")),
         "link a: <visual> number 1: its geometry is <cone>",
     ),
-    "flat box": (robot(link("a", f'{BODY}<visual><geometry><box size="1 1 0"/></geometry></visual>')), "link a: <visual> number 1: a <box> of size"),
+    "flat box": (robot(link("a", f'{BODY}<visual><geometry><box size="1 1 -1"/></geometry></visual>')), "link a: <visual> number 1: a <box> of size"),
 }
 
 

@@ -215,3 +215,21 @@ def test_a_turn_takes_an_axis_onto_any_direction_also_nearly_opposite(start: int
         assert R[:, start] == pytest.approx(end, abs=1e-15)
         assert np.max(np.abs(R @ R.T - np.eye(3))) < 2e-15
         assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "words"),
+    [
+        ('<box size="0 0 0"/>', "a <box> of size 0 0 0 shows nothing"),
+        ('<cylinder radius="0.1" length="0"/>', "a <cylinder> of radius length 0.1 0 shows nothing"),
+        ('<sphere radius="0"/>', "a <sphere> of radius 0 shows nothing"),
+        ('<mesh filename="nowhere.stl" scale="0 0 0"/>', "a <mesh> of scale 0 0 0 shows nothing"),
+    ],
+)
+def test_a_visual_of_size_zero_is_left_out_and_told(geometry: str, words: str) -> None:
+    visual = f"<visual><geometry>{geometry}</geometry></visual>"
+    conversion = convert(robot(link("a", BODY + visual + '<visual><geometry><sphere radius="0.1"/></geometry></visual>')))
+    assert conversion.notes == [f"link a: <visual> number 1: left out, since {words}"]
+    assert conversion.meshes == []
+    conversion.model.initSystem()
+    assert conversion.model.hasComponent("/bodyset/a/a_visual_2") and not conversion.model.hasComponent("/bodyset/a/a_visual_1")

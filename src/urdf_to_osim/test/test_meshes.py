@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import coal
@@ -235,3 +237,42 @@ def test_a_file_that_cannot_be_put_in_place_leaves_nothing_behind(tmp_path: Path
     with pytest.raises(OSError, match="target"):
         write_whole(tmp_path / "target", b"content")
     assert [path.name for path in tmp_path.iterdir()] == ["target"]
+
+
+def test_a_kept_conversion_that_was_damaged_is_made_again(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text(OBJ)
+    requests, cache, written = [request(tmp_path / "a.obj")], tmp_path / "cache", tmp_path / "Geometry/out.obj"
+    convert_meshes(requests, tmp_path / "Geometry", cache)
+    whole = written.read_bytes()
+    for damaged in (b"", whole[: len(whole) // 2], whole.replace(b"3", b"4")):
+        (kept,) = cache.iterdir()
+        kept.write_bytes(damaged)
+        assert not convert_meshes(requests, tmp_path / "Geometry", cache)[0].cached
+        assert written.read_bytes() == whole and [path.read_bytes() for path in cache.iterdir()] == [whole]
+
+
+def test_processes_that_convert_the_same_meshes_at_once_all_get_them_whole(tmp_path: Path) -> None:
+    paths = [DATA / f"franka_panda/meshes/visual/{name}.obj" for name in ("finger", "hand", "link1")]
+    code = (
+        "import sys; from pathlib import Path; from urdf_to_osim.meshes import convert_meshes; from urdf_to_osim.requests import MeshRequest\n"
+        "folder, cache, *files = map(Path, sys.argv[1:])\n"
+        "convert_meshes([MeshRequest('hand', str(file), (1.0, 1.0, 1.0), file.stem) for file in files], folder, cache)"
+    )
+    command = [sys.executable, "-c", code]
+    # Two of them into one folder, as two conversions beside each other do.
+    folders = [tmp_path / name for name in ("one", "one", "two", "three")]
+    children = [subprocess.Popen([*command, str(folder), str(tmp_path / "cache"), *map(str, paths)]) for folder in folders]
+    assert [child.wait(timeout=100) for child in children] == [0] * len(children)
+    for path in paths:
+        assert len({(folder / path.name).read_bytes() for folder in folders}) == 1
+    assert len(list((tmp_path / "cache").iterdir())) == len(paths), "one file a mesh, and nothing that was begun"
+    assert all(result.cached for result in convert_meshes([request(path) for path in paths], tmp_path / "four", tmp_path / "cache"))
+
+
+def test_without_a_home_meshes_are_converted_and_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable, value in (("XDG_CACHE_HOME", "relative"), ("HOME", "nowhere")):
+        monkeypatch.setenv(variable, value)
+    (tmp_path / "a.obj").write_text(OBJ)
+    monkeypatch.chdir(tmp_path)
+    assert not convert_meshes([request(tmp_path / "a.obj")], tmp_path / "Geometry")[0].cached
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["Geometry", "a.obj"]

@@ -80,7 +80,7 @@ def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
     try:
         builder.bodies()
         forces.add(builder.model, plan, options)
-        waiting = shapes.add(builder.model, plan, options, builder.carriers)
+        waiting = shapes.add(builder.model, plan, options, builder.carriers, builder.notes)
         builder.model.finalizeConnections()
     except RuntimeError as error:
         raise DescriptionError(f"OpenSim refuses robot {plan.robot.name}: {turns.said(error)}") from error

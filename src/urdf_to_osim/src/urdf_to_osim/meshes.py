@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hric_control.compiler import cache_folder
 from hric_control.errors import DescriptionError, HricError
 from hric_control.plants.resources import resolve
 from urdf_to_osim.requests import MeshRequest
@@ -42,9 +43,10 @@ class MeshResult:
     cached: bool
 
 
-def default_cache() -> Path:
-    """Where conversions are kept: hric/meshes below XDG_CACHE_HOME, or ~/.cache. It may be removed at any time."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hric" / "meshes"
+def default_cache() -> Path | None:
+    """Where conversions are kept: hric/meshes below XDG_CACHE_HOME, or ~/.cache; None without a home. It may be removed at any time."""
+    folder = cache_folder()
+    return None if folder is None else folder / "meshes"
 
 
 def convert_meshes(requests: Sequence[MeshRequest], folder: Path, cache: Path | None = None, relative_to: Path | None = None) -> list[MeshResult]:
@@ -94,17 +96,17 @@ def _find(request: MeshRequest, relative_to: Path | None) -> Path:
         raise DescriptionError(f"{where}: {error}. Put the file there, set ROS_PACKAGE_PATH, or leave meshes out") from error
 
 
-def _convert(request: MeshRequest, path: Path, folder: Path, cache: Path) -> MeshResult:
+def _convert(request: MeshRequest, path: Path, folder: Path, cache: Path | None) -> MeshResult:
     started = time.perf_counter()
     content = path.read_bytes()
     key = hashlib.sha256(b"|".join([VERSION, path.suffix.lower().encode(), repr(tuple(map(float, request.scale))).encode(), content])).hexdigest()
-    kept = cache / f"{key}{ENDING}"
     target = folder / f"{request.file}{ENDING}"
-    text = _read_kept(kept)
+    text = None if cache is None else _read_kept(cache, key)
     cached = text is not None
     if text is None:
         text = _fresh(request, path, content)
-        _keep(kept, text)
+        if cache is not None:
+            _keep(cache / _kept_name(key, text), text)
     write_whole(target, text)
     return MeshResult(request, target.name, time.perf_counter() - started, cached)
 
@@ -120,11 +122,21 @@ def _fresh(request: MeshRequest, path: Path, content: bytes) -> bytes:
         ) from error
 
 
-def _read_kept(kept: Path) -> bytes | None:
+def _kept_name(key: str, text: bytes) -> str:
+    """Tells of which content, scale and version this is the conversion, and what must be in it: a file that was damaged since is known by that."""
+    return f"{key}_{hashlib.sha256(text).hexdigest()[:32]}{ENDING}"
+
+
+def _read_kept(cache: Path, key: str) -> bytes | None:
     try:
-        return kept.read_bytes() or None
+        for path in cache.glob(f"{key}_*{ENDING}"):
+            text = path.read_bytes()
+            if path.name == _kept_name(key, text):
+                return text
+            path.unlink()
     except OSError:
-        return None
+        pass  # a cache that cannot be read is no cache
+    return None
 
 
 def _keep(kept: Path, text: bytes) -> None:

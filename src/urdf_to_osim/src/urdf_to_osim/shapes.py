@@ -19,6 +19,7 @@ from urdf_to_osim.prepare import Plan
 Carriers = dict[str, tuple[opensim.PhysicalFrame, FloatArray]]
 GREY = (0.7, 0.7, 0.7, 1.0)  # where a visual has no material; our choice
 SIZES = {"box": "size", "sphere": "radius", "cylinder": "radius length", "capsule": "radius length", "mesh": "filename"}
+MEASURES = SIZES | {"mesh": "scale"}
 # z of a URDF cylinder along y, the axis of OpenSim's.
 Z_TO_Y = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -50,14 +51,17 @@ class Shape:
     colour: tuple[float, ...] = GREY
 
 
-def add(model: opensim.Model, plan: Plan, options: Options, carriers: Carriers) -> list[Shape]:
+def add(model: opensim.Model, plan: Plan, options: Options, carriers: Carriers, notes: list[str]) -> list[Shape]:
     """Attach what the options ask for; returns the shapes that wait for a mesh file (`geometry.lay`).
+
+    Args:
+        notes: gets what was left out.
 
     Raises:
         DescriptionError: a geometry that is incomplete or unknown; names the link.
     """
     waiting = []
-    for shape in _wanted(plan, options, carriers):
+    for shape in _wanted(plan, options, carriers, notes):
         carrier = carriers[shape.link][0]
         if shape.visual and shape.kind != "mesh":
             for geometry, T in _drawn(shape):
@@ -104,13 +108,19 @@ def _lifted(z: float) -> FloatArray:
     return T
 
 
-def _wanted(plan: Plan, options: Options, carriers: Carriers) -> Iterator[Shape]:
+def _wanted(plan: Plan, options: Options, carriers: Carriers, notes: list[str]) -> Iterator[Shape]:
     for link in plan.robot.links.values():
         carrier, T_carrier_link = carriers[link.name]
         for purpose, elements in (("visual", link.visuals if options.meshes else []), ("collision", link.collisions if options.contact else [])):
             for number, element in enumerate(elements, 1):
                 where = f"link {link.name}: <{purpose}> number {number}"
                 kind, size, address = _geometry(element, where)
+                if purpose == "visual" and 0.0 in size:
+                    notes.append(
+                        f"{where}: left out, since a <{kind}> of {MEASURES[kind]} {' '.join(f'{length:g}' for length in size)} shows nothing"
+                    )
+                    continue
+                _check_size(kind, size, where)
                 T = T_carrier_link @ urdf.origin(element, where)
                 name = f"{plan.links[link.name]}_{purpose}_{number}"
                 colour = _colour(element, plan.robot.colours, where)
@@ -127,9 +137,13 @@ def _geometry(element: Element, where: str) -> tuple[str, tuple[float, ...], str
         return "mesh", tuple(urdf.floats(shape, "scale", 3, "1 1 1", where)), shape.get("filename", "")
     names = SIZES[shape.tag].split()
     size = urdf.floats(shape, "size", 3, "", where) if shape.tag == "box" else [xml.number(shape, name, where) for name in names]
-    if min(size) <= 0.0:
-        raise DescriptionError(f"{where}: a <{shape.tag}> of {SIZES[shape.tag]} {' '.join(map(str, size))} m; all must be above 0")
     return shape.tag, tuple(size), ""
+
+
+def _check_size(kind: str, size: tuple[float, ...], where: str) -> None:
+    """What is wrong with a mesh's scale is told when its file is looked for."""
+    if kind != "mesh" and min(size) <= 0.0:
+        raise DescriptionError(f"{where}: a <{kind}> of {MEASURES[kind]} {' '.join(map(str, size))} m; all must be above 0")
 
 
 def _colour(element: Element, named: dict[str, tuple[float, ...]], where: str) -> tuple[float, ...]:
