@@ -52,7 +52,7 @@ def test_rosdep_asks_for_nothing_that_the_setup_does_not_install(rosdep) -> None
 
 
 def test_a_key_that_only_pypi_has_resolves_to_nothing_to_install(rosdep) -> None:
-    result = rosdep("resolve", "xacro")
+    result = rosdep("resolve", "python3-xacro")
     assert result.returncode == 0
     assert result.stdout.replace("#apt", "").strip() == ""
 

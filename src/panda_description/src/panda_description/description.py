@@ -150,7 +150,7 @@ def _warn_unphysical(name: str) -> None:
         LOG.warning("inertials '%s' are not physical: %s. Use them to reproduce the thesis only; the default is 'barycentric'.", name, lines)
 
 
-def _xacro() -> Any:
+def xacro_module() -> Any:
     """xacro 2, whose $(find) asks ROS 2's index: answer it with this package's folder or ROS 1's packages."""
     if "ament_index_python.packages" not in sys.modules:
         packages = types.ModuleType("ament_index_python.packages")
@@ -174,7 +174,7 @@ def process_xacro(path: Path, mappings: dict[str, str]) -> minidom.Document:
         DescriptionError: what xacro says, with the name of the file.
     """
     with _XACRO_LOCK:
-        xacro = _xacro()
+        xacro = xacro_module()
         try:
             document: minidom.Document = xacro.process_file(str(path), mappings=mappings)
         except (xacro.XacroException, ExpatError) as error:
