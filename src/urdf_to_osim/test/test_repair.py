@@ -59,6 +59,10 @@ def test_a_robot_with_some_links_without_mass_is_repaired() -> None:
     assert invented_joints(conversion.plan.described, conversion.plan.robot) == ["bend2", "bend3"]
 
 
+def test_a_tensor_that_was_moved_to_the_nearest_of_a_body_is_not_invented_however_far() -> None:
+    assert "nearest of a body" in convert(one_joint(child=body("0.1", "9")), Options(inertia="repair")).notes[0]
+
+
 def test_masses_without_inertia_far_from_the_axis_invent_little() -> None:
     point = '<inertial><origin xyz="0 1 0"/><mass value="1"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
     assert "ball of water" in convert(one_joint(child=point), Options(inertia="repair")).notes[0]

@@ -41,6 +41,11 @@ def fault(body: MassProperties) -> str:
     return ""
 
 
+def says_nothing(body: MassProperties) -> bool:
+    """Whether a body has no mass or no inertia, so that a repair must invent them."""
+    return body.mass <= 0.0 or _has_none(body)
+
+
 def _has_none(body: MassProperties) -> bool:
     return float(np.max(np.abs(body.inertia))) <= body.mass * LEAST_RADIUS**2
 
@@ -81,7 +86,7 @@ def settled(name: str, body: MassProperties, choice: str) -> tuple[MassPropertie
     reason = fault(body)
     if not reason:
         return body, ""
-    cannot_keep = body.mass <= 0.0 or _has_none(body)
+    cannot_keep = says_nothing(body)
     if choice == "refuse" or body.mass < 0.0 or (choice == "keep" and cannot_keep):
         advice = "correct its <inertial>" + ("" if body.mass < 0.0 else ", or convert with inertia repair")
         raise DescriptionError(f"link {name}: {reason}; {advice}")
