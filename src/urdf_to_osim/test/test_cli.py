@@ -106,4 +106,4 @@ def test_a_description_in_another_encoding_is_read(tmp_path: Path) -> None:
 def test_notes_on_repairs_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.urdf").write_text(one_joint(inside=LIMIT, child=""))
     assert cli.main([str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim"), "--inertia", "invent", "--states", "2"]) == 0
-    assert "note: link arm: joint swing moves it, but it and what is fixed to it have no mass; it got 1e-09 kg" in capsys.readouterr().out
+    assert "note: link arm: joint swing moves it, but it and what is fixed to it have no mass; it got 1e-05 kg" in capsys.readouterr().out

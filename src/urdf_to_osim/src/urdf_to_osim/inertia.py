@@ -17,7 +17,7 @@ from hric_control.plants.spatial import FloatArray, MassProperties
 # Tensors are written with few digits: a thin rod or a plate may miss the inequality by this part of its largest moment. Our choice.
 ROUNDING = 1e-6
 # A moving leaf that is repaired: too light to be felt, heavy enough to be integrated. Our choice [kg], [kg m^2].
-LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
+LEAST_MASS, LEAST_INERTIA = 1e-5, 1e-6
 # A radius of gyration that no body has, since it is a hundredth of an atom's: the tensor is what is left of a zero [m].
 LEAST_RADIUS = 1e-12
 # A body without an inertia is repaired to a ball of water [kg/m^3].
