@@ -1,4 +1,4 @@
-"""Every robot of PyPI's example-robot-data through the converter, with proof; writes docs/example_robot_data.md.
+"""Every robot of PyPI's example-robot-data through the converter, with proof, and forward; writes docs/example_robot_data.md.
 
     python tests/benchmarks/example_robot_data.py                # installs the package into a throw-away folder (130 MB to download)
     python tests/benchmarks/example_robot_data.py --data FOLDER  # uses one that is there
@@ -13,6 +13,7 @@ import argparse
 import itertools
 import json
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -36,6 +37,10 @@ RIGID = ("frames", "mass matrix", "gravity", "inverse dynamics")
 RELATIVE = "mass matrix / inertia"
 SHOWN = 400
 """Letters of a refusal; some list every joint."""
+FORWARD, RUNS = 0.5, 3
+"""Simulated time of a forward run [s], and how many there are with and without friction, one after the other; the median counts."""
+SLOWEST, SHARE = 0.2, 1.0 / 3.0
+"""Real-time factor that is asked for, and the part of the frictionless model's."""
 TIMEOUT = 900.0
 """For one robot [s]."""
 
@@ -53,6 +58,8 @@ class Row:
         errors: of the proof.
         convert_s, mesh_s, proof_s: times [s]; the meshes were not in a cache.
         meshes: number of mesh files.
+        forward, frictionless: real-time factors with default friction and without any, by processor time; 0 without a joint.
+        transitions: least and greatest velocity of friction [rad/s or m/s]; empty without friction.
     """
 
     name: str
@@ -65,6 +72,9 @@ class Row:
     mesh_s: float = 0.0
     proof_s: float = 0.0
     meshes: int = 0
+    forward: float = 0.0
+    frictionless: float = 0.0
+    transitions: list[float] = field(default_factory=list)
 
 
 def robots(data: Path) -> list[Path]:
@@ -94,8 +104,34 @@ def try_robot(path: Path, row: Row) -> Row:
             row.first = row.first or row.refusal
             continue
         row.needed, row.refusal = [words for words, _ in chosen], ""
+        _run_forward(path, row, {key: value for _, options in chosen for key, value in options.items()})
         break
     return row
+
+
+def _run_forward(path: Path, row: Row, chosen: dict[str, Any]) -> None:
+    """Forward runs from the default pose with OpenSim's own integrator, with and without friction in turn."""
+    import opensim
+
+    import urdf_to_osim
+    from urdf_to_osim import forward
+    from urdf_to_osim.cli import read_description
+
+    forward.LIMIT = TIMEOUT
+    models, text = {}, read_description(str(path))
+    for friction in ("coulomb", "none"):
+        options = urdf_to_osim.Options(**{"folder": str(path.parent), **chosen, "meshes": False, "friction": friction})
+        conversion = urdf_to_osim.convert(text, options)
+        models[friction] = conversion.model, opensim.State(conversion.model.initSystem())
+        if velocities := conversion.plan.friction_velocities.values():
+            row.transitions = [min(velocities), max(velocities)]
+    if not models["none"][1].getNQ():
+        return
+    factors: dict[str, list[float]] = {"coulomb": [], "none": []}
+    for _ in range(RUNS):
+        for friction, found in factors.items():
+            found.append(forward.run_forward(*models[friction], FORWARD).real_time_factor)
+    row.forward, row.frictionless = (statistics.median(factors[friction]) for friction in ("coulomb", "none"))
 
 
 def _convert(path: Path, row: Row, chosen: dict[str, Any]) -> None:
@@ -172,7 +208,40 @@ not from the cache. The package is for this check only. Made by `python tests/be
 | URDF | DoF | result | frames | mass matrix | gravity | inverse dynamics | forces | conversion [s] | meshes | mesh conversion [s] | proof [s] |
 |---|---|---|---|---|---|---|---|---|---|---|---|
 """
-    return head + "\n".join(map(_line, rows)) + "\n" + _explained(rows)
+    return head + "\n".join(map(_line, rows)) + "\n" + _forward_page(passed) + _explained(rows)
+
+
+def _forward_page(rows: Sequence[Row]) -> str:
+    """The forward runs as Markdown."""
+    runs = [row for row in rows if row.forward]
+    slow, far = ([row.name for row in runs if row.forward < bound(row)] for bound in (lambda row: SLOWEST, lambda row: SHARE * row.frictionless))
+    return (
+        f"""
+## Forward
+
+{FORWARD} s of each robot that converts, without controls, from its default pose at rest, with OpenSim's own integrator and accuracy and the default
+options: median real-time factor of {RUNS} runs by processor time, with the default friction and without any. v is the range of the transition
+velocities of friction, -f tanh(dq/v); without v the description has no friction, and both models are the same.
+
+- Slower than {SLOWEST}: {_names(slow)}
+- Slower than a third of the frictionless model: {_names(far)}
+- Both: {_names([name for name in slow if name in far])}
+
+| URDF | real-time factor | frictionless | share | v [rad/s or m/s] |
+|---|---|---|---|---|
+"""
+        + "\n".join(map(_forward_line, runs))
+        + "\n"
+    )
+
+
+def _names(found: Sequence[str]) -> str:
+    return ", ".join(name.rpartition("/")[2] for name in found) or "none"
+
+
+def _forward_line(row: Row) -> str:
+    v = f"{row.transitions[0]:.2g} to {row.transitions[1]:.2g}" if row.transitions else ""
+    return f"| {row.name} | {row.forward:.2g} | {row.frictionless:.2g} | {row.forward / row.frictionless:.2f} | {v} |"
 
 
 def _line(row: Row) -> str:

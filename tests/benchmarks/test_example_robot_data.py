@@ -15,9 +15,15 @@ ROBOT = """<robot name="{name}"><link name="base"/>
 
 
 def results(page: str) -> dict[str, str]:
-    """URDF -> result, from the page's table."""
+    """URDF -> result, from the page's first table."""
     cells = [[cell.strip() for cell in line.split("|")] for line in page.splitlines() if line.startswith("| ") and ".urdf" in line]
-    return {row[1]: row[3] for row in cells}
+    return {row[1]: row[3] for row in cells if len(row) > 10}
+
+
+def forward_runs(page: str) -> dict[str, tuple[float, float]]:
+    """URDF -> real-time factors with friction and without, from the page's second table."""
+    rows = re.findall(r"^\| (\S+\.urdf) \| (\S+) \| (\S+) \| \S+ \| [^|]*\|$", page, flags=re.MULTILINE)
+    return {name: (float(with_friction), float(without)) for name, with_friction, without in rows}
 
 
 def test_the_page_in_the_docs_has_every_robot_and_explains_each_that_did_not_pass_as_it_is() -> None:
@@ -27,6 +33,15 @@ def test_the_page_in_the_docs_has_every_robot_and_explains_each_that_did_not_pas
     assert sum(result.startswith("passes") for result in found.values()) >= LEAST
     explained = set(re.findall(r"^- (\S+\.urdf): .{20}", page, flags=re.MULTILINE))
     assert explained == {name for name, result in found.items() if result != "passes"}
+
+
+def test_no_robot_with_a_joint_is_slow_forward_because_of_its_friction() -> None:
+    page = PAGE.read_text()
+    runs = forward_runs(page)
+    passed = {row for row, result in results(page).items() if result.startswith("passes")}
+    assert len(passed) - len(runs) == 2, "two of them have no joint"
+    assert [name for name, (with_friction, without) in runs.items() if with_friction < without / 3.0] == []
+    assert [name for name, (with_friction, without) in runs.items() if with_friction < 0.2 <= without] == []
 
 
 def test_a_run_over_three_robots_tells_what_passed_what_needed_an_option_and_what_was_refused(tmp_path: Path) -> None:
@@ -42,6 +57,8 @@ def test_a_run_over_three_robots_tells_what_passed_what_needed_an_option_and_wha
     assert re.search(r"^- one/torn\.urdf: .*'leg'", page, flags=re.MULTILINE)
     assert re.search(r"^- one/flat\.urdf: .*arm", page, flags=re.MULTILINE)
     assert str(tmp_path) not in page
+    (forward, frictionless) = forward_runs(page)["one/good.urdf"]
+    assert forward > 0.2 and frictionless > 0.2
 
 
 @pytest.mark.slow
