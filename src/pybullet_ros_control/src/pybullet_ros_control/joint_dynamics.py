@@ -31,7 +31,8 @@ from pybullet_ros_control.urdf_model import EngineModel
 Vector = Sequence[float]
 SOURCE = Path(__file__).with_name("joint_dynamics.c")
 PASSES = 2
-"""Evaluations of bias and friction in the middle of a step: a third changes the thesis's set point by less than 1e-9 rad."""
+"""Evaluations of bias and friction in the middle of a step: a third changes the thesis's raw set point (Kp 50, 4 s) by at most 1.5e-7 rad, and 1e-9
+with rotor inertia; one alone leaves 5e-6."""
 
 
 class Dynamics(Protocol):
