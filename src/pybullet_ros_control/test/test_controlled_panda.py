@@ -48,7 +48,7 @@ def raw_step(app, node, duration):
     return np.array(positions)
 
 
-@pytest.mark.parametrize(("rotor", "kp", "kd", "tolerance"), [(0.0, 50.0, 5.0, 2e-3), (0.1, 50.0, 10.0, 5e-4), (0.1, 200.0, 100.0, 1e-4)])
+@pytest.mark.parametrize(("rotor", "kp", "kd", "tolerance"), [(0.0, 50.0, 5.0, 1e-4), (0.1, 50.0, 10.0, 2e-5), (0.1, 200.0, 100.0, 2e-5)])
 def test_the_raw_step_of_the_thesis_stays_near_a_fourth_order_integration(make_app, wide_panda_urdf, rotor, kp, kd, tolerance):
     app, node = make_app(wide_panda_urdf, [0.0] * 7, kp, kd, rotor_inertia=rotor)
     positions = raw_step(app, node, 4.0)

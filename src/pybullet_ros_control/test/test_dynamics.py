@@ -107,6 +107,19 @@ def test_the_plants_own_model_has_sliding_joints_and_branches(rng):
         assert np.abs(dynamics.bias(q.tolist(), dq.tolist()) - oracle.bias(q, dq)).max() < 1e-12
 
 
+def test_what_has_not_the_size_of_the_robot_is_refused_and_not_read(panda_urdf):
+    model = prepare(parse_urdf(panda_urdf))
+    dynamics = make_dynamics(model, list(model.joints), [Losses()] * 7, (0.0, 0.0, -9.81), 1e-3, second_order=True)
+    seven = [0.0] * 7
+    for short in ((seven[:6], seven, seven, None, None), (seven, seven, seven, seven[:6], None), (seven, seven, seven, None, [None] * 6)):
+        with pytest.raises(ValueError, match=r"7 (numbers|values) are wanted, got 6"):
+            dynamics.torque(*short)
+    with pytest.raises(TypeError):
+        dynamics.torque(seven, None, seven, None, None)
+    with pytest.raises(TypeError):
+        dynamics.torque(seven, list("abcdefg"), seven, None, None)
+
+
 def test_without_a_compiler_the_plant_is_refused_with_what_to_install(make_plant, panda_urdf, monkeypatch):
     monkeypatch.setenv("CC", "nowhere-cc")
     joint_dynamics.compiled.cache_clear()
