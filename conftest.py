@@ -1,46 +1,47 @@
-"""For all tests of the workspace: helpers beside tests can be imported, and the last line says how many of which kind ran."""
+"""For all tests of the workspace: helpers beside tests can be imported, markers of whole files, figures, and what was
+not selected."""
 
-from __future__ import annotations
-
+import functools
+import json
 import logging
-import os
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from _pytest.junitxml import xml_key
 
 ROOT = Path(__file__).parent
-KINDS = ("unit", "integration", "rostest", "benchmark")
-REAL_TIME = re.compile(
-    "client|cost|launch\\b|live|loop|node|on_the_wire|publish|rate|realtime|record|replay|rostest|run_time|same_motion|services|socket|stream|switching"
-    "|test_marker$|third_party|watchdog|who_goes"
-)
-"""Names of test files that keep real time, or start processes that do: these run alone, all others side by side, also those with an emulated control
-box whose clock waits for its client, unless they count what libfranka may leave out on a busy machine."""
-LIVE = ("integration", "benchmarks")
-"""Folders of tests that do so as well."""
+MARKS_OF_A_FILE = re.compile(r"^pytestmark = (?:\[[^\]]*\]|.*)", re.MULTILINE)
+MASTERS = ("roscore", "start", "live", "pd_step")
+"""Fixtures that start a ROS master."""
 # A helper file beside the tests of a package is imported by its name, which must be unique in the workspace.
 sys.path[:0] = [
     str(folder)
-    for folder in sorted([*ROOT.glob("src/*/test"), ROOT / "tests" / "integration", ROOT / "tests" / "benchmarks"])
+    for folder in sorted(
+        [*ROOT.glob("src/*/test"), *(ROOT / "tests" / name for name in ("", "integration", "benchmarks"))]
+    )
     if str(folder) not in sys.path
 ]
 
 
-def alone(path: Path) -> bool:
-    """Whether the tests of a file run alone."""
-    return path.parent.name in LIVE or (path.parent.name != "plants" and REAL_TIME.search(path.stem) is not None)
+@functools.cache
+def marks_of_file(path: Path) -> frozenset[str]:
+    """Names of the markers that a test file gives all of its tests by `pytestmark = ...`, read without loading the
+    file."""
+    return frozenset(re.findall(r"pytest\.mark\.(\w+)", " ".join(MARKS_OF_A_FILE.findall(path.read_text()))))
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """A run of those that run alone, or of the others, loads no file of the other kind: loading all takes longer than most tests."""
-    marks = config.option.markexpr.split(" and ")
-    unwanted = {True: "not alone", False: "alone"}[alone(collection_path)]
-    return (collection_path.name.startswith("test_") and unwanted in marks) or None
+    """A run of those that run alone, or of the others, loads no file of the other kind: loading all takes longer than
+    most tests."""
+    if not collection_path.name.startswith("test_") or collection_path.suffix != ".py":
+        return None
+    unwanted = "not alone" if "alone" in marks_of_file(collection_path) else "alone"
+    return unwanted in config.option.markexpr.split(" and ") or None
 
 
 def kind(item: pytest.Item) -> str:
@@ -52,17 +53,76 @@ def kind(item: pytest.Item) -> str:
     return "integration" if "integration" in item.path.parts else "unit"
 
 
+def needs_to_be_alone(item: pytest.Item) -> str | None:
+    """Why a test must be in a file that is marked `alone`; None where nothing is known that speaks for it."""
+    given = item.callspec.params if hasattr(item, "callspec") else {}  # parameters of the test itself, of whatever name
+    if masters := [name for name in getattr(item, "fixturenames", ()) if name in MASTERS and name not in given]:
+        return f"it starts a ROS master (fixture {masters[0]})"
+    marks = [name for name in ("alone", "live", "rostest") if item.get_closest_marker(name)]
+    return f"it is marked {marks[0]}" if marks else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         item.user_properties.append(("kind", kind(item)))
-        if alone(item.path):
-            item.add_marker("alone")
+        if "alone" not in marks_of_file(item.path) and (reason := needs_to_be_alone(item)):
+            wanted = "pytestmark = pytest.mark.alone"
+            raise pytest.UsageError(
+                f"{item.nodeid}: {reason}, so its file must say `{wanted}`, since nothing may run beside it"
+            )
+
+
+class NotSelected:
+    """Counts what -m and -k left out, once however many processes share the tests, and tells it in the JUnit file."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self._config, self._counts = config, Counter[str]()
+        self._terms = [term for term in config.option.markexpr.split(" and ") if term]
+
+    def _reason(self, item: pytest.Item) -> str:
+        for term in self._terms:
+            name = term.removeprefix("not ")
+            if (item.get_closest_marker(name) is not None) == (name != term):
+                return name if name != term else f"not {name}"
+        return "other options"
+
+    def pytest_deselected(self, items: list[pytest.Item]) -> None:
+        self._counts.update(map(self._reason, items))
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: object) -> None:
+        """Each process of pytest-xdist selects among all tests: what one tells is all."""
+        self._counts = Counter(getattr(node, "workeroutput", {}).get("not selected", self._counts))
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionfinish(self) -> None:
+        if hasattr(self._config, "workeroutput"):
+            self._config.workeroutput["not selected"] = dict(self._counts)
+        elif xml := self._config.stash.get(xml_key, None):
+            xml.add_global_property("not selected", json.dumps(self._counts))
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(NotSelected(config), "hric-not-selected")
+
+
+@pytest.fixture
+def figure(request: pytest.FixtureRequest) -> Callable[[str, float, str], None]:
+    """figure("whole cycle to bare step", 3.2, "1"): a measured value and its unit, for the table at the end of
+    scripts/test."""
+
+    def noted(name: str, value: float, unit: str) -> None:
+        print(f"{name}: {value:.4g} {unit}")
+        request.node.user_properties.append(("figure", json.dumps([name, float(value), unit])))
+
+    return noted
 
 
 @contextmanager
 def _log_as_it_was() -> Iterator[None]:
-    """A node in the test's process sends what "hric" logs to rosout, and nowhere else: not for the tests that follow."""
+    """A node in the test's process sends what "hric" logs to rosout, and nowhere else: not for the tests that
+    follow."""
     logger = logging.getLogger("hric")
     kept = logger.propagate, logger.level, logger.handlers[:]
     yield
@@ -80,24 +140,3 @@ def _log_as_before_the_file() -> Iterator[None]:
     """A fixture of the whole file may hold a node, too."""
     with _log_as_it_was():
         yield
-
-
-class Tally:
-    """Counts the tests that really ran, by kind."""
-
-    def __init__(self) -> None:
-        self.ran: Counter[str] = Counter()
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        if report.when == "call":
-            self.ran[str(dict(report.user_properties)["kind"])] += 1
-
-    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        terminalreporter.write_line(f"ran: {', '.join(f'{self.ran[name]} {name}' for name in KINDS)}")
-        if path := os.environ.get("HRIC_TALLY"):
-            with Path(path).open("a") as file:
-                file.write(" ".join(str(self.ran[name]) for name in KINDS) + "\n")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    config.pluginmanager.register(Tally(), "hric-tally")

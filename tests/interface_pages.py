@@ -1,7 +1,5 @@
 """Reads the tables of INTERFACE.md."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,8 +33,8 @@ class Row:
         return self.cells[COLUMNS[self.section][0]]
 
     def matches(self, resolved: str) -> bool:
-        """Whether an absolute name is this one; `<placeholder>` stands for one part of a name."""
-        pattern = "/".join("[^/]+" if "<" in part else re.escape(part) for part in self.name.strip("/").split("/"))
+        """Whether an absolute name is this one; `<placeholder>` stands for a part of a name, or for a piece of one."""
+        pattern = "[^/]+".join(map(re.escape, re.split(r"<[^>]*>", self.name.strip("/"))))
         return re.fullmatch(pattern, resolved.strip("/")) is not None
 
 
@@ -64,5 +62,7 @@ def rows(page: Path) -> list[Row]:
                 assert header == COLUMNS[section], f"{where}: columns {header}, wanted {COLUMNS[section]}"
             elif set("".join(cells)) - set("-: "):
                 assert len(cells) == len(header), f"{where}: {len(cells)} cells, wanted {len(header)}"
-                found.append(Row(page, section, {key: cell.strip("`") for key, cell in zip(header, cells, strict=True)}))
+                found.append(
+                    Row(page, section, {key: cell.strip("`") for key, cell in zip(header, cells, strict=True)})
+                )
     return found

@@ -1,7 +1,5 @@
 """scripts/bringup refuses a misspelt name and a wrong value before anything starts, with what would be valid."""
 
-from __future__ import annotations
-
 import os
 import socket
 import subprocess
@@ -12,17 +10,46 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts/lib"))
-from bringup_arguments import ArgumentError, Choices, check, motion_capture, sensor, split  # noqa: E402
+from bringup_arguments import ArgumentError, Choices, check, device, has_section, split  # noqa: E402
 from bringup_master import MasterError, call, choose, free_port  # noqa: E402
-from bringup_sections import has_section  # noqa: E402
 
 NAMES = (
-    "env", "robot_ip", "robot", "simulator", "controller", "experiment", "rviz", "gui", "ns", "xyz", "kp", "q_start", "real_time_factor", "world",
-    "arm_id", "rotor_inertia", "realism", "load_gripper", "record", "subject", "notes", "split_size", "split_duration",
-    "mocap", "mocap_server", "mocap_calibration", "emg", "force_plate", "view",
-)  # fmt: skip
+    "env",
+    "robot_ip",
+    "robot",
+    "simulator",
+    "controller",
+    "experiment",
+    "rviz",
+    "gui",
+    "ns",
+    "xyz",
+    "kp",
+    "q_start",
+    "real_time_factor",
+    "world",
+    "arm_id",
+    "rotor_inertia",
+    "realism",
+    "load_gripper",
+    "record",
+    "subject",
+    "notes",
+    "split_size",
+    "split_duration",
+    "mocap",
+    "mocap_server",
+    "mocap_calibration",
+    "emg",
+    "force_plate",
+    "view",
+)
 CONTROLLERS = ("joint_state_controller", "joint_pd_controller", "effort_joint_trajectory_controller")
-CHOICES = Choices(CONTROLLERS, ("marker_tracking", "pd_step", "thesis_step"), ("marker_tracking",), {"emg": ("data_collection",)})
+CHOICES = Choices(
+    CONTROLLERS,
+    ("marker_tracking", "pd_step", "thesis_step"),
+    {"mocap": ("marker_tracking",), "emg": ("data_collection",)},
+)
 
 
 def checked(*arguments: str) -> dict[str, str]:
@@ -80,14 +107,18 @@ def test_a_mistake_is_answered_with_what_is_valid(argument: str, texts: tuple[st
         assert text in str(error.value)
 
 
-@pytest.mark.parametrize("given", [("experiment:=marker_tracking",), ("mocap:=motive",), ("mocap:=emulated", "experiment:=pd_step")])
+@pytest.mark.parametrize(
+    "given", [("experiment:=marker_tracking",), ("mocap:=motive",), ("mocap:=emulated", "experiment:=pd_step")]
+)
 def test_an_unpaced_run_has_no_motion_capture(given: tuple[str, ...]) -> None:
     with pytest.raises(ArgumentError, match="paced; valid: a factor above 0, or the headless runner"):
         checked(*given, "real_time_factor:=0")
     checked(*given, "real_time_factor:=0.5")
 
 
-def test_an_experiment_with_a_motion_capture_brings_the_emulated_one_and_one_argument_the_real_one(tmp_path: Path) -> None:
+def test_an_experiment_with_a_motion_capture_brings_the_emulated_one_and_one_argument_the_real_one(
+    tmp_path: Path,
+) -> None:
     own, other = tmp_path / "own.yaml", tmp_path / "other.yaml"
     own.write_text("mocap: {human: {program: sinusoid}}\n")
     other.write_text("robot: {}\n")
@@ -100,11 +131,11 @@ def test_an_experiment_with_a_motion_capture_brings_the_emulated_one_and_one_arg
         (("experiment:=marker_tracking", "mocap:=none"), "none"),
         (("experiment:=marker_tracking", "mocap:=motive", "mocap_server:=192.168.1.10"), "motive"),
     ):
-        assert motion_capture(checked(*given), CHOICES) == wanted
+        assert device("mocap", checked(*given), CHOICES) == wanted
     assert not has_section(tmp_path / "nowhere.yaml", "mocap")
 
 
-def test_sensors_of_an_experiment_are_emulated_unless_the_real_ones_are_asked_for(tmp_path: Path) -> None:
+def test_sensors_of_an_experiment_are_emulated_unless_the_real_ones_are_requested(tmp_path: Path) -> None:
     own = tmp_path / "own.yaml"
     own.write_text("emg: {channels: 4}\nforce_plate: {id: 1}\n")
     for given, wanted in (
@@ -114,8 +145,10 @@ def test_sensors_of_an_experiment_are_emulated_unless_the_real_ones_are_asked_fo
         ((f"experiment:={own}", "emg:=real", "force_plate:=none"), ("real", "none")),
         (("emg:=emulated",), ("emulated", "none")),
     ):
-        arguments = check(split(given), NAMES, Choices(CONTROLLERS, ("data_collection",), (), {"emg": ("data_collection",)}))
-        assert tuple(sensor(name, arguments, CHOICES) for name in ("emg", "force_plate")) == wanted
+        arguments = check(
+            split(given), NAMES, Choices(CONTROLLERS, ("data_collection",), {"emg": ("data_collection",)})
+        )
+        assert tuple(device(name, arguments, CHOICES) for name in ("emg", "force_plate")) == wanted
     with pytest.raises(ArgumentError, match=r"not possible with sensors \(emg:=emulated\), which come by wire"):
         checked("emg:=emulated", "real_time_factor:=0")
     checked("emg:=emulated", "real_time_factor:=0.5")
@@ -130,10 +163,18 @@ def test_a_calibration_belongs_to_a_real_motive(tmp_path: Path) -> None:
 
 
 def test_what_says_something_about_a_recording_needs_one() -> None:
-    with pytest.raises(ArgumentError, match=r"subject, split_size can be given with a recording only; valid: record:=true or record:=on_trigger"):
+    with pytest.raises(
+        ArgumentError,
+        match=r"subject, split_size can be given with a recording only; valid: record:=true or record:=on_trigger",
+    ):
         checked("record:=False", "subject:=P07", "split_size:=100")
     given = ("record:=on_trigger", "subject:=P07", "notes:=left hand, tired", "split_duration:=60")
-    assert checked(*given) == {"record": "on_trigger", "subject": "P07", "notes": "left hand, tired", "split_duration": "60"}
+    assert checked(*given) == {
+        "record": "on_trigger",
+        "subject": "P07",
+        "notes": "left hand, tired",
+        "split_duration": "60",
+    }
 
 
 def test_an_argument_given_twice_is_refused() -> None:
@@ -153,17 +194,30 @@ def test_good_values_pass_and_are_brought_into_one_form(tmp_path: Path) -> None:
     }
     angles = "[0, -pi/4, 0, -3*pi/4, 0, pi/2, pi/4]"
     assert checked("realism:={preset: measured, dq_noise: 0}") == {"realism": "{preset: measured, dq_noise: 0}"}
-    assert checked(f"q_start:={angles}", "kp:=[1,2,3,4,5,6,7]") == {"q_start": angles.replace(" ", ""), "kp": "[1,2,3,4,5,6,7]"}
+    assert checked(f"q_start:={angles}", "kp:=[1,2,3,4,5,6,7]") == {
+        "q_start": angles.replace(" ", ""),
+        "kp": "[1,2,3,4,5,6,7]",
+    }
 
 
 def bringup(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([str(ROOT / "scripts/bringup"), *arguments], env={**os.environ, **environment}, capture_output=True, text=True, timeout=60)
+    return subprocess.run(
+        [str(ROOT / "scripts/bringup"), *arguments],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
 
 
 def test_the_arm_itself_is_asked_for_by_address_and_kind() -> None:
     given = ("env:=real", "robot_ip:=172.16.0.2", "robot:=fr3", "kp:=50")
     assert checked(*given) == {"env": "real", "robot_ip": "172.16.0.2", "robot": "fr3", "kp": "50"}
-    for wrong, texts in (("robot:=panda2", "panda, fr3"), ("gui:=true", "env:=sim only"), ("real_time_factor:=0", "env:=sim only")):
+    for wrong, texts in (
+        ("robot:=panda2", "panda, fr3"),
+        ("gui:=true", "env:=sim only"),
+        ("real_time_factor:=0", "env:=sim only"),
+    ):
         with pytest.raises(ArgumentError, match=texts):
             checked("env:=real", "robot_ip:=panda.lab", wrong)
     for address in ("none", "172.16.0.2 ", "a b", "-x", "$(reboot)"):
@@ -188,8 +242,8 @@ def test_help_explains_every_argument_with_its_default() -> None:
         assert text in result.stdout
 
 
-def test_a_remote_master_that_does_not_answer_is_an_error() -> None:
-    with pytest.raises(MasterError, match="no ROS master answers at"):
+def test_a_remote_master_that_does_not_respond_is_an_error() -> None:
+    with pytest.raises(MasterError, match="no ROS master responds at"):
         choose("http://no-such-host.invalid:11311", "/robot")
 
 
@@ -202,7 +256,7 @@ def test_a_port_taken_by_something_else_is_avoided() -> None:
     assert uri != taken and not running
 
 
-def test_a_free_port_is_taken_as_asked() -> None:
+def test_a_free_port_is_taken_as_requested() -> None:
     uri = f"http://localhost:{free_port()}"
     assert choose(uri, "/robot") == (uri, False)
 
@@ -215,5 +269,8 @@ def test_friction_is_a_name_or_the_file_of_a_fit(tmp_path: Path) -> None:
     assert check({"friction": "identified"}, names, CHOICES) == {"friction": "identified"}
     with pytest.raises(ArgumentError, match=r"friction:=nowhere.yaml: there is no such file"):
         check({"friction": "nowhere.yaml"}, names, CHOICES)
-    with pytest.raises(ArgumentError, match=r"friction:=dry is not possible; valid: none, coulomb, identified, auto, or the path of a .yaml file"):
+    with pytest.raises(
+        ArgumentError,
+        match=r"friction:=dry is not possible; valid: none, coulomb, identified, auto, or the path of a .yaml file",
+    ):
         check({"friction": "dry"}, names, CHOICES)

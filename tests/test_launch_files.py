@@ -1,6 +1,5 @@
-"""The launch files, without a master: which nodes start, which parameters they get, and that every argument is explained."""
-
-from __future__ import annotations
+"""The launch files, without a master: which nodes start, which parameters they get, and that every argument is
+explained."""
 
 import re
 import subprocess
@@ -20,7 +19,9 @@ def launch_file() -> str:
 
 
 def loaded(*arguments: str) -> roslaunch.config.ROSLaunchConfig:
-    return roslaunch.config.load_config_default([(launch_file(), list(arguments))], None, verbose=False, assign_machines=False)
+    return roslaunch.config.load_config_default(
+        [(launch_file(), list(arguments))], None, verbose=False, assign_machines=False
+    )
 
 
 def nodes(config: roslaunch.config.ROSLaunchConfig) -> dict[str, str]:
@@ -51,16 +52,33 @@ def test_the_default_brings_up_the_robot_its_controllers_a_recorder_and_no_exper
     assert "panda_joint7" in str(values["/robot_description"]) and "panda_hand" in str(values["/robot_description"])
     assert values["/robot"]["real_time_factor"] == 1.0
     assert values["/franka_gripper/robot_joint_states"] == "/joint_states"
-    assert "controllers:=[joint_state_controller,franka_state_controller,joint_pd_controller]" in str(values["/spawner/overrides"])
+    assert "controllers:=[joint_state_controller,franka_state_controller,joint_pd_controller]" in str(
+        values["/spawner/overrides"]
+    )
 
 
 @pytest.mark.parametrize("environment", [(), ("env:=real", "robot_ip:=127.0.0.2")], ids=["sim", "real"])
 def test_an_armed_recorder_is_told_who_takes_part_and_the_experiment_waits_for_it(environment: tuple[str, ...]) -> None:
     values = parameters(
-        loaded("experiment:=pd_step", "record:=on_trigger", "subject:=007", "notes:=left hand, tired", "split_duration:=60", *environment)
+        loaded(
+            "experiment:=pd_step",
+            "record:=on_trigger",
+            "subject:=007",
+            "notes:=left hand, tired",
+            "split_duration:=60",
+            *environment,
+        )
     )
-    recorder = {name: values[f"/recorder/{name}"] for name in ("start", "subject", "notes", "split_size", "split_duration")}
-    assert recorder == {"start": "on_trigger", "subject": "007", "notes": "left hand, tired", "split_size": 0, "split_duration": 60}
+    recorder = {
+        name: values[f"/recorder/{name}"] for name in ("start", "subject", "notes", "split_size", "split_duration")
+    }
+    assert recorder == {
+        "start": "on_trigger",
+        "subject": "007",
+        "notes": "left hand, tired",
+        "split_size": 0,
+        "split_duration": 60,
+    }
     assert (values["/experiment/armed"], values["/experiment/record"]) == (True, True)
     plain = parameters(loaded("experiment:=pd_step", "record:=True", *environment))
     assert (plain["/recorder/start"], plain["/experiment/armed"]) == ("now", False)
@@ -79,32 +97,53 @@ CAPTURE = {"/natnet_client": "mocap_natnet/natnet_client", "/emulated_human": "h
 
 
 @pytest.mark.parametrize("environment", [(), ("env:=real", "robot_ip:=127.0.0.2")], ids=["sim", "real"])
-def test_an_experiment_with_a_motion_capture_brings_the_emulated_human_and_the_client(environment: tuple[str, ...]) -> None:
+def test_an_experiment_with_a_motion_capture_brings_the_emulated_human_and_the_client(
+    environment: tuple[str, ...],
+) -> None:
     config = loaded("experiment:=marker_tracking", "mocap_server:=127.0.0.3", *environment)
     assert nodes(config).items() >= CAPTURE.items()
     values = parameters(config)
     assert values["/natnet_client"]["body"] == "hand" and values["/natnet_client"]["server"] == "127.0.0.3"
-    assert values["/emulated_human"]["human"]["program"] == "sinusoid" and values["/emulated_human"]["ip"] == "127.0.0.3"
-    assert {"/natnet_client", "/emulated_human"} <= {node.namespace + node.name for node in config.nodes if node.required}
+    assert (
+        values["/emulated_human"]["human"]["program"] == "sinusoid" and values["/emulated_human"]["ip"] == "127.0.0.3"
+    )
+    assert {"/natnet_client", "/emulated_human"} <= {
+        node.namespace + node.name for node in config.nodes if node.required
+    }
 
 
 def test_the_real_motive_takes_the_place_of_the_emulated_one_by_one_argument(tmp_path: Path) -> None:
     saved = tmp_path / "base_from_mocap.yaml"
     saved.write_text("base_frame: panda_link0\nbase_from_mocap: {xyz: [1, 2, 3], xyzw: [0, 0, 0, 1]}\n")
-    config = loaded("experiment:=marker_tracking", "mocap:=motive", "mocap_server:=192.168.1.10", f"mocap_calibration:={saved}", "record:=false")
+    config = loaded(
+        "experiment:=marker_tracking",
+        "mocap:=motive",
+        "mocap_server:=192.168.1.10",
+        f"mocap_calibration:={saved}",
+        "record:=false",
+    )
     assert "/natnet_client" in nodes(config) and "/emulated_human" not in nodes(config)
     client = parameters(config)["/natnet_client"]
-    assert (client["body"], client["server"], client["record"], client["base_frame"]) == ("hand", "192.168.1.10", False, "panda_link0")
+    assert (client["body"], client["server"], client["record"], client["base_frame"]) == (
+        "hand",
+        "192.168.1.10",
+        False,
+        "panda_link0",
+    )
     assert client["base_from_mocap"]["xyz"] == [1, 2, 3]
 
 
 def test_without_an_experiment_the_emulated_motive_has_a_body_of_its_own() -> None:
     config = loaded("mocap:=emulated")
-    assert nodes(config).items() >= {"/natnet_client": "mocap_natnet/natnet_client", "/emulated_motive": "mocap_natnet/emulated_motive"}.items()
+    assert (
+        nodes(config).items()
+        >= {"/natnet_client": "mocap_natnet/natnet_client", "/emulated_motive": "mocap_natnet/emulated_motive"}.items()
+    )
 
 
 @pytest.mark.parametrize(
-    ("given", "text"), [("mocap:=optitrack", "auto, none, emulated, motive"), ("real_time_factor:=0", "needs a run that is paced")]
+    ("given", "text"),
+    [("mocap:=optitrack", "auto, none, emulated, motive"), ("real_time_factor:=0", "needs a run that is paced")],
 )
 def test_a_motion_capture_that_cannot_be_stops_the_launch_with_the_reason(given: str, text: str) -> None:
     with pytest.raises(RLException, match=text):
@@ -126,7 +165,10 @@ def test_a_data_collection_brings_every_sensor_and_the_synchroniser(environment:
     assert nodes(config).items() >= (SENSORS | CAPTURE).items()
     assert set(SENSORS) <= {node.namespace + node.name for node in config.nodes if node.required}
     values = parameters(config)
-    assert len(values["/emulated_emg"]["muscles"]) == 8 and values["/emg"]["lsl"]["session"] == values["/emulated_emg"]["session"]
+    assert (
+        len(values["/emulated_emg"]["muscles"]) == 8
+        and values["/emg"]["lsl"]["session"] == values["/emulated_emg"]["session"]
+    )
     assert values["/synchronizer"]["rates"] == [100.0, 1000.0]
     assert "emg.device:=emulated" in str(values["/experiment/overrides"])
 
@@ -134,7 +176,9 @@ def test_a_data_collection_brings_every_sensor_and_the_synchroniser(environment:
 def test_real_sensors_leave_the_emulated_ones_out_by_one_argument_each() -> None:
     config = loaded("experiment:=data_collection", "emg:=real", "force_plate:=real", "mocap:=motive")
     emulated = {"/emulated_emg", "/emulated_plate", "/emulated_human"}
-    assert not emulated & set(nodes(config)) and {"/emg", "/force_plate", "/synchronizer", "/natnet_client"} <= set(nodes(config))
+    assert not emulated & set(nodes(config)) and {"/emg", "/force_plate", "/synchronizer", "/natnet_client"} <= set(
+        nodes(config)
+    )
     sources = parameters(config)["/synchronizer"]["plan"]["sources"]
     assert not any("time" in str(source["signals"]) for source in sources), "real devices have no time code"
 
@@ -145,13 +189,21 @@ def test_sensors_need_a_run_that_is_paced() -> None:
 
 
 def test_every_argument_reaches_the_robot() -> None:
-    given = "ns:=/left arm_id:=left_arm hand:=false damping:=0.5 rotor_inertia:=0.2 gui:=true record:=false controller:=none real_time_factor:=0"
+    given = (
+        "ns:=/left arm_id:=left_arm hand:=false damping:=0.5 rotor_inertia:=0.2 gui:=true record:=false "
+        "controller:=none real_time_factor:=0"
+    )
     realism = {"preset": "measured", "dq_noise": 0}
-    config = loaded(*given.split(), "xyz:=0 0.5 0", "q_start:=[0,-pi/4,0,-2.0,0,pi/2,0]", "realism:={preset: measured, dq_noise: 0}")
+    config = loaded(
+        *given.split(), "xyz:=0 0.5 0", "q_start:=[0,-pi/4,0,-2.0,0,pi/2,0]", "realism:={preset: measured, dq_noise: 0}"
+    )
     values = parameters(config)
     description = str(values["/left/robot_description"])
     assert (
-        "left_arm_joint1" in description and "left_arm_hand" not in description and 'xyz="0 0.5 0"' in description and 'damping="0.5"' in description
+        "left_arm_joint1" in description
+        and "left_arm_hand" not in description
+        and 'xyz="0 0.5 0"' in description
+        and 'damping="0.5"' in description
     )
     assert values["/left/robot"]["plant"]["rotor_inertia"] == 0.2
     assert values["/left/robot"]["realism"] == realism and values["/left/robot"]["plant"]["friction"] == "identified"
@@ -195,7 +247,9 @@ def test_those_who_look_on_get_limits_with_rviz_and_curves_when_asked_for_and_ne
     config = loaded("rviz:=true")
     assert nodes(config)["/live_view"] == "hric_perception/live_view" and "/live_plot" not in nodes(config)
     assert re.fullmatch(parameters(config)["/recorder/exclude"], "/left/hric/view/limits")
-    assert {"/live_view", "/live_plot"} <= set(nodes(loaded("env:=real", "robot_ip:=127.0.0.2", "rviz:=false", "view:=plot")))
+    assert {"/live_view", "/live_plot"} <= set(
+        nodes(loaded("env:=real", "robot_ip:=127.0.0.2", "rviz:=false", "view:=plot"))
+    )
 
 
 @pytest.mark.parametrize("arguments", [["env:=gazebo"], ["env:=real"]], ids=["no such environment", "no address"])
@@ -205,7 +259,10 @@ def test_an_environment_that_cannot_be_brought_up_fails_loudly(arguments: list[s
 
 
 def test_the_real_arm_gets_the_same_nodes_and_controllers_and_real_time() -> None:
-    config, simulated = loaded("env:=real", "robot_ip:=127.0.0.2", "experiment:=pd_step", "kp:=200"), loaded("experiment:=pd_step", "kp:=200")
+    config, simulated = (
+        loaded("env:=real", "robot_ip:=127.0.0.2", "experiment:=pd_step", "kp:=200"),
+        loaded("experiment:=pd_step", "kp:=200"),
+    )
     assert nodes(config) == nodes(simulated)
     values, others = parameters(config), parameters(simulated)
     assert values["/use_sim_time"] is False
@@ -218,7 +275,9 @@ def test_the_real_arm_gets_the_same_nodes_and_controllers_and_real_time() -> Non
 
 
 def test_a_wrong_value_stops_the_launch_with_the_reason() -> None:
-    done = subprocess.run(["roslaunch", "--nodes", PACKAGE, FILE, "inertials:=heavy"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        ["roslaunch", "--nodes", PACKAGE, FILE, "inertials:=heavy"], capture_output=True, text=True, timeout=60
+    )
     assert done.returncode != 0
     assert "barycentric" in done.stdout + done.stderr
 
@@ -235,4 +294,6 @@ def test_every_argument_is_explained_and_numbers_have_a_unit() -> None:
 def test_the_controllers_yaml_configures_every_named_instance() -> None:
     values = yaml.safe_load((Path(launch_file()).parents[1] / "config/controllers.yaml").read_text())
     motion = {"joint_pd_controller", "effort_joint_trajectory_controller", "position_joint_trajectory_controller"}
-    assert motion | {"joint_state_controller", "franka_state_controller"} <= {name for name, value in values.items() if "type" in value}
+    assert motion | {"joint_state_controller", "franka_state_controller"} <= {
+        name for name, value in values.items() if "type" in value
+    }

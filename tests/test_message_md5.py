@@ -1,7 +1,5 @@
 """The message packages that keep upstream names are wire compatible with upstream, and every field is explained."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from pathlib import Path
@@ -14,12 +12,16 @@ UPSTREAM: dict[str, str] = yaml.safe_load((ROOT / "tests" / "upstream_md5.yaml")
 PACKAGES = sorted({name.partition("/")[0] for name in UPSTREAM})
 ACTION_PARTS = ("Action", "ActionGoal", "ActionFeedback", "ActionResult", "Goal", "Feedback", "Result")
 DEFINITIONS = sorted(
-    path for package in [*PACKAGES, "hric_msgs"] for kind in ("msg", "srv", "action") for path in (ROOT / "src" / package / kind).glob("*")
+    path
+    for package in [*PACKAGES, "hric_msgs"]
+    for kind in ("msg", "srv", "action")
+    for path in (ROOT / "src" / package / kind).glob("*")
 )
 
 
 def generated(package: str) -> dict[str, type]:
-    """Generated classes of a package by type name: messages (parts of actions too) and services (not their requests and responses)."""
+    """Generated classes of a package by type name: messages (parts of actions too) and services (not their requests and
+    responses)."""
     found = {}
     for kind in ("msg", "srv"):
         if kind == "srv" and not (ROOT / "src" / package / kind).is_dir():
@@ -33,7 +35,11 @@ def generated(package: str) -> dict[str, type]:
 
 def action_parts(package: str) -> set[str]:
     """Type names that are generated from the actions of a package."""
-    return {f"{package}/{path.stem}{part}" for path in (ROOT / "src" / package / "action").glob("*.action") for part in ACTION_PARTS}
+    return {
+        f"{package}/{path.stem}{part}"
+        for path in (ROOT / "src" / package / "action").glob("*.action")
+        for part in ACTION_PARTS
+    }
 
 
 def test_the_list_names_the_five_packages_with_upstream_names() -> None:
@@ -69,4 +75,6 @@ def test_the_interface_page_lists_every_definition_and_no_other(package: str) ->
     page = (ROOT / "src" / package / "INTERFACE.md").read_text()
     listed = set(re.findall(rf"^\| `({package}/\w+)` \| (message|service|action) \|", page, re.MULTILINE))
     kinds = {"msg": "message", "srv": "service", "action": "action"}
-    assert listed == {(f"{package}/{path.stem}", kinds[path.parent.name]) for path in DEFINITIONS if path.parents[1].name == package}
+    assert listed == {
+        (f"{package}/{path.stem}", kinds[path.parent.name]) for path in DEFINITIONS if path.parents[1].name == package
+    }

@@ -1,14 +1,16 @@
 """Every package of the workspace has the pages and the manifest that its users and tools expect."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+import yaml
+from catkin_pkg.changelog import get_changelog_from_path
 from catkin_pkg.package import parse_package
 
 ROOT = Path(__file__).resolve().parents[1]
+# Of Debian's catkin_pkg on a newer docutils.
+pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")
 PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
 
 
@@ -18,7 +20,9 @@ def package(request: pytest.FixtureRequest) -> Path:
 
 
 def test_the_workspace_has_its_packages() -> None:
-    assert {"hric_control", "hric_bringup", "panda_description", "controller_manager_msgs"} <= {path.name for path in PACKAGES}
+    assert {"hric_control", "hric_bringup", "panda_description", "controller_manager_msgs"} <= {
+        path.name for path in PACKAGES
+    }
 
 
 def test_a_manifest_is_format_3_and_valid(package: Path) -> None:
@@ -33,9 +37,16 @@ def test_a_manifest_is_format_3_and_valid(package: Path) -> None:
 def test_a_package_has_an_interface_page_and_a_changelog(package: Path) -> None:
     page = (package / "INTERFACE.md").read_text()
     assert page.startswith("#")
-    changelog = (package / "CHANGELOG.rst").read_text()
-    assert changelog.count("Forthcoming") == 1 or "\n0." in changelog
-    assert any(line.lstrip().startswith(("*", "-")) and len(line) > 10 for line in changelog.splitlines()), "the changelog names no change"
+    releases = list(get_changelog_from_path(str(package)).foreach_version())
+    assert releases and all(changes for _, _, changes in releases), "the changelog names no change"
+
+
+def test_the_packages_the_newest_section_of_their_changelogs_and_the_citation_have_one_version() -> None:
+    found = {"CITATION.cff": yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"]}
+    for path in PACKAGES:
+        found[f"{path.name}/package.xml"] = parse_package(str(path / "package.xml")).version
+        found[f"{path.name}/CHANGELOG.rst"] = next(get_changelog_from_path(str(path)).foreach_version())[0]
+    assert len(set(found.values())) == 1, found
 
 
 def test_what_a_package_imports_from_the_workspace_is_in_its_manifest(package: Path) -> None:

@@ -1,7 +1,5 @@
 """Each dependency in a package.xml resolves by rosdep without the network, to packages that scripts/setup installs."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from collections.abc import Iterator
@@ -16,10 +14,22 @@ ROOT = Path(__file__).resolve().parents[1]
 def rosdep(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
     home = tmp_path_factory.mktemp("rosdep")
     # No proxy, no way out: whatever asked the network would fail.
-    environment = {**os.environ, "HRIC_ROSDEP_HOME": str(home), "http_proxy": "http://127.0.0.1:9", "https_proxy": "http://127.0.0.1:9"}
+    environment = {
+        **os.environ,
+        "HRIC_ROSDEP_HOME": str(home),
+        "http_proxy": "http://127.0.0.1:9",
+        "https_proxy": "http://127.0.0.1:9",
+    }
 
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([str(ROOT / "rosdep/offline"), *arguments], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120)
+        return subprocess.run(
+            [str(ROOT / "rosdep/offline"), *arguments],
+            cwd=ROOT,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
 
     update = run("update")
     assert update.returncode == 0, update.stderr
@@ -27,7 +37,11 @@ def rosdep(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
 
 
 def wanted_packages() -> set[str]:
-    return {line.strip() for line in (ROOT / "scripts/apt-packages.txt").read_text().splitlines() if line.strip() and not line.startswith("#")}
+    return {
+        line.strip()
+        for line in (ROOT / "scripts/apt-packages.txt").read_text().splitlines()
+        if line.strip() and not line.startswith("#")
+    }
 
 
 def test_rosdep_finds_a_rule_for_every_key(rosdep) -> None:
@@ -44,7 +58,9 @@ def test_rosdep_asks_for_nothing_that_the_setup_does_not_install(rosdep) -> None
     implied = needed - wanted_packages()
     # A key may name a package that comes as a dependency of one in the list; then it must be there.
     installed = (
-        subprocess.run(["dpkg-query", "-W", "-f", "${Package} ${db:Status-Status}\n", *implied], capture_output=True, text=True).stdout
+        subprocess.run(
+            ["dpkg-query", "-W", "-f", "${Package} ${db:Status-Status}\n", *implied], capture_output=True, text=True
+        ).stdout
         if implied
         else ""
     )

@@ -1,13 +1,13 @@
 """Runs the .test launch files of all packages through rostest (plain: with --text it answers 0 for a failing test)."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+
+pytestmark = pytest.mark.alone
 
 ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(ROOT.glob("src/*/test/*.test"))
@@ -26,7 +26,9 @@ def rostest(package: str, file: str, home: Path) -> tuple[int, str]:
 def test_rostest_passes(path: Path, tmp_path: Path) -> None:
     code, output = rostest(path.parents[1].name, path.name, tmp_path)
     assert code == 0, output
-    tests = sum(int(ET.parse(result).getroot().get("tests", "0")) for result in tmp_path.glob("test_results/**/rosunit-*.xml"))
+    tests = sum(
+        int(ET.parse(result).getroot().get("tests", "0")) for result in tmp_path.glob("test_results/**/rosunit-*.xml")
+    )
     assert tests > 0, "the test file ran nothing"
 
 

@@ -1,6 +1,5 @@
-"""Bring the system up: check the arguments, choose the master, run bringup.launch, answer with its exit code. Called by scripts/bringup."""
-
-from __future__ import annotations
+"""Bring the system up: check the arguments, choose the master, run bringup.launch, return its exit code. Called by
+scripts/bringup."""
 
 import signal
 
@@ -18,9 +17,8 @@ import roslaunch.arg_dump
 import roslaunch.parent
 import roslaunch.pmon
 import yaml
-from bringup_arguments import SENSORS, ArgumentError, Choices, check, motion_capture, sensor, split
+from bringup_arguments import DEVICES, ArgumentError, Choices, check, device, has_section, split
 from bringup_master import DEFAULT, MasterError, choose
-from bringup_sections import has_section
 
 from hric_control.errors import HricError
 
@@ -29,7 +27,7 @@ LAUNCH = WORKSPACE / "src/hric_bringup/launch/bringup.launch"
 CONTROLLERS = WORKSPACE / "src/hric_bringup/config/controllers.yaml"
 EXPERIMENTS = WORKSPACE / "src/hric_experiments/config/experiments"
 SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 0.5
-"""How long a node may take to end, before it is asked harder [s]."""
+"""How long a node may take to end, before the next signal [s]."""
 INTERRUPTED = 130
 STARTING = 10.0
 """How long nodes may take to import what they need [s]."""
@@ -38,7 +36,7 @@ PROBE_TIMEOUT = 1.0
 Documented = Mapping[str, tuple[str | None, str | None]]
 
 
-class Ending(roslaunch.pmon.ProcessListener):
+class RequiredNodes(roslaunch.pmon.ProcessListener):
     """Watches the nodes without which the run is over, and remembers how they ended.
 
     Attributes:
@@ -59,28 +57,34 @@ class Ending(roslaunch.pmon.ProcessListener):
 
 def choices() -> Choices:
     """Names of controllers and experiments in this workspace."""
-    instances = [name for name, value in (yaml.safe_load(CONTROLLERS.read_text()) or {}).items() if isinstance(value, dict) and "type" in value]
+    instances = [
+        name
+        for name, value in (yaml.safe_load(CONTROLLERS.read_text()) or {}).items()
+        if isinstance(value, dict) and "type" in value
+    ]
     experiments = sorted(EXPERIMENTS.glob("*.yaml"))
-    having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in ("mocap", *SENSORS)}
-    return Choices(tuple(instances), tuple(path.stem for path in experiments), having.pop("mocap"), having)
+    having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in DEVICES}
+    return Choices(tuple(instances), tuple(path.stem for path in experiments), having)
 
 
 def help_text(documented: Documented) -> str:
     """All arguments with default and meaning."""
-    lines = [
+    arguments = (f"  {name}:={default}\n      {doc}" for name, (doc, default) in documented.items())
+    return "\n".join([
         "usage: scripts/bringup [NAME:=VALUE ...]",
         "",
         "Sets up what is missing, then runs the arm until Ctrl-C or the end of the experiment.",
         "",
-    ]
-    for name, (doc, default) in documented.items():
-        lines.append(f"  {name}:={default}\n      {doc}")
-    lines += ["", "examples:", "  scripts/bringup env:=sim", "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100"]
-    lines += ["  scripts/bringup env:=real robot_ip:=172.16.0.2 experiment:=pd_step"]
-    lines += ["  scripts/bringup env:=sim experiment:=marker_tracking"]
-    lines += ["  scripts/bringup env:=sim experiment:=data_collection"]
-    lines += ["  scripts/bringup env:=sim experiment:=marker_tracking mocap:=motive mocap_server:=192.168.1.10"]
-    return "\n".join(lines)
+        *arguments,
+        "",
+        "examples:",
+        "  scripts/bringup env:=sim",
+        "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100",
+        "  scripts/bringup env:=real robot_ip:=172.16.0.2 experiment:=pd_step",
+        "  scripts/bringup env:=sim experiment:=marker_tracking",
+        "  scripts/bringup env:=sim experiment:=data_collection",
+        "  scripts/bringup env:=sim experiment:=marker_tracking mocap:=motive mocap_server:=192.168.1.10",
+    ])  # fmt: skip
 
 
 def resolve_rviz(value: str) -> str:
@@ -90,10 +94,17 @@ def resolve_rviz(value: str) -> str:
 
 def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
     """Say what starts, and how another terminal joins."""
-    task = f"experiment {arguments['experiment']}" if arguments["experiment"] != "none" else f"controller {arguments['controller']}"
+    task = (
+        f"experiment {arguments['experiment']}"
+        if arguments["experiment"] != "none"
+        else f"controller {arguments['controller']}"
+    )
     what = f"{arguments['robot']} at {arguments['robot_ip']}" if arguments["env"] == "real" else arguments["simulator"]
-    capture = "".join(f"   {name}: {arguments[name]}" for name in ("mocap", *SENSORS) if arguments[name] != "none")
-    print(f"env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}   record: {arguments['record']}")
+    capture = "".join(f"   {name}: {arguments[name]}" for name in DEVICES if arguments[name] != "none")
+    print(
+        f"env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}   record: "
+        f"{arguments['record']}"
+    )
     print(f"ROS master: {master} ({'it runs already' if running else 'started here'})")
     export = "" if master == DEFAULT else f" && export ROS_MASTER_URI={master}"
     print(f"In another terminal:  source {WORKSPACE}/scripts/env{export}")
@@ -102,48 +113,48 @@ def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
     sys.stdout.flush()
 
 
-class Asked:
-    """Whether the user asked for the end (Ctrl-C, SIGTERM, SIGHUP).
+class ShutdownRequest:
+    """Whether the user wants the end (Ctrl-C, SIGTERM, SIGHUP).
 
-    roslaunch's own handlers would end the nodes in the middle of their start and could leave one behind; so the wish is remembered, and granted
-    when all have started.
+    roslaunch's own handlers would end the nodes in the middle of their start and could leave one behind; so the request
+    is remembered, and served when all have started.
     """
 
     def __init__(self) -> None:
-        self.end = False
+        self.received = False
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._remember)
 
     def _remember(self, *_: object) -> None:
-        self.end = True
+        self.received = True
 
 
 def run(arguments: Mapping[str, str], master: str) -> int:
-    """Run bringup.launch until a required node ends or Ctrl-C; answers the exit code."""
+    """Run bringup.launch until a required node ends or Ctrl-C; returns the exit code."""
     os.environ["ROS_MASTER_URI"] = master
-    ending = Ending()
+    nodes = RequiredNodes()
     uuid = roslaunch.rlutil.get_or_generate_uuid(None, False)
     roslaunch.configure_logging(uuid)
     mappings = [f"{name}:={value}" for name, value in arguments.items()]
     parent = roslaunch.parent.ROSLaunchParent(
         uuid,
         [(str(LAUNCH), mappings)],
-        process_listeners=[ending],
+        process_listeners=[nodes],
         show_summary=False,
         sigint_timeout=SIGINT_TIMEOUT,
         sigterm_timeout=SIGTERM_TIMEOUT,
     )
     try:
         parent._load_config()
-        ending.required = _take_over_required(parent.config)
+        nodes.required = _take_over_required(parent.config)
         parent._start_infrastructure()
         roslaunch.pmon._init_signal_handlers()
-        asked = Asked()
+        request = ShutdownRequest()
         parent.start()
     except roslaunch.core.RLException as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
         return 1
-    return _wait(parent, ending, asked, arguments["experiment"] != "none")
+    return _wait(parent, nodes, request, arguments["experiment"] != "none")
 
 
 def _take_over_required(config: Any) -> set[str]:
@@ -151,45 +162,52 @@ def _take_over_required(config: Any) -> set[str]:
     required = {node for node in config.nodes if node.required}
     for node in required:
         node.required = False
-    return {node.namespace.strip("/").replace("/", "-") + "-" * (node.namespace != "/") + node.name for node in required}
+    return {
+        node.namespace.strip("/").replace("/", "-") + "-" * (node.namespace != "/") + node.name for node in required
+    }
 
 
-def _wait(parent: Any, ending: Ending, asked: Asked, is_experiment: bool) -> int:
+def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, is_experiment: bool) -> int:
     started = time.monotonic()
-    while not (asked.end or ending.name or parent.pm.done):
+    while not (request.received or nodes.name or parent.pm.done):
         time.sleep(0.02)
     if time.monotonic() - started < STARTING:
         _terminate_nodes(parent.pm)
     parent.shutdown()
-    if not ending.name:
+    if not nodes.name:
         return INTERRUPTED if is_experiment else 0
-    if ending.code:
-        print(f"scripts/bringup: {ending.name} ended with code {ending.code}; its messages stand above", file=sys.stderr)
-    return ending.code if ending.code >= 0 else 128 - ending.code
+    if nodes.code:
+        print(f"scripts/bringup: {nodes.name} ended with code {nodes.code}; its messages are above", file=sys.stderr)
+    return nodes.code if nodes.code >= 0 else 128 - nodes.code
 
 
 def _terminate_nodes(monitor: Any) -> None:
-    """SIGTERM: a node that is still importing would answer the SIGINT of roslaunch with a traceback; those that run take both alike."""
+    """SIGTERM: a node that is still importing would end by the SIGINT of roslaunch with a traceback; those that run
+    take both alike."""
     for process in monitor.procs[:]:
         if process not in monitor.core_procs and process.popen is not None and process.popen.poll() is None:
             os.killpg(process.popen.pid, signal.SIGTERM)
 
 
 def main(argv: list[str]) -> int:
-    """Command line; answers the exit code."""
+    """Command line; returns the exit code."""
     documented: Documented = roslaunch.arg_dump.get_args([str(LAUNCH)])
     if {"-h", "--help"} & set(argv):
         print(help_text(documented))
         return 0
     try:
-        arguments = {name: default or "" for name, (_, default) in documented.items()} | check(split(argv), documented, choices())
+        known = choices()
+        arguments = {name: default or "" for name, (_, default) in documented.items()} | check(
+            split(argv), documented, known
+        )
         if arguments["env"] == "real":
-            import franka_real.probe  # with all that the arm's driver is made of, which a simulated one need not wait for
+            # with all that the arm's driver is made of, which a simulated one need not wait for
+            import franka_real.probe
 
             franka_real.probe.check(arguments["robot_ip"], PROBE_TIMEOUT)
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
-        arguments["mocap"] = motion_capture(arguments, choices())
-        shown = arguments | {name: sensor(name, arguments, choices()) for name in SENSORS}
+        arguments["mocap"] = device("mocap", arguments, known)
+        shown = arguments | {name: device(name, arguments, known) for name in DEVICES}
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, arguments["ns"].rstrip("/") + "/robot")
     except (ArgumentError, MasterError, HricError) as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)

@@ -1,6 +1,5 @@
-"""Arguments of scripts/bringup: roslaunch accepts a misspelt name or value in silence, here each is checked before anything starts."""
-
-from __future__ import annotations
+"""Arguments of scripts/bringup: roslaunch accepts a misspelt name or value in silence, here each is checked before
+anything starts."""
 
 import ipaddress
 import math
@@ -11,7 +10,6 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import yaml
-from bringup_sections import described
 
 
 class ArgumentError(Exception):
@@ -25,17 +23,16 @@ class Choices:
     Attributes:
         controllers: instance names in controllers.yaml.
         experiments: names of the experiment files.
-        captured: those of them that have a motion capture.
-        sensed: per sensor (`SENSORS`), those of them that have it.
+        having: per section of an experiment file (`DEVICES`), those of them that have it.
     """
 
     controllers: tuple[str, ...]
     experiments: tuple[str, ...]
-    captured: tuple[str, ...] = ()
-    sensed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    having: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 SENSORS = ("emg", "force_plate")
+DEVICES = ("mocap", *SENSORS)
 """Sections of an experiment file and arguments of the same name."""
 BROADCASTERS = ("joint_state_controller", "franka_state_controller")
 """Controllers that only publish; bringup.launch always starts them."""
@@ -54,7 +51,9 @@ def split(arguments: Iterable[str]) -> dict[str, str]:
         name, separator, value = argument.partition(":=")
         if not separator or not name:
             hint = f"; did you mean {argument.replace('=', ':=', 1)} ?" if "=" in argument else ""
-            raise ArgumentError(f"cannot read {argument!r}: arguments are written name:=value, for example env:=sim{hint}")
+            raise ArgumentError(
+                f"cannot read {argument!r}: arguments are written name:=value, for example env:=sim{hint}"
+            )
         if name in result:
             raise ArgumentError(f"{name} is given twice: {result[name]!r} and {value!r}")
         result[name] = value.strip()
@@ -77,7 +76,9 @@ def check(given: Mapping[str, str], valid_names: Iterable[str], choices: Choices
         if name not in names:
             close = get_close_matches(name, names, n=1)
             hint = f" (did you mean {close[0]}?)" if close else ""
-            raise ArgumentError(f"no argument {name!r}{hint}; valid: {', '.join(names)}.  scripts/bringup --help explains them")
+            raise ArgumentError(
+                f"no argument {name!r}{hint}; valid: {', '.join(names)}.  scripts/bringup --help explains them"
+            )
     checks = _checks(choices)
     _check_environment(given)
     checked = {name: checks[name](name, value) if name in checks else value for name, value in given.items()}
@@ -88,7 +89,17 @@ def check(given: Mapping[str, str], valid_names: Iterable[str], choices: Choices
 
 Check = Callable[[str, str], str]
 
-ONLY_SIMULATED = ("simulator", "gui", "world", "friction", "damping", "rotor_inertia", "realism", "q_start", "real_time_factor")
+ONLY_SIMULATED = (
+    "simulator",
+    "gui",
+    "world",
+    "friction",
+    "damping",
+    "rotor_inertia",
+    "realism",
+    "q_start",
+    "real_time_factor",
+)
 """Arguments that say something about the simulation."""
 ONLY_REAL = ("robot_ip", "robot")
 """Arguments that say something about the arm itself."""
@@ -105,34 +116,33 @@ def _check_environment(given: Mapping[str, str]) -> None:
     if real and "robot_ip" not in given:
         raise ArgumentError("env:=real needs the address of the arm's control box, for example robot_ip:=172.16.0.2")
     if given.get("record", "").lower() == "false" and (unrecorded := [name for name in given if name in ONLY_RECORDED]):
-        raise ArgumentError(f"{', '.join(unrecorded)} can be given with a recording only; valid: record:=true or record:=on_trigger")
+        raise ArgumentError(
+            f"{', '.join(unrecorded)} can be given with a recording only; valid: record:=true or record:=on_trigger"
+        )
 
 
-def motion_capture(given: Mapping[str, str], choices: Choices) -> str:
-    """none, emulated or motive: auto means emulated where the experiment has a motion capture.
+def has_section(path: Path, name: str) -> bool:
+    """Whether an experiment file has a section; what is wrong with the file is reported elsewhere."""
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return False
+    return isinstance(content, dict) and bool(content.get(name))
+
+
+def device(name: str, given: Mapping[str, str], choices: Choices) -> str:
+    """none, emulated or the real one: auto means emulated where the experiment has the section.
 
     Args:
+        name: one of `DEVICES`.
         given: checked arguments.
         choices: names that exist in this workspace.
     """
-    asked, experiment = given.get("mocap", "auto"), given.get("experiment", "none")
-    if asked != "auto":
-        return asked
-    return "emulated" if described("mocap", experiment, choices.captured) else "none"
-
-
-def sensor(name: str, given: Mapping[str, str], choices: Choices) -> str:
-    """none, emulated or real: auto means emulated where the experiment has the section.
-
-    Args:
-        name: one of `SENSORS`.
-        given: checked arguments.
-        choices: names that exist in this workspace.
-    """
-    asked, experiment = given.get(name, "auto"), given.get("experiment", "none")
-    if asked != "auto":
-        return asked
-    return "emulated" if described(name, experiment, choices.sensed.get(name, ())) else "none"
+    value, experiment = given.get(name, "auto"), given.get("experiment", "none")
+    if value != "auto":
+        return value
+    own_file = experiment.endswith((".yaml", ".yml")) and has_section(Path(experiment), name)
+    return "emulated" if own_file or experiment in choices.having.get(name, ()) else "none"
 
 
 def _unpaced(given: Mapping[str, str]) -> bool:
@@ -140,23 +150,29 @@ def _unpaced(given: Mapping[str, str]) -> bool:
 
 
 def _check_sensors(given: Mapping[str, str], choices: Choices) -> None:
-    chosen = {name: sensor(name, given, choices) for name in SENSORS}
-    if _unpaced(given) and any(device != "none" for device in chosen.values()):
-        told = ", ".join(f"{name}:={device}" for name, device in chosen.items() if device != "none")
+    chosen = {name: device(name, given, choices) for name in SENSORS}
+    used = ", ".join(f"{name}:={value}" for name, value in chosen.items() if value != "none")
+    if used and _unpaced(given):
         raise ArgumentError(
-            f"real_time_factor:=0 is not possible with sensors ({told}), which come by wire and need a run that is paced; valid: a factor above 0"
+            f"real_time_factor:=0 is not possible with sensors ({used}), which come by wire and need a run that "
+            "is paced; valid: a factor above 0"
         )
 
 
 def _check_mocap(given: Mapping[str, str], choices: Choices) -> None:
-    chosen = motion_capture(given, choices)
+    chosen = device("mocap", given, choices)
     if chosen == "none" and given.get("mocap_server", "auto") != "auto":
-        raise ArgumentError("mocap_server can be given with a motion capture only; valid: mocap:=motive or mocap:=emulated beside it")
+        raise ArgumentError(
+            "mocap_server can be given with a motion capture only; valid: mocap:=motive or mocap:=emulated beside it"
+        )
     if chosen != "motive" and given.get("mocap_calibration", "none") != "none":
-        raise ArgumentError("mocap_calibration can be given with mocap:=motive only: the emulated one stands where the experiment says")
+        raise ArgumentError(
+            "mocap_calibration can be given with mocap:=motive only: the emulated one is where the experiment says"
+        )
     if chosen != "none" and _unpaced(given):
         raise ArgumentError(
-            f"real_time_factor:=0 is not possible with a motion capture (mocap:={chosen}), which comes by wire and needs a run that is paced; "
+            f"real_time_factor:=0 is not possible with a motion capture (mocap:={chosen}), which comes by wire "
+            "and needs a run that is paced; "
             "valid: a factor above 0, or the headless runner, rosrun hric_experiments run"
         )
 
@@ -175,8 +191,8 @@ def _checks(choices: Choices) -> dict[str, Check]:
         "record": _one_of(*BOOL, "on_trigger"),
         "subject": _subject,
         "notes": _notes,
-        "split_size": _one_number("0 means never"),
-        "split_duration": _one_number("0 means never"),
+        "split_size": _single("0 means never"),
+        "split_duration": _single("0 means never"),
         "html": _one_of(*BOOL),
         "mocap": _one_of("auto", "none", "emulated", "motive"),
         **dict.fromkeys(SENSORS, _one_of("auto", "none", "emulated", "real")),
@@ -192,12 +208,12 @@ def _checks(choices: Choices) -> dict[str, Check]:
         "xyz": _vector,
         "rpy": _vector,
         "world": _world,
-        "damping": _number_at_least_zero,
-        "rotor_inertia": _number_at_least_zero,
-        "kp": _number_at_least_zero,
-        "kd": _number_at_least_zero,
+        "damping": _not_negative,
+        "rotor_inertia": _not_negative,
+        "kp": _not_negative,
+        "kd": _not_negative,
         "realism": _realism,
-        "real_time_factor": _one_number("1 is real time, 2 twice as fast, 0 as fast as possible"),
+        "real_time_factor": _single("1 is real time, 2 twice as fast, 0 as fast as possible"),
         "q_start": _angles,
     }
 
@@ -222,7 +238,9 @@ def _ip_address(name: str, value: str) -> str:
     try:
         return value if value == "auto" else str(ipaddress.IPv4Address(value))
     except ValueError:
-        raise ArgumentError(f"{name}:={value} is not an IPv4 address; for example {name}:=192.168.1.10, or auto") from None
+        raise ArgumentError(
+            f"{name}:={value} is not an IPv4 address; for example {name}:=192.168.1.10, or auto"
+        ) from None
 
 
 def _experiment(names: tuple[str, ...]) -> Check:
@@ -231,7 +249,9 @@ def _experiment(names: tuple[str, ...]) -> Check:
             return value
         if value.endswith((".yaml", ".yml")):
             return _existing_file(name, value)
-        raise ArgumentError(f"{name}:={value}: no such experiment; valid: {', '.join(names)}, none, or the path of a .yaml file")
+        raise ArgumentError(
+            f"{name}:={value}: no such experiment; valid: {', '.join(names)}, none, or the path of a .yaml file"
+        )
 
     return checked
 
@@ -253,7 +273,8 @@ def _friction(name: str, value: str) -> str:
     valid = ("none", "coulomb", "identified", "auto")
     if value not in valid:
         raise ArgumentError(
-            f"{name}:={value} is not possible; valid: {', '.join(valid)}, or the path of a .yaml file with the friction of each joint"
+            f"{name}:={value} is not possible; valid: {', '.join(valid)}, or the path of a .yaml file with the "
+            "friction of each joint"
         )
     return value
 
@@ -261,21 +282,31 @@ def _friction(name: str, value: str) -> str:
 def _namespace(name: str, value: str) -> str:
     parts = value.strip("/").split("/") if value.strip("/") else []
     if not all(part.isidentifier() for part in parts):
-        raise ArgumentError(f"{name}:={value} is not a namespace; letters, digits and underscores, for example {name}:=left")
+        raise ArgumentError(
+            f"{name}:={value} is not a namespace; letters, digits and underscores, for example {name}:=left"
+        )
     return "/" + "/".join(parts)
 
 
 def _identifier(name: str, value: str) -> str:
     if not value.isidentifier():
-        raise ArgumentError(f"{name}:={value} is not a name; letters, digits and underscores, for example {name}:=panda")
+        raise ArgumentError(
+            f"{name}:={value} is not a name; letters, digits and underscores, for example {name}:=panda"
+        )
     return value
 
 
 def _numbers(name: str, value: object, example: str) -> list[float]:
     items: list[object] = value if isinstance(value, list) else [value]
-    numbers = [float(item) for item in items if isinstance(item, int | float) and not isinstance(item, bool) and math.isfinite(item)]
+    numbers = [
+        float(item)
+        for item in items
+        if isinstance(item, int | float) and not isinstance(item, bool) and math.isfinite(item)
+    ]
     if not numbers or len(numbers) != len(items):
-        raise ArgumentError(f"{name}:={value} is not a number or a list of {JOINTS} numbers; for example {name}:={example}")
+        raise ArgumentError(
+            f"{name}:={value} is not a number or a list of {JOINTS} numbers; for example {name}:={example}"
+        )
     return numbers
 
 
@@ -286,7 +317,7 @@ def _loaded(name: str, value: str) -> object:
         raise ArgumentError(f"{name}:={value} cannot be read: {str(error).splitlines()[0]}") from error
 
 
-def _number_at_least_zero(name: str, value: str) -> str:
+def _not_negative(name: str, value: str) -> str:
     if value == "auto":
         return value
     loaded = _loaded(name, value)
@@ -299,7 +330,9 @@ def _number_at_least_zero(name: str, value: str) -> str:
 def _realism(name: str, value: str) -> str:
     if value == "auto":
         return value
-    from franka_sim.realism import parse  # with all that the simulated arm is made of, which other runs need not wait for
+    from franka_sim.realism import (
+        parse,  # with all that the simulated arm is made of, which other runs need not wait for
+    )
     from hric_control.errors import HricError
 
     try:
@@ -312,7 +345,8 @@ def _realism(name: str, value: str) -> str:
 def _subject(name: str, value: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}", value):
         raise ArgumentError(
-            f"{name}:={value} is no code: letters, digits, - and _, at most 32, for example {name}:=P07; names of people stay out of the data"
+            f"{name}:={value} is no code: letters, digits, - and _, at most 32, for example {name}:=P07; names of "
+            "people stay out of the data"
         )
     return value
 
@@ -323,7 +357,7 @@ def _notes(name: str, value: str) -> str:
     return value or "none"
 
 
-def _one_number(meaning: str) -> Check:
+def _single(meaning: str) -> Check:
     def checked(name: str, value: str) -> str:
         loaded = _loaded(name, value)
         if isinstance(loaded, list) or _numbers(name, loaded, "1")[0] < 0.0:
@@ -347,5 +381,8 @@ def _vector(name: str, value: str) -> str:
 def _angles(name: str, value: str) -> str:
     count = len(value.strip("[] ").split(","))
     if value != "auto" and not (value.startswith(("[", "{")) and (value.startswith("{") or count == JOINTS)):
-        raise ArgumentError(f"{name}:={value} must be {JOINTS} angles [rad] in brackets, for example {name}:=[0,-pi/4,0,-3*pi/4,0,pi/2,pi/4]")
+        raise ArgumentError(
+            f"{name}:={value} must be {JOINTS} angles [rad] in brackets, for example "
+            f"{name}:=[0,-pi/4,0,-3*pi/4,0,pi/2,pi/4]"
+        )
     return value.replace(" ", "")

@@ -1,6 +1,4 @@
-"""Which ROS master a bring-up uses: the user's if it answers, else one of its own."""
-
-from __future__ import annotations
+"""Which ROS master a bring-up uses: the user's if it responds, else one of its own."""
 
 import http.client
 import socket
@@ -11,7 +9,7 @@ LOCAL = ("localhost", "127.0.0.1", "::1")
 DEFAULT = "http://localhost:11311"
 CALLER = "/scripts_bringup"
 TIMEOUT = 2.0
-"""For one answer of a master [s]."""
+"""For one response of a master [s]."""
 
 
 class MasterError(Exception):
@@ -26,14 +24,12 @@ class _Transport(xmlrpc.client.Transport):
 
 
 def call(uri: str, method: str, *arguments: str) -> tuple[int, str, object] | None:
-    """Answer (code, text, value) of an XML-RPC server of ROS; None if there is none at `uri`."""
+    """Response (code, text, value) of an XML-RPC server of ROS; None if there is none at `uri`."""
     try:
-        answer = getattr(xmlrpc.client.ServerProxy(uri, transport=_Transport()), method)(CALLER, *arguments)
+        response = getattr(xmlrpc.client.ServerProxy(uri, transport=_Transport()), method)(CALLER, *arguments)
     except (OSError, http.client.HTTPException, xmlrpc.client.Error, ValueError):
         return None
-    if not isinstance(answer, list | tuple) or len(answer) != 3:
-        return None
-    return answer[0], answer[1], answer[2]
+    return tuple(response) if isinstance(response, list | tuple) and len(response) == 3 else None
 
 
 def is_local(uri: str) -> bool:
@@ -57,9 +53,9 @@ def free_port() -> int:
 
 
 def node_is_alive(master: str, node: str) -> bool:
-    """Whether the master knows a node of this name and the node itself answers (a killed one stays registered)."""
-    answer = call(master, "lookupNode", node)
-    return answer is not None and answer[0] == 1 and call(str(answer[2]), "getPid") is not None
+    """Whether the master knows a node of this name and the node itself responds (a killed one stays registered)."""
+    found = call(master, "lookupNode", node)
+    return found is not None and found[0] == 1 and call(str(found[2]), "getPid") is not None
 
 
 def choose(uri: str, robot_node: str) -> tuple[str, bool]:
@@ -70,15 +66,17 @@ def choose(uri: str, robot_node: str) -> tuple[str, bool]:
         robot_node: name of the node that only one bring-up can have.
 
     Raises:
-        MasterError: a remote master does not answer, or this bring-up runs there already.
+        MasterError: a remote master does not respond, or this bring-up runs there already.
     """
     if call(uri, "getPid") is not None:
         if node_is_alive(uri, robot_node):
             other = f"ROS_MASTER_URI=http://localhost:{free_port()} scripts/bringup ..."
-            raise MasterError(f"a bring-up already runs on {uri} (node {robot_node}). End it first, or start beside it:  {other}")
+            raise MasterError(
+                f"a bring-up already runs on {uri} (node {robot_node}). End it first, or start beside it:  {other}"
+            )
         return uri, True
     if not is_local(uri):
-        raise MasterError(f"no ROS master answers at ROS_MASTER_URI={uri}. Start it there, or: unset ROS_MASTER_URI")
+        raise MasterError(f"no ROS master responds at ROS_MASTER_URI={uri}. Start it there, or: unset ROS_MASTER_URI")
     port = urlparse(uri).port or 11311
     if not port_is_taken(port):
         return uri, False

@@ -1,7 +1,5 @@
 """Play a run folder on a ROS master: its bag with its own clock, its robot, rviz. Called by scripts/replay."""
 
-from __future__ import annotations
-
 import signal
 
 # Until processes start, Ctrl-C ends this at once and without a word.
@@ -20,6 +18,7 @@ from bringup_master import DEFAULT, MasterError, call, choose, node_is_alive
 from replay_run import Run, blocked, find
 
 from hric_control.errors import HricError
+from hric_control.processes import end_process
 
 WORKSPACE = Path(__file__).resolve().parents[2]
 VIEW = WORKSPACE / "src/hric_bringup/rviz/panda.rviz"
@@ -44,7 +43,8 @@ class Processes:
         self._started: list[subprocess.Popen[bytes]] = []
 
     def start(self, *command: str, quiet: bool = False) -> subprocess.Popen[bytes]:
-        """Start a process that does not see the terminal's Ctrl-C, and that the system ends should this one be killed."""
+        """Start a process that does not see the terminal's Ctrl-C, and that the system ends should this one be
+        killed."""
         prctl = ctypes.CDLL(None, use_errno=True).prctl
         process = subprocess.Popen(
             command,
@@ -59,23 +59,20 @@ class Processes:
     def close(self) -> None:
         """End all."""
         for process in reversed(self._started):
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-                try:
-                    process.wait(END_TIMEOUT)
-                except subprocess.TimeoutExpired:
-                    os.killpg(process.pid, signal.SIGKILL)
-                    process.wait()
+            end_process(process, END_TIMEOUT)
 
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(
         "scripts/replay",
-        description="Play a run: its bag with its own clock, the robot as it was, and rviz. The space bar pauses, Ctrl-C ends it.",
+        description="Play a run: its bag with its own clock, the robot as it was, and rviz. The space bar pauses, "
+        "Ctrl-C ends it.",
     )
     parser.add_argument("run", metavar="RUN", help="run folder, its name below runs/, or latest")
-    parser.add_argument("--rate", type=_rate, default=1.0, metavar="R", help="so many times as fast as it was (default 1)")
+    parser.add_argument(
+        "--rate", type=_rate, default=1.0, metavar="R", help="so many times as fast as it was (default 1)"
+    )
     parser.add_argument("--no-rviz", action="store_true", help="without rviz; by itself where there is no display")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
     return parser.parse_args(argv)
@@ -87,12 +84,14 @@ def _rate(text: str) -> float:
     except ValueError:
         value = 0.0
     if not 0.0 < value < 1e3:
-        raise argparse.ArgumentTypeError(f"{text!r} is not possible; valid: a number above 0 and below 1000, such as 0.5")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not possible; valid: a number above 0 and below 1000, such as 0.5"
+        )
     return value
 
 
 def play(run: Run, master: str, running: bool, rate: float, rviz: bool) -> int:
-    """Start all, wait for the end of the bag; answers the exit code."""
+    """Start all, wait for the end of the bag; returns the exit code."""
     os.environ["ROS_MASTER_URI"] = master
     processes, before = Processes(), None
     try:
@@ -103,9 +102,11 @@ def play(run: Run, master: str, running: bool, rate: float, rviz: bool) -> int:
         _set(master, "/use_sim_time", True)
         _show(processes, run, master, rviz)
         bags = [str(bag) for bag in run.bags]
-        print(f"playing {run.name}: {run.duration:.1f} s at {rate:g} times its pace, {len(run.topics)} topics", flush=True)
-        command = ["rosbag", "play", "--quiet", "--clock", "-d", str(BEFORE), "-r", str(rate), "--topics", *run.topics, "--bags", *bags]
-        return _ended(processes.start(*command, "__name:=replay"))
+        print(
+            f"playing {run.name}: {run.duration:.1f} s at {rate:g} times its pace, {len(run.topics)} topics", flush=True
+        )
+        options = ["--quiet", "--clock", "-d", str(BEFORE), "-r", str(rate), "--topics", *run.topics, "--bags", *bags]
+        return _ended(processes.start("rosbag", "play", *options, "__name:=replay"))
     except Interrupted:
         return INTERRUPTED
     finally:
@@ -122,7 +123,9 @@ def _show(processes: Processes, run: Run, master: str, rviz: bool) -> None:
         _set(master, f"{space}/robot_description", run.urdf)
         if not run.has_transforms:
             name = f"{space}/robot_state_publisher"
-            publisher = processes.start("rosrun", "robot_state_publisher", "robot_state_publisher", f"__ns:={space or '/'}")
+            publisher = processes.start(
+                "rosrun", "robot_state_publisher", "robot_state_publisher", f"__ns:={space or '/'}"
+            )
             _wait(name, lambda: node_is_alive(master, name), publisher, START_TIMEOUT)
     else:
         print("the run has no robot.urdf: no robot is shown", flush=True)
@@ -137,7 +140,7 @@ def _wait(what: str, done: Callable[[], bool], process: subprocess.Popen[bytes],
     deadline = time.monotonic() + timeout
     while not done():
         if process.poll() is not None:
-            raise HricError(f"{what} ended with code {process.returncode}; its messages stand above")
+            raise HricError(f"{what} ended with code {process.returncode}; its messages are above")
         if time.monotonic() > deadline:
             raise HricError(f"{what} did not start within {timeout:g} s")
         time.sleep(0.05)
@@ -147,7 +150,7 @@ def _ended(player: subprocess.Popen[bytes]) -> int:
     while player.poll() is None:
         time.sleep(0.05)
     if player.returncode:
-        raise HricError(f"rosbag play ended with code {player.returncode}; its messages stand above")
+        raise HricError(f"rosbag play ended with code {player.returncode}; its messages are above")
     return 0
 
 
@@ -169,14 +172,17 @@ def _interrupt(*_: object) -> None:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Command line; answers the exit code."""
+    """Command line; returns the exit code."""
     given = parsed(argv)
     try:
         run = find(given.run, given.runs)
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, f"{run.namespace}/robot")
         if running and (reason := blocked(call(master, "getSystemState"), run)):
             other = "ROS_MASTER_URI=http://localhost:11322 scripts/replay ..."
-            raise HricError(f"{reason} on the master {master}: the run would be mixed with it. End it first, or replay beside it:  {other}")
+            raise HricError(
+                f"{reason} on the master {master}: the run would be mixed with it. End it first, or replay beside "
+                f"it:  {other}"
+            )
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, _interrupt)
         return play(run, master, running, given.rate, not given.no_rviz and bool(os.environ.get("DISPLAY")))

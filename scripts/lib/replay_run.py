@@ -1,17 +1,15 @@
 """What a replay takes from a run folder, and what forbids it on a master that is in use."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rosbags.highlevel import AnyReaderError
 
+from hric_bags.parts import PartsReader, parts
+from hric_bags.run_folder import RunFolder, runs_root
 from hric_control.errors import HricError
-from hric_experiments.analysis import bag_of
-from hric_experiments.bag_parts import PartsReader, parts
-from hric_experiments.run_folder import RunFolder, runs_root
+from hric_experiments.analysis.run import bag_of
 
 NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
 """The player makes the clock; the log of then would mix with that of now."""
@@ -53,7 +51,9 @@ def find(given: str, root: str | None) -> Run:
     if not bag.is_file():
         unfinished = bag.with_name(bag.name + ".active").is_file()
         hint = (
-            f"its recording did not end properly, try: rosrun hric_experiments health --salvage {folder.path}" if unfinished else "it was moved away"
+            f"its recording did not end properly, try: rosrun hric_experiments health --salvage {folder.path}"
+            if unfinished
+            else "it was moved away"
         )
         raise HricError(f"the run {folder.path.name} has no bag {bag.name}: {hint}")
     try:
@@ -62,7 +62,9 @@ def find(given: str, root: str | None) -> Run:
             senders = [str(getattr(c.ext, "callerid", "")) for c in reader.connections if c.topic == "/tf"]
             duration = reader.duration * 1e-9 if topics else 0.0
     except (AnyReaderError, OSError) as error:
-        raise HricError(f"cannot read {bag.name}: {error}; try: rosrun hric_experiments health {folder.path}") from error
+        raise HricError(
+            f"cannot read {bag.name}: {error}; try: rosrun hric_experiments health {folder.path}"
+        ) from error
     if not topics:
         raise HricError(f"the run {folder.path.name} has nothing to play: {bag.name} holds no message")
     urdf = folder.urdf_path.read_text() if folder.urdf_path.is_file() else ""
@@ -71,7 +73,7 @@ def find(given: str, root: str | None) -> Run:
 
 
 def _namespace(topics: list[str]) -> str:
-    """Where the robot's topics stood."""
+    """Namespace of the robot's topics."""
     for name in ("/control_log", "/joint_states"):
         for topic in topics:
             if topic.endswith(name):
@@ -85,7 +87,7 @@ def blocked(state: tuple[int, str, Any] | None, run: Run) -> str:
     A robot that runs there would take the commands of then for those of now.
 
     Args:
-        state: answer of the master to getSystemState.
+        state: response of the master to getSystemState.
         run: what is to be played.
     """
     if state is None:

@@ -1,3 +1,4 @@
+# shellcheck shell=bash disable=SC2154 # $ws and $check come from scripts/setup
 # The steps of scripts/setup, and how it talks. Sourced with $ws set and as the working folder.
 
 logs=logs
@@ -89,15 +90,17 @@ notice_moved_workspace() {
 
 # Names in scripts/apt-packages.txt that dpkg does not call installed; $1 = no leaves out the marked gui section.
 missing_packages() {
-  local wanted
-  wanted=$(sed "$([ "$1" = yes ] || echo '/^# \[gui\]/,$d')" scripts/apt-packages.txt | grep -v '^#' | sort)
-  comm -23 <(echo "$wanted") <(dpkg-query -W -f '${db:Status-Status} ${Package}\n' $wanted 2>/dev/null | sed -n 's/^installed //p' | sort)
+  local wanted last='$'
+  [ "$1" = yes ] || last='/^# \[gui\]/'
+  mapfile -t wanted < <(sed "1,${last}!d; /^#/d" scripts/apt-packages.txt | sort)
+  comm -23 <(printf '%s\n' "${wanted[@]}") \
+    <(dpkg-query -W -f '${db:Status-Status} ${Package}\n' "${wanted[@]}" 2>/dev/null | sed -n 's/^installed //p' | sort)
 }
 
-# Whatever changes the build: messages, CMake files, C++, the list of executables.
+# Whatever changes the build: messages, CMake files, C and C++, the list of executables.
 build_inputs() {
-  find src -mindepth 2 \( -name CMakeLists.txt -o -name package.xml -o -name setup.py -o -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -path '*/cpp/*' \) \
-    -print0 | sort -z | xargs -0 sha256sum
+  find src -mindepth 2 \( -name CMakeLists.txt -o -name package.xml -o -name setup.py -o -name '*.msg' -o -name '*.srv' \
+    -o -name '*.action' -o -name '*.cfg' -o -name '*.cmake' -o -name '*.[ch]' -o -name '*.cpp' \) -print0 | sort -z | xargs -0 sha256sum
   find src -path '*/nodes/*' -not -path '*/__pycache__/*' | sort
   cat scripts/build
 }

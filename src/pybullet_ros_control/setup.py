@@ -3,4 +3,4 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
-setup(**generate_distutils_setup(packages=["pybullet_ros_control"], package_dir={"": "src"}, package_data={"pybullet_ros_control": ["*.c"]}))
+setup(**generate_distutils_setup(packages=["pybullet_ros_control"], package_dir={"": "src"}))

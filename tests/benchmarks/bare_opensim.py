@@ -1,11 +1,10 @@
-"""Bare steps of OpenSim as its package loads itself, in a process of its own: python bare_opensim.py third_order|semi_implicit [loaded_first].
+"""Bare steps of OpenSim as its package loads itself, in a process of its own: python bare_opensim.py
+third_order|semi_implicit [loaded_first].
 
-For each line with a number of steps on its input it answers with their mean cost [s of CPU time of the thread] and the positions that they led
-to. A step is commanded: the efforts of all joints are written before it, as any robot's are. With `loaded_first` OpenSim's libraries are loaded as
-the plant loads them.
+For each line with a number of steps on its input it answers with their mean cost [s of CPU time of the thread] and the
+positions that they led to. A step is commanded: the efforts of all joints are written before it, as any robot's are.
+With `loaded_first` OpenSim's libraries are loaded as the plant loads them.
 """
-
-from __future__ import annotations
 
 import sys
 import time

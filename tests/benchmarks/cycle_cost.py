@@ -2,12 +2,10 @@
 
     python tests/benchmarks/cycle_cost.py
 
-Each round times a block of bare steps and a block of whole cycles one after the other, in CPU time of the thread; the ratio of a round compares
-what the machine was like in the same moment. On a shared machine neighbours take the caches away, which hits the cycle harder than the bare step:
-what is told is the median over the quarter of the rounds in which the bare step was least disturbed.
+Each round times a block of bare steps and a block of whole cycles one after the other, in CPU time of the thread; the
+ratio of a round compares what the machine was like in the same moment. Medians over all rounds are reported: a choice
+of rounds by one of the two times would prefer those in which the other was disturbed.
 """
-
-from __future__ import annotations
 
 import statistics
 import time
@@ -20,9 +18,9 @@ from std_msgs.msg import Float64MultiArray
 
 import panda_description
 from hric_control import plugins
-from hric_control.controller_manager import ControllerManager
-from hric_control.local_node import LocalNode
-from hric_control.plants.urdf_tree import parse_urdf
+from hric_control.local.node import LocalNode
+from hric_control.manager.controller_manager import ControllerManager
+from hric_control.urdf import read
 from pybullet_ros_control.urdf_model import prepare
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
@@ -37,9 +35,9 @@ class Cost:
     """Cost of a whole cycle.
 
     Attributes:
-        bare_us: one bare stepSimulation, median over the least disturbed rounds [us of CPU time].
+        bare_us: one bare stepSimulation, median over the rounds [us of CPU time].
         cycle_us: one whole cycle, likewise [us of CPU time].
-        ratio: median of the ratios of these rounds [1].
+        ratio: median of the ratios of the rounds [1].
     """
 
     bare_us: float
@@ -48,13 +46,15 @@ class Cost:
 
     @property
     def real_time_factor(self) -> float:
-        """Run time per CPU time at 1 ms a cycle [1]."""
+        """Robot time per CPU time at 1 ms a cycle [1]."""
         return 1000.0 / self.cycle_us
 
 
 def arm_urdf() -> str:
     """The Panda without collision shapes, for the generic robot, with limits and transmissions."""
-    return panda_description.load(hand=False, meshes=False, collision=False, robot_sim_type="pybullet_ros_control/RobotHWSim")
+    return panda_description.load(
+        hand=False, meshes=False, collision=False, robot_sim_type="pybullet_ros_control/RobotHWSim"
+    )
 
 
 class BareArm:
@@ -62,16 +62,25 @@ class BareArm:
 
     def __init__(self, urdf: str, folder: Any) -> None:
         path = folder / "arm.urdf"
-        # The plant's own model, whose fixed links are merged: the bare arm has no joint more than the one it is compared with.
-        path.write_text(prepare(parse_urdf(urdf), collision=False).xml, encoding="utf-8")
+        # The plant's own model, whose fixed links are merged: the bare arm has no joint more than the one it is
+        # compared with.
+        path.write_text(prepare(read(urdf), collision=False).xml, encoding="utf-8")
         self.client = pybullet.connect(pybullet.DIRECT)
-        self.body = pybullet.loadURDF(str(path), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=self.client)
+        self.body = pybullet.loadURDF(
+            str(path), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=self.client
+        )
         pybullet.setTimeStep(1e-3, physicsClientId=self.client)
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self.client)
-        joints = [i for i in range(pybullet.getNumJoints(self.body, self.client)) if pybullet.getJointInfo(self.body, i, self.client)[2] != 4]
+        joints = [
+            i
+            for i in range(pybullet.getNumJoints(self.body, self.client))
+            if pybullet.getJointInfo(self.body, i, self.client)[2] != 4
+        ]
         for joint, q in zip(joints, SETPOINT, strict=True):
             pybullet.resetJointState(self.body, joint, q, physicsClientId=self.client)
-            pybullet.setJointMotorControl2(self.body, joint, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=self.client)
+            pybullet.setJointMotorControl2(
+                self.body, joint, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=self.client
+            )
 
     def run(self, n: int) -> None:
         """Step n times."""
@@ -80,25 +89,41 @@ class BareArm:
 
 
 class WholeCycle:
-    """read, manager with the PD law, limits with the torque rate, write, physics: what a headless run does each millisecond.
+    """read, manager with the PD law, limits with the torque rate, write, physics: what a headless run does each
+    millisecond.
 
     On RobotHWSim the law adds gravity by KDL; FrankaHWSim does so itself, and its control box checks and estimates.
     """
 
-    def __init__(self, urdf: str, plant: dict[str, Any], robot_hw: str = GENERIC, plant_type: str = "pybullet_ros_control/PyBulletPlant") -> None:
+    def __init__(
+        self,
+        urdf: str,
+        plant: dict[str, Any],
+        robot_hw: str = GENERIC,
+        plant_type: str = "pybullet_ros_control/PyBulletPlant",
+    ) -> None:
         node = LocalNode(
             {
                 "robot_description": urdf,
                 "joint_pd_controller": {
-                    "type": "hric_controllers/JointPDController", "joints": JOINTS, "kp": 50.0, "kd": 5.0, "gravity": robot_hw == GENERIC,
-                    "rotatum_limit": 1000.0, "profile": {"enabled": True}, "state_publish_rate": 0,
+                    "type": "hric_controllers/JointPDController",
+                    "joints": JOINTS,
+                    "kp": 50.0,
+                    "kd": 5.0,
+                    "gravity": robot_hw == GENERIC,
+                    "rotatum_limit": 1000.0,
+                    "profile": {"enabled": True},
+                    "state_publish_rate": 0,
                 },
                 "robot": {
-                    "q_start": [*SETPOINT[:3], -2.0, *SETPOINT[4:]], "real_time_factor": 0.0, "plant_type": plant_type, "plant": plant,
+                    "q_start": [*SETPOINT[:3], -2.0, *SETPOINT[4:]],
+                    "real_time_factor": 0.0,
+                    "plant_type": plant_type,
+                    "plant": plant,
                 },
                 "joint_limits": panda_description.joint_limit_parameters("panda"),
             }
-        )  # fmt: skip
+        )
         self.hw = plugins.find(plugins.ROBOT_HW, robot_hw)()
         self.hw.init(node, node.child("robot"))
         self.manager = ControllerManager(self.hw, node)
@@ -127,20 +152,6 @@ def _seconds(work: Callable[[int], None]) -> float:
     return (time.thread_time() - begin) / BLOCK
 
 
-def bare_step(folder: Any, rounds: int = 40) -> float:
-    """Time of one bare step, median over the least disturbed quarter of the rounds [s of CPU time].
-
-    Args:
-        folder: where the bare engine's file may stand.
-        rounds: timed blocks.
-    """
-    bare = BareArm(arm_urdf(), folder)
-    bare.run(BLOCK)
-    times = sorted(_seconds(bare.run) for _ in range(rounds))[: rounds // 4]
-    pybullet.disconnect(bare.client)
-    return statistics.median(times)
-
-
 def measure(rotor_inertia: float, folder: Any, rounds: int = 60, robot_hw: str = GENERIC) -> Cost:
     """Compare a whole cycle with a bare step.
 
@@ -154,7 +165,7 @@ def measure(rotor_inertia: float, folder: Any, rounds: int = 60, robot_hw: str =
     bare, whole = BareArm(urdf, folder), WholeCycle(urdf, {"rotor_inertia": rotor_inertia}, robot_hw)
     bare.run(BLOCK)
     whole.run(BLOCK)
-    pairs = sorted((_seconds(bare.run), _seconds(whole.run)) for _ in range(rounds))[: rounds // 4]
+    pairs = [(_seconds(bare.run), _seconds(whole.run)) for _ in range(rounds)]
     whole.hw.shutdown()
     pybullet.disconnect(bare.client)
     bare_s, cycle_s = (statistics.median(column) for column in zip(*pairs, strict=True))
@@ -168,11 +179,13 @@ def share_of_the_accurate_step(rotor_inertia: float, rounds: int = 60) -> float:
         rotor_inertia: of every joint [kg m^2].
         rounds: pairs of blocks.
     """
-    plants = [{"rotor_inertia": rotor_inertia, "integrator": integrator} for integrator in ("semi_implicit", "accurate")]
+    plants = [
+        {"rotor_inertia": rotor_inertia, "integrator": integrator} for integrator in ("semi_implicit", "accurate")
+    ]
     own, accurate = (WholeCycle(arm_urdf(), plant) for plant in plants)
     for cycle in (own, accurate):
         cycle.run(BLOCK)
-    pairs = sorted((_seconds(own.run), _seconds(accurate.run)) for _ in range(rounds))[: rounds // 4]
+    pairs = [(_seconds(own.run), _seconds(accurate.run)) for _ in range(rounds)]
     for cycle in (own, accurate):
         cycle.hw.shutdown()
     return statistics.median(second / first for first, second in pairs)
@@ -190,7 +203,9 @@ def main() -> None:
             cost = measure(rotor, Path(folder), robot_hw=robot)
             times = f"{cost.bare_us:10.1f} {cost.cycle_us:12.1f} {cost.ratio:6.2f} {cost.real_time_factor:17.1f}"
             print(f"{robot.split('/')[1]:11s} {rotor:14.1f} {times}")
-    shares = ", ".join(f"{share_of_the_accurate_step(rotor):.2f} with rotor inertia {rotor:g} kg m^2" for rotor in (0.0, 0.1))
+    shares = ", ".join(
+        f"{share_of_the_accurate_step(rotor):.2f} with rotor inertia {rotor:g} kg m^2" for rotor in (0.0, 0.1)
+    )
     print(f"whole cycle with the step of second order beside one with the engine's own: {shares}")
 
 

@@ -1,13 +1,12 @@
-"""Every robot of PyPI's example-robot-data through the converter, with proof, and forward; writes docs/example_robot_data.md.
+"""Every robot of PyPI's example-robot-data through the converter, with proof, and forward; writes
+docs/example_robot_data.md.
 
     python tests/benchmarks/example_robot_data.py                # installs the package into a throw-away folder (130 MB to download)
     python tests/benchmarks/example_robot_data.py --data FOLDER  # uses one that is there
 
-Each robot has a process of its own, so that a crash is a row of the table like any other. Where the defaults refuse a robot, the options that the
-converter offers are tried from the fewest on, and the table tells which were needed.
-"""
-
-from __future__ import annotations
+Each robot has a process of its own, so that a crash is a row of the table like any other. Where the defaults refuse a
+robot, the options that the converter offers are tried from the fewest on, and the table tells which were needed.
+"""  # noqa: E501
 
 import argparse
 import itertools
@@ -38,7 +37,8 @@ RELATIVE = "mass matrix / inertia"
 SHOWN = 400
 """Letters of a refusal; some list every joint."""
 FORWARD, RUNS = 0.5, 3
-"""Simulated time of a forward run [s], and how many there are with and without friction, one after the other; the median counts."""
+"""Simulated time of a forward run [s], and how many there are with and without friction, one after the other; the
+median counts."""
 SLOWEST, SHARE = 0.2, 1.0 / 3.0
 """Real-time factor that is asked for, and the part of the frictionless model's."""
 TIMEOUT = 900.0
@@ -58,7 +58,8 @@ class Row:
         errors: of the proof.
         convert_s, mesh_s, proof_s: times [s]; the meshes were not in a cache.
         meshes: number of mesh files.
-        forward, frictionless: real-time factors with default friction and without any, by processor time; 0 without a joint.
+        forward, frictionless: real-time factors with default friction and without any, by processor time; 0 without a
+            joint.
         transitions: least and greatest velocity of friction [rad/s or m/s]; empty without friction.
     """
 
@@ -84,7 +85,16 @@ def robots(data: Path) -> list[Path]:
 
 def install(folder: Path) -> None:
     """The package alone into a folder."""
-    words = ["--disable-pip-version-check", "--progress-bar", "off", "--quiet", "--no-deps", "--target", str(folder), PACKAGE]
+    words = [
+        "--disable-pip-version-check",
+        "--progress-bar",
+        "off",
+        "--quiet",
+        "--no-deps",
+        "--target",
+        str(folder),
+        PACKAGE,
+    ]
     subprocess.run([sys.executable, "-m", "pip", "install", *words], check=True, timeout=900)
 
 
@@ -114,8 +124,8 @@ def _run_forward(path: Path, row: Row, chosen: dict[str, Any]) -> None:
     import opensim
 
     import urdf_to_osim
-    from urdf_to_osim import forward
     from urdf_to_osim.cli import read_description
+    from urdf_to_osim.proof import forward
 
     forward.LIMIT = TIMEOUT
     models, text = {}, read_description(str(path))
@@ -149,8 +159,13 @@ def _convert(path: Path, row: Row, chosen: dict[str, Any]) -> None:
     if not proof.passed:
         from hric_control.errors import DescriptionError
 
-        raise DescriptionError(f"the proof failed: {', '.join(f'{name} {proof.errors[name]:.1e}' for name in proof.failed)}")
-    row.freedom = sum(len(joint.coordinates) for joint in conversion.joints.values()) - conversion.model.getConstraintSet().getSize()
+        raise DescriptionError(
+            f"the proof failed: {', '.join(f'{name} {proof.errors[name]:.1e}' for name in proof.failed)}"
+        )
+    row.freedom = (
+        sum(len(joint.coordinates) for joint in conversion.joints.values())
+        - conversion.model.getConstraintSet().getSize()
+    )
     row.errors, row.proof_s = proof.errors, proof.seconds
     row.meshes, row.mesh_s = len(written.meshes), written.mesh_seconds
 
@@ -163,12 +178,15 @@ def run_all(data: Path) -> Iterator[Row]:
         for path in robots(data):
             row = _run_one(path, environment)
             # Addresses in messages begin at the package.
-            row.refusal, row.first = (text.replace(f"{share}/", "").replace(f"{folder}/", "") for text in (row.refusal, row.first))
+            row.refusal, row.first = (
+                text.replace(f"{share}/", "").replace(f"{folder}/", "") for text in (row.refusal, row.first)
+            )
             yield row
 
 
 def _ros_package(data: Path, folder: Path) -> Path:
-    """The data as a ROS package of the name that its addresses have, which is that of its folder; its own package.xml has another."""
+    """The data as a ROS package of the name that its addresses have, which is that of its folder; its own package.xml
+    has another."""
     (share,) = (path.parent for path in data.rglob("package.xml"))
     package = folder / share.name
     package.mkdir()
@@ -207,14 +225,17 @@ not from the cache. The package is for this check only. Made by `python tests/be
 
 | URDF | DoF | result | frames | mass matrix | gravity | inverse dynamics | forces | conversion [s] | meshes | mesh conversion [s] | proof [s] |
 |---|---|---|---|---|---|---|---|---|---|---|---|
-"""
+"""  # noqa: E501
     return head + "\n".join(map(_line, rows)) + "\n" + _forward_page(passed) + _explained(rows)
 
 
 def _forward_page(rows: Sequence[Row]) -> str:
     """The forward runs as Markdown."""
     runs = [row for row in rows if row.forward]
-    slow, far = ([row.name for row in runs if row.forward < bound(row)] for bound in (lambda row: SLOWEST, lambda row: SHARE * row.frictionless))
+    slow, far = (
+        [row.name for row in runs if row.forward < bound(row)]
+        for bound in (lambda row: SLOWEST, lambda row: SHARE * row.frictionless)
+    )
     return (
         f"""
 ## Forward
@@ -229,7 +250,7 @@ velocities of friction, -f tanh(dq/v); without v the description has no friction
 
 | URDF | real-time factor | frictionless | share | v [rad/s or m/s] |
 |---|---|---|---|---|
-"""
+"""  # noqa: E501
         + "\n".join(map(_forward_line, runs))
         + "\n"
     )
@@ -259,11 +280,19 @@ def _explained(rows: Sequence[Row]) -> str:
     """What the converter said of those that did not pass, and of those that passed with options only."""
     text = ""
     for title, said in (
-        (f"Refused, also with {', '.join(f'`{words}`' for words, _ in OFFERS)}", {row.name: row.refusal for row in rows if row.refusal}),
-        ("Passed with an option; what the defaults said", {row.name: row.first for row in rows if row.needed and not row.refusal}),
+        (
+            f"Refused, also with {', '.join(f'`{words}`' for words, _ in OFFERS)}",
+            {row.name: row.refusal for row in rows if row.refusal},
+        ),
+        (
+            "Passed with an option; what the defaults said",
+            {row.name: row.first for row in rows if row.needed and not row.refusal},
+        ),
     ):
         if said:
-            text += f"\n## {title}\n\n" + "".join(f"- {name}: {textwrap.shorten(words, SHOWN)}\n" for name, words in said.items())
+            text += f"\n## {title}\n\n" + "".join(
+                f"- {name}: {textwrap.shorten(words, SHOWN)}\n" for name, words in said.items()
+            )
     return text
 
 

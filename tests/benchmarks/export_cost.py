@@ -1,12 +1,11 @@
-"""What exporting a bag costs per format, as a ratio to reading the same bag raw: every message taken out of its chunk, none decoded.
+"""What exporting a bag costs per format, as a ratio to reading the same bag raw: every message taken out of its chunk,
+none decoded.
 
     python tests/benchmarks/export_cost.py RUN|BAG
 
-CPU time of the process. Each format is exported by itself into an empty folder: reading into tables is in its cost. What is told is the least of
-three, raw reading in turn with the formats.
+CPU time of the process. Each format is exported by itself into an empty folder: reading into tables is in its cost.
+What is told is the least of three, raw reading in turn with the formats.
 """
-
-from __future__ import annotations
 
 import sys
 import tempfile
@@ -16,9 +15,9 @@ from pathlib import Path
 
 from rosbags.highlevel import AnyReader
 
-from hric_experiments.export import exporting, plain_formats, recording  # noqa: F401  (imports are not part of the cost)
-from hric_experiments.export.exporting import FORMATS, Request
-from hric_experiments.export.recording import Source
+from hric_bags.export import exporting, plain_formats, recording  # noqa: F401  (imports are not part of the cost)
+from hric_bags.export.exporting import FORMATS, Request
+from hric_bags.export.recording import Source
 
 ROUNDS = 3
 
@@ -38,7 +37,8 @@ def spent(what: Callable[[], object]) -> float:
 
 
 def measure(source: Source, formats: tuple[str, ...] = FORMATS) -> tuple[float, dict[str, float]]:
-    """(CPU time of reading raw [s], cost of each format as a ratio to it); formats for which the bag has nothing are left out."""
+    """(CPU time of reading raw [s], cost of each format as a ratio to it); formats for which the bag has nothing are
+    left out."""
     raw, costs = [], {kind: [] for kind in formats}
     for _ in range(ROUNDS):
         raw.append(spent(lambda: read_raw(source)))
@@ -58,7 +58,10 @@ def main() -> None:
     """Print the table."""
     source = recording.find(sys.argv[1] if len(sys.argv) > 1 else "latest")
     raw, ratios = measure(source)
-    print(f"{source.bag.name}, {source.bag.stat().st_size / 1e6:.1f} MB: read raw in {raw:.2f} s of CPU time\nformat          ratio")
+    print(
+        f"{source.bag.name}, {source.bag.stat().st_size / 1e6:.1f} MB: read raw in {raw:.2f} s of CPU "
+        "time\nformat          ratio"
+    )
     for kind, ratio in ratios.items():
         print(f"{kind:<14} {ratio:6.1f}")
 

@@ -1,15 +1,15 @@
-"""How often an arm that touches nothing feels a collision, over the collision thresholds, for each realism of the simulated arm.
+"""How often an arm that touches nothing feels a collision, over the collision thresholds, for each realism of the
+simulated arm.
 
     python tests/benchmarks/false_reflexes.py [motions]
 
-The emulated arm of `rosrun franka_sim control_box` moves from pose to pose about the ready pose, with its internal joint impedance and no shapes
-that could touch anything, along fifth-order polynomials at half of its limits of velocity and acceleration. Its thresholds are out of reach
-meanwhile: with thresholds of s times the default (config/control_box.yaml) a motion would have ended in joint_reflex or cartesian_reflex if its
-largest external torque or force is more than s times theirs. The second table is what the preset `measured` was tuned by: the external torque
+The emulated arm of `rosrun franka_sim control_box` moves from pose to pose about the ready pose, with its internal
+joint impedance and no shapes that could touch anything, along fifth-order polynomials at half of its limits of velocity
+and acceleration. Its thresholds are out of reach meanwhile: with thresholds of s times the default
+(config/control_box.yaml) a motion would have ended in joint_reflex or cartesian_reflex if its largest external torque
+or force is more than s times theirs. The second table is what the preset `measured` was tuned by: the external torque
 that is not there, beside the residual of a real arm's model.
 """
-
-from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -22,8 +22,7 @@ import numpy.typing as npt
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
 from franka_sim.fci.arguments import parser
-from franka_sim.fci.arm_device import ArmDevice
-from franka_sim.fci.emulated_arm import make_arm
+from franka_sim.fci.arm_device import ArmDevice, make_arm
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.settings import Q_START
 from hric_control.errors import HricError
@@ -43,9 +42,11 @@ FORMS: Mapping[str, Mapping[str, Any]] = {
 SCALES = (1.0, 0.3, 0.2, 0.15, 0.12, 0.1, 0.07, 0.05, 0.02, 0.01, 0.005, 0.002)
 """Of the default thresholds."""
 REAL = (0.07, 0.58, 1.7)
-"""Residual of a real arm's model with identified friction: smallest and largest of the joints, sum of the seven [N m RMS]."""
+"""Residual of a real arm's model with identified friction: smallest and largest of the joints, sum of the seven [N m
+RMS]."""
 REACH = 0.5
-"""Poses are so far from the ready pose at most, each joint [rad]: far from singular poses, stops and the arm's own body."""
+"""Poses are so far from the ready pose at most, each joint [rad]: far from singular poses, stops and the arm's own
+body."""
 SHARE = 0.5
 """Of the limits of velocity and acceleration that a motion uses."""
 OUT_OF_REACH = 1e6
@@ -98,7 +99,8 @@ def path(arm: ArmDevice, goal: Sequence[float]) -> FloatArray:
     """Commanded positions from where the arm is held, shape (cycles, 7) [rad]; s = 10 x^3 - 15 x^4 + 6 x^5."""
     start, limits = np.array(arm.state.q_d), arm.box.config.limits
     way = np.abs(goal - start)
-    # The polynomial's largest velocity is 1.875 and its largest acceleration 5.774 times those of a straight line in the same time.
+    # The polynomial's largest velocity is 1.875 and its largest acceleration 5.774 times those of a straight line in
+    # the same time.
     fastest = np.max(1.875 * way / (SHARE * np.array(limits.velocity)))
     duration = max(fastest, np.max(np.sqrt(5.774 * way / (SHARE * np.array(limits.acceleration)))))
     x = np.arange(1, int(duration / DT) + 2)[:, None] / (int(duration / DT) + 1)

@@ -1,12 +1,11 @@
-"""How fast a torque callback of an unmodified libfranka runs against the emulated arm, beside a server whose robot is a constant state.
+"""How fast a torque callback of an unmodified libfranka runs against the emulated arm, beside a server whose robot is a
+constant state.
 
     python tests/benchmarks/fci_rate.py [panda|fr3] [word of the control_box command ...]
 
-Both servers run unpaced in lock-step, as processes of their own, and so do their clients. Each round times both one after the other; what is told is
-the median of the ratios of the rounds, and the median of the rates.
+Both servers run unpaced in lock-step, as processes of their own, and so do their clients. Each round times both one
+after the other; what is told is the median of the ratios of the rounds, and the median of the rates.
 """
-
-from __future__ import annotations
 
 import statistics
 import subprocess
@@ -111,4 +110,7 @@ def measure(robot: str = "panda", words: tuple[str, ...] = (), rounds: int = ROU
 if __name__ == "__main__":
     chosen = sys.argv[1] if len(sys.argv) > 1 else "panda"
     rate = measure(chosen, tuple(sys.argv[2:]))
-    print(f"{chosen}: {rate.arm_hz:.0f} Hz against the arm, {rate.constant_hz:.0f} Hz against a constant state, ratio {rate.ratio:.2f}")
+    print(
+        f"{chosen}: {rate.arm_hz:.0f} Hz against the arm, {rate.constant_hz:.0f} Hz against a constant state, "
+        f"ratio {rate.ratio:.2f}"
+    )

@@ -2,13 +2,11 @@
 
     python tests/benchmarks/opensim_cost.py
 
-Bare steps are those of the reduced model in a process of their own (bare_opensim.py), in turn with the cycles: OpenSim's third-order integrator
-by its Manager, and one semi-implicit step of OpenSim's accelerations. Each round times a block of each, in CPU time of the thread; what is told is
-the median over the quarter of the rounds in which the bare step was least disturbed, as in cycle_cost.py. "Loaded first" are bare steps with the
-libraries bound as the plant binds them (urdf_to_osim.loading), for comparison.
+Bare steps are those of the reduced model in a process of their own (bare_opensim.py), in turn with the cycles:
+OpenSim's third-order integrator by its Manager, and one semi-implicit step of OpenSim's accelerations. Each round times
+a block of each, in CPU time of the thread; medians over all rounds are reported, as in cycle_cost.py. "Loaded first"
+are bare steps with the libraries bound as the plant binds them (urdf_to_osim.loading).
 """
-
-from __future__ import annotations
 
 import statistics
 import subprocess
@@ -27,7 +25,11 @@ BLOCK = 100
 """Cycles per timed block."""
 REDUCED: dict[str, Any] = {"rotor_inertia": 0.0}
 SEMI_IMPLICIT: dict[str, Any] = {**REDUCED, "integrator": "semi_implicit"}
-FULL: dict[str, Any] = {"rotor_inertia": 0.1, "friction": "identified", "friction_parameters": panda_description.friction_parameters()}
+FULL: dict[str, Any] = {
+    "rotor_inertia": 0.1,
+    "friction": "identified",
+    "friction_parameters": panda_description.friction_parameters(),
+}
 CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "reduced, accurate": (REDUCED, "third_order", GENERIC),
     "reduced, semi-implicit": (SEMI_IMPLICIT, "semi_implicit", GENERIC),
@@ -45,20 +47,19 @@ class Cost:
         bare_us: one bare step of OpenSim as it is installed [us of CPU time].
         loaded_first_us: one bare step with the libraries loaded as the plant loads them, likewise.
         cycle_us: one whole cycle, likewise.
+        ratio: of the cycle to a bare step as installed, median of the rounds [1].
+        ratio_loaded_first: of the cycle to a bare step with the same libraries loaded, likewise [1].
     """
 
     bare_us: float
     loaded_first_us: float
     cycle_us: float
-
-    @property
-    def ratio(self) -> float:
-        """Of the cycle to a bare step of OpenSim as it is installed [1]."""
-        return self.cycle_us / self.bare_us
+    ratio: float
+    ratio_loaded_first: float
 
     @property
     def real_time_factor(self) -> float:
-        """Run time per CPU time at 1 ms a cycle [1]."""
+        """Robot time per CPU time at 1 ms a cycle [1]."""
         return 1000.0 / self.cycle_us
 
 
@@ -71,10 +72,15 @@ class BareProcess:
     """
 
     def __init__(self, kind: str, loaded_first: bool = False) -> None:
-        command = [sys.executable, str(Path(__file__).parent / "bare_opensim.py"), kind, *(["loaded_first"] if loaded_first else [])]
+        command = [
+            sys.executable,
+            str(Path(__file__).parent / "bare_opensim.py"),
+            kind,
+            *(["loaded_first"] if loaded_first else []),
+        ]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
-    def __enter__(self) -> BareProcess:
+    def __enter__(self) -> "BareProcess":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -110,17 +116,19 @@ def measure(name: str, rounds: int = 40) -> Cost:
             whole.run(BLOCK)
             blocks.append((*costs, (time.thread_time() - begin) / BLOCK))
     whole.hw.shutdown()
-    quiet = sorted(blocks[1:])[: rounds // 4]
-    return Cost(*(statistics.median(column) * 1e6 for column in zip(*quiet, strict=True)))
+    bare_us, first_us, cycle_us = (1e6 * statistics.median(column) for column in zip(*blocks[1:], strict=True))
+    ratios = (statistics.median(block[2] / block[reference] for block in blocks[1:]) for reference in (0, 1))
+    return Cost(bare_us, first_us, cycle_us, *ratios)
 
 
 def main() -> None:
     """Print the table."""
-    print("                                bare step [us]    whole cycle  ratio  real-time")
-    print("form                     installed  loaded first           us      1     factor")
+    print("                                bare step [us]    whole cycle     ratio to bare [1]      real-time")
+    print("form                     installed  loaded first           us  installed  loaded first      factor")
     for name in CASES:
         cost = measure(name)
-        print(f"{name:28s} {cost.bare_us:5.1f} {cost.loaded_first_us:13.1f} {cost.cycle_us:12.1f} {cost.ratio:6.2f} {cost.real_time_factor:10.1f}")
+        steps = f"{cost.bare_us:5.1f} {cost.loaded_first_us:13.1f} {cost.cycle_us:12.1f}"
+        print(f"{name:28s} {steps} {cost.ratio:10.2f} {cost.ratio_loaded_first:13.2f} {cost.real_time_factor:11.1f}")
 
 
 if __name__ == "__main__":

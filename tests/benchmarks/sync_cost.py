@@ -1,15 +1,17 @@
-"""What synchronising a data collection costs, and how well it is done: Python's own filter, ours, and C++'s, each as a process of its own.
+"""What synchronising a data collection costs, and how well it is done: message_filters and ours, each as a process.
 
-    python tests/benchmarks/sync_cost.py [seconds] [word of a variant's name ...]
+    python tests/benchmarks/sync_cost.py [--seconds 12] [--rounds 5] [word of a variant's name ...]
 
-The robot at 1 kHz, a body at 240 Hz, EMG at 2 kHz and a force plate at 1 kHz, in the three forms of sync_feed.py: as a data collection records them,
-with a JointState per cycle, and with no message of more than one sample. Every value tells its own time, so that the skew is measured and not
-claimed. The share of a core is processor time of the process over the time of the feed; it depends on the machine, and less on its load.
+The robot at 1 kHz, a body at 240 Hz, EMG at 2 kHz and a force plate at 1 kHz, in the three forms of sync_feed.py: as a
+data collection records them, with a JointState per cycle, and with no message of more than one sample. Every value is
+the time it was sampled at, so the skew is measured. The share of a core is processor time of the process over the time
+of the feed; it depends on the machine, and less on its load. Variants take turns, and the table holds the median of the
+rounds; ratios are of one round each, to the first variant of the same form.
 """
 
-from __future__ import annotations
-
+import argparse
 import os
+import statistics
 import subprocess
 import sys
 import time
@@ -54,6 +56,8 @@ class Result(NamedTuple):
         name: of the variant.
         cpu: share of a core [1].
         rate: of synchronised samples [Hz].
+        complete: samples with a value of every source, over the instants of the feed [1].
+        latency: from the instant to the arrival at a subscriber, median [s]; late: 99th percentile [s].
         skew: largest distance in time of a value from its stamp [s]; mean over all values of it.
         load: of the machine, for what it is worth.
     """
@@ -61,6 +65,9 @@ class Result(NamedTuple):
     name: str
     cpu: float
     rate: float
+    complete: float
+    latency: float
+    late: float
     skew: float
     mean: float
     load: float
@@ -70,12 +77,20 @@ def sources(form: str) -> list[dict[str, Any]]:
     """Of the plan: one value of each source, and as many more as a data collection takes."""
     joints = [f"position[{', '.join(f'panda_joint{index}' for index in range(1, 8))}]", "velocity[0, 1, 2, 3, 4, 5, 6]"]
     emg = f"data[{', '.join(f'EMG{index}' for index in range(1, 9))}]"
-    plate = {"topic": "/hric/perception/force_plate/1/samples", "type": "hric_msgs/SampleChunk", "signals": ["data[Fx, Fy, Fz, Mx, My, Mz]"]}
+    plate = {
+        "topic": "/hric/perception/force_plate/1/samples",
+        "type": "hric_msgs/SampleChunk",
+        "signals": ["data[Fx, Fy, Fz, Mx, My, Mz]"],
+    }
     robot = {"topic": "/joint_states", "type": "sensor_msgs/JointState", "signals": joints}
     if form == RECORDED:
         robot = {"topic": "/control_log", "type": "hric_msgs/ControlLog", "signals": joints}
     if form == SINGLE:
-        plate = {"topic": "/hric/perception/force_plate/1/wrench", "type": "geometry_msgs/WrenchStamped", "signals": ["wrench"]}
+        plate = {
+            "topic": "/hric/perception/force_plate/1/wrench",
+            "type": "geometry_msgs/WrenchStamped",
+            "signals": ["wrench"],
+        }
     return [
         robot,
         {"topic": "/hric/perception/mocap", "type": "hric_msgs/MocapData", "signals": ["rigid_bodies[hand].pose"]},
@@ -90,13 +105,25 @@ FIRST = (0, 14, 21, 29)
 
 def variants() -> list[Variant]:
     """All that are compared."""
-    python, cpp = [sys.executable, str(ROOT / "src/hric_perception/nodes/synchronizer")], [str(ROOT / "devel/lib/hric_perception/synchronizer_cpp")]
+    python = [sys.executable, str(ROOT / "src/hric_perception/nodes/synchronizer")]
     found = []
     for form in FORMS:
-        nearest = {"policy": "approximate", "reference": "/hric/perception/mocap", "tolerance": SLOP, "sources": sources(form)}
+        nearest = {
+            "policy": "approximate",
+            "reference": "/hric/perception/mocap",
+            "tolerance": SLOP,
+            "sources": sources(form),
+        }
         for queue in (100, 10):
-            found.append(Variant(f"rospy, queue {queue}; {form}", form, [sys.executable, __file__, "--filter", str(queue), form], None))
-        found += [Variant(f"ours, approximate; {form}", form, python, nearest), Variant(f"C++, approximate; {form}", form, cpp, nearest)]
+            found.append(
+                Variant(
+                    f"rospy, queue {queue}; {form}",
+                    form,
+                    [sys.executable, __file__, "--filter", str(queue), form],
+                    None,
+                )
+            )
+        found.append(Variant(f"ours, approximate; {form}", form, python, nearest))
         for rate in (100.0, 1000.0):
             plan = {"policy": "resample", "rate": rate, "sources": sources(form)}
             found.append(Variant(f"ours, resample {rate:g} Hz; {form}", form, python, plan))
@@ -109,8 +136,12 @@ def measure(variant: Variant, seconds: float) -> Result:
 
     from hric_msgs.msg import SyncedSample
 
-    seen: list[Any] = []
-    subscription = rospy.Subscriber(OUTPUT, SyncedSample, seen.append, queue_size=None, tcp_nodelay=True)
+    seen: list[tuple[float, Any]] = []
+
+    def see(message: Any) -> None:
+        seen.append((time.time(), message))
+
+    subscription = rospy.Subscriber(OUTPUT, SyncedSample, see, queue_size=None, tcp_nodelay=True)
     if variant.plan is not None:
         rospy.set_param("/synchronizer", {"plan": variant.plan, "topic": OUTPUT})
     node = subprocess.Popen([*variant.command, "__name:=synchronizer"], stdout=subprocess.DEVNULL)
@@ -126,21 +157,30 @@ def measure(variant: Variant, seconds: float) -> Result:
             process.kill()
             process.wait()
         subscription.unregister()
-    return _result(variant.name, spent / elapsed, seconds, seen, load)
+    return _result(variant, spent / elapsed, seconds, seen, load)
 
 
-def _result(name: str, cpu: float, seconds: float, seen: list[Any], load: float) -> Result:
+def _result(variant: Variant, cpu: float, seconds: float, seen: list[tuple[float, Any]], load: float) -> Result:
+    name, nan = variant.name, float("nan")
     if not seen:
-        return Result(name, cpu, 0.0, float("nan"), float("nan"), load)
-    stamps = np.array([message.header.stamp.to_nsec() for message in seen])
-    codes = np.array([[message.values[index] for index in FIRST] for message in seen])
+        return Result(name, cpu, 0.0, 0.0, nan, nan, nan, nan, load)
+    arrived = np.array([arrival for arrival, _ in seen])
+    stamps = np.array([message.header.stamp.to_nsec() for _, message in seen])
+    codes = np.array([[message.values[index] for index in FIRST] for _, message in seen])
     # The feed's own begin is not known here: the source that is nearest to all stamps tells it.
     since = (stamps - stamps[0]) * 1e-9
     begin = np.nanmedian(codes[:, FIRST_EXACT] - since)
     skew = np.abs(codes - since[:, None] - begin)
-    return Result(name, cpu, len(seen) / seconds, float(np.nanmax(skew)), float(np.nanmean(skew)), load)
+    latency = arrived - stamps * 1e-9
+    instants = seconds * (variant.plan or {}).get("rate", BODIES)
+    complete = len({message.header.stamp.to_nsec() for _, message in seen if all(message.valid)}) / instants
+    median, late = np.percentile(latency, (50.0, 99.0))
+    largest, mean = float(np.nanmax(skew)), float(np.nanmean(skew))
+    return Result(name, cpu, len(seen) / seconds, complete, float(median), float(late), largest, mean, load)
 
 
+BODIES = 240.0
+"""Motion capture, whose stamps are the instants where they are not those of a rate [Hz]."""
 FIRST_EXACT = 1
 """Of the sources: motion capture, the reference of those that have one; of an interpolated one all are exact."""
 
@@ -164,7 +204,10 @@ def run_filter(queue: int, form: str) -> None:
     rospy.init_node("synchronizer")
     publisher = rospy.Publisher(OUTPUT, SyncedSample, queue_size=1000)
     chosen = feeds(form)
-    subscribers = [message_filters.Subscriber(feed.topic, type(feed.make(0.0, 0.0, 0)), queue_size=None, tcp_nodelay=True) for feed in chosen]
+    subscribers = [
+        message_filters.Subscriber(feed.topic, type(feed.make(0.0, 0.0, 0)), queue_size=None, tcp_nodelay=True)
+        for feed in chosen
+    ]
     synchroniser = message_filters.ApproximateTimeSynchronizer(subscribers, queue, SLOP)
 
     synchroniser.registerCallback(lambda *messages: publisher.publish(_joined(*messages)))
@@ -179,17 +222,36 @@ def _joined(robot: Any, bodies: Any, emg: Any, plate: Any) -> Any:
     force = list(plate.data[:6]) if hasattr(plate, "data") else [plate.wrench.force.x] * 6
     body = [position.x, position.y, position.z, turn.x, turn.y, turn.z, turn.w]
     ages = [(bodies.header.stamp - message.header.stamp).to_sec() for message in (robot, bodies, emg, plate)]
-    message = SyncedSample(values=[*robot.position[:7], *robot.velocity[:7], *body, *emg.data[:8], *force], age=ages, valid=[True] * 4)
+    message = SyncedSample(
+        values=[*robot.position[:7], *robot.velocity[:7], *body, *emg.data[:8], *force], age=ages, valid=[True] * 4
+    )
     message.header.stamp = bodies.header.stamp
     return message
 
 
-def table(results: Sequence[Result]) -> str:
-    """As Markdown."""
-    lines = ["| synchroniser | share of a core | samples per second | skew, largest | mean | load |", "|---|---|---|---|---|---|"]
-    for one in results:
-        figures = f"{100 * one.cpu:.0f} % | {one.rate:.0f} | {1e3 * one.skew:.3f} ms | {1e3 * one.mean:.3f} ms | {one.load:.1f}"
-        lines.append(f"| {one.name} | {figures} |")
+def medians(rounds: Sequence[Result]) -> Result:
+    """Of each figure of one variant."""
+    columns = zip(*(one[1:] for one in rounds), strict=True)
+    return Result(rounds[0].name, *map(statistics.median, columns))
+
+
+COLUMNS = (
+    *("synchroniser; form", "share of a core", "to the first", "samples per second", "complete"),
+    *("latency, median", "latency, 99 %", "skew, largest", "skew, mean", "load"),
+)
+
+
+def table(rounds: Sequence[Sequence[Result]]) -> str:
+    """As Markdown: the medians of the rounds, each of which holds a result of every variant."""
+    lines = [f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|"]
+    for results in zip(*rounds, strict=True):
+        whole, form = medians(results), results[0].name.partition("; ")[2]
+        first = next(index for index, other in enumerate(rounds[0]) if other.name.endswith(form))
+        ratio = statistics.median(one.cpu / beside[first].cpu for one, beside in zip(results, rounds, strict=True))
+        share = f"{100 * whole.cpu:.1f} % | {ratio:.2f} | {whole.rate:.0f} | {whole.complete:.4f}"
+        latency = f"{1e3 * whole.latency:.1f} ms | {1e3 * whole.late:.1f} ms"
+        skew = f"{1e3 * whole.skew:.3f} ms | {1e3 * whole.mean:.3f} ms"
+        lines.append(f"| {whole.name} | {share} | {latency} | {skew} | {whole.load:.1f} |")
     return "\n".join(lines)
 
 
@@ -199,15 +261,19 @@ def main() -> None:
 
     from hric_control.testing import start_roscore
 
-    seconds, words = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0, sys.argv[2:]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=12.0, help="of the feed [s]")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("words", nargs="*", help="only variants whose name holds all of them")
+    chosen = parser.parse_args()
     start_roscore()
     rospy.init_node("sync_cost", disable_signals=True)
-    chosen = [variant for variant in variants() if all(word in variant.name for word in words)]
-    results = []
-    for variant in chosen:
-        results.append(measure(variant, seconds))
-        print(table(results[-1:]).splitlines()[-1], flush=True)
-    print(table(results))
+    wanted = [variant for variant in variants() if all(word in variant.name for word in chosen.words)]
+    rounds = []
+    for number in range(chosen.rounds):
+        rounds.append([measure(variant, chosen.seconds) for variant in wanted])
+        print(f"round {number + 1}\n{table(rounds[-1:])}", flush=True)
+    print(f"medians\n{table(rounds)}")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,5 @@
 """The table over example-robot-data: what is in the docs, and the run that makes it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -11,12 +9,16 @@ from example_robot_data import PAGE, main, robots
 ROBOTS, LEAST = 69, 58
 ROBOT = """<robot name="{name}"><link name="base"/>
   <link name="arm"><inertial><mass value="1"/><inertia ixx="{ixx}" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="turn" type="continuous"><parent link="base"/><child link="{child}"/><axis xyz="0 0 1"/></joint></robot>"""
+  <joint name="turn" type="continuous"><parent link="base"/><child link="{child}"/><axis xyz="0 0 1"/></joint></robot>"""  # noqa: E501
 
 
 def results(page: str) -> dict[str, str]:
     """URDF -> result, from the page's first table."""
-    cells = [[cell.strip() for cell in line.split("|")] for line in page.splitlines() if line.startswith("| ") and ".urdf" in line]
+    cells = [
+        [cell.strip() for cell in line.split("|")]
+        for line in page.splitlines()
+        if line.startswith("| ") and ".urdf" in line
+    ]
     return {row[1]: row[3] for row in cells if len(row) > 10}
 
 
@@ -52,7 +54,11 @@ def test_a_run_over_three_robots_tells_what_passed_what_needed_an_option_and_wha
         (data / f"robots/one/{name}.urdf").write_text(ROBOT.format(name=name, ixx=ixx, child=child))
     main(["--data", str(tmp_path), "--output", str(tmp_path / "page.md")])
     page = (tmp_path / "page.md").read_text()
-    assert results(page) == {"one/good.urdf": "passes", "one/flat.urdf": "passes, `--inertia repair`", "one/torn.urdf": "refused"}
+    assert results(page) == {
+        "one/good.urdf": "passes",
+        "one/flat.urdf": "passes, `--inertia repair`",
+        "one/torn.urdf": "refused",
+    }
     assert "**2 of 3 pass**, 1 of them with the defaults" in page
     assert re.search(r"^- one/torn\.urdf: .*'leg'", page, flags=re.MULTILINE)
     assert re.search(r"^- one/flat\.urdf: .*arm", page, flags=re.MULTILINE)

@@ -7,7 +7,9 @@ MOTIONS, SCALE = 6, 0.07
 COLLISIONS = {"joint_reflex", "cartesian_reflex"}
 
 
-def test_the_same_motions_are_free_of_false_collisions_on_an_ideal_arm_and_not_on_a_measured_one(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_same_motions_are_free_of_false_collisions_on_an_ideal_arm_and_not_on_a_measured_one(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     rates = {name: measure(name, MOTIONS).rate(SCALE) for name in ("ideal", "measured")}
     with capsys.disabled():
         print(f"\nfalse collisions at {SCALE} times the default thresholds: {rates}")

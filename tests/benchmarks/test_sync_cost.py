@@ -1,4 +1,5 @@
-"""The command that measures synchronisers: it runs, the skew is what the policies promise, and ours stays within its share of a core."""
+"""The command that measures synchronisers: it runs, the skew is what the policies promise, and ours stays within its
+share of a core."""
 
 import pytest
 import rospy
@@ -7,6 +8,7 @@ from sync_cost import measure, variants
 from hric_control.testing import ros, roscore
 
 __all__ = ["ros", "roscore"]
+pytestmark = pytest.mark.alone
 SHARE = 0.3
 """Of a core, per instance, with what a data collection sends."""
 STAMPED = 2e-4
@@ -17,7 +19,9 @@ HALF_A_PERIOD = 0.5 / 240.0
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-@pytest.mark.parametrize("variant", [one for one in variants() if one.form == "as recorded" and one.plan], ids=lambda one: one.name)
+@pytest.mark.parametrize(
+    "variant", [one for one in variants() if one.form == "as recorded" and one.plan], ids=lambda one: one.name
+)
 def test_a_synchroniser_keeps_its_share_of_a_core_and_its_skew(ros: str, variant: object) -> None:
     result = measure(variant, 10.0)  # type: ignore[arg-type]
     print(result)

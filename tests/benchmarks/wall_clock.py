@@ -1,15 +1,15 @@
-"""How FrankaHW and its controllers keep up with an arm that does not wait: the emulated control box by the wall clock, both with real-time priority.
+"""How FrankaHW and its controllers keep up with an arm that does not wait: the emulated control box by the wall clock,
+both with real-time priority.
 
     python tests/benchmarks/wall_clock.py [panda|fr3] [seconds] [word of the control_box command ...]
 
-The box is a process of its own, and ends the motion after 20 lost commands as the arm does. FrankaHW runs with its usual parameters (SCHED_FIFO 80,
-memory locked) and three controllers (joint and Franka states, joint PD), on a node without ROS. After a third of the time another controller of the
-same mode is loaded, then switched to; after two thirds one of another mode. When the arm ends the motion in a reflex, that is noted by name, the arm
-recovers as through `franka_control/error_recovery`, and the motion goes on, until it has lasted for the time asked for. Figures depend on the machine
-and its load, which is told beside them, with the time that its host took away (steal, of /proc/stat).
+The box is a process of its own, and ends the motion after 20 lost commands as the arm does. FrankaHW runs with its
+usual parameters (SCHED_FIFO 80, memory locked) and three controllers (joint and Franka states, joint PD), on a node
+without ROS. After a third of the time another controller of the same mode is loaded, then switched to; after two thirds
+one of another mode. When the arm ends the motion in a reflex, that is noted by name, the arm recovers as through
+`franka_control/error_recovery`, and the motion goes on, until it has lasted for the time asked for. Figures depend on
+the machine and its load, which is told beside them, with the time that its host took away (steal, of /proc/stat).
 """
-
-from __future__ import annotations
 
 import os
 import statistics
@@ -26,18 +26,23 @@ from driven_robot import Robot
 from fci_peer import control_box
 
 from franka_real.franka_hw import FrankaHW
-from hric_control.robot_app import import_controllers
-from hric_experiments import parameters
+from hric_control.manager.controller_manager import import_controllers
+from hric_experiments.definition import parameters
 
 PRIORITY = 85
 """SCHED_FIFO of the box, above that of the client, as nothing delays a real one."""
-FIRST, SECOND, OTHER = "joint_pd_controller", "effort_joint_trajectory_controller", "position_joint_trajectory_controller"
+FIRST, SECOND, OTHER = (
+    "joint_pd_controller",
+    "effort_joint_trajectory_controller",
+    "position_joint_trajectory_controller",
+)
 WINDOW = 100
 """Cycles over which the arm takes its success rate."""
 PATIENCE = 4.0
-"""The whole takes at most so many times the motion asked for: an arm that is ended again and again is no longer waited for."""
+"""The whole takes at most so many times the motion asked for: an arm that is ended again and again is no longer waited
+for."""
 AFTERWARDS = 0.05
-"""A loss so long after an event still counts as its own [s of run time]."""
+"""A loss so long after an event still counts as its own [s of robot time]."""
 
 
 @dataclass
@@ -46,7 +51,7 @@ class Event:
 
     Attributes:
         name: what.
-        begin, end: run time [s].
+        begin, end: robot time [s].
         lost: states that never came in between and shortly afterwards.
     """
 
@@ -61,8 +66,9 @@ class WallClock:
     """What happened.
 
     Attributes:
-        seconds: run time of the motions [s].
-        rates: control_command_success_rate of each cycle, but for the first 100 of each motion, which it still counts up [1].
+        seconds: robot time of the motions [s].
+        rates: control_command_success_rate of each cycle, but for the first 100 of each motion, which it still counts
+            up [1].
         losses: states that never came, or came late, at a time.
         events: loading and switching.
         stops: motion time [s] and why the arm ended the motion, in libfranka's words; a recovery followed.
@@ -114,7 +120,11 @@ class Watch:
         """Milliseconds that are missing between two cycles, wherever some are, within a time [s]."""
         pairs = zip(self.times, self.times[1:], strict=False)
         ended = [time for time, _ in self.stops]
-        gaps = [round((b - a) * 1e3) - 1 for a, b in pairs if begin <= b <= end and not any(a <= time <= b for time in ended)]
+        gaps = [
+            round((b - a) * 1e3) - 1
+            for a, b in pairs
+            if begin <= b <= end and not any(a <= time <= b for time in ended)
+        ]
         return [gap for gap in gaps if gap > 0]
 
 
@@ -133,7 +143,11 @@ def _disturb(robot: Robot, watch: Watch, seconds: float, events: list[Event]) ->
     at(0.30, f"load {SECOND}", lambda: manager.load(SECOND))
     at(0.35, f"switch to it within the mode ({FIRST} stops)", lambda: manager.switch([SECOND], [FIRST]))
     at(0.60, f"load {OTHER}", lambda: manager.load(OTHER))
-    at(0.65, "switch to it, another mode: the loop of libfranka is left and the next one entered", lambda: manager.switch([OTHER], [SECOND]))
+    at(
+        0.65,
+        "switch to it, another mode: the loop of libfranka is left and the next one entered",
+        lambda: manager.switch([OTHER], [SECOND]),
+    )
 
 
 def measure(robot: str = "panda", seconds: float = 60.0, words: tuple[str, ...] = ()) -> WallClock:
@@ -141,7 +155,7 @@ def measure(robot: str = "panda", seconds: float = 60.0, words: tuple[str, ...] 
 
     Args:
         robot: "panda" or "fr3".
-        seconds: run time [s].
+        seconds: robot time [s].
         words: more of the command of the box.
     """
     found = WallClock()
@@ -183,11 +197,16 @@ def report(robot: str, found: WallClock) -> str:
     """The figures as text."""
     rates = found.rates or [0.0]
     lines = [
-        f"{robot}: {found.seconds:.1f} s of motion; load of the machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors, "
+        f"{robot}: {found.seconds:.1f} s of motion; load of the machine {os.getloadavg()[0]:.1f} on "
+        f"{os.cpu_count()} processors, "
         f"{found.stolen:.1%} of them taken by its host",
         f"success rate: mean {statistics.fmean(rates):.4f}, lowest {min(rates):.2f}",
-        f"states lost: {sum(found.losses)} on {len(found.losses)} occasions, at most {max(found.losses, default=0)} in a row",
-        *(f"{event.name}: {event.lost} cycles lost in {1e3 * (event.end - event.begin - AFTERWARDS):.0f} ms" for event in found.events),
+        f"states lost: {sum(found.losses)} on {len(found.losses)} occasions, at most "
+        f"{max(found.losses, default=0)} in a row",
+        *(
+            f"{event.name}: {event.lost} cycles lost in {1e3 * (event.end - event.begin - AFTERWARDS):.0f} ms"
+            for event in found.events
+        ),
         *(f"ended by the arm at {time:.1f} s, recovered: {why}" for time, why in found.stops),
         *([] if found.stops else ["the controllers survived"]),
     ]

@@ -1,7 +1,5 @@
 """Each test of the contract runs on each back end."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack

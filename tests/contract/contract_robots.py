@@ -1,6 +1,5 @@
-"""The RobotHW back ends that the contract is tested on, each driven alike: in process on both engines, and through libfranka on an emulated box."""
-
-from __future__ import annotations
+"""The RobotHW back ends that the contract is tested on, each driven alike: in process on both engines, and through
+libfranka on an emulated box."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -19,7 +18,8 @@ BACKENDS = (*PLANTS, "panda", "fr3")
 
 
 class Boxes:
-    """Emulated control boxes in processes of their own, started when first asked for, lock-step and as fast as the client."""
+    """Emulated control boxes in processes of their own, started when first asked for, lock-step and as fast as the
+    client."""
 
     def __init__(self) -> None:
         self._stack = ExitStack()
@@ -52,11 +52,19 @@ def connected(backend: str, boxes: Boxes, **parameters: Any) -> Iterator[Robot]:
         parameters: private ones of the robot.
     """
     if backend in PLANTS:
-        own = {"real_time_factor": 0.0, "plant_type": PLANTS[backend], "plant": {"collision": False, "self_collision": False}}
+        own = {
+            "real_time_factor": 0.0,
+            "plant_type": PLANTS[backend],
+            "plant": {"collision": False, "self_collision": False},
+        }
         robot = Robot(FrankaHWSim(), {"robot": {**own, **parameters}})
     else:
-        robot = Robot(FrankaHW(), {"robot": {"robot_ip": boxes.address(backend), "robot": backend, **QUIET, **parameters}})
-        robot.node.send_goal("franka_control/error_recovery", ErrorRecoveryGoal())  # whatever the test before left behind
+        robot = Robot(
+            FrankaHW(), {"robot": {"robot_ip": boxes.address(backend), "robot": backend, **QUIET, **parameters}}
+        )
+        robot.node.send_goal(
+            "franka_control/error_recovery", ErrorRecoveryGoal()
+        )  # whatever the test before left behind
     try:
         yield robot
     finally:

@@ -1,7 +1,5 @@
 """What every RobotHW of the arm must do; whoever writes a controller relies on it."""
 
-from __future__ import annotations
-
 import threading
 
 import numpy as np
@@ -14,7 +12,12 @@ from franka_hw_interface.robot_state import RobotMode
 from franka_msgs.msg import ErrorRecoveryGoal
 from franka_msgs.srv import SetLoadRequest
 from hric_control.errors import HricError, ResourceConflictError
-from hric_control.hardware_interface import EffortJointInterface, JointStateInterface, PositionJointInterface, VelocityJointInterface
+from hric_control.hardware_interface import (
+    EffortJointInterface,
+    JointStateInterface,
+    PositionJointInterface,
+    VelocityJointInterface,
+)
 
 ZERO = [0.0] * 7
 
@@ -23,7 +26,7 @@ def distance(a: list[float], b: list[float]) -> float:
     return max(abs(x - y) for x, y in zip(a, b, strict=True))
 
 
-# -- interfaces ------------------------------------------------------------------------------------------------------------------------------
+# -- interfaces --------------------------------------------------------------------------------------------------------
 
 
 def test_it_offers_joint_states_the_three_joint_commands_the_state_and_the_model(robot) -> None:
@@ -45,10 +48,10 @@ def test_the_state_belongs_to_the_joints_and_its_pose_to_the_model(robot) -> Non
     assert state.m_ee == pytest.approx(0.73, abs=0.05)
 
 
-# -- time ------------------------------------------------------------------------------------------------------------------------------------
+# -- time --------------------------------------------------------------------------------------------------------------
 
 
-def test_run_time_begins_at_zero_and_never_goes_back_over_switches_and_runs(robot) -> None:
+def test_robot_time_begins_at_zero_and_never_goes_back_over_switches_and_runs(robot) -> None:
     robot.load("push", interface="effort", command=ZERO)
     robot.load("hold", interface="position", command="stay")
     robot.run(0.02)
@@ -70,7 +73,7 @@ def test_while_a_motion_runs_no_millisecond_is_left_out(robot) -> None:
     assert np.diff(during) == pytest.approx(1e-3, abs=1e-9)
 
 
-# -- life cycle ------------------------------------------------------------------------------------------------------------------------------
+# -- life cycle --------------------------------------------------------------------------------------------------------
 
 
 def test_a_controller_lives_from_load_to_unload_and_is_updated_each_cycle_between(robot) -> None:
@@ -113,7 +116,7 @@ def test_a_stop_that_came_before_the_run_counts_and_the_next_run_goes_on(robot) 
     assert robot.times[first] > robot.times[first - 1]
 
 
-# -- holding ---------------------------------------------------------------------------------------------------------------------------------
+# -- holding -----------------------------------------------------------------------------------------------------------
 
 
 def test_nobody_commanding_the_arm_holds(robot) -> None:
@@ -123,7 +126,9 @@ def test_nobody_commanding_the_arm_holds(robot) -> None:
     assert distance(robot.positions, before) < 1e-5
 
 
-@pytest.mark.parametrize(("interface", "command"), [("effort", ZERO), ("velocity", ZERO), ("position", "stay"), ("position", None)])
+@pytest.mark.parametrize(
+    ("interface", "command"), [("effort", ZERO), ("velocity", ZERO), ("position", "stay"), ("position", None)]
+)
 def test_a_command_of_nothing_moves_nothing(robot, interface, command) -> None:
     robot.run(0.01)
     before = robot.positions
@@ -147,7 +152,7 @@ def test_after_a_controller_fails_the_arm_holds_and_the_others_go_on(robot) -> N
     assert robot.manager._loaded["ears"].controller.times == robot.times
 
 
-# -- switching -------------------------------------------------------------------------------------------------------------------------------
+# -- switching ---------------------------------------------------------------------------------------------------------
 
 
 def test_controllers_of_all_kinds_follow_each_other_while_the_arm_runs(robot) -> None:
@@ -211,13 +216,20 @@ def test_a_claim_of_some_joints_only_is_refused_with_the_missing_ones(robot) -> 
         robot.manager.switch(["part"], [])
 
 
-# -- moving ----------------------------------------------------------------------------------------------------------------------------------
+# -- moving ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_pd_move_ends_at_its_set_point(robot) -> None:
+def test_a_pd_move_ends_at_its_setpoint(robot) -> None:
     goal = [value + 0.1 for value in READY]
-    gains = {"kp": 100.0, "kd": 20.0, "profile": {"enabled": True, "velocity": 0.5, "acceleration": 1.0}, "gain_ramp": 0.0}
-    robot.load("pd", **{"type": "hric_controllers/JointPDController", "joints": list(JOINTS), "setpoint": goal, **gains})
+    gains = {
+        "kp": 100.0,
+        "kd": 20.0,
+        "profile": {"enabled": True, "velocity": 0.5, "acceleration": 1.0},
+        "gain_ramp": 0.0,
+    }
+    robot.load(
+        "pd", **{"type": "hric_controllers/JointPDController", "joints": list(JOINTS), "setpoint": goal, **gains}
+    )
     robot.switch(["pd"], [])
     robot.run(3.0)
     assert robot.hw.robot_state.robot_mode is not RobotMode.REFLEX
@@ -241,7 +253,7 @@ def test_the_log_row_says_what_was_asked_for_and_what_was_sent(robot) -> None:
     assert robot.hw.limiter_counts().effort_rate[6] == 3
 
 
-# -- what the arm is told --------------------------------------------------------------------------------------------------------------------
+# -- what the arm is told ----------------------------------------------------------------------------------------------
 
 
 def test_a_load_that_is_told_stands_in_the_state_and_counts_in_the_model(robot) -> None:
@@ -250,7 +262,9 @@ def test_a_load_that_is_told_stands_in_the_state_and_counts_in_the_model(robot) 
     before = model.gravity()[3]
     inertia = [0.01, 0, 0, 0, 0.01, 0, 0, 0, 0.01]
     for mass in (1.5, 0.0):
-        response = robot.node.call("franka_control/set_load", SetLoadRequest(mass, [0.0, 0.0, 0.1], [value * mass for value in inertia]))
+        response = robot.node.call(
+            "franka_control/set_load", SetLoadRequest(mass, [0.0, 0.0, 0.1], [value * mass for value in inertia])
+        )
         assert (response.success, response.error) == (True, "")
         robot.run(0.02)
         assert robot.hw.robot_state.m_load == mass
@@ -268,7 +282,10 @@ def test_a_recovery_with_nothing_to_recover_from_succeeds(robot) -> None:
 def test_after_shutdown_nothing_of_it_is_offered(connect) -> None:
     robot = connect()
     services = robot.node.services()
-    assert {f"/franka_control/set_{name}" for name in ("load", "EE_frame", "K_frame", "joint_impedance", "cartesian_impedance")} <= set(services)
+    assert {
+        f"/franka_control/set_{name}"
+        for name in ("load", "EE_frame", "K_frame", "joint_impedance", "cartesian_impedance")
+    } <= set(services)
     robot.close()
     assert not [name for name in robot.node.services() if "franka_control" in name]
     assert not [name for name in robot.node.topics() if "error_recovery" in name]

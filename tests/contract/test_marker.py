@@ -1,7 +1,5 @@
 """A marker is followed alike on every back end, by the arm's own motion generator and by the compliant law."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -13,21 +11,27 @@ import yaml
 from contract_robots import BACKENDS, Boxes, connected
 from driven_robot import Robot
 
+from hric_control.geometry import Pose
 from hric_msgs.msg import MarkerTrackingState
-from mocap_natnet.headless import HeadlessMocap, run_time
-from mocap_natnet.parameters import read_publishing
-from mocap_natnet.poses import Pose
-from mocap_natnet.publisher import MocapPublisher
+from mocap_natnet.headless import HeadlessMocap, robot_time
+from mocap_natnet.node.parameters import Publishing
+from mocap_natnet.node.publisher import MocapPublisher
 from mocap_natnet.server import Body, Faults, Motive, Scene, Settings, Track
 
+pytestmark = pytest.mark.alone
+
 YAML = Path(__file__).parents[2] / "src" / "hric_bringup" / "config" / "controllers.yaml"
-WAY = Track([0.1, 1.4, 2.7], [Pose((0.0, 0.0, 1.0)), Pose((0.02, 0.06, 1.03)), Pose((0.0, 0.0, 1.0))], minimum_jerk=True)
+WAY = Track(
+    [0.1, 1.4, 2.7], [Pose((0.0, 0.0, 1.0)), Pose((0.02, 0.06, 1.03)), Pose((0.0, 0.0, 1.0))], minimum_jerk=True
+)
 """There and back; at rest at both ends, so that the motion ends at rest too. z up [m]."""
 DURATION = 3.1
 LAG, RMS = 0.15, {"cartesian_pose_controller": 2e-3, "cartesian_pose_impedance_controller": 4e-3}
-"""Of the end effector behind the marker [s], and what is left after it [m]; the compliant law stays behind by what its spring needs."""
+"""Of the end effector behind the marker [s], and what is left after it [m]; the compliant law stays behind by what its
+spring needs."""
 ALIKE = 1e-3
-"""Between any back end and PyBullet at any time [m]: libfranka's low-pass of 100 Hz, and states that are lost on a busy machine."""
+"""Between any back end and PyBullet at any time [m]: libfranka's low-pass of 100 Hz, and states that are lost on a busy
+machine."""
 
 
 def parameters(controller: str) -> dict[str, Any]:
@@ -54,7 +58,7 @@ class Followed:
         robot.switch([controller], [])
         robot.run(0.05)
         begin = robot.times[-1]
-        publisher = MocapPublisher(robot.node, read_publishing(robot.node.child("mocap")), run_time)
+        publisher = MocapPublisher(robot.node, Publishing.read(robot.node.child("mocap")), robot_time)
         scene = Scene((Body("hand", WAY),), (), Faults(noise=1e-4, seed=1), "y")
         mocap = HeadlessMocap(Motive(Settings(latency=0.0), scene), publisher, begin)
         rows: list[tuple[float, list[float], tuple[float, ...]]] = []
@@ -71,11 +75,13 @@ class Followed:
     def lag_and_rms(self) -> tuple[float, float]:
         """Lag behind the marker [s], and the RMS error after it [m]."""
         n = len(self.way)
-        errors = [float(np.sqrt(np.mean(np.sum((self.way[lag:] - self.truth[: n - lag]) ** 2, axis=1)))) for lag in range(300)]
+        errors = [
+            float(np.sqrt(np.mean(np.sum((self.way[lag:] - self.truth[: n - lag]) ** 2, axis=1)))) for lag in range(300)
+        ]
         lag = int(np.argmin(errors))
         return lag * 1e-3, errors[lag]
 
-    def apart(self, other: Followed) -> float:
+    def apart(self, other: "Followed") -> float:
         """Largest distance from another's way at the same time, on any axis [m]."""
         same = np.column_stack([np.interp(self.times, other.times, other.way[:, axis]) for axis in range(3)])
         return float(np.abs(self.way - same).max())
@@ -92,17 +98,26 @@ def cases() -> Iterator[Any]:
     """(controller, back end); the FR3 is the Panda with other limits."""
     for backend in BACKENDS:
         for controller in RMS:
-            yield pytest.param(controller, backend, marks=[pytest.mark.slow] if backend == "fr3" else [], id=f"{controller}-{backend}")
+            yield pytest.param(
+                controller, backend, marks=[pytest.mark.slow] if backend == "fr3" else [], id=f"{controller}-{backend}"
+            )
 
 
 @pytest.mark.parametrize(("controller", "backend"), list(cases()))
-def test_a_marker_is_followed_alike_and_without_a_reflex(controller: str, connect: Callable[..., Robot], backend: str) -> None:
+def test_a_marker_is_followed_alike_and_without_a_reflex(
+    controller: str, connect: Callable[..., Robot], backend: str
+) -> None:
     followed = Followed(connect(), controller)
     (lag, rms), apart = followed.lag_and_rms(), followed.apart(on_pybullet(controller))
-    print(f"{backend}, {controller}: lag {1e3 * lag:.0f} ms, RMS {1e3 * rms:.2f} mm, apart from PyBullet {1e3 * apart:.3f} mm")
+    print(
+        f"{backend}, {controller}: lag {1e3 * lag:.0f} ms, RMS {1e3 * rms:.2f} mm, apart from PyBullet "
+        f"{1e3 * apart:.3f} mm"
+    )
     assert followed.error == ""
     assert lag <= LAG
     assert rms <= RMS[controller]
     assert apart <= ALIKE
-    assert {state.tracking for state in followed.states[5:]} <= {"waiting", "following"} and followed.states[-1].losses == 0
+    assert {state.tracking for state in followed.states[5:]} <= {"waiting", "following"} and followed.states[
+        -1
+    ].losses == 0
     assert np.ptp(followed.way[:, 1]) > 0.05 and abs(followed.way[-1]).max() < 5e-3

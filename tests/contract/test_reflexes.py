@@ -1,6 +1,5 @@
-"""Each reflex, on each arm: it stops the motion, is named by libfranka's name in error, FrankaState and log, refuses motion; the action ends it."""
-
-from __future__ import annotations
+"""Each reflex, on each arm: it stops the motion, is named by libfranka's name in error, FrankaState and log, refuses
+motion; the action ends it."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -23,7 +22,7 @@ ARMS = ["pybullet", "panda", "fr3"]
 BOXES = ARMS[1:]
 ZERO = [0.0] * 7
 LIMIT = 10.0
-"""No reflex takes longer [s of run time]."""
+"""No reflex takes longer [s of robot time]."""
 
 Law = Callable[[int, RobotState], list[float]]
 """(cycle of the motion from 0, state) -> command."""
@@ -69,7 +68,8 @@ def late(n: int, state: RobotState) -> list[float]:
 
 @dataclass(frozen=True)
 class Case:
-    """Attributes: interface, law of the command; names: libfranka's, one of which must be set; arms: on which it can be brought about."""
+    """Attributes: interface, law of the command; names: libfranka's, one of which must be set; arms: on which it can be
+    brought about."""
 
     interface: str
     law: Law
@@ -78,17 +78,27 @@ class Case:
 
 
 CASES = {
-    "torque jump": Case("effort", lambda n, _: last_only(8.0 if n >= 20 else 0.0), ("controller_torque_discontinuity",)),
+    "torque jump": Case(
+        "effort", lambda n, _: last_only(8.0 if n >= 20 else 0.0), ("controller_torque_discontinuity",)
+    ),
     "joint too fast": Case("effort", lambda n, _: last_only(min(0.5 * n, 6.0)), ("joint_velocity_violation",)),
     "joint at its limit": Case("effort", turned, ("joint_position_limits_violation",)),
-    "joint velocity jump": Case("velocity", lambda n, _: last_only(0.5 if n >= 20 else 0.0), ("joint_motion_generator_velocity_discontinuity",)),
+    "joint velocity jump": Case(
+        "velocity", lambda n, _: last_only(0.5 if n >= 20 else 0.0), ("joint_motion_generator_velocity_discontinuity",)
+    ),
     "Cartesian velocity jump": Case(
-        "twist", lambda n, _: [0.0, 0.0, 0.5 if n >= 20 else 0.0, 0.0, 0.0, 0.0], ("cartesian_motion_generator_velocity_discontinuity",)
+        "twist",
+        lambda n, _: [0.0, 0.0, 0.5 if n >= 20 else 0.0, 0.0, 0.0, 0.0],
+        ("cartesian_motion_generator_velocity_discontinuity",),
     ),
     "Cartesian acceleration jump": Case(
-        "twist", lambda n, _: [0.0, 0.0, 0.0085 * max(n - 20, 0), 0.0, 0.0, 0.0], ("cartesian_motion_generator_acceleration_discontinuity",)
+        "twist",
+        lambda n, _: [0.0, 0.0, 0.0085 * max(n - 20, 0), 0.0, 0.0, 0.0],
+        ("cartesian_motion_generator_acceleration_discontinuity",),
     ),
-    "Cartesian velocity limit": Case("twist", lambda n, _: last_only(0.005 * n, 6), ("cartesian_motion_generator_velocity_limits_violation",)),
+    "Cartesian velocity limit": Case(
+        "twist", lambda n, _: last_only(0.005 * n, 6), ("cartesian_motion_generator_velocity_limits_violation",)
+    ),
     "20 lost packets": Case("effort", late, ("communication_constraints_violation",), tuple(BOXES)),
     "collision": Case("effort", lambda n, _: ZERO, ("joint_reflex", "cartesian_reflex")),
 }
@@ -102,7 +112,9 @@ def cases() -> Iterator[Any]:
     """(case, arm) of the test below."""
     for name, case in CASES.items():
         for arm in case.arms:
-            yield pytest.param(name, arm, marks=[pytest.mark.slow] if arm == "fr3" and name not in QUICK else [], id=f"{name}-{arm}")
+            yield pytest.param(
+                name, arm, marks=[pytest.mark.slow] if arm == "fr3" and name not in QUICK else [], id=f"{name}-{arm}"
+            )
 
 
 class Watched:
@@ -112,7 +124,12 @@ class Watched:
         self.robot, self.states = robot, []  # type: Robot, list[FrankaState]
         robot.manager._classes["test/Course"] = Course
         robot.node.set_param("course", {"type": "test/Course", "interface": interface})
-        states = {"type": "franka_control/FrankaStateController", "arm_id": "panda", "joint_names": list(JOINTS), "publish_rate": 100}
+        states = {
+            "type": "franka_control/FrankaStateController",
+            "arm_id": "panda",
+            "joint_names": list(JOINTS),
+            "publish_rate": 100,
+        }
         robot.node.set_param("franka_state_controller", states)
         robot.node.subscribe("franka_state_controller/franka_states", FrankaState, self.states.append)
         robot.manager.load("course")
@@ -161,7 +178,9 @@ def recover(robot: Robot) -> Any:
 
 
 @pytest.mark.parametrize(("case", "backend"), list(cases()))
-def test_a_reflex_stops_is_named_everywhere_refuses_motion_and_is_recovered_from(case, backend, watched, boxes, caplog) -> None:
+def test_a_reflex_stops_is_named_everywhere_refuses_motion_and_is_recovered_from(
+    case, backend, watched, boxes, caplog
+) -> None:
     names = CASES[case].names
     arm: Watched = watched(CASES[case].interface)
     robot, hw, course = arm.robot, arm.robot.hw, arm.course
@@ -213,14 +232,19 @@ def goes_on_after_recovery(robot: Robot, arm: Watched) -> None:
     goal = recover(robot)
     assert (goal.status, goal.text) == ("SUCCEEDED", "")
     assert robot.hw.error == ""
-    robot.switch(["course"], ["course"] if "running" in {status.state for status in robot.manager.list() if status.name == "course"} else [])
+    robot.switch(
+        ["course"],
+        ["course"] if "running" in {status.state for status in robot.manager.list() if status.name == "course"} else [],
+    )
     robot.run(0.2)
     assert robot.hw.robot_state.robot_mode is RobotMode.MOVE
     assert arm.named() == set() and arm.states[-1].robot_mode == FrankaState.ROBOT_MODE_MOVE
 
 
 @pytest.mark.parametrize("backend", ARMS)
-def test_the_user_stop_stops_is_seen_everywhere_and_recovery_waits_for_its_release(backend, watched, boxes, caplog) -> None:
+def test_the_user_stop_stops_is_seen_everywhere_and_recovery_waits_for_its_release(
+    backend, watched, boxes, caplog
+) -> None:
     arm: Watched = watched("effort")
     robot, hw = arm.robot, arm.robot.hw
     robot.run(0.05)
@@ -242,7 +266,9 @@ def test_the_user_stop_stops_is_seen_everywhere_and_recovery_waits_for_its_relea
 
 @pytest.mark.parametrize("backend", ARMS)
 @pytest.mark.parametrize("interface", ["effort", "velocity", "twist"])
-def test_a_command_that_is_no_number_ends_its_controller_by_name_and_never_reaches_the_arm(backend, interface, watched, caplog) -> None:
+def test_a_command_that_is_no_number_ends_its_controller_by_name_and_never_reaches_the_arm(
+    backend, interface, watched, caplog
+) -> None:
     arm: Watched = watched(interface)
     robot, hw = arm.robot, arm.robot.hw
     robot.run(0.05)

@@ -1,7 +1,5 @@
 """One experiment, in process and through the unmodified libfranka on the emulated control box: the same motion."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +8,11 @@ import pytest
 import yaml
 from fci_peer import control_box, log_of
 
-from hric_experiments import bag_reader, experiment, headless
+from hric_bags import reader as bag_reader
+from hric_experiments.definition import experiment
+from hric_experiments.headless import runner as headless
+
+pytestmark = pytest.mark.alone
 
 Q_START = ("0", "0", "0", "-0.08", "0", "0", "0")
 """Where pd_step starts [rad]."""
@@ -21,14 +23,25 @@ PLAIN = ("robot.parameters.rate_limiting:=false", "robot.parameters.cutoff_frequ
 def run(folder: Path, name: str, *arguments: str) -> Path:
     """The run's folder."""
     folder.mkdir(exist_ok=True)
-    return headless.run(experiment.load(name, arguments), arguments, root=folder, progress=False, figures=False).folder.path
+    return headless.run(
+        experiment.load(name, arguments), arguments, root=folder, progress=False, figures=False
+    ).folder.path
 
 
-def through_libfranka(folder: Path, robot: str, name: str, *arguments: str, q_start: tuple[str, ...] = Q_START) -> tuple[Path, str]:
+def through_libfranka(
+    folder: Path, robot: str, name: str, *arguments: str, q_start: tuple[str, ...] = Q_START
+) -> tuple[Path, str]:
     """(the run's folder, what the box said)."""
     with control_box("--robot", robot, "--no-hand", "--real-time-factor", "0", "--q-start", *q_start) as (address, box):
         real = ("hw:=franka_real/FrankaHW", f"robot.parameters.robot_ip:={address}", f"robot.parameters.robot:={robot}")
-        path = run(folder, name, *real, "robot.parameters.realtime_priority:=0", "robot.parameters.lock_memory:=false", *arguments)
+        path = run(
+            folder,
+            name,
+            *real,
+            "robot.parameters.realtime_priority:=0",
+            "robot.parameters.lock_memory:=false",
+            *arguments,
+        )
         return path, log_of(box)
 
 
@@ -51,7 +64,9 @@ def difference(a: Path, b: Path) -> float:
 
 
 @pytest.mark.parametrize(("robot", "bound"), [("panda", 1e-9), ("fr3", 1e-3)])
-def test_without_filter_and_limiter_the_motion_is_that_of_the_simulation(robot: str, bound: float, tmp_path: Path) -> None:
+def test_without_filter_and_limiter_the_motion_is_that_of_the_simulation(
+    robot: str, bound: float, tmp_path: Path
+) -> None:
     real, _ = through_libfranka(tmp_path / "real", robot, "pd_step", *PLAIN)
     found = difference(run(tmp_path / "sim", "pd_step"), real)
     print(f"{robot}: largest difference {found:.2e} rad")

@@ -1,6 +1,5 @@
-"""An unstable loop never counts as a success, one at half its bound is never called unstable, whatever the arm runs on."""
-
-from __future__ import annotations
+"""An unstable loop never counts as a success, one at half its bound is never called unstable, whatever the arm runs
+on."""
 
 import threading
 from collections.abc import Iterator
@@ -14,10 +13,12 @@ from fci_peer import control_box, log_of
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
+from hric_bags import reader as bag_reader
+from hric_bags.run_folder import RunFolder
 from hric_control.errors import HricError
-from hric_controllers.stability import largest_kd
-from hric_experiments import bag_reader, experiment, headless
-from hric_experiments.run_folder import RunFolder
+from hric_controllers.dynamics import largest_kd
+from hric_experiments.definition import experiment
+from hric_experiments.headless import runner as headless
 
 START = (0.0, 0.0, 0.0, -0.08, 0.0, 0.0, 0.0)
 SET_POINT = (0.0, -np.pi / 4, 0.0, -3.0 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
@@ -43,10 +44,33 @@ def outcome(folder: Path, name: str, *arguments: str) -> str:
 @contextmanager
 def emulated_box(robot: str) -> Iterator[tuple[tuple[str, ...], object]]:
     """Arguments with which an experiment runs through libfranka on an emulated box, and the box's process."""
-    words = ("--robot", robot, "--no-hand", "--no-collision", "--real-time-factor", "0", "--console", "--q-start", *map(str, START))
+    words = (
+        "--robot",
+        robot,
+        "--no-hand",
+        "--no-collision",
+        "--real-time-factor",
+        "0",
+        "--console",
+        "--q-start",
+        *map(str, START),
+    )
     with control_box(*words) as (address, process):
-        own = {"robot_ip": address, "robot": robot, "realtime_priority": 0, "lock_memory": False, "rate_limiting": False, "cutoff_frequency": 1000}
-        yield ("hw:=franka_real/FrankaHW", *(f"robot.parameters.{key}:={str(value).lower()}" for key, value in own.items())), process
+        own = {
+            "robot_ip": address,
+            "robot": robot,
+            "realtime_priority": 0,
+            "lock_memory": False,
+            "rate_limiting": False,
+            "cutoff_frequency": 1000,
+        }
+        yield (
+            (
+                "hw:=franka_real/FrankaHW",
+                *(f"robot.parameters.{key}:={str(value).lower()}" for key, value in own.items()),
+            ),
+            process,
+        )
 
 
 def half_of_the_bound(rotor_inertia: float) -> str:
@@ -61,11 +85,16 @@ def half_of_the_bound(rotor_inertia: float) -> str:
 
 @pytest.mark.parametrize("engine", PLANTS)
 def test_a_loop_far_beyond_its_bound_has_diverged_or_is_called_unstable(engine: str, tmp_path: Path) -> None:
-    assert outcome(tmp_path, "thesis_step", *FAR_BEYOND, f"simulator:={engine}") == {"pybullet": "diverged", "opensim": "unstable"}[engine]
+    assert (
+        outcome(tmp_path, "thesis_step", *FAR_BEYOND, f"simulator:={engine}")
+        == {"pybullet": "diverged", "opensim": "unstable"}[engine]
+    )
 
 
 @pytest.mark.parametrize("robot", [name for name in BACKENDS if name not in PLANTS])
-def test_a_plant_that_diverges_behind_the_box_ends_the_motion_in_one_line_and_the_run_is_called_unstable(robot: str, tmp_path: Path) -> None:
+def test_a_plant_that_diverges_behind_the_box_ends_the_motion_in_one_line_and_the_run_is_called_unstable(
+    robot: str, tmp_path: Path
+) -> None:
     ended = threading.Event()
     with emulated_box(robot) as (arguments, process):
 

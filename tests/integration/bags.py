@@ -1,7 +1,5 @@
 """What the tests read from a bag, with the rosbags library: no ROS is needed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,7 @@ from rosbags.highlevel import AnyReader
 
 
 def control_log(bag: Path, topic: str = "/control_log") -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """(index of each logged cycle in the order of the bag, its run time [s])."""
+    """(index of each logged cycle in the order of the bag, its robot time [s])."""
     cycles: list[npt.NDArray[np.int64]] = []
     times: list[npt.NDArray[np.float64]] = []
     with AnyReader([bag]) as reader:

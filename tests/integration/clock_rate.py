@@ -1,6 +1,4 @@
-"""Print the run time per wall time on /clock, measured over some seconds of wall time:  clock_rate.py SECONDS"""
-
-from __future__ import annotations
+"""Print robot time per wall time on /clock, measured over some seconds of wall time:  clock_rate.py SECONDS"""
 
 import sys
 import time
@@ -19,7 +17,7 @@ def main(seconds: float) -> None:
 
 
 def _tick() -> tuple[float, float]:
-    """Run time of the next tick and when it was heard [s]."""
+    """Robot time of the next tick and when it was heard [s]."""
     return rospy.wait_for_message("/clock", Clock).clock.to_sec(), time.monotonic()
 
 

@@ -1,7 +1,5 @@
 """One bring-up for all tests that only look and talk; tests that need their own start one."""
 
-from __future__ import annotations
-
 import os
 import sys
 import warnings
@@ -14,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts/lib"))
 from live_system import READY_TIMEOUT, LiveSystem, wait_for
 
-from hric_experiments import parameters
+from hric_experiments.definition import parameters
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -56,7 +54,7 @@ def pd_step(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PdStep]:
     """Run once for all who look at what it did."""
     system = LiveSystem(tmp_path_factory.mktemp("pd_step"), "env:=sim", "rviz:=false", "experiment:=pd_step")
     try:
-        system.wait_output("set points")
+        system.wait_output("setpoints")
         services = system.services()
         system.wait(timeout=90.0)
         yield PdStep(system, services)
@@ -71,7 +69,11 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
     try:
         system.wait_running("joint_state_controller", "franka_state_controller", "joint_pd_controller")
         configured = set(parameters.defaults("panda"))
-        wait_for(lambda: configured <= set(system.controllers()), READY_TIMEOUT, f"{configured} loaded; output:\n{system.output}")
+        wait_for(
+            lambda: configured <= set(system.controllers()),
+            READY_TIMEOUT,
+            f"{configured} loaded; output:\n{system.output}",
+        )
         os.environ.update({key: system.environment[key] for key in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME")})
         warnings.simplefilter("ignore", ResourceWarning)
         import rospy

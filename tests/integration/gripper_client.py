@@ -1,6 +1,5 @@
-"""A program of a user of the hand: homes, moves, grasps, stops, commands, and prints as JSON how each ended and where the fingers went."""
-
-from __future__ import annotations
+"""A program of a user of the hand: homes, moves, grasps, stops, commands, and prints as JSON how each ended and where
+the fingers went."""
 
 import json
 from typing import Any
@@ -11,7 +10,16 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from control_msgs.msg import GripperCommandAction, GripperCommandGoal
-from franka_gripper.msg import GraspAction, GraspGoal, HomingAction, HomingGoal, MoveAction, MoveGoal, StopAction, StopGoal
+from franka_gripper.msg import (
+    GraspAction,
+    GraspGoal,
+    HomingAction,
+    HomingGoal,
+    MoveAction,
+    MoveGoal,
+    StopAction,
+    StopGoal,
+)
 
 LIMIT = rospy.Duration(60.0)
 
@@ -46,7 +54,11 @@ def main() -> None:
 
     rospy.Subscriber("joint_states", JointState, heard)
     rospy.Subscriber("/tf", TFMessage, seen)
-    move, grasp, command = client("move", MoveAction), GraspGoal(width=0.02, speed=0.1, force=10.0), GripperCommandGoal()
+    move, grasp, command = (
+        client("move", MoveAction),
+        GraspGoal(width=0.02, speed=0.1, force=10.0),
+        GripperCommandGoal(),
+    )
     grasp.epsilon.inner = grasp.epsilon.outer = 0.005
     command.command.position = 0.03
     found = {
@@ -61,7 +73,15 @@ def main() -> None:
     assert move.wait_for_result(LIMIT)
     found["stopped move"] = [move.get_state(), bool(move.get_result().success)]
     rospy.sleep(0.5)
-    print(json.dumps({"ended": found, "fingers": [min(fingers), max(fingers), fingers[-1]], "frames": [values[-1] for values in frames.values()]}))
+    print(
+        json.dumps(
+            {
+                "ended": found,
+                "fingers": [min(fingers), max(fingers), fingers[-1]],
+                "frames": [values[-1] for values in frames.values()],
+            }
+        )
+    )
 
 
 main()

@@ -1,7 +1,5 @@
 """A bring-up as a user starts it, in a process of its own on a ROS master of its own; used by the integration tests."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -61,7 +59,11 @@ class LiveSystem:
         }
         with self.output_path.open("w") as output:
             self.process = subprocess.Popen(
-                [str(ROOT / "scripts/bringup"), *arguments], env=self.environment, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+                [str(ROOT / "scripts/bringup"), *arguments],
+                env=self.environment,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
             )
 
     @property
@@ -77,7 +79,9 @@ class LiveSystem:
     def started(self, *command: str) -> Iterator[subprocess.Popen[bytes]]:
         """A command that stays, in another terminal; its program is ended at the latest with the block."""
         # rosrun replaces itself by the program, so the signal reaches it.
-        process = subprocess.Popen(command, env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, cwd=ROOT)
+        process = subprocess.Popen(
+            command, env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, cwd=ROOT
+        )
         try:
             yield process
         finally:
@@ -89,13 +93,16 @@ class LiveSystem:
         """Wait until `text` was printed."""
 
         def seen() -> bool:
-            assert self.process.poll() is None or text in self.output, f"ended with {self.process.returncode} before saying {text!r}:\n{self.output}"
+            assert self.process.poll() is None or text in self.output, (
+                f"ended with {self.process.returncode} before saying {text!r}:\n{self.output}"
+            )
             return text in self.output
 
         wait_for(seen, timeout, f"output {text!r} in\n{self.output}")
 
     def controllers(self, namespace: str = "") -> dict[str, str]:
-        """State of each controller; none while nobody answers. Asked by this process: one per question would take what the system starts with."""
+        """State of each controller; none while nobody answers. Asked by this process: one per question would take what
+        the system starts with."""
         with mock.patch.dict(os.environ, ROS_MASTER_URI=self.uri):
             try:
                 answer = rospy.ServiceProxy(f"{namespace}/controller_manager/list_controllers", ListControllers)()
@@ -106,7 +113,11 @@ class LiveSystem:
     def services(self) -> set[str]:
         """Services that its nodes offer; nodes whose names are random, such as rostopic's, come and go."""
         listed = self.run("rosservice", "list").stdout.split()
-        return {name for name in listed if "anonymous" not in name and not name.startswith(("/rostopic", "/rosservice", "/play_", "/record_"))}
+        return {
+            name
+            for name in listed
+            if "anonymous" not in name and not name.startswith(("/rostopic", "/rosservice", "/play_", "/record_"))
+        }
 
     def wait_running(self, *controllers: str, namespace: str = "") -> None:
         """Wait until these controllers run."""

@@ -1,7 +1,5 @@
 """A virtual display, what is on it, and rviz on it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import time
@@ -23,7 +21,18 @@ def virtual_display(log: Path) -> Iterator[str]:
     """An X server without a screen; gives its DISPLAY."""
     read, write = os.pipe()
     width, height = SIZE
-    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", f"{width}x{height}x24", "+extension", "GLX", "-nolisten", "tcp"]
+    command = [
+        "Xvfb",
+        "-displayfd",
+        str(write),
+        "-screen",
+        "0",
+        f"{width}x{height}x24",
+        "+extension",
+        "GLX",
+        "-nolisten",
+        "tcp",
+    ]
     with log.open("w") as output:
         server = subprocess.Popen(command, pass_fds=[write], stdout=output, stderr=subprocess.STDOUT)
     os.close(write)
@@ -44,13 +53,19 @@ def environment(display: str) -> dict[str, str]:
 
 def shot(display: str, path: Path) -> npt.NDArray[np.float64]:
     """Save what is on the display; gives the picture, shape (height, width, 3), values 0 to 1."""
-    subprocess.run(["import", "-window", "root", "-display", display, f"PNG24:{path}"], check=True, timeout=30.0, capture_output=True)
+    subprocess.run(
+        ["import", "-window", "root", "-display", display, f"PNG24:{path}"],
+        check=True,
+        timeout=30.0,
+        capture_output=True,
+    )
     picture: npt.NDArray[np.float64] = matplotlib.image.imread(path)[..., :3].astype(float)
     return picture
 
 
 def wait_for_picture(display: str, path: Path, timeout: float, died: Callable[[], bool]) -> npt.NDArray[np.float64]:
-    """Wait until the arm is drawn and the window stands still: many pixels that are much brighter or darker than the background around them.
+    """Wait until the arm is drawn and the window stands still: many pixels that are much brighter or darker than the
+    background around them.
 
     Raises:
         AssertionError: not in `timeout` [s], or what draws it has `died`.

@@ -1,6 +1,5 @@
-"""A minute of motion capture while others take the processors: the order of its stamps, and what the controller makes of them."""
-
-from __future__ import annotations
+"""A minute of motion capture while others take the processors: the order of its stamps, and what the controller makes
+of them."""
 
 import contextlib
 import itertools
@@ -16,6 +15,8 @@ import yaml
 from live_system import ROOT, LiveSystem
 from rosbags.highlevel import AnyReader
 
+pytestmark = pytest.mark.alone
+
 EXPERIMENT = ROOT / "src/hric_experiments/config/experiments/marker_tracking.yaml"
 MINUTE = 60.0
 STAMPED = ("/hric/perception/mocap", "/mocap/marker_stamped", "/mocap/hand/pose")
@@ -24,8 +25,8 @@ STATE = "/cartesian_pose_controller/state"
 
 @contextlib.contextmanager
 def busy_loops(count: int) -> Iterator[None]:
-    """Processes that want a processor each; each in a session of its own, as in terminals of their own, so that the system does not share one's part
-    with the bring-up's."""
+    """Processes that want a processor each; each in a session of its own, as in terminals of their own, so that the
+    system does not share one's part with the bring-up's."""
     loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"], start_new_session=True) for _ in range(count)]
     try:
         yield
@@ -60,14 +61,19 @@ def recorded(bag: Path) -> tuple[dict[str, list[int]], Any]:
 
 
 @pytest.mark.slow
-def test_beside_two_busy_loops_no_stamp_goes_back_for_a_minute_and_no_marker_is_refused(start: Callable[..., LiveSystem], tmp_path: Path) -> None:
+def test_beside_two_busy_loops_no_stamp_goes_back_for_a_minute_and_no_marker_is_refused(
+    start: Callable[..., LiveSystem], tmp_path: Path
+) -> None:
     system = start("env:=sim", "rviz:=false", f"experiment:={a_minute(tmp_path)}", "mocap_server:=127.0.7.5")
     system.wait_running("cartesian_pose_controller")
     with busy_loops(2):
         assert system.wait(240.0) == 0, system.output
     stamps, state = recorded(next(system.run_folder.glob("*.bag")))
     steps = {topic: min(b - a for a, b in itertools.pairwise(found)) * 1e-9 for topic, found in stamps.items()}
-    print(f"least step {steps} s; refused {dict(zip(state.refused_reasons, state.refused_counts, strict=True))}; lost {state.losses} times")
+    print(
+        f"least step {steps} s; refused "
+        f"{dict(zip(state.refused_reasons, state.refused_counts, strict=True))}; lost {state.losses} times"
+    )
     assert set(steps) == set(STAMPED) and all(len(found) > 200 * MINUTE for found in stamps.values())
     assert min(steps.values()) > 0.0
     assert list(state.refused_reasons) == []

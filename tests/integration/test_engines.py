@@ -1,14 +1,15 @@
 """One bring-up, two engines: nothing above the plant can tell which one it is."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pytest
 from bags import control_log, gaps_and_repeats, topics
 from live_system import LiveSystem
+
+pytestmark = pytest.mark.alone
 
 Start = Callable[..., LiveSystem]
 OPENSIM_ONLY = {"/sim/joint_reactions"}
@@ -16,7 +17,7 @@ OPENSIM_ONLY = {"/sim/joint_reactions"}
 
 def test_pd_step_runs_on_opensim_with_the_topics_and_services_of_pybullet(start: Start, pd_step: Any) -> None:
     system = start("env:=sim", "simulator:=opensim", "rviz:=false", "experiment:=pd_step")
-    system.wait_output("set points")
+    system.wait_output("setpoints")
     offered = system.services()
     assert system.wait(timeout=150.0) == 0, system.output
     assert system.processes() == {}

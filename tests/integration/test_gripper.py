@@ -1,6 +1,5 @@
-"""The hand on the bring-up: its actions live, and its fingers move in joint_states, in the simulation and through libfranka."""
-
-from __future__ import annotations
+"""The hand on the bring-up: its actions live, and its fingers move in joint_states, in the simulation and through
+libfranka."""
 
 import json
 from collections.abc import Callable
@@ -9,6 +8,8 @@ import pytest
 from actionlib_msgs.msg import GoalStatus
 from fci_peer import control_box
 from live_system import ROOT, LiveSystem
+
+pytestmark = pytest.mark.alone
 
 CLIENT = ROOT / "tests/integration/gripper_client.py"
 
@@ -27,7 +28,9 @@ def check(system: LiveSystem) -> None:
         "stopped move": [GoalStatus.ABORTED, False],
     }
     lowest, highest, last = found["fingers"]
-    assert lowest == pytest.approx(0.0, abs=2e-3) and highest == pytest.approx(0.04, abs=1e-3), "homing closes and opens"
+    assert lowest == pytest.approx(0.0, abs=2e-3) and highest == pytest.approx(0.04, abs=1e-3), (
+        "homing closes and opens"
+    )
     assert 0.02 < last < 0.03, "stopped on its way from 3 cm to 0.5 cm"
     assert found["frames"] == pytest.approx([last, last], abs=1e-4), "both fingers move in tf"
     assert "not found in URDF" not in system.output

@@ -1,50 +1,185 @@
 """The pages against the running system: nothing undocumented, nothing documented that is not there."""
 
-from __future__ import annotations
-
+import json
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from unittest import mock
 
 import pytest
 import rosgraph
 import rosservice
-import rostopic
-from live_system import LiveSystem
+import yaml
+from live_system import READY_TIMEOUT, ROOT, LiveSystem, wait_for
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from interface_pages import Row, pages, rows
 
+pytestmark = pytest.mark.alone
 STANDARD_TOPICS = {"/rosout", "/rosout_agg", "/tf", "/tf_static", "/clock", "/diagnostics"}
-STANDARD_SERVICES = ("/get_loggers", "/set_logger_level")
+STANDARD_SERVICES = ("/get_loggers", "/set_logger_level", "/tf2_frames")
 ACTION_PARTS = ("/goal", "/cancel", "/status", "/feedback", "/result")
-TESTER = "/integration_tests"
-OWN_LAUNCH_FILE = {"hric_perception", "mocap_natnet"}
+NOT_OF_THE_SYSTEM = ("/integration_tests", "/rosout", "/rostopic", "/recorder_", "/spawner_", "/unspawner_")
+"""Beginnings of the names of this process and of short-lived tools."""
+SENSORS = {"hric_perception", "mocap_natnet"}
 """Packages that the default bring-up does not start."""
+OTHER_NAMES = {"<body>/ground_pose"}
+"""Topics of `natnet_client` under the names of another driver, of which it publishes one set at a time
+(mocap_natnet/test/test_publisher.py)."""
+EXPERIMENT = ROOT / "src/hric_experiments/config/experiments/data_collection.yaml"
 
 
 def documented(section: str) -> list[Row]:
     return [row for page in pages() for row in rows(page) if row.section == section]
 
 
+@dataclass(frozen=True)
+class Graph:
+    """What runs on a master.
+
+    Attributes:
+        publishers, subscribers: topic -> nodes, but for those of this process and of short-lived tools.
+        services: service -> type, likewise.
+        types: topic -> type.
+        offered: topics and services of all nodes.
+    """
+
+    publishers: dict[str, list[str]]
+    subscribers: dict[str, list[str]]
+    services: dict[str, str]
+    types: dict[str, str]
+    offered: frozenset[str]
+
+    @classmethod
+    def of(cls, uri: str) -> "Graph":
+        """As it is now."""
+        with mock.patch.dict(os.environ, ROS_MASTER_URI=uri):
+            master = rosgraph.Master("/pages")
+            sides = master.getSystemState()
+            own = [
+                {
+                    name: kept
+                    for name, nodes in side
+                    if (kept := [node for node in nodes if not node.startswith(NOT_OF_THE_SYSTEM)])
+                }
+                for side in sides
+            ]
+            types = {name: rosservice.get_service_type(name) for name in own[2] if not name.endswith(STANDARD_SERVICES)}
+            offered = frozenset(name for side in (sides[0], sides[2]) for name, _ in side)
+            return cls(own[0], own[1], types, dict(master.getTopicTypes()), offered)
+
+
+def a_long_collection(folder: Path) -> Path:
+    """The data collection, with the sources that hear something: activation from a topic, and the load from
+    contacts."""
+    content = yaml.safe_load(EXPERIMENT.read_text()) | {"duration": 3600.0, "setpoints": []}
+    content["emg"]["emulated"]["activation"] = {"program": "topic"}
+    content["force_plate"]["emulated"]["load"] = {"program": "contacts", "body": "plate"}
+    path = folder / "long_collection.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
 @pytest.fixture(scope="module")
-def graph(live: LiveSystem) -> tuple[dict[str, list[str]], dict[str, list[str]], list[str]]:
-    """Topics with publishers and with subscribers, and services, but for those of this process and of short-lived tools."""
-    publishers, subscribers, services = rosgraph.Master("/pages").getSystemState()
+def sensors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
+    """A data collection, and beside it what else these packages have: a synchroniser at one rate, the calibration, a
+    Motive that follows a link."""
+    folder = tmp_path_factory.mktemp("sensors")
+    (folder / "scene.yaml").write_text(
+        "bodies: [{name: tool, motion: {type: link, link: panda_link8, frame: panda_link0}}]\n"
+    )
+    source = {"topic": "/joint_states", "type": "sensor_msgs/JointState", "signals": ["position[0]"]}
+    plan = json.dumps({"rate": 10, "sources": [source]})
+    with ExitStack() as stack:
+        system = LiveSystem(
+            folder, "env:=sim", "rviz:=false", "view:=true", f"experiment:={a_long_collection(folder)}",
+            "mocap_server:=127.0.7.14", "real_time_factor:=0.25"
+        )  # fmt: skip
+        stack.callback(system.close)
+        system.wait_running("joint_pd_controller")
+        for command in (
+            ("hric_perception", "synchronizer", "__name:=single", f"_plan:={plan}"),
+            ("mocap_natnet", "calibrate"),
+            (
+                "mocap_natnet",
+                "emulated_motive",
+                "--scene",
+                str(folder / "scene.yaml"),
+                "--ip",
+                "127.0.7.15",
+                "--transport",
+                "unicast",
+            ),
+        ):
+            stack.enter_context(system.started("rosrun", *command))
+        yield system
 
-    def own(nodes: list[str]) -> list[str]:
-        return [node for node in nodes if node != TESTER and not node.startswith(("/rosout", "/rostopic", "/recorder_", "/spawner_", "/unspawner_"))]
 
-    kept = [{topic: own(nodes) for topic, nodes in side if own(nodes)} for side in (publishers, subscribers)]
-    return kept[0], kept[1], [name for name, nodes in services if own(nodes)]
+def of_the_sensors(section: str) -> list[Row]:
+    return [row for row in documented(section) if row.page.parent.name in SENSORS and row.name not in OTHER_NAMES]
 
 
-def test_every_topic_of_the_running_system_is_documented(graph) -> None:
-    publishers, subscribers, _ = graph
+def of_the_bring_up(section: str) -> list[Row]:
+    """Rows but for those of packages that are started by themselves, and for the other ends of these."""
+    elsewhere = [row for row in documented(section) if row.page.parent.name in SENSORS]
+    return [
+        row
+        for row in documented(section)
+        if row not in elsewhere and not any(other.matches(row.name) for other in elsewhere)
+    ]
+
+
+def absent(graph: Graph, wanted: list[Row]) -> list[tuple[str, str, str]]:
+    """Package, kind and name of the rows that the running system lacks."""
+    sides = {"pub": graph.offered, "sub": frozenset(graph.subscribers)}
+    found = []
+    for row in wanted:
+        if row.section == "Topics":
+            # One end may be an experiment's node or the user's hand: then the documented other end must be there.
+            ends = {
+                other.cells["direction"]
+                for other in documented("Topics")
+                if row.matches(other.name) or other.matches(row.name)
+            }
+            there = any(row.matches(name) for end in ends for name in sides[end])
+        elif row.section == "Services":
+            there = any(row.matches(name) for name in graph.offered)
+        else:
+            there = any(row.matches(name.removesuffix("/status")) for name in graph.publishers)
+        if not there:
+            found.append((row.page.parent.name, row.section, row.name))
+    return found
+
+
+def test_everything_documented_for_the_default_bring_up_is_there(live: LiveSystem) -> None:
+    wanted = of_the_bring_up("Topics") + of_the_bring_up("Services") + documented("Actions")
+    assert absent(Graph.of(live.uri), wanted) == []
+
+
+def test_everything_documented_of_motion_capture_and_sensors_is_there(sensors: LiveSystem) -> None:
+    wanted = of_the_sensors("Topics") + of_the_sensors("Services")
+    with suppress(AssertionError):
+        wait_for(lambda: not absent(Graph.of(sensors.uri), wanted), READY_TIMEOUT, "all is there")
+    assert absent(Graph.of(sensors.uri), wanted) == []
+
+
+@pytest.fixture(params=["live", "sensors"])
+def graph(request: pytest.FixtureRequest) -> Graph:
+    """Of the default bring-up, and of that with sensors."""
+    return Graph.of(request.getfixturevalue(request.param).uri)
+
+
+def test_every_topic_of_the_running_system_is_documented(graph: Graph) -> None:
     topics, actions = documented("Topics"), documented("Actions")
     unknown = []
-    for direction, side in (("pub", publishers), ("sub", subscribers)):
+    for direction, side in (("pub", graph.publishers), ("sub", graph.subscribers)):
         for topic in side:
-            if topic in STANDARD_TOPICS or any(row.cells["direction"] == direction and row.matches(topic) for row in topics):
+            if topic in STANDARD_TOPICS or any(
+                row.cells["direction"] == direction and row.matches(topic) for row in topics
+            ):
                 continue
             part = next((part for part in ACTION_PARTS if topic.endswith(part)), None)
             if part and any(row.matches(topic.removesuffix(part)) for row in actions):
@@ -56,45 +191,21 @@ def test_every_topic_of_the_running_system_is_documented(graph) -> None:
     assert unknown == []
 
 
-def test_every_service_of_the_running_system_is_documented(graph) -> None:
+def test_every_service_of_the_running_system_is_documented(graph: Graph) -> None:
     services = documented("Services")
-    assert [name for name in graph[2] if not name.endswith(STANDARD_SERVICES) and not any(row.matches(name) for row in services)] == []
+    assert [name for name in graph.services if not any(row.matches(name) for row in services)] == []
 
 
-def test_the_types_on_the_wire_are_those_of_the_pages(graph) -> None:
+def test_the_types_on_the_wire_are_those_of_the_pages(graph: Graph) -> None:
     wrong = []
-    for row in documented("Topics"):
-        for topic in graph[0]:
-            if row.matches(topic) and rostopic.get_topic_type(topic)[0] != row.cells["type"]:
-                wrong.append((topic, rostopic.get_topic_type(topic)[0], row.cells["type"]))
-    for row in documented("Services"):
-        for service in graph[2]:
-            if row.matches(service) and rosservice.get_service_type(service) != row.cells["type"]:
-                wrong.append((service, rosservice.get_service_type(service), row.cells["type"]))
+    for section, types in (
+        ("Topics", {name: graph.types[name] for name in graph.publishers}),
+        ("Services", graph.services),
+    ):
+        for row in documented(section):
+            wrong += [
+                (name, kind, row.cells["type"])
+                for name, kind in types.items()
+                if row.matches(name) and kind != row.cells["type"]
+            ]
     assert wrong == []
-
-
-def of_the_bring_up(section: str) -> list[Row]:
-    """Rows but for those of packages that are started by themselves, and for the other ends of these."""
-    elsewhere = [row for row in documented(section) if row.page.parent.name in OWN_LAUNCH_FILE]
-    return [row for row in documented(section) if row not in elsewhere and not any(other.matches(row.name) for other in elsewhere)]
-
-
-def test_everything_documented_for_the_default_bring_up_is_there(live: LiveSystem, graph) -> None:
-    publishers, subscribers, _ = graph
-    published = set(publishers) | {topic for topic, _ in rosgraph.Master("/pages").getPublishedTopics("")}
-    services = [name for name, _ in rosgraph.Master("/pages").getSystemState()[2]]
-    sides = {"pub": published, "sub": set(subscribers)}
-    absent = []
-    for row in of_the_bring_up("Topics"):
-        # One end may be an experiment's node or the user's hand, which a plain bring-up lacks: then the documented other end must be there.
-        directions = {other.cells["direction"] for other in documented("Topics") if row.matches(other.name) or other.matches(row.name)}
-        if not any(row.matches(topic) for direction in directions for topic in sides[direction]):
-            absent.append((row.page.parent.name, row.cells["direction"], row.name))
-    absent += [(row.page.parent.name, "service", row.name) for row in of_the_bring_up("Services") if not any(row.matches(name) for name in services)]
-    absent += [
-        (row.page.parent.name, "action", row.name)
-        for row in documented("Actions")
-        if not any(row.matches(t.removesuffix("/status")) for t in publishers)
-    ]
-    assert absent == []

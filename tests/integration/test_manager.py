@@ -1,7 +1,5 @@
 """The controller manager over its services and command-line tools, as existing tools of ros_control use it."""
 
-from __future__ import annotations
-
 import os
 import signal
 from pathlib import Path
@@ -19,19 +17,30 @@ from controller_manager_msgs.srv import (
     SwitchControllerRequest,
     UnloadController,
 )
-from hric_control import priority
+from hric_control import processes
+
+pytestmark = pytest.mark.alone
 
 STRICT = SwitchControllerRequest.STRICT
-EFFORT, POSITION, PD = "effort_joint_trajectory_controller", "position_joint_trajectory_controller", "joint_pd_controller"
+EFFORT, POSITION, PD = (
+    "effort_joint_trajectory_controller",
+    "position_joint_trajectory_controller",
+    "joint_pd_controller",
+)
 
 
 def states() -> dict[str, str]:
-    return {item.name: item.state for item in rospy.ServiceProxy("/controller_manager/list_controllers", ListControllers)().controller}
+    return {
+        item.name: item.state
+        for item in rospy.ServiceProxy("/controller_manager/list_controllers", ListControllers)().controller
+    }
 
 
 def switch(start: list[str], stop: list[str]) -> bool:
     proxy = rospy.ServiceProxy("/controller_manager/switch_controller", SwitchController)
-    return bool(proxy(start_controllers=start, stop_controllers=stop, strictness=STRICT, start_asap=False, timeout=0.0).ok)
+    return bool(
+        proxy(start_controllers=start, stop_controllers=stop, strictness=STRICT, start_asap=False, timeout=0.0).ok
+    )
 
 
 def position() -> tuple[float, ...]:
@@ -52,7 +61,11 @@ def pd_runs_afterwards(live: LiveSystem):
 
 def test_rosservice_lists_the_controllers_with_their_claims(live: LiveSystem) -> None:
     listed = live.run("rosservice", "call", "/controller_manager/list_controllers").stdout
-    assert "joint_pd_controller" in listed and "hardware_interface::EffortJointInterface" in listed and "panda_joint7" in listed
+    assert (
+        "joint_pd_controller" in listed
+        and "hardware_interface::EffortJointInterface" in listed
+        and "panda_joint7" in listed
+    )
     assert states()[EFFORT] in ("initialized", "stopped") and states()[POSITION] in ("initialized", "stopped")
 
 
@@ -67,7 +80,9 @@ def test_rosservice_lists_the_types_under_their_own_and_their_usual_names(live: 
 
 def test_a_switch_by_rosservice_changes_the_running_controller_and_the_arm_stays(live: LiveSystem) -> None:
     before = position()
-    request = f"{{start_controllers: [{EFFORT}], stop_controllers: [{PD}], strictness: 2, start_asap: false, timeout: 0.0}}"
+    request = (
+        f"{{start_controllers: [{EFFORT}], stop_controllers: [{PD}], strictness: 2, start_asap: false, timeout: 0.0}}"
+    )
     assert "ok: True" in live.run("rosservice", "call", "/controller_manager/switch_controller", request).stdout
     assert (states()[EFFORT], states()[PD]) == ("running", "stopped")
     rospy.sleep(1.0)
@@ -78,7 +93,11 @@ def test_a_switch_that_claims_a_joint_twice_is_refused_with_both_names(live: Liv
     before = position()
     assert not switch([EFFORT], [])
     assert (states()[PD], states()[EFFORT] == "running") == ("running", False)
-    wait_for(lambda: any(PD in line and EFFORT in line and "panda_joint1" in line for line in live.output.splitlines()), 5.0, "both names in the log")
+    wait_for(
+        lambda: any(PD in line and EFFORT in line and "panda_joint1" in line for line in live.output.splitlines()),
+        5.0,
+        "both names in the log",
+    )
     assert position() == pytest.approx(before, abs=1e-4)
 
 
@@ -86,13 +105,21 @@ def test_a_switch_that_claims_a_joint_twice_is_refused_with_both_names(live: Liv
     ("name", "parameters", "texts"),
     [
         ("no_such_controller", {}, ("no_such_controller", "type")),
-        ("wrong_type", {"type": "hric_controllers/JointPdController"}, ("hric_controllers/JointPdController", "hric_controllers/JointPDController")),
+        (
+            "wrong_type",
+            {"type": "hric_controllers/JointPdController"},
+            ("hric_controllers/JointPdController", "hric_controllers/JointPDController"),
+        ),
         (
             "wrong_joints",
             {"type": "hric_controllers/JointPDController", "joints": ["panda_joint1", "elbow"], "kp": 1.0, "kd": 1.0},
             ("elbow", "panda_joint2"),
         ),
-        ("bad_gain", {"type": "hric_controllers/JointPDController", "joints": ["panda_joint1"], "kp": -1.0, "kd": 1.0}, ("bad_gain/kp", "-1")),
+        (
+            "bad_gain",
+            {"type": "hric_controllers/JointPDController", "joints": ["panda_joint1"], "kp": -1.0, "kd": 1.0},
+            ("bad_gain/kp", "-1"),
+        ),
     ],
 )
 def test_a_controller_that_cannot_be_loaded_gives_one_clear_error(
@@ -102,7 +129,11 @@ def test_a_controller_that_cannot_be_loaded_gives_one_clear_error(
     for key, value in parameters.items():
         rospy.set_param(f"/{name}/{key}", value)
     assert not rospy.ServiceProxy("/controller_manager/load_controller", LoadController)(name).ok
-    wait_for(lambda: all(text in live.output[printed:] for text in texts), 5.0, f"{texts} in the log:\n{live.output[printed:]}")
+    wait_for(
+        lambda: all(text in live.output[printed:] for text in texts),
+        5.0,
+        f"{texts} in the log:\n{live.output[printed:]}",
+    )
     assert live.output[printed:].count("[ERROR]") == 1
     assert "Traceback" not in live.output[printed:]
     assert name not in states()
@@ -131,8 +162,12 @@ def test_unspawner_keeps_a_controller_stopped_and_starts_it_again_at_its_end(liv
     assert states()[PD] == "running"
 
 
-def test_spawner_loads_a_controller_from_a_yaml_file_and_unloads_it_at_its_end(live: LiveSystem, tmp_path: Path) -> None:
-    (tmp_path / "more.yaml").write_text("more_states: {type: joint_state_controller/JointStateController, publish_rate: 20}\n")
+def test_spawner_loads_a_controller_from_a_yaml_file_and_unloads_it_at_its_end(
+    live: LiveSystem, tmp_path: Path
+) -> None:
+    (tmp_path / "more.yaml").write_text(
+        "more_states: {type: joint_state_controller/JointStateController, publish_rate: 20}\n"
+    )
     with live.started("rosrun", "controller_manager", "spawner", str(tmp_path / "more.yaml")) as tool:
         wait_for(lambda: states().get("more_states") == "running", 20.0, "started by the spawner")
         tool.send_signal(signal.SIGINT)
@@ -147,9 +182,8 @@ def test_spawner_says_that_there_is_no_such_controller(live: LiveSystem) -> None
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root may prefer a thread without being given leave")
-def test_the_control_loop_goes_before_the_rest_of_its_process_and_its_children(live: LiveSystem) -> None:
+def test_the_control_loop_goes_before_the_rest_of_its_process(live: LiveSystem) -> None:
     (robot,) = (pid for pid, command in live.processes().items() if "/hric_control/robot " in command)
-    (topics,) = (pid for pid, command in live.processes().items() if "hric_control.publish_server" in command)
     threads = [int(entry.name) for entry in Path(f"/proc/{robot}/task").iterdir()]
-    preferred = [thread for thread in threads if os.getpriority(os.PRIO_PROCESS, thread) == priority.NICE]
-    assert preferred == [robot] and os.getpriority(os.PRIO_PROCESS, topics) == 0
+    preferred = [thread for thread in threads if os.getpriority(os.PRIO_PROCESS, thread) == processes.NICE]
+    assert preferred == [robot]

@@ -1,7 +1,5 @@
 """The arm moves on what a user sends, and stays where it is on what it cannot do."""
 
-from __future__ import annotations
-
 import actionlib
 import pytest
 import rosgraph
@@ -11,7 +9,14 @@ from sensor_msgs.msg import JointState
 from test_manager import EFFORT, PD, POSITION, pd_runs_afterwards, position, states, switch  # noqa: F401
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryGoal, FollowJointTrajectoryResult, JointTrajectoryControllerState
+from control_msgs.msg import (
+    FollowJointTrajectoryAction,
+    FollowJointTrajectoryGoal,
+    FollowJointTrajectoryResult,
+    JointTrajectoryControllerState,
+)
+
+pytestmark = pytest.mark.alone
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 
@@ -35,7 +40,7 @@ def moved(by: float) -> list[float]:
     return [now[0] + by, *now[1:6], now[6] - by]
 
 
-def test_rostopic_pub_of_a_set_point_moves_the_arm_there(live: LiveSystem) -> None:
+def test_rostopic_pub_of_a_setpoint_moves_the_arm_there(live: LiveSystem) -> None:
     target = moved(0.1)
     text = f"{{data: {target}}}"
     assert live.run("rostopic", "pub", "-1", f"/{PD}/command", "std_msgs/Float64MultiArray", text).returncode == 0
@@ -68,7 +73,8 @@ def test_a_new_goal_replaces_the_one_in_motion(live: LiveSystem) -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "positions"), [(JOINTS[:6], [0.0] * 6), ([*JOINTS[:6], "elbow"], [0.0] * 7), (JOINTS, [float("nan")] * 7), (JOINTS, [0.0] * 3)]
+    ("joints", "positions"),
+    [(JOINTS[:6], [0.0] * 6), ([*JOINTS[:6], "elbow"], [0.0] * 7), (JOINTS, [float("nan")] * 7), (JOINTS, [0.0] * 3)],
 )
 def test_a_goal_that_cannot_be_followed_is_rejected_with_the_reason_and_the_arm_stays(
     live: LiveSystem, joints: list[str], positions: list[float]
@@ -85,7 +91,9 @@ def test_a_goal_that_cannot_be_followed_is_rejected_with_the_reason_and_the_arm_
 
 
 @pytest.mark.parametrize(("data", "text"), [("[0, 0, 0]", "7"), ("[.nan, 0, 0, -1.5, 0, 1.5, 0]", "finite")])
-def test_a_set_point_of_wrong_length_or_not_a_number_is_refused_and_the_arm_stays(live: LiveSystem, data: str, text: str) -> None:
+def test_a_setpoint_of_wrong_length_or_not_a_number_is_refused_and_the_arm_stays(
+    live: LiveSystem, data: str, text: str
+) -> None:
     before, printed = position(), len(live.output)
     live.run("rostopic", "pub", "-1", f"/{PD}/command", "std_msgs/Float64MultiArray", f"{{data: {data}}}")
     wait_for(lambda: text in live.output[printed:], 5.0, f"{text!r} in the log:\n{live.output[printed:]}")
@@ -94,17 +102,22 @@ def test_a_set_point_of_wrong_length_or_not_a_number_is_refused_and_the_arm_stay
     assert position() == pytest.approx(before, abs=1e-4)
 
 
-def test_joint_states_and_controller_states_come_at_a_hundred_hertz_of_run_time(live: LiveSystem) -> None:
+def test_joint_states_and_controller_states_come_at_a_hundred_hertz_of_robot_time(live: LiveSystem) -> None:
     stamps: dict[str, list[float]] = {"joint": [], "pd": []}
     subscribers = [
         rospy.Subscriber(
             "/joint_states",
             JointState,
-            lambda message: stamps["joint"].append(message.header.stamp.to_sec()) if "panda_joint1" in message.name else None,
+            lambda message: (
+                stamps["joint"].append(message.header.stamp.to_sec()) if "panda_joint1" in message.name else None
+            ),
             queue_size=100,
         ),
         rospy.Subscriber(
-            f"/{PD}/state", JointTrajectoryControllerState, lambda message: stamps["pd"].append(message.header.stamp.to_sec()), queue_size=100
+            f"/{PD}/state",
+            JointTrajectoryControllerState,
+            lambda message: stamps["pd"].append(message.header.stamp.to_sec()),
+            queue_size=100,
         ),
     ]
     rospy.sleep(3.0)

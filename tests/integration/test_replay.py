@@ -1,7 +1,5 @@
 """scripts/replay plays a run as if it happened now, refuses what cannot be played, and leaves no process."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
@@ -12,6 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+pytestmark = pytest.mark.alone
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "scripts/lib"))
@@ -45,10 +45,16 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @contextlib.contextmanager
 def replaying(runs: Path, *given: str) -> Iterator[tuple[subprocess.Popen[str], dict[str, str]]]:
-    environment = os.environ | {"ROS_MASTER_URI": f"http://localhost:{free_port()}", "HRIC_RUNS": str(runs), "ROS_LOG_DIR": str(runs / "log")}
+    environment = os.environ | {
+        "ROS_MASTER_URI": f"http://localhost:{free_port()}",
+        "HRIC_RUNS": str(runs),
+        "ROS_LOG_DIR": str(runs / "log"),
+    }
     environment.pop("DISPLAY", None)
     command = [str(ROOT / "scripts/replay"), *given]
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    )
     try:
         yield process, environment
     finally:
@@ -64,7 +70,9 @@ def children(pid: int) -> list[int]:
 
 def test_a_run_is_played_with_its_clock_its_robot_and_its_transforms_and_ends_with_ctrl_c(runs: Path) -> None:
     with replaying(runs, "latest", "--rate", "0.2", "--no-rviz") as (process, environment):
-        heard = subprocess.run([sys.executable, "-c", _waiting()], env=environment, capture_output=True, text=True, timeout=90, check=False)
+        heard = subprocess.run(
+            [sys.executable, "-c", _waiting()], env=environment, capture_output=True, text=True, timeout=90, check=False
+        )
         assert heard.returncode == 0, heard.stderr
         joints, frames = heard.stdout.splitlines()
         assert joints == "panda_joint1 True True"
@@ -94,9 +102,15 @@ def test_a_replay_ends_by_itself_with_the_bag(runs: Path) -> None:
 
 @pytest.mark.parametrize(
     ("given", "text", "code"),
-    [(("pd_stepp",), "no run folder 'pd_stepp'", 1), (("latest", "--rate", "0"), "a number above 0", 2), (("unfinished",), "--salvage", 1)],
+    [
+        (("pd_stepp",), "no run folder 'pd_stepp'", 1),
+        (("latest", "--rate", "0"), "a number above 0", 2),
+        (("unfinished",), "--salvage", 1),
+    ],
 )
-def test_what_cannot_be_played_is_told_in_one_error_before_anything_starts(runs: Path, given: tuple[str, ...], text: str, code: int) -> None:
+def test_what_cannot_be_played_is_told_in_one_error_before_anything_starts(
+    runs: Path, given: tuple[str, ...], text: str, code: int
+) -> None:
     folder = runs / "unfinished"
     folder.mkdir(exist_ok=True)
     (folder / "run.yaml").write_text("bag: unfinished.bag\n")

@@ -1,7 +1,5 @@
 """rviz of the bring-up shows the arm, and shows it moving."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import time
@@ -9,30 +7,13 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
+import pytest
 from live_system import ROOT, LiveSystem, wait_for
 from screen import STILL, changed_pixels, environment, shot, virtual_display, wait_for_picture
 
+pytestmark = pytest.mark.alone
+
 SETPOINT = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-
-
-def shown(start: Callable[..., LiveSystem], display: str, path: Path) -> tuple[LiveSystem, npt.NDArray[np.float64]]:
-    """A bring-up whose rviz draws the arm, and the picture.
-
-    Debian's rviz dies now and then as it starts ("free(): invalid next size"): then again, three times at most.
-    """
-    for _ in range(3):
-        system = start("env:=sim", "rviz:=true", "record:=false", "q_start:=[0,0,0,-0.3,0,0.5,0]", **environment(display))
-        system.wait_running("joint_pd_controller")
-        died = partial(has_died, system, "rviz")
-        try:
-            return system, wait_for_picture(display, path, 90.0, died)
-        except AssertionError:
-            if not died():
-                raise
-        system.interrupt()
-    raise AssertionError(f"rviz died three times:\n{system.output}")
 
 
 def has_died(system: LiveSystem, name: str) -> bool:
@@ -40,14 +21,32 @@ def has_died(system: LiveSystem, name: str) -> bool:
     return re.search(rf"\[{name}-\d+\] process has died", system.output) is not None
 
 
-def test_rviz_shows_the_arm_and_the_picture_changes_as_it_moves(start: Callable[..., LiveSystem], tmp_path: Path) -> None:
+def test_rviz_shows_the_arm_and_the_picture_changes_as_it_moves(
+    start: Callable[..., LiveSystem], tmp_path: Path
+) -> None:
     with virtual_display(tmp_path / "xvfb.txt") as display:
-        system, before = shown(start, display, tmp_path / "before.png")
+        system = start(
+            "env:=sim", "rviz:=true", "record:=false", "q_start:=[0,0,0,-0.3,0,0.5,0]", **environment(display)
+        )
+        system.wait_running("joint_pd_controller")
+        died = partial(has_died, system, "rviz")
+        before = wait_for_picture(display, tmp_path / "before.png", 90.0, died)
         time.sleep(1.0)
         still = shot(display, tmp_path / "still.png")
-        system.run("rostopic", "pub", "-1", "/joint_pd_controller/command", "std_msgs/Float64MultiArray", f"{{data: {SETPOINT}}}")
-        wait_for(lambda: changed_pixels(before, shot(display, tmp_path / "after.png")) > 5000, 20.0, "a picture of the arm elsewhere")
-        wait_for_picture(display, tmp_path / "after.png", 20.0, partial(has_died, system, "rviz"))
+        system.run(
+            "rostopic",
+            "pub",
+            "-1",
+            "/joint_pd_controller/command",
+            "std_msgs/Float64MultiArray",
+            f"{{data: {SETPOINT}}}",
+        )
+        wait_for(
+            lambda: changed_pixels(before, shot(display, tmp_path / "after.png")) > 5000,
+            20.0,
+            "a picture of the arm elsewhere",
+        )
+        wait_for_picture(display, tmp_path / "after.png", 20.0, died)
         assert changed_pixels(before, still) < STILL
         (ROOT / "build/test_results").mkdir(parents=True, exist_ok=True)
         shutil.copy(tmp_path / "after.png", ROOT / "build/test_results/panda_rviz.png")

@@ -1,7 +1,5 @@
 """What a plant must do on every engine: each test here runs on all of them."""
 
-from __future__ import annotations
-
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of seven rows gain nothing from threads
@@ -23,7 +21,9 @@ PANDA = [f"panda_joint{i}" for i in range(1, 8)]
 class MakePlant(Protocol):
     """make_plant(urdf, joints, q, **parameters): put at q where given, closed with the test."""
 
-    def __call__(self, urdf: str, joints: Sequence[str] = PANDA, q: Sequence[float] | None = None, **config: Any) -> Plant: ...
+    def __call__(
+        self, urdf: str, joints: Sequence[str] = PANDA, q: Sequence[float] | None = None, **config: Any
+    ) -> Plant: ...
 
 
 @pytest.fixture(params=PLANTS, ids=lambda name: name.rpartition("/")[2])

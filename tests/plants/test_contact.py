@@ -19,9 +19,23 @@ def write_world(folder, *objects):
 
 
 def sphere_against_wall(folder, gap, **wall):
-    ball = {"name": "ball", "shape": "sphere", "size": 0.05, "mass": MASS, "friction": 0.0, "velocity": {"linear": [SPEED, 0, 0]}}
+    ball = {
+        "name": "ball",
+        "shape": "sphere",
+        "size": 0.05,
+        "mass": MASS,
+        "friction": 0.0,
+        "velocity": {"linear": [SPEED, 0, 0]},
+    }
     place = {"xyz": [2.0 - 0.05 - gap, 0.0, 1.0]}
-    block = {"name": "wall", "shape": "box", "size": [1.0, 1.0, 1.0], "pose": {"xyz": [2.5, 0.0, 1.0]}, "friction": 0.0, **wall}
+    block = {
+        "name": "wall",
+        "shape": "box",
+        "size": [1.0, 1.0, 1.0],
+        "pose": {"xyz": [2.5, 0.0, 1.0]},
+        "friction": 0.0,
+        **wall,
+    }
     return write_world(folder, {**ball, "pose": place}, block)
 
 
@@ -35,7 +49,9 @@ def peak_force(plant, steps):
 
 
 @pytest.mark.parametrize("gap", [0.001, 0.00113])
-def test_a_sphere_on_a_stiff_wall_gives_the_analytic_peak_within_two_percent_at_one_millisecond(make_plant, panda_urdf, tmp_path, gap):
+def test_a_sphere_on_a_stiff_wall_gives_the_analytic_peak_within_two_percent_at_one_millisecond(
+    make_plant, panda_urdf, tmp_path, gap
+):
     world = sphere_against_wall(tmp_path, gap, contact="penalty", stiffness=STIFFNESS)
     plant = make_plant(panda_urdf, world=world, gravity=[0.0, 0.0, 0.0], q=PRESS_POSE)
     peak = peak_force(plant, 60)
@@ -69,7 +85,8 @@ def test_two_springs_act_in_series(make_plant, panda_urdf, tmp_path):
 
 
 def press(plant, oracle, force, seconds):
-    """Joint torques J'F of a downward force at the tip, over gravity, with a little damping; the last contact forces, summed over 0.1 s."""
+    """Joint torques J'F of a downward force at the tip, over gravity, with a little damping; the last contact forces,
+    summed over 0.1 s."""
     q, dq, tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
     readings, normals = [], []
     for k in range(round(seconds / 1e-3)):
@@ -126,14 +143,24 @@ def test_resting_weight_is_read_exactly(make_plant, panda_urdf, tmp_path):
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
 def test_an_impact_on_the_arm_passes_on_the_momentum_of_links_and_rotors(make_plant, panda_urdf, tmp_path, rotor):
-    """A ball hits the hand; the joint momentum (M + B) dq after it equals the time integral of J'F, with F from the contact itself."""
+    """A ball hits the hand; the joint momentum (M + B) dq after it equals the time integral of J'F, with F from the
+    contact itself."""
     oracle = Oracle(panda_urdf)
     q0 = np.array(PRESS_POSE)
     T = oracle.frame(q0, "panda_hand_tcp")
     x, z = float(T[0, 3]), float(T[2, 3]) - 0.04
-    ball = {"name": "ball", "shape": "sphere", "size": 0.03, "mass": 1.0, "friction": 0.0, "pose": {"xyz": [x - 0.03, 0.0, z]}}
+    ball = {
+        "name": "ball",
+        "shape": "sphere",
+        "size": 0.03,
+        "mass": 1.0,
+        "friction": 0.0,
+        "pose": {"xyz": [x - 0.03, 0.0, z]},
+    }
     ball |= {"velocity": {"linear": [0.5, 0.0, 0.0]}, "contact": "penalty", "stiffness": 20000.0}
-    plant = make_plant(panda_urdf, world=write_world(tmp_path, ball), rotor_inertia=rotor, gravity=[0, 0, 0], q=PRESS_POSE)
+    plant = make_plant(
+        panda_urdf, world=write_world(tmp_path, ball), rotor_inertia=rotor, gravity=[0, 0, 0], q=PRESS_POSE
+    )
     impulse = np.zeros(7)
     for k in range(300):
         plant.apply([0.0] * 7)
@@ -156,7 +183,8 @@ def test_an_impact_on_the_arm_passes_on_the_momentum_of_links_and_rotors(make_pl
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
 def test_the_arm_on_a_stiff_wall_gives_the_peak_of_its_effective_mass(make_plant, panda_urdf, tmp_path, rotor):
-    """F = v sqrt(m k) with m = 1 / (n' J (M + B)^-1 J' n), ISO/TS 15066 with the reflected mass of the pose in place of its rule of thumb."""
+    """F = v sqrt(m k) with m = 1 / (n' J (M + B)^-1 J' n), ISO/TS 15066 with the reflected mass of the pose in place of
+    its rule of thumb."""
     oracle, n, speed = Oracle(panda_urdf), np.array([1.0, 0.0, 0.0]), 0.25
     q = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
     T = oracle.frame(q, "panda_hand")
@@ -181,7 +209,12 @@ def test_a_block_on_a_slope_sticks_or_slides_as_friction_says(make_plant, panda_
     """Friction 0.6 * 0.5 = 0.3 holds up to 0.291 rad; beyond it the acceleration is g (sin - 0.3 cos)."""
     along, up = np.array([math.cos(angle), 0.0, -math.sin(angle)]), np.array([math.sin(angle), 0.0, math.cos(angle)])
     start = np.array([1.5, 0.0, 0.5]) + 0.05 * up
-    slope = {"name": "slope", "shape": "plane", "pose": {"xyz": [1.5, 0.0, 0.5], "rpy": [0.0, angle, 0.0]}, "friction": 0.6}
+    slope = {
+        "name": "slope",
+        "shape": "plane",
+        "pose": {"xyz": [1.5, 0.0, 0.5], "rpy": [0.0, angle, 0.0]},
+        "friction": 0.6,
+    }
     block = {"name": "block", "shape": "box", "size": [0.2, 0.2, 0.1], "mass": 2.0, "friction": 0.5}
     block |= {"pose": {"xyz": start.tolist(), "rpy": [0.0, angle, 0.0]}}
     plant = make_plant(panda_urdf, world=write_world(tmp_path, slope, block), q=PRESS_POSE, collision=False)
@@ -201,7 +234,7 @@ def gripper_urdf():
         f"""<link name="{side}"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
         <collision><geometry><box size="0.02 0.01 0.04"/></geometry></collision></link>
         <joint name="{side}_joint" type="prismatic"><parent link="base"/><child link="{side}"/><axis xyz="0 {sign} 0"/>
-        <origin xyz="0 {-0.035 * sign} 1"/><limit lower="-0.1" upper="0.1" effort="100" velocity="1"/></joint>"""
+        <origin xyz="0 {-0.035 * sign} 1"/><limit lower="-0.1" upper="0.1" effort="100" velocity="1"/></joint>"""  # noqa: E501
         for side, sign in (("left", 1), ("right", -1))
     )
     return f'<robot name="gripper"><link name="base"/>{fingers}</robot>'
@@ -210,8 +243,21 @@ def gripper_urdf():
 @pytest.mark.parametrize(("force", "holds"), [(15.0, True), (5.0, False)])
 def test_two_fingers_hold_by_friction_what_they_press_enough(make_plant, tmp_path, force, holds):
     """0.5 kg between two fingers with friction 0.5 * 0.9: 2 * 0.45 * F carries 4.9 N from 5.45 N on."""
-    block = {"name": "block", "shape": "box", "size": [0.05, 0.05, 0.05], "mass": 0.5, "friction": 0.9, "pose": {"xyz": [0.0, 0.0, 1.0]}}
-    plant = make_plant(gripper_urdf(), ["left_joint", "right_joint"], world=write_world(tmp_path, block), q=[0.005, 0.005], rotor_inertia=0.0)
+    block = {
+        "name": "block",
+        "shape": "box",
+        "size": [0.05, 0.05, 0.05],
+        "mass": 0.5,
+        "friction": 0.9,
+        "pose": {"xyz": [0.0, 0.0, 1.0]},
+    }
+    plant = make_plant(
+        gripper_urdf(),
+        ["left_joint", "right_joint"],
+        world=write_world(tmp_path, block),
+        q=[0.005, 0.005],
+        rotor_inertia=0.0,
+    )
     for _ in range(300):
         plant.apply([force, force])
         plant.step()

@@ -1,8 +1,10 @@
-"""Penalty contact against closed formulas, as one table per engine: errors of peak force, impulse and energy [%]. Printed by `pytest -s`.
+"""Penalty contact against closed formulas, as one table per engine: errors of peak force, impulse and energy [%].
+Printed by `pytest -s`.
 
-A body that meets a fixed spring with speed v gives the peak v sqrt(m k) and the impulse 2 m v and leaves with the energy that it came with; of an
-arm, m is 1 / (n' J (M + B)^-1 J' n) (ISO/TS 15066 with the reflected mass of the pose in place of its rule of thumb). An arm turns while it
-touches: what it gives to a ball by then is told by a rigid-body library, with the same spring, in steps of 20 us.
+A body that meets a fixed spring with speed v gives the peak v sqrt(m k) and the impulse 2 m v and leaves with the
+energy that it came with; of an arm, m is 1 / (n' J (M + B)^-1 J' n) (ISO/TS 15066 with the reflected mass of the pose
+in place of its rule of thumb). An arm turns while it touches: what it gives to a ball by then is told by a rigid-body
+library, with the same spring, in steps of 20 us.
 """
 
 import functools
@@ -23,8 +25,18 @@ ENERGY = 1.0
 MASSES, SPEEDS = (0.6, 5.0), (0.25, 1.0)
 PARKED = [0.0, 0.2, 0.0, -2.2, 0.0, 2.4, 0.785]
 FRONT = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
-TURNED = {"sphere": [0.0, 0.0, 0.0], "box": [0.0, 0.0, 0.0], "capsule": [0.0, 0.0, 0.0], "cylinder end": [0.0, math.pi / 2, 0.0]}
-SIZES = {"sphere": (0.05, 0.05), "box": ([0.1, 0.1, 0.1], 0.05), "capsule": ([0.03, 0.12], 0.03), "cylinder end": ([0.04, 0.1], 0.05)}
+TURNED = {
+    "sphere": [0.0, 0.0, 0.0],
+    "box": [0.0, 0.0, 0.0],
+    "capsule": [0.0, 0.0, 0.0],
+    "cylinder end": [0.0, math.pi / 2, 0.0],
+}
+SIZES = {
+    "sphere": (0.05, 0.05),
+    "box": ([0.1, 0.1, 0.1], 0.05),
+    "capsule": ([0.03, 0.12], 0.03),
+    "cylinder end": ([0.04, 0.1], 0.05),
+}
 """size, and distance of the centre from the side that meets [m]."""
 
 
@@ -44,9 +56,15 @@ def worst(rows):
 def table():
     rows = []
     yield rows
-    print(f"\n{'engine':14} {'what meets the wall':24} {'B':>4} {'m [kg]':>7} {'v [m/s]':>8} {'peak %':>8} {'impulse %':>10} {'energy %':>9}")
+    print(
+        f"\n{'engine':14} {'what meets the wall':24} {'B':>4} {'m [kg]':>7} {'v [m/s]':>8} {'peak %':>8} "
+        f"{'impulse %':>10} {'energy %':>9}"
+    )
     for engine, what, rotor, mass, speed, e in rows:
-        print(f"{engine:14} {what:24} {rotor:4.1f} {mass:7.2f} {speed:8.2f} {e.peak:+8.3f} {e.impulse:+10.3f} {e.energy:+9.3f}")
+        print(
+            f"{engine:14} {what:24} {rotor:4.1f} {mass:7.2f} {speed:8.2f} {e.peak:+8.3f} {e.impulse:+10.3f} "
+            f"{e.energy:+9.3f}"
+        )
 
 
 def note(table, plant_type, what, rotor, mass, speed, errors, bound):
@@ -78,17 +96,27 @@ def free_body(make_plant, panda_urdf, folder, shape, mass, speed, phase):
     size, reach = SIZES[shape]
     gap = (3.0 + phase) * STEP * speed
     body = {"name": "body", "shape": shape.partition(" ")[0], "size": size, "mass": mass, "friction": 0.0}
-    body |= {"velocity": {"linear": [speed, 0.0, 0.0]}, "pose": {"xyz": [2.0 - reach - gap, 0.0, 1.0], "rpy": TURNED[shape]}}
+    body |= {
+        "velocity": {"linear": [speed, 0.0, 0.0]},
+        "pose": {"xyz": [2.0 - reach - gap, 0.0, 1.0], "rpy": TURNED[shape]},
+    }
     wall = {"name": "wall", "shape": "box", "size": [1.0, 1.0, 1.0], "pose": {"xyz": [2.5, 0.0, 1.0]}, "friction": 0.0}
     wall |= {"contact": "penalty", "stiffness": STIFFNESS}
-    plant = make_plant(panda_urdf, world=write_world(folder, body, wall), gravity=[0.0, 0.0, 0.0], q=PARKED, collision=False)
+    plant = make_plant(
+        panda_urdf, world=write_world(folder, body, wall), gravity=[0.0, 0.0, 0.0], q=PARKED, collision=False
+    )
     plant.set_brakes([True] * 7)
     peak, impulse = collide(plant, 12 + math.ceil(math.pi * math.sqrt(mass / STIFFNESS) / STEP))
     assert plant.contacts() == []
     twist = plant.link_state("body::link")[1]
     plant.close()
     energy = float(twist[:3] @ twist[:3]) / speed**2
-    return Errors(*(100.0 * (x - 1.0) for x in (peak / (speed * math.sqrt(mass * STIFFNESS)), impulse / (2.0 * mass * speed), energy)))
+    return Errors(
+        *(
+            100.0 * (x - 1.0)
+            for x in (peak / (speed * math.sqrt(mass * STIFFNESS)), impulse / (2.0 * mass * speed), energy)
+        )
+    )
 
 
 @functools.cache
@@ -121,7 +149,8 @@ def impulse_on_ball(urdf, rotor, start, centre):
 
 
 def arm(make_plant, panda_urdf, oracle, folder, rotor, speed, wall, phase):
-    """The hand's capsule, which lies along y, moves along x into a fixed ball or into the face of a box; (mass [kg], errors)."""
+    """The hand's capsule, which lies along y, moves along x into a fixed ball or into the face of a box; (mass [kg],
+    errors)."""
     n = np.array([1.0, 0.0, 0.0])
     T, J = oracle.frame(FRONT, "panda_hand"), oracle.jacobian(FRONT, "panda_hand")
     # The hand's capsule: 0.035 m thick, its axis along y of the hand, 0.03 m before the hand's frame.
@@ -132,7 +161,13 @@ def arm(make_plant, panda_urdf, oracle, folder, rotor, speed, wall, phase):
     gap = (1.0 + phase) * STEP * speed
     shape = {"sphere": {"shape": "sphere", "size": 0.03}, "box": {"shape": "box", "size": [0.1, 0.5, 0.03]}}[wall]
     reach = {"sphere": 0.03, "box": 0.05}[wall]
-    item = {"name": "wall", **shape, "pose": {"xyz": (touch + (reach + gap) * n).tolist()}, "contact": "penalty", "friction": 0.0}
+    item = {
+        "name": "wall",
+        **shape,
+        "pose": {"xyz": (touch + (reach + gap) * n).tolist()},
+        "contact": "penalty",
+        "friction": 0.0,
+    }
     plant = make_plant(panda_urdf, world=write_world(folder, item), rotor_inertia=rotor, gravity=[0.0, 0.0, 0.0])
     start = mass * speed * inverse @ row
     plant.reset(FRONT, start)
@@ -147,9 +182,13 @@ def arm(make_plant, panda_urdf, oracle, folder, rotor, speed, wall, phase):
 
 
 @pytest.mark.parametrize("shape", list(SIZES))
-def test_a_free_body_gives_the_peak_the_impulse_and_the_energy_of_the_formula(make_plant, panda_urdf, plant_type, tmp_path, table, shape):
+def test_a_free_body_gives_the_peak_the_impulse_and_the_energy_of_the_formula(
+    make_plant, panda_urdf, plant_type, tmp_path, table, shape
+):
     for mass, speed in itertools.product(MASSES, SPEEDS):
-        errors = worst([free_body(make_plant, panda_urdf, tmp_path, shape, mass, speed, phase) for phase in (0.0, 0.55)])
+        errors = worst(
+            [free_body(make_plant, panda_urdf, tmp_path, shape, mass, speed, phase) for phase in (0.0, 0.55)]
+        )
         note(table, plant_type, f"free {shape}", 0.0, mass, speed, errors, POINT if shape == "sphere" else FACE)
 
 
@@ -160,7 +199,16 @@ def test_the_hand_gives_those_of_its_effective_mass(make_plant, panda_urdf, plan
     for speed in SPEEDS:
         rows = [arm(make_plant, panda_urdf, oracle, tmp_path, rotor, speed, wall, phase) for phase in (0.0, 0.55)]
         errors = worst([row[1] for row in rows])
-        note(table, plant_type, f"hand on a {wall}", rotor, rows[0][0], speed, errors, POINT if wall == "sphere" else FACE)
+        note(
+            table,
+            plant_type,
+            f"hand on a {wall}",
+            rotor,
+            rows[0][0],
+            speed,
+            errors,
+            POINT if wall == "sphere" else FACE,
+        )
 
 
 @pytest.mark.slow
@@ -168,7 +216,16 @@ def test_the_hand_gives_those_of_its_effective_mass(make_plant, panda_urdf, plan
 def test_it_does_so_at_every_phase_of_the_step(make_plant, panda_urdf, plant_type, tmp_path, table, shape):
     for mass, speed in itertools.product((0.6, 1.0, 2.0, 5.0), (0.25, 0.5, 1.0)):
         errors = worst([free_body(make_plant, panda_urdf, tmp_path, shape, mass, speed, k / 10) for k in range(10)])
-        note(table, plant_type, f"free {shape}, 10 phases", 0.0, mass, speed, errors, POINT if shape == "sphere" else FACE)
+        note(
+            table,
+            plant_type,
+            f"free {shape}, 10 phases",
+            0.0,
+            mass,
+            speed,
+            errors,
+            POINT if shape == "sphere" else FACE,
+        )
 
 
 @pytest.mark.slow
@@ -179,4 +236,13 @@ def test_the_hand_does_so_at_every_phase_of_the_step(make_plant, panda_urdf, pla
     for speed in (0.25, 0.5, 1.0):
         rows = [arm(make_plant, panda_urdf, oracle, tmp_path, rotor, speed, wall, k / 10) for k in range(10)]
         errors = worst([row[1] for row in rows])
-        note(table, plant_type, f"hand on a {wall}, 10 phases", rotor, rows[0][0], speed, errors, POINT if wall == "sphere" else FACE)
+        note(
+            table,
+            plant_type,
+            f"hand on a {wall}, 10 phases",
+            rotor,
+            rows[0][0],
+            speed,
+            errors,
+            POINT if wall == "sphere" else FACE,
+        )

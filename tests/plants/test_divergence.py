@@ -1,7 +1,5 @@
 """The one rule by which a simulation has diverged, on every engine."""
 
-from __future__ import annotations
-
 import re
 
 import pytest
@@ -26,7 +24,9 @@ def test_an_actuated_joint_that_runs_away_ends_the_step_with_joint_time_and_valu
     assert error.joint == "joint2" and error.quantity == "speed"
     assert VELOCITY_FACTOR * LIMIT < abs(error.value) < 1.2 * VELOCITY_FACTOR * LIMIT
     assert re.fullmatch(
-        rf"the simulation diverged at {error.time:.3f} s: speed of joint2 is \S+ rad/s, beyond 500 rad/s \(velocity limit 5 rad/s\)", str(error)
+        rf"the simulation diverged at {error.time:.3f} s: speed of joint2 is \S+ rad/s, beyond 500 rad/s "
+        r"\(velocity limit 5 rad/s\)",
+        str(error),
     )
     assert 0.002 < error.time < 0.2
 

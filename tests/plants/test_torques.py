@@ -12,7 +12,9 @@ import panda_description
 def test_the_torque_that_is_read_is_that_behind_the_rotors(make_plant, panda_urdf, rotor):
     """What inverse dynamics without rotors says, and the joints' friction: as the torque sensors of an arm measure."""
     friction = panda_description.friction_parameters()
-    plant = make_plant(panda_urdf, rotor_inertia=rotor, friction="identified", friction_parameters=friction, self_collision=False)
+    plant = make_plant(
+        panda_urdf, rotor_inertia=rotor, friction="identified", friction_parameters=friction, self_collision=False
+    )
     oracle = Oracle(panda_urdf)
     start, phase = np.array([0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]), np.arange(7.0)
     plant.reset(start)
@@ -28,10 +30,15 @@ def test_the_torque_that_is_read_is_that_behind_the_rotors(make_plant, panda_urd
     Q, V, T = (np.array(column) for column in zip(*rows, strict=True))
     acceleration = np.diff(V, axis=0) * 1e3
     middle_q, middle_v = (0.5 * (x[1:] + x[:-1]) for x in (Q, V))
-    wanted = [pinocchio.rnea(oracle.model, oracle.data, a, b, c) for a, b, c in zip(middle_q, middle_v, acceleration, strict=True)]
+    wanted = [
+        pinocchio.rnea(oracle.model, oracle.data, a, b, c)
+        for a, b, c in zip(middle_q, middle_v, acceleration, strict=True)
+    ]
     wanted += phi1 / (1 + np.exp(-phi2 * (middle_v + phi3))) - phi1 / (1 + np.exp(-phi2 * phi3))
     error = np.sqrt(np.mean((T[1:] - wanted) ** 2, axis=0))
-    print(f"rotor inertia {rotor}: RMS {error.max():.1e} N m, accelerations to {np.abs(acceleration).max():.1f} rad/s^2")
+    print(
+        f"rotor inertia {rotor}: RMS {error.max():.1e} N m, accelerations to {np.abs(acceleration).max():.1f} rad/s^2"
+    )
     assert np.abs(acceleration).max() > 1.5
     assert error.max() < 0.02
     assert plant.motor_effort() == applied.tolist()

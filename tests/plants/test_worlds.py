@@ -17,7 +17,7 @@ from hric_control.plant import Load
 JOINTS = ["joint1", "joint2"]
 POSE = [0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.0]
 BLOCK = """<robot name="block"><link name="body"><inertial><mass value="0.5"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>
-  </inertial><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link></robot>"""
+  </inertial><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link></robot>"""  # noqa: E501
 
 
 def at(x, y, z):
@@ -136,7 +136,8 @@ def test_a_new_load_leaves_the_world_where_it_is(make_plant, panda_urdf):
 
 
 def test_legal_poses_of_the_panda_show_no_self_collision_that_the_arm_does_not_have(make_plant, panda_urdf, rng):
-    """Capsules of neighbours overlap; the masks take that out. What remains is a folded arm, and is reported by the links' names."""
+    """Capsules of neighbours overlap; the masks take that out. What remains is a folded arm, and is reported by the
+    links' names."""
     plant = make_plant(panda_urdf)
     touching = 0
     for q in rng.uniform([-2.8, -1.7, -2.8, -2.6, -2.8, 0.2, -2.8], [2.8, 1.7, 2.8, -0.3, 2.8, 3.5, 2.8], (60, 7)):
@@ -161,7 +162,7 @@ def test_a_folded_arm_touches_itself_unless_told_otherwise(make_plant, panda_urd
 
 
 BALL = """<robot name="ball"><link name="shell"><inertial><mass value="1.0"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>
-  </inertial><collision><geometry><sphere radius="0.05"/></geometry></collision></link></robot>"""
+  </inertial><collision><geometry><sphere radius="0.05"/></geometry></collision></link></robot>"""  # noqa: E501
 
 
 def kinds(plant, steps):
@@ -178,13 +179,19 @@ def test_surfaces_are_given_per_link_of_objects_and_of_models_to_come(make_plant
     floor = "{name: floor, shape: box, size: [20, 20, 1], pose: {xyz: [0, 0, -0.5]}}"
     cube = "{name: cube, shape: box, size: [0.1, 0.1, 0.1], mass: 1, pose: {xyz: [3, 0, 0.051]}}"
     world.write_text(f"objects: [{floor}, {cube}]\nsurfaces: [{{link: 'cube::*', contact: penalty}}]")
-    rules = [{"link": "ball*::shell", "contact": "penalty", "stiffness": 20000.0}, {"link": "cube::link", "friction": 0.0}]
+    rules = [
+        {"link": "ball*::shell", "contact": "penalty", "stiffness": 20000.0},
+        {"link": "cube::link", "friction": 0.0},
+    ]
     plant = make_plant(two_link_urdf(), JOINTS, world=str(world), surfaces=rules)
     plant.set_brakes([True, True])
     plant.spawn("ball1", BALL, at(4, 0, 0.051))
     plant.spawn("stone", BALL, at(5, 0, 0.051))
     found = kinds(plant, 60)
-    pair = {name: found[frozenset((f"{name}::{link}", "floor::link"))] for name, link in (("ball1", "shell"), ("stone", "shell"), ("cube", "link"))}
+    pair = {
+        name: found[frozenset((f"{name}::{link}", "floor::link"))]
+        for name, link in (("ball1", "shell"), ("stone", "shell"), ("cube", "link"))
+    }
     assert pair == {"ball1": "penalty", "stone": "rigid", "cube": "penalty"}
     peaks = {frozenset(names) for names in plant.take_contact_peaks()}
     assert peaks == {frozenset((name, "floor::link")) for name in ("ball1::shell", "cube::link")}
@@ -204,10 +211,12 @@ def test_a_link_of_the_robot_with_a_spring_meets_a_rigid_object_by_it(make_plant
 
 
 def test_a_rule_for_a_link_that_is_not_there_is_refused_at_the_start_or_when_the_model_comes(make_plant):
-    with pytest.raises(UnknownNameError, match=r"no link 'hand' in plant/surfaces: planar::hand; valid: base, link1, link2"):
+    with pytest.raises(
+        UnknownNameError, match=r"no link 'hand' in surfaces, of planar::hand; valid: base, link1, link2"
+    ):
         make_plant(two_link_urdf(), JOINTS, surfaces=[{"link": "planar::hand", "friction": 0.1}])
     plant = make_plant(two_link_urdf(), JOINTS, surfaces=[{"link": "ball::core", "friction": 0.1}])
-    with pytest.raises(UnknownNameError, match=r"no link 'core' in plant/surfaces: ball::core; valid: shell"):
+    with pytest.raises(UnknownNameError, match=r"no link 'core' in surfaces, of ball::core; valid: shell"):
         plant.spawn("ball", BALL, at(3, 0, 1))
     assert plant.model_names() == []
     plant.spawn("other", BALL, at(3, 0, 1))
@@ -240,6 +249,9 @@ def test_runs_are_bit_identical_after_a_reset_and_in_another_process(plant_type,
     here = scene(plant_type, rotor, steps)
     assert here[0] == here[1]
     folders = [str(Path(__file__).parent), *sys.path]
-    code = f"import sys; sys.path[:0] = {folders!r}; import test_worlds; print(test_worlds.scene({plant_type!r}, {rotor}, {steps})[0])"
+    code = (
+        f"import sys; sys.path[:0] = {folders!r}; import test_worlds; print(test_worlds.scene({plant_type!r}, "
+        f"{rotor}, {steps})[0])"
+    )
     other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
     assert other.stdout.split()[-1] == here[0]

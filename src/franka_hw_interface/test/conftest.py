@@ -1,4 +1,5 @@
-"""Cases and implementations of the model suite: a further implementation of FrankaModel joins by one entry in IMPLEMENTATIONS."""
+"""Cases and implementations of the model suite: a further implementation of FrankaModel joins by one entry in
+IMPLEMENTATIONS."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame, FrankaModel
 from franka_hw_interface.transforms import FloatArray
-from franka_hw_interface.urdf_chain import rotation_from_rpy
+from hric_control.geometry import transform_from_rpy
 
 if TYPE_CHECKING:
     from libfranka_box import Arms
@@ -24,12 +25,6 @@ if TYPE_CHECKING:
 @functools.cache
 def description(**arguments: object) -> str:
     return panda_description.load(meshes=False, collision=False, **arguments)
-
-
-def pose(rpy: tuple[float, float, float], xyz: tuple[float, float, float]) -> FloatArray:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation_from_rpy(*rpy), xyz
-    return T
 
 
 @dataclass(frozen=True)
@@ -49,16 +44,24 @@ class Case:
         return description(arm_id=self.arm_id, hand=self.hand, rpy=self.rpy, xyz="0.1 -0.2 0.3", fingers=self.fingers)
 
 
-PAYLOAD = (2.3, (0.03, -0.05, 0.12), np.array([[0.012, 0.001, -0.002], [0.001, 0.016, 0.0007], [-0.002, 0.0007, 0.009]]))
+PAYLOAD = (
+    2.3,
+    (0.03, -0.05, 0.12),
+    np.array([[0.012, 0.001, -0.002], [0.001, 0.016, 0.0007], [-0.002, 0.0007, 0.009]]),
+)
 CASES = [
     Case("bare", hand=False),
     Case("hand"),
     Case("movable fingers, tilted", rpy="0.4 -0.7 1.2", fingers="prismatic"),
     Case(
-        "payload and own frames, tilted, another arm_id", rpy="-1.1 0.3 0.2", load=PAYLOAD, arm_id="left",
-        F_T_EE=pose((0.3, -0.4, 0.5), (0.01, 0.02, 0.2)), EE_T_K=pose((-0.2, 0.1, 0.9), (0.05, -0.03, 0.04)),
+        "payload and own frames, tilted, another arm_id",
+        rpy="-1.1 0.3 0.2",
+        load=PAYLOAD,
+        arm_id="left",
+        F_T_EE=transform_from_rpy((0.01, 0.02, 0.2), (0.3, -0.4, 0.5)),
+        EE_T_K=transform_from_rpy((0.05, -0.03, 0.04), (-0.2, 0.1, 0.9)),
     ),
-]  # fmt: skip
+]
 
 
 @pytest.fixture(scope="session")
@@ -110,14 +113,24 @@ class Oracle:
         if case.load is not None:
             mass, com, inertia = case.load
             self.model.appendBodyToJoint(joint, pin.Inertia(mass, np.array(com), inertia), flange)
-        F_T_EE = case.F_T_EE if case.F_T_EE is not None else pose((0, 0, -np.pi / 4), (0, 0, 0.1034)) if case.hand else np.eye(4)
+        F_T_EE = (
+            case.F_T_EE
+            if case.F_T_EE is not None
+            else transform_from_rpy((0, 0, 0.1034), (0, 0, -np.pi / 4))
+            if case.hand
+            else np.eye(4)
+        )
         EE_T_K = np.eye(4) if case.EE_T_K is None else case.EE_T_K
         for name, T in (("EE", F_T_EE), ("K", F_T_EE @ EE_T_K)):
             self.model.addFrame(pin.Frame(name, joint, flange * pin.SE3(T), pin.FrameType.OP_FRAME))
         self.data = self.model.createData()
         pin.framesForwardKinematics(self.model, self.data, np.zeros(7))
         self.world_base = self.data.oMf[self.model.getFrameId(f"{arm}_link0")].copy()
-        names = {f"joint{i}": f"{arm}_link{i}" for i in range(1, 8)} | {"flange": f"{arm}_link8", "end_effector": "EE", "stiffness": "K"}
+        names = {f"joint{i}": f"{arm}_link{i}" for i in range(1, 8)} | {
+            "flange": f"{arm}_link8",
+            "end_effector": "EE",
+            "stiffness": "K",
+        }
         self.ids = {frame: self.model.getFrameId(names[frame.value]) for frame in Frame}
 
     def dynamics(self, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -147,9 +160,9 @@ def random_states(n: int, seed: int = 7) -> tuple[FloatArray, FloatArray]:
     return q, rng.uniform(-speed, speed, (n, 7))
 
 
-@pytest.fixture(params=CASES, ids=lambda case: case.name)
+@pytest.fixture(params=[case.name for case in CASES])
 def case(request: pytest.FixtureRequest) -> Case:
-    return request.param
+    return next(case for case in CASES if case.name == request.param)
 
 
 @pytest.fixture(params=sorted(IMPLEMENTATIONS))

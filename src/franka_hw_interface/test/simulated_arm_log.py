@@ -1,9 +1,8 @@
 """A log of an arm whose friction is known, from a simulation that shares nothing with the code under test but the URDF.
 
-pinocchio's ABA, integrated by RK4; a PD controller with gravity leads the joints along sums of sines; friction by its formula.
+pinocchio's ABA, integrated by RK4; a PD controller with gravity leads the joints along sums of sines; friction by its
+formula.
 """
-
-from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
@@ -61,7 +60,9 @@ def desired(t: float, still: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
 
 
 @functools.cache
-def simulate(urdf: str, duration: float = 12.0, still: tuple[int, ...] = (), load: float = 0.0, period: float = 1e-3) -> Simulated:
+def simulate(
+    urdf: str, duration: float = 12.0, still: tuple[int, ...] = (), load: float = 0.0, period: float = 1e-3
+) -> Simulated:
     """A log with a sample per millisecond; load: mass of a ball at `LOAD_COM` of the flange [kg]."""
     model = pin.buildModelFromXML(urdf)
     flange = model.frames[model.getFrameId("panda_link8")]

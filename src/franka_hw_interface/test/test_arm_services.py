@@ -1,6 +1,5 @@
-"""`franka_control/...` on any arm: what it passes on, what it refuses by itself, and how a refusal of the arm is told."""
-
-from __future__ import annotations
+"""`franka_control/...` on any arm: what it passes on, what it refuses by itself, and how a refusal of the arm is
+told."""
 
 import pytest
 
@@ -15,8 +14,9 @@ from franka_msgs.srv import (
     SetKFrameRequest,
     SetLoadRequest,
 )
-from hric_control.errors import CommandError, HricError
-from hric_control.local_node import LocalNode
+from hric_control.errors import HricError, ParameterError
+from hric_control.local.node import LocalNode
+from hric_control.parameters import declared
 
 POSE = [0.0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0.1, 0.2, 0.3, 1]
 
@@ -81,7 +81,7 @@ def test_a_setting_reaches_the_arm_between_two_cycles(arm, node, name) -> None:
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_what_the_arm_refuses_is_answered_with_its_reason(arm, node, name) -> None:
+def test_the_response_to_what_the_arm_refuses_has_its_reason(arm, node, name) -> None:
     arm.refusal = "not while moving"
     response = node.call(f"franka_control/{name}", CALLS[name][0])
     assert (response.success, response.error) == (False, "not while moving")
@@ -109,7 +109,9 @@ def thresholds(**values: float) -> dict[str, list[float]]:
 
 def test_collision_thresholds_without_phases_count_in_all_of_them(arm, node) -> None:
     names = [f"{side}_{kind}_thresholds_nominal" for kind in ("torque", "force") for side in ("lower", "upper")]
-    request = SetForceTorqueCollisionBehaviorRequest(**thresholds(**{name: 10.0 * n for n, name in enumerate(names, 1)}))
+    request = SetForceTorqueCollisionBehaviorRequest(
+        **thresholds(**{name: 10.0 * n for n, name in enumerate(names, 1)})
+    )
     response = node.call("franka_control/set_force_torque_collision_behavior", request)
     assert response.success, response.error
     ((_, told),) = arm.told
@@ -117,16 +119,16 @@ def test_collision_thresholds_without_phases_count_in_all_of_them(arm, node) -> 
 
 
 def test_the_full_collision_thresholds_keep_their_places(arm, node) -> None:
-    names = list(CollisionThresholds.__dataclass_fields__)
+    names = list(declared(CollisionThresholds))
     request = SetFullCollisionBehaviorRequest(**thresholds(**{name: float(n) for n, name in enumerate(names)}))
     assert node.call("franka_control/set_full_collision_behavior", request).success
     ((_, told),) = arm.told
     assert [values[0] for values in told.lists()] == [float(n) for n in range(8)]
-    with pytest.raises(CommandError, match="lower_torque_thresholds_nominal must be 7"):
+    with pytest.raises(ParameterError, match=r"lower_torque_thresholds_nominal is .*; valid: a list of 7"):
         CollisionThresholds(**thresholds(**dict.fromkeys(names, 1.0)) | {"lower_torque_thresholds_nominal": [1.0] * 6})
 
 
-def test_the_recovery_is_an_action_that_succeeds_or_tells_why_not(arm, node) -> None:
+def test_the_recovery_is_an_action_that_succeeds_or_says_why_not(arm, node) -> None:
     assert node.send_goal("franka_control/error_recovery", ErrorRecoveryGoal()).status == "SUCCEEDED"
     assert arm.told == [("recover",)]
     arm.refusal = "the user stop is pressed"

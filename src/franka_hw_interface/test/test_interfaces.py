@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,16 @@ from franka_hw_interface.interfaces import (
 )
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.model import Frame, FrankaModelHandle
-from franka_hw_interface.robot_state import ERROR_NAMES, FIELD_NAMES, NO_ERRORS, RobotMode, RobotState, errors, identity16, lazy_field
+from franka_hw_interface.robot_state import (
+    ERROR_NAMES,
+    FIELD_NAMES,
+    NO_ERRORS,
+    RobotMode,
+    RobotState,
+    errors,
+    identity16,
+    lazy_field,
+)
 from franka_hw_interface.transforms import check_pose, check_transform, column_major
 from franka_msgs.msg import Errors, FrankaState
 from hric_control.errors import CommandError, HricError, UnknownNameError
@@ -106,7 +113,7 @@ def test_a_lazy_field_is_computed_when_read_and_once_per_tick() -> None:
         lazy_field("ellbow", lambda state: [])
 
 
-def test_the_model_handle_computes_nothing_unasked_and_each_thing_once_per_tick() -> None:
+def test_the_model_handle_computes_what_is_read_and_each_value_once_per_tick() -> None:
     model, state = CountingModel(), RobotState()
     handle = FrankaModelHandle("panda_model", model, state)
     for state.tick in (1, 2):
@@ -121,7 +128,7 @@ def test_the_model_handle_computes_nothing_unasked_and_each_thing_once_per_tick(
     assert model.calls == [("mass",)]
 
 
-def test_a_load_told_within_a_tick_is_seen_at_once() -> None:
+def test_a_load_set_within_a_tick_counts_at_once() -> None:
     model, state = CountingModel(), RobotState(tick=1)
     handle = FrankaModelHandle("panda_model", model, state)
     handle.gravity()
@@ -136,7 +143,7 @@ def test_what_is_shared_within_a_tick_cannot_be_written() -> None:
         handle.mass()[0] = 1.0
 
 
-def test_interfaces_offer_one_handle_and_name_it_when_asked_for_another() -> None:
+def test_interfaces_offer_one_handle_and_name_it_when_another_is_requested() -> None:
     state = RobotState()
     for interface, name in [
         (FrankaStateInterface("panda", state), "panda_robot"),
@@ -146,7 +153,9 @@ def test_interfaces_offer_one_handle_and_name_it_when_asked_for_another() -> Non
     ]:
         assert interface.names == (name,)
         assert interface.handle(name).name == name
-        with pytest.raises(UnknownNameError, match=f"no handle 'left_robot' in {type(interface).__name__}; valid: {name}"):
+        with pytest.raises(
+            UnknownNameError, match=f"no handle 'left_robot' in {type(interface).__name__}; valid: {name}"
+        ):
             interface.handle("left_robot")
 
 
@@ -202,7 +211,9 @@ SPOILT = {
 
 @pytest.mark.parametrize("spoilt", SPOILT)
 def test_the_check_of_the_loop_refuses_what_the_thorough_one_refuses_in_the_same_words(spoilt: str) -> None:
-    T = column_major(np.array([[0.0, -1.0, 0.0, 0.3], [0.0, 0.0, -1.0, 0.1], [1.0, 0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 1.0]]))
+    T = column_major(
+        np.array([[0.0, -1.0, 0.0, 0.3], [0.0, 0.0, -1.0, 0.1], [1.0, 0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 1.0]])
+    )
     check_pose(T, "T")
     SPOILT[spoilt](T)
     said = []

@@ -1,7 +1,5 @@
 """The limiter and the low-pass against libfranka's own, which the Panda's binding lets one call."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -59,7 +57,11 @@ def test_a_jump_of_a_position_becomes_a_motion_within_the_limits_that_gets_there
         q, dq, ddq = new, v, [(a - b) / 0.001 for a, b in zip(v, dq, strict=True)]
         path.append(new[0])
     velocity, acceleration, jerk = rates(path)
-    assert velocity <= LIMITS.velocity[0] and acceleration <= LIMITS.acceleration[0] + 1e-6 and jerk <= LIMITS.jerk[0] + 1e-3
+    assert (
+        velocity <= LIMITS.velocity[0]
+        and acceleration <= LIMITS.acceleration[0] + 1e-6
+        and jerk <= LIMITS.jerk[0] + 1e-3
+    )
     assert max(path) > goal * 0.99
 
 

@@ -1,6 +1,5 @@
-"""The model against logs whose truth is known: an independent simulation with known friction, and logs that nobody should compare."""
-
-from __future__ import annotations
+"""The model against logs whose truth is known: an independent simulation with known friction, and logs that nobody
+should compare."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -53,7 +52,8 @@ def compared(model: KdlFrankaModel, log: ArmLog, friction: list | None = None) -
 
 
 def curve_error(fit: JointFriction, phi: np.ndarray) -> float:
-    """Largest error of the fitted friction torque over the velocities that the log has, relative to the largest friction torque."""
+    """Largest error of the fitted friction torque over the velocities that the log has, relative to the largest
+    friction torque."""
     velocity = np.linspace(*fit.speeds, 500)
     truth = sigmoid(velocity, phi)
     return float(np.abs(sigmoid(velocity, np.array(fit.phi)) - truth).max() / np.abs(truth).max())
@@ -80,15 +80,22 @@ def test_the_fit_recovers_known_friction_within_five_percent(model: KdlFrankaMod
     assert np.abs((found[:, 2] - FRICTION[:, 2]) * FRICTION[:, 1]).max() < 0.05
 
 
-def test_so_with_the_noise_of_a_real_arm_and_a_clock_that_jitters_and_loses_samples(model: KdlFrankaModel, log: ArmLog) -> None:
+def test_so_with_the_noise_of_a_real_arm_and_a_clock_that_jitters_and_loses_samples(
+    model: KdlFrankaModel, log: ArmLog
+) -> None:
     rng = np.random.default_rng(2)
     kept = np.sort(rng.choice(len(log.time), round(0.9 * len(log.time)), replace=False))
     noisy = ArmLog(
         NAMES,
         (log.time + rng.uniform(-2e-4, 2e-4, len(log.time)))[kept],
-        *((values + rng.normal(0.0, noise, values.shape))[kept] for values, noise in ((log.q, 3e-4), (log.dq, 6e-3), (log.tau, 0.1))),
-        COLUMNS, log.rows[kept], "line",
-    )  # fmt: skip
+        *(
+            (values + rng.normal(0.0, noise, values.shape))[kept]
+            for values, noise in ((log.q, 3e-4), (log.dq, 6e-3), (log.tau, 0.1))
+        ),
+        COLUMNS,
+        log.rows[kept],
+        "line",
+    )
     fits = fit_friction(compared(model, noisy), PUBLISHED)
     errors = [curve_error(fit, phi) for fit, phi in zip(fits, FRICTION, strict=True)]
     print("\nlargest error of the friction torque, of its maximum:", " ".join(f"{error:.4f}" for error in errors))
@@ -109,7 +116,9 @@ def test_the_load_that_the_arm_carried_belongs_to_the_model(urdf: str, model: Kd
     assert compared(model, loaded, KNOWN).rms.max() < 0.02
 
 
-def test_a_joint_that_hardly_moved_keeps_its_friction_and_says_so(urdf: str, model: KdlFrankaModel, tmp_path: Path) -> None:
+def test_a_joint_that_hardly_moved_keeps_its_friction_and_says_so(
+    urdf: str, model: KdlFrankaModel, tmp_path: Path
+) -> None:
     fits = fit_friction(compared(model, as_log(simulated.simulate(urdf, 6.0, still=(4,)))), PUBLISHED)
     assert [fit.fitted for fit in fits] == [True, True, True, True, False, True, True]
     assert fits[4].phi == PUBLISHED[4] and fits[4].rms == fits[4].rms_before
@@ -148,21 +157,48 @@ def cut(log: ArmLog, kept: np.ndarray | slice) -> ArmLog:
 REFUSALS = {
     "NaN": (changed(tau=with_value(5, 2, np.nan)), "line 7, column tau3 is nan; each value must be finite"),
     "infinite": (changed(dq=with_value(0, 0, -np.inf)), "line 2, column dq1 is -inf; each value must be finite"),
-    "time stands": (changed(time=lambda t: np.where(np.arange(len(t)) == 9, t[8], t)), "time does not increase: t is 0.008 in line 11 after 0.008"),
-    "time back": (changed(time=lambda t: t[::-1]), "time does not increase: t is 11.998 in line 3 after 11.999 in line 2"),
+    "time stands": (
+        changed(time=lambda t: np.where(np.arange(len(t)) == 9, t[8], t)),
+        "time does not increase: t is 0.008 in line 11 after 0.008",
+    ),
+    "time back": (
+        changed(time=lambda t: t[::-1]),
+        "time does not increase: t is 11.998 in line 3 after 11.999 in line 2",
+    ),
     "milliseconds": (changed(time=lambda t: 1e3 * t), "the time looks like milliseconds; seconds are needed"),
     "microseconds": (changed(time=lambda t: 1e6 * t), "the time looks like microseconds"),
     "nanoseconds since 1970": (changed(time=lambda t: 1.7e18 + 1e9 * t), "the time looks like nanoseconds"),
-    "degrees": (changed(q=np.rad2deg, dq=np.rad2deg), r"line \d+: q\d is .*ranges from .*; the positions look like degrees; radians are needed"),
+    "degrees": (
+        changed(q=np.rad2deg, dq=np.rad2deg),
+        r"line \d+: q\d is .*ranges from .*; the positions look like degrees; radians are needed",
+    ),
     "degrees per second": (changed(dq=np.rad2deg), "the velocities look like degrees per second; rad/s are needed"),
-    "far outside": (changed(q=lambda q: q + 3.0), "but panda_joint4 ranges from -3.072 to -0.0698 rad; are these the joint positions"),
+    "far outside": (
+        changed(q=lambda q: q + 3.0),
+        "but panda_joint4 ranges from -3.072 to -0.0698 rad; are these the joint positions",
+    ),
     "columns exchanged": (changed(dq=lambda dq: dq[:, [1, 0, 2, 3, 4, 5, 6]]), "dq1 is not the derivative of q1"),
-    "sign": (changed(dq=lambda dq: dq * [1, 1, 1, -1, 1, 1, 1]), "dq4 is not the derivative of q4: q4 changes -1 times as fast"),
-    "millinewton metres": (changed(tau=lambda tau: 1e3 * tau), "the measured torque is 998 times what the motion needs: .* in N m"),
-    "short": (lambda log: cut(log, slice(0, 2500)), "the log is too short: 2.5 s; 2.6 s are needed, of which the filter takes 0.3 s at each end"),
+    "sign": (
+        changed(dq=lambda dq: dq * [1, 1, 1, -1, 1, 1, 1]),
+        "dq4 is not the derivative of q4: q4 changes -1 times as fast",
+    ),
+    "millinewton metres": (
+        changed(tau=lambda tau: 1e3 * tau),
+        "the measured torque is 998 times what the motion needs: .* in N m",
+    ),
+    "short": (
+        lambda log: cut(log, slice(0, 2500)),
+        "the log is too short: 2.5 s; 2.6 s are needed, of which the filter takes 0.3 s at each end",
+    ),
     "one sample": (lambda log: cut(log, slice(0, 1)), "the log has 1 samples"),
-    "slow": (lambda log: cut(log, slice(None, None, 50)), "the log has 20 samples per second; a cut-off of 10 Hz needs 50 or more"),
-    "gap": (lambda log: cut(log, np.r_[0:4000, 4200:12000]), "0.201 s are missing between line 4001 and line 4202, at 3.999 s"),
+    "slow": (
+        lambda log: cut(log, slice(None, None, 50)),
+        "the log has 20 samples per second; a cut-off of 10 Hz needs 50 or more",
+    ),
+    "gap": (
+        lambda log: cut(log, np.r_[0:4000, 4200:12000]),
+        "0.201 s are missing between line 4001 and line 4202, at 3.999 s",
+    ),
 }
 
 
@@ -183,13 +219,16 @@ def test_a_commanded_torque_without_gravity_is_refused(urdf: str, model: KdlFran
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("a: [", "cannot read the friction file"),
+        ("a: [", "is not YAML"),
         ("- 1", "must map joints to phi1, phi2 and phi3"),
         ("panda_joint8: {phi1: 1, phi2: 1, phi3: 0}", "has panda_joint8; valid: joint1, joint2"),
         ("joint1: {phi1: 1, phi2: 1, phi3: 0}\npanda_joint1: {phi1: 1, phi2: 1, phi3: 0}", "has a joint twice"),
-        ("".join(f"joint{i}: {{phi1: 1, phi2: 1, phi3: 0}}\n" for i in (1, 2, 4, 5, 6, 7)), "phi3 of joint1 to joint7; missing: joint3"),
-        ("".join(f"joint{i}: {{phi1: 1, phi2: .nan, phi3: 0}}\n" for i in range(1, 8)), "not finite"),
-        ("{phi1: [1, 2], phi2: [1, 2], phi3: [0, 0]}", "must give numbers phi1, phi2 and phi3"),
+        (
+            "".join(f"joint{i}: {{phi1: 1, phi2: 1, phi3: 0}}\n" for i in (1, 2, 4, 5, 6, 7)),
+            "phi3 of joint1 to joint7; missing: joint3",
+        ),
+        ("".join(f"joint{i}: {{phi1: 1, phi2: .nan, phi3: 0}}\n" for i in range(1, 8)), "must give finite numbers"),
+        ("{phi1: [1, 2], phi2: [1, 2], phi3: [0, 0]}", "must give finite numbers phi1, phi2 and phi3"),
     ],
 )
 def test_a_friction_file_that_cannot_be_used_is_refused_in_one_line(tmp_path: Path, text: str, said: str) -> None:
@@ -202,7 +241,11 @@ def test_a_friction_file_that_cannot_be_used_is_refused_in_one_line(tmp_path: Pa
 
 def test_a_friction_file_may_have_lists_and_any_prefix(tmp_path: Path) -> None:
     path = tmp_path / "friction.yaml"
-    path.write_text(f"phi1: {FRICTION[:, 0].tolist()}\nphi2: {FRICTION[:, 1].tolist()}\nphi3: {FRICTION[:, 2].tolist()}\n")
+    path.write_text(
+        f"phi1: {FRICTION[:, 0].tolist()}\nphi2: {FRICTION[:, 1].tolist()}\nphi3: {FRICTION[:, 2].tolist()}\n"
+    )
     assert read_friction(path) == KNOWN
-    path.write_text("".join(f"left_joint{i + 1}: {{phi1: {a}, phi2: {b}, phi3: {c}}}\n" for i, (a, b, c) in enumerate(KNOWN)))
+    path.write_text(
+        "".join(f"left_joint{i + 1}: {{phi1: {a}, phi2: {b}, phi3: {c}}}\n" for i, (a, b, c) in enumerate(KNOWN))
+    )
     assert read_friction(path) == KNOWN

@@ -38,7 +38,9 @@ SMOOTH = 0.2 * (1.0 - np.cos(2.0 * T))
 
 @pytest.mark.parametrize("wanted", [STRAIGHT, STEP], ids=["straight line", "step"])
 @pytest.mark.parametrize("cutoff", [MAX_CUTOFF, 100.0])
-def test_a_motion_with_corners_is_followed_within_the_limits_and_comes_to_rest_at_the_goal(wanted: np.ndarray, cutoff: float) -> None:
+def test_a_motion_with_corners_is_followed_within_the_limits_and_comes_to_rest_at_the_goal(
+    wanted: np.ndarray, cutoff: float
+) -> None:
     sent, own = follow(wanted, cutoff), franka_limits()
     for found, limit in zip(rates(sent), (own.velocity, own.acceleration, own.jerk), strict=True):
         assert np.all(found <= np.array(limit))

@@ -1,6 +1,5 @@
-"""A RobotHW with a manager on a LocalNode, driven for so much run time, and controllers that note what happens to them."""
-
-from __future__ import annotations
+"""A RobotHW with a manager on a LocalNode, driven for so much robot time, and controllers that note what happens to
+them."""
 
 import functools
 import math
@@ -9,15 +8,24 @@ from typing import Any
 
 import panda_description
 from hric_control.controller import Controller
-from hric_control.controller_manager import ControllerManager
 from hric_control.errors import HricError
-from hric_control.hardware_interface import EffortJointInterface, JointStateInterface, PositionJointInterface, VelocityJointInterface
-from hric_control.local_node import LocalNode
+from hric_control.hardware_interface import (
+    EffortJointInterface,
+    JointStateInterface,
+    PositionJointInterface,
+    VelocityJointInterface,
+)
+from hric_control.local.node import LocalNode
+from hric_control.manager.controller_manager import ControllerManager
 from hric_control.robot_hw import RobotHW
 
 READY = [0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4]
 JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
-INTERFACES: dict[str, Any] = {"effort": EffortJointInterface, "velocity": VelocityJointInterface, "position": PositionJointInterface}
+INTERFACES: dict[str, Any] = {
+    "effort": EffortJointInterface,
+    "velocity": VelocityJointInterface,
+    "position": PositionJointInterface,
+}
 QUIET = {"realtime_priority": 0, "lock_memory": False, "watchdog_timeout": 10.0}
 """A test must not take the machine from the others."""
 
@@ -31,7 +39,9 @@ class Law(Controller):
     """Claims what its parameters say and writes a constant command; notes what is called."""
 
     def init(self, robot_hw: RobotHW, root_node: Any, controller_node: Any) -> None:
-        self.joints = robot_hw.get(INTERFACES[controller_node.param("interface")]).group(controller_node.param("joints", None))
+        self.joints = robot_hw.get(INTERFACES[controller_node.param("interface")]).group(
+            controller_node.param("joints", None)
+        )
         self.command, self.fail_at = controller_node.param("command", None), controller_node.param("fail_at", math.inf)
         self.calls: list[tuple[str, float]] = [("init", 0.0)]
 
@@ -67,10 +77,10 @@ class Broadcaster(Controller):
 
 
 class Robot:
-    """A RobotHW, its node and its manager; `run` drives it for a while of run time.
+    """A RobotHW, its node and its manager; `run` drives it for a while of robot time.
 
     Attributes:
-        times: run time of each cycle so far [s].
+        times: robot time of each cycle so far [s].
     """
 
     def __init__(self, hw: RobotHW, parameters: dict[str, Any]) -> None:
@@ -91,7 +101,7 @@ class Robot:
         self.manager.switch(start, stop, loop_running=False)
 
     def run(self, duration: float, hook: Callable[[float], None] | None = None) -> None:
-        """Run for `duration` [s of run time]; `hook(time)` before each update."""
+        """Run for `duration` [s of robot time]; `hook(time)` before each update."""
         begin: list[float] = []
 
         def on_cycle(time: float, period: float, reset_controllers: bool) -> bool:
@@ -102,7 +112,7 @@ class Robot:
             self.manager.update(time, period, reset_controllers)
             if time - begin[0] + 1.5 * period > duration:
                 self.hw.stop()
-            return hasattr(self.hw, "loop") or not self.manager.switch_pending
+            return self.hw.loop is not None or not self.manager.switch_pending
 
         self.hw.run(on_cycle)
 

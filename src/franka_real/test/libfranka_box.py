@@ -1,7 +1,5 @@
 """libfranka connected to an emulated control box, for tests of what the bindings offer."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,7 +14,8 @@ BINDINGS: dict[str, Any] = {"panda": panda_py.libfranka, "fr3": pylibfranka}
 
 
 def connect(robot: str, ip: str) -> Any:
-    """libfranka's Robot. It takes real-time priority where it may, which is given back here: the tests that follow would starve the machine."""
+    """libfranka's Robot. It takes real-time priority where it may, which is given back here: the tests that follow
+    would starve the machine."""
     binding = BINDINGS[robot]
     connected = binding.Robot(ip, binding.RealtimeConfig.kIgnore)
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
@@ -25,7 +24,8 @@ def connect(robot: str, ip: str) -> Any:
 
 @contextmanager
 def arm(robot: str, *words: str) -> Iterator[Any]:
-    """A libfranka Robot to a control box of its own, slow in order to leave the machine to the tests; words: further arguments of the box."""
+    """A libfranka Robot to a control box of its own, slow in order to leave the machine to the tests; words: further
+    arguments of the box."""
     with control_box("--robot", robot, "--no-collision", "--real-time-factor", "0.05", *words) as (ip, _):
         yield connect(robot, ip)
 

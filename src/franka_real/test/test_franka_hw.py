@@ -1,6 +1,5 @@
-"""The arm through libfranka, on an emulated control box in another process: what the contract suite cannot ask of a robot in process."""
-
-from __future__ import annotations
+"""The arm through libfranka, on an emulated control box in another process: what the contract suite cannot ask of a
+robot in process."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -13,7 +12,11 @@ from driven_robot import JOINTS, QUIET, Law, Robot
 from fci_peer import control_box
 
 import panda_description
-from franka_hw_interface.interfaces import FrankaModelInterface, FrankaPoseCartesianInterface, FrankaVelocityCartesianInterface
+from franka_hw_interface.interfaces import (
+    FrankaModelInterface,
+    FrankaPoseCartesianInterface,
+    FrankaVelocityCartesianInterface,
+)
 from franka_hw_interface.modes import HOLD
 from franka_hw_interface.robot_state import RobotMode
 from franka_msgs.msg import ErrorRecoveryGoal
@@ -72,7 +75,7 @@ def test_it_is_found_by_its_plugin_name() -> None:
     assert plugins.find(plugins.ROBOT_HW, "franka_real/FrankaHW") is FrankaHW
 
 
-# -- errors ----------------------------------------------------------------------------------------------------------------------------------
+# -- errors ------------------------------------------------------------------------------------------------------------
 
 
 def test_a_reflex_is_named_refuses_motion_and_after_the_recovery_the_controller_starts_anew(connect, caplog) -> None:
@@ -126,13 +129,15 @@ def test_a_user_stop_ends_the_motion_and_recovery_waits_for_its_release(connect,
     refused = recover(robot)
     assert refused.status == "ABORTED" and "mode" in refused.text
     order(boxes, kind, "user_stop off")
-    robot.run(30.0, lambda time: robot.hw.stop() if robot.hw.robot_state.robot_mode is not RobotMode.USER_STOPPED else None)
+    robot.run(
+        30.0, lambda time: robot.hw.stop() if robot.hw.robot_state.robot_mode is not RobotMode.USER_STOPPED else None
+    )
     assert recover(robot).status == "SUCCEEDED"
     robot.run(0.05)
     assert robot.hw.robot_state.robot_mode is RobotMode.MOVE
 
 
-# -- modes -----------------------------------------------------------------------------------------------------------------------------------
+# -- modes -------------------------------------------------------------------------------------------------------------
 
 
 def test_a_cartesian_velocity_moves_the_end_effector_by_its_integral(connect) -> None:
@@ -191,7 +196,10 @@ def claim_arm(robot: Robot, interface: Any) -> None:
 def test_torque_together_with_a_motion_generator_runs_where_libfranka_has_it(connect, kind) -> None:
     class Both(Law):
         def init(self, robot_hw: Any, root_node: Any, controller_node: Any) -> None:
-            self.joints, self.positions = robot_hw.get(EffortJointInterface).group(), robot_hw.get(PositionJointInterface).group()
+            self.joints, self.positions = (
+                robot_hw.get(EffortJointInterface).group(),
+                robot_hw.get(PositionJointInterface).group(),
+            )
             self.command, self.fail_at, self.calls = [0.0] * 7, 1e9, []
 
     robot = connect()
@@ -214,10 +222,10 @@ def test_two_motion_generators_at_once_are_refused(connect) -> None:
         connect().hw.prepare_switch([ControllerInfo("both", "test/Both", claims)], [])
 
 
-# -- what the arm is told --------------------------------------------------------------------------------------------------------------------
+# -- settings of the arm ----------------------------------------------------------------------------------------------
 
 
-def test_frames_that_are_told_stand_in_the_state_and_in_the_model(connect) -> None:
+def test_frames_that_are_set_are_in_the_state_and_in_the_model(connect) -> None:
     robot = connect()
     hw, values = robot.hw, YAW.T.ravel().tolist()
     F_T_NE = np.array(hw.robot_state.F_T_NE).reshape(4, 4).T
@@ -232,7 +240,7 @@ def test_frames_that_are_told_stand_in_the_state_and_in_the_model(connect) -> No
         assert robot.node.call(f"franka_control/set_{name}_frame", request(np.eye(4).ravel().tolist())).success
 
 
-def test_a_setting_that_the_arm_refuses_while_it_moves_answers_in_libfrankas_words(connect) -> None:
+def test_a_setting_that_the_arm_refuses_while_it_moves_fails_with_libfrankas_words(connect) -> None:
     robot = connect()
     robot.load("push", interface="effort", command=[0.0] * 7)
     robot.switch(["push"], [])
@@ -240,7 +248,9 @@ def test_a_setting_that_the_arm_refuses_while_it_moves_answers_in_libfrankas_wor
 
     def ask(time: float) -> None:
         if robot.hw.mode != HOLD and not answers:
-            answers.append(robot.node.call("franka_control/set_joint_impedance", SetJointImpedanceRequest([1000.0] * 7)))
+            answers.append(
+                robot.node.call("franka_control/set_joint_impedance", SetJointImpedanceRequest([1000.0] * 7))
+            )
 
     robot.run(0.1, ask)
     assert not answers[0].success and "current mode" in answers[0].error and "libfranka" not in answers[0].error
@@ -251,13 +261,15 @@ def test_a_setting_that_the_arm_refuses_while_it_moves_answers_in_libfrankas_wor
 
 
 @pytest.mark.parametrize("model", ["kdl", "libfranka"])
-def test_controllers_get_the_model_that_is_asked_for_with_the_load_that_is_told(connect, model) -> None:
+def test_controllers_get_the_requested_model_with_the_load_that_is_set(connect, model) -> None:
     robot = connect(model=model)
     handle = robot.hw.get(FrankaModelInterface).handle("panda_model")
     assert (type(robot.hw.get(FrankaModelInterface).model).__name__ == "LibfrankaModel") == (model == "libfranka")
     before = handle.gravity().copy()
     assert np.allclose(before, robot.hw.model.gravity(robot.positions), atol=1e-3)
-    assert robot.node.call("franka_control/set_load", SetLoadRequest(1.0, [0.0, 0.0, 0.1], [0.01, 0, 0, 0, 0.01, 0, 0, 0, 0.01])).success
+    assert robot.node.call(
+        "franka_control/set_load", SetLoadRequest(1.0, [0.0, 0.0, 0.1], [0.01, 0, 0, 0, 0.01, 0, 0, 0, 0.01])
+    ).success
     robot.run(0.002)
     assert np.abs(handle.gravity() - before).max() > 1.0
     assert robot.node.call("franka_control/set_load", SetLoadRequest(0.0, [0.0] * 3, [0.0] * 9)).success

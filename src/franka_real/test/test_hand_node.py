@@ -12,11 +12,20 @@ import pytest
 from actionlib_msgs.msg import GoalStatus
 from fci_peer import control_box, new_address
 
-from franka_gripper.msg import GraspAction, GraspGoal, HomingAction, HomingGoal, MoveAction, MoveGoal, StopAction, StopGoal
+from franka_gripper.msg import (
+    GraspAction,
+    GraspGoal,
+    HomingAction,
+    HomingGoal,
+    MoveAction,
+    MoveGoal,
+    StopAction,
+    StopGoal,
+)
 from hric_control.testing import ros, roscore
 
 __all__ = ["ros", "roscore"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 NODE = Path(__file__).parents[1] / "nodes" / "franka_gripper"
 LIMIT = 30.0
 

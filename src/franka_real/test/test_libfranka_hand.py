@@ -7,8 +7,9 @@ import pytest
 from fci_peer import control_box, new_address
 
 from franka_hw_interface.hand import HandOutcome
-from franka_real.libfranka_hand import LibfrankaHand, connector
+from franka_real.libfranka_hand import LibfrankaHand, connector, hand_of_node
 from hric_control.errors import HricError, ParameterError
+from hric_control.local.node import LocalNode
 
 LIMIT = 30.0
 BOTH = pytest.mark.parametrize("library", ["panda_py", "pylibfranka"])
@@ -118,11 +119,11 @@ def test_a_hand_that_goes_away_is_reported_once_and_one_that_comes_back_is_found
         hand = LibfrankaHand(connector(ip), reports.append)
     try:
         wait(lambda: reports)
-        assert "the hand does not answer" in reports[0]
+        assert "the hand does not respond" in reports[0]
         assert done(hand.move(0.03, 0.1)) is HandOutcome.FAIL
         with control_box("--constant", ip=ip):
             wait(lambda: len(reports) > 1)
-            assert reports[1] == "the hand answers again"
+            assert reports[1] == "the hand responds again"
             assert done(hand.move(0.03, 0.1)) is HandOutcome.SUCCESS
     finally:
         hand.close()
@@ -136,4 +137,4 @@ def test_an_address_without_a_hand_is_refused_soon_and_by_name():
 
 def test_an_unknown_library_is_refused_with_the_valid_ones():
     with pytest.raises(ParameterError, match="valid: auto, panda_py, pylibfranka"):
-        connector("127.0.0.1", "libfranka")
+        hand_of_node(LocalNode({"robot_ip": "127.0.0.1", "library": "libfranka"}))

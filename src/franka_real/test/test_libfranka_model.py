@@ -1,6 +1,5 @@
-"""What a LibfrankaModel takes over from the connected arm. What it computes is tested with every FrankaModel: franka_hw_interface, test_model.py."""
-
-from __future__ import annotations
+"""What a LibfrankaModel takes over from the connected arm. What it computes is tested with every FrankaModel:
+franka_hw_interface, test_model.py."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -31,7 +30,11 @@ def description(arm_id: str) -> str:
 
 def build(kind: str, robot: Any, state: Any = None) -> LibfrankaModel:
     state, model = state or robot.read_once(), robot.load_model()
-    return LibfrankaModel.for_panda(model, state) if kind == "panda" else LibfrankaModel.for_fr3(model, state, description("fr3"), "fr3")
+    return (
+        LibfrankaModel.for_panda(model, state)
+        if kind == "panda"
+        else LibfrankaModel.for_fr3(model, state, description("fr3"), "fr3")
+    )
 
 
 @pytest.fixture(scope="module", params=["panda", "fr3"])
@@ -52,16 +55,22 @@ def wait_for(robot: Any, condition: Callable[[Any], bool]) -> Any:
         state = robot.read_once()
         if condition(state):
             return state
-    raise AssertionError("the arm never told so")
+    raise AssertionError("the arm never reported so")
 
 
 def apart(one: FrankaModel, other: FrankaModel) -> float:
-    pairs = [(one.mass(Q), other.mass(Q)), (one.gravity(Q), other.gravity(Q)), (one.coriolis(Q, Q), other.coriolis(Q, Q))]
-    pairs += [(one.pose(frame, Q), other.pose(frame, Q)) for frame in Frame] + [(one.zero_jacobian(f, Q), other.zero_jacobian(f, Q)) for f in Frame]
+    pairs = [
+        (one.mass(Q), other.mass(Q)),
+        (one.gravity(Q), other.gravity(Q)),
+        (one.coriolis(Q, Q), other.coriolis(Q, Q)),
+    ]
+    pairs += [(one.pose(frame, Q), other.pose(frame, Q)) for frame in Frame] + [
+        (one.zero_jacobian(f, Q), other.zero_jacobian(f, Q)) for f in Frame
+    ]
     return max(float(np.abs(a - b).max()) for a, b in pairs)
 
 
-def test_it_is_a_franka_model_with_the_hand_that_the_arm_tells(connected, kdl) -> None:
+def test_it_is_a_franka_model_with_the_hand_that_the_arm_reports(connected, kdl) -> None:
     kind, robot = connected
     model = build(kind, robot)
     assert isinstance(model, FrankaModel) and apart(model, kdl) < TOLERANCE[kind]
@@ -77,11 +86,11 @@ def tell(kind: str, robot: Any, mass: float, NE_T_EE: list[float], EE_T_K: list[
     set_k(EE_T_K)
 
 
-def test_payload_and_frames_told_to_the_arm_reach_the_model_by_following_its_state(connected, kdl) -> None:
+def test_payload_and_frames_set_in_the_arm_reach_the_model_by_following_its_state(connected, kdl) -> None:
     kind, robot = connected
     model = build(kind, robot)
     tell(kind, robot, 1.5, [*UNIT, 0.01, 0.02, 0.03, 1.0], [*UNIT, 0.0, -0.05, 0.1, 1.0])
-    state = wait_for(robot, lambda told: told.m_load > 1.0 and told.EE_T_K[14] > 0.05)
+    state = wait_for(robot, lambda state: state.m_load > 1.0 and state.EE_T_K[14] > 0.05)
     kdl.set_load(1.5, COM, INERTIA)
     kdl.set_ee(kdl.F_T_NE @ np.array([*UNIT, 0.01, 0.02, 0.03, 1.0]).reshape(4, 4).T)
     kdl.set_stiffness_frame(np.array([*UNIT, 0.0, -0.05, 0.1, 1.0]).reshape(4, 4).T)
@@ -89,10 +98,10 @@ def test_payload_and_frames_told_to_the_arm_reach_the_model_by_following_its_sta
     assert model.follow(state) and model.revision > revision
     assert apart(model, kdl) < TOLERANCE[kind] and before > 1.0
     tell(kind, robot, 0.0, [*UNIT, 0.0, 0.0, 0.0, 1.0], [*UNIT, 0.0, 0.0, 0.0, 1.0])
-    wait_for(robot, lambda told: told.m_load == 0.0 and told.EE_T_K[14] == 0.0)
+    wait_for(robot, lambda state: state.m_load == 0.0 and state.EE_T_K[14] == 0.0)
 
 
-def test_a_state_that_tells_the_same_changes_nothing_and_leaves_what_was_set_since(connected) -> None:
+def test_a_state_that_reports_the_same_changes_nothing_and_leaves_what_was_set_since(connected) -> None:
     kind, robot = connected
     model = build(kind, robot)
     model.set_load(2.0, [0, 0, 0.1], [0.0] * 9)
@@ -100,11 +109,11 @@ def test_a_state_that_tells_the_same_changes_nothing_and_leaves_what_was_set_sin
     assert not model.follow(robot.read_once()) and model.revision == revision and model.load.mass == 2.0
 
 
-def test_a_state_that_tells_nonsense_is_refused_and_the_model_stays(connected) -> None:
+def test_a_state_that_reports_nonsense_is_refused_and_the_model_stays(connected) -> None:
     kind, robot = connected
     model = build(kind, robot)
     before = model.gravity(Q)
-    with pytest.raises(CommandError, match="the arm tells an impossible m_load nan"):
+    with pytest.raises(CommandError, match="the arm reports an impossible m_load nan"):
         model.follow(RobotState(m_load=float("nan")))
     with pytest.raises(CommandError, match="F_T_EE"):
         model.follow(RobotState(m_load=3.0, F_T_EE=[0.0] * 16))

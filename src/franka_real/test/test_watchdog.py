@@ -1,6 +1,4 @@
-"""Who is not there is told in time, and who hangs is ended."""
-
-from __future__ import annotations
+"""Who is not there is reported in time, and who hangs is ended."""
 
 import os
 import socket
@@ -9,10 +7,13 @@ import sys
 import time
 
 import pytest
+from cost_ratio import cost_ratio
 
 from franka_real import probe
 from franka_real.backend import ConnectionLostError
 from franka_real.watchdog import Watchdog
+
+pytestmark = pytest.mark.alone
 
 PROGRAM = """
 import sys, time
@@ -48,7 +49,7 @@ def test_a_loop_that_hangs_with_the_interpreters_lock_is_ended_with_a_word() -> 
     done = run("import ctypes; ctypes.PyDLL(None).sleep(20)")
     assert done.returncode == -9
     assert done.stdout.split()[1:] == ["patient"]
-    assert "[FATAL] the arm has not answered for 0.3 s" in done.stderr
+    assert "[FATAL] the arm has not responded for 0.3 s" in done.stderr
 
 
 @pytest.mark.parametrize("end", ["watchdog.disarm(); time.sleep(0.8)", "watchdog.close(); time.sleep(0.5)"])
@@ -71,17 +72,10 @@ def test_a_beat_is_cheap() -> None:
     watchdog = Watchdog(60.0, 60.0, "the arm")
     try:
         watchdog.arm()
-        begin = time.process_time()
-        for _ in range(100_000):
-            watchdog.beat()
-        beat = (time.process_time() - begin) / 100_000
-        begin = time.process_time()
-        for _ in range(100_000):
-            [0.0] * 7  # noqa: B018  # what one list of the cycle costs
-        reference = (time.process_time() - begin) / 100_000
+        ratio = cost_ratio(watchdog.beat, lambda: [0.0] * 7, times=1000)  # what one list of the cycle costs
     finally:
         watchdog.close()
-    assert beat < 50.0 * reference
+    assert ratio < 20.0
 
 
 def test_the_probe_finds_who_listens_and_leaves_nothing_open() -> None:
@@ -94,7 +88,7 @@ def test_the_probe_finds_who_listens_and_leaves_nothing_open() -> None:
             assert connection.recv(1) == b""
 
 
-def test_the_probe_gives_up_after_its_time_where_nobody_answers() -> None:
+def test_the_probe_gives_up_after_its_time_where_nobody_responds() -> None:
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))
         server.listen(0)
@@ -106,7 +100,7 @@ def test_the_probe_gives_up_after_its_time_where_nobody_answers() -> None:
                 client.setblocking(False)
                 client.connect_ex(("127.0.0.1", port))
                 waiting.append(client)
-            with pytest.raises(ConnectionLostError, match=r"no answer within 0.3 s\. Is robot_ip right"):
+            with pytest.raises(ConnectionLostError, match=r"no response within 0.3 s\. Is robot_ip right"):
                 probe.check("127.0.0.1", 0.3, port)
         finally:
             for client in waiting:

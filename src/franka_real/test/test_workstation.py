@@ -1,13 +1,12 @@
 """The check of this machine reads, and tells what it found; only with --fix does it write."""
 
-from __future__ import annotations
-
 import resource
 from pathlib import Path
 
 import pytest
 
-from franka_real import workstation, workstation_cli
+from franka_real import workstation
+from franka_real import workstation as workstation_cli
 from franka_real.workstation import Finding
 
 
@@ -31,7 +30,7 @@ def test_a_governor_that_saves_power_is_found_and_only_the_fix_changes_it(tmp_pa
     assert workstation.governor(tmp_path).good is True
 
 
-def test_a_machine_that_does_not_tell_is_no_fault(tmp_path) -> None:
+def test_a_machine_that_does_not_report_is_no_fault(tmp_path) -> None:
     assert workstation.governor(tmp_path).good is None
     assert workstation.throttling(tmp_path).good is None
 
@@ -44,18 +43,24 @@ def test_a_real_time_kernel_is_known_by_its_file(tmp_path) -> None:
 
 def test_limits_that_are_too_low_are_found(monkeypatch) -> None:
     monkeypatch.setattr("os.geteuid", lambda: 1000)
-    monkeypatch.setattr(resource, "getrlimit", lambda kind: (0, 0) if kind == resource.RLIMIT_RTPRIO else (8 * 2**20, 8 * 2**20))
+    monkeypatch.setattr(
+        resource, "getrlimit", lambda kind: (0, 0) if kind == resource.RLIMIT_RTPRIO else (8 * 2**20, 8 * 2**20)
+    )
     for finding in (workstation.priority(), workstation.memlock()):
         assert finding.good is False and "limits.d" in finding.advice
 
 
-def test_it_prints_each_finding_and_answers_whether_all_is_well(monkeypatch, capsys) -> None:
+def test_it_prints_each_finding_and_returns_whether_all_is_well(monkeypatch, capsys) -> None:
     called = []
     bad = Finding("governor", False, "powersave", "set performance", lambda: called.append(1) or "done")
     monkeypatch.setattr(workstation, "look", lambda address: iter([Finding("kernel", True, "rt"), bad]))
     assert workstation_cli.main([]) == 1
     assert called == []
-    assert capsys.readouterr().out.splitlines() == ["ok   kernel: rt", "BAD  governor: powersave", "       set performance"]
+    assert capsys.readouterr().out.splitlines() == [
+        "ok   kernel: rt",
+        "BAD  governor: powersave",
+        "       set performance",
+    ]
     assert workstation_cli.main(["--fix"]) == 1
     assert called == [1] and "fixed: done" in capsys.readouterr().out
 
@@ -67,4 +72,4 @@ def test_the_network_is_judged_by_its_slowest_ping(monkeypatch, answered) -> Non
     monkeypatch.setattr(workstation.subprocess, "run", lambda *args, **kwargs: type("Done", (), {"stdout": lines})())
     finding = workstation.network("10.0.0.1")
     assert finding.good is False
-    assert ("largest 0.900 ms" if answered else "no answer") in finding.found
+    assert ("largest 0.900 ms" if answered else "no response") in finding.found

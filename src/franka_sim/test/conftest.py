@@ -1,7 +1,5 @@
 """A simulated arm without a master, and what tests do with it."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -11,13 +9,14 @@ import pytest
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.robot_state import RobotMode
+from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_control import plugins
 from hric_control.hardware_interface import EffortJointInterface
-from hric_control.local_node import LocalNode
+from hric_control.local.node import LocalNode
 from hric_control.robot_hw import ControllerInfo
 
 # No shapes: these tests are about the arm, and cost half of the time without them.
@@ -29,16 +28,25 @@ def description(**arguments: Any) -> str:
     return panda_description.load(meshes=False, collision=False, **arguments)
 
 
-def claim(interface: type = EffortJointInterface, name: str = "law", joints: int = 7, arm_id: str = "panda") -> ControllerInfo:
+def claim(
+    interface: type = EffortJointInterface, name: str = "law", joints: int = 7, arm_id: str = "panda"
+) -> ControllerInfo:
     """A controller that claims the first joints of the arm through an interface."""
-    return ControllerInfo(name, "test/Law", {interface.cpp_name: frozenset(f"{arm_id}_joint{i}" for i in range(1, joints + 1))})
+    return ControllerInfo(
+        name, "test/Law", {interface.cpp_name: frozenset(f"{arm_id}_joint{i}" for i in range(1, joints + 1))}
+    )
 
 
 class Arm:
     """A FrankaHWSim and its node; `run` drives it for a while with a law."""
 
     def __init__(self, urdf: dict[str, Any], plant: dict[str, Any], parameters: dict[str, Any]) -> None:
-        given = {"robot_description": description(**urdf), "real_time_factor": 0.0, "plant": {**PLANT, **plant}, **parameters}
+        given = {
+            "robot_description": description(**urdf),
+            "real_time_factor": 0.0,
+            "plant": {**PLANT, **plant},
+            **parameters,
+        }
         self.node = LocalNode(given)
         self.hw = FrankaHWSim()
         self.hw.init(self.node, self.node)
@@ -64,7 +72,8 @@ class Arm:
 
 @pytest.fixture
 def make_arm() -> Iterator[Callable[..., Arm]]:
-    """make_arm(hand=True, ..., plant={...}, parameters={...}) -> Arm; the other arguments are those of the description."""
+    """make_arm(hand=True, ..., plant={...}, parameters={...}) -> Arm; the other arguments are those of the
+    description."""
     made: list[Arm] = []
 
     def make(plant: dict[str, Any] | None = None, parameters: dict[str, Any] | None = None, **urdf: Any) -> Arm:
@@ -82,7 +91,8 @@ def claim_fixture() -> Callable[..., ControllerInfo]:
 
 
 class BoxArm:
-    """A control box on the real plant, without a hand's server or ROS; `cycle` is one millisecond in the order of the emulated robot.
+    """A control box on the real plant, without a hand's server or ROS; `cycle` is one millisecond in the order of the
+    emulated robot.
 
     Attributes:
         box, state, plant: the parts.
@@ -93,9 +103,14 @@ class BoxArm:
         text = description(**urdf)
         model = KdlFrankaModel(text, "panda")
         self.reports: list[str] = []
-        self.box = ControlBox(model, BoxConfig(**config), self.reports.append)
+        parameters = BoxConfig(**config)
+        self.box = ControlBox(
+            model, CompiledArm(text, "panda", parameters.min_singular_value), parameters, self.reports.append
+        )
         self.state = self.box.state
-        self.plant = plugins.find(plugins.PLANT, "pybullet_ros_control/PyBulletPlant")(text, model.joint_names, {**PLANT, **plant})
+        self.plant = plugins.find(plugins.PLANT, "pybullet_ros_control/PyBulletPlant")(
+            text, model.joint_names, {**PLANT, **plant}
+        )
         self._row = [0.0] * 7, [0.0] * 7, [0.0] * 7
         self.cycles = 0
         self.place(q)
@@ -115,7 +130,12 @@ class BoxArm:
         self.cycles += 1
         self._read()
 
-    def start(self, controller: ControllerMode = ControllerMode.EXTERNAL, generator: GeneratorMode = GeneratorMode.NONE, **kwargs: Any) -> None:
+    def start(
+        self,
+        controller: ControllerMode = ControllerMode.EXTERNAL,
+        generator: GeneratorMode = GeneratorMode.NONE,
+        **kwargs: Any,
+    ) -> None:
         """A motion, with the two states that pass before a client's first command."""
         assert self.box.move(MoveRequest(controller, generator, **kwargs)) is Outcome.STARTED
         self.cycle()
@@ -145,10 +165,16 @@ Q_BOX = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 
 @pytest.fixture
 def make_box() -> Iterator[Callable[..., BoxArm]]:
-    """make_box(plant={...}, config={...}, q=[...], hand=True, ...) -> BoxArm; the other arguments are those of the description."""
+    """make_box(plant={...}, config={...}, q=[...], hand=True, ...) -> BoxArm; the other arguments are those of the
+    description."""
     made: list[BoxArm] = []
 
-    def make(plant: dict[str, Any] | None = None, config: dict[str, Any] | None = None, q: list[float] | None = None, **urdf: Any) -> BoxArm:
+    def make(
+        plant: dict[str, Any] | None = None,
+        config: dict[str, Any] | None = None,
+        q: list[float] | None = None,
+        **urdf: Any,
+    ) -> BoxArm:
         made.append(BoxArm(plant or {}, config or {}, q or Q_BOX, urdf))
         return made[-1]
 

@@ -70,7 +70,7 @@ found["Cartesian pose"] = 2.0 * -run("control_cartesian_pose", pose, joint)[1][1
 found["Cartesian velocity"] = 2.0 * -run("control_cartesian_velocity", velocity, joint)[1][14]
 found["Cartesian pose, Cartesian impedance"] = 2.0 * -run("control_cartesian_pose", pose, cartesian)[1][14]
 print(json.dumps(found))
-"""
+"""  # noqa: E501
 )
 MODES_FR3 = (
     CONNECT_FR3

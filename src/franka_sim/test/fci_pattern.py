@@ -1,6 +1,5 @@
-"""A server whose state holds a pattern, `python fci_pattern.py IP VERSION`; the error set has the number of the robot's milliseconds modulo 41."""
-
-from __future__ import annotations
+"""A server whose state holds a pattern, `python fci_pattern.py IP VERSION`; the error set has the number of the robot's
+milliseconds modulo 41."""
 
 import sys
 

@@ -1,7 +1,5 @@
 """A client of the control box in plain Python, and servers to try it on."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import socket
@@ -36,12 +34,19 @@ def new_address() -> str:
 
 def command(tau: float = 0.0, finished: bool = False, **fields: Any) -> MotionCommand:
     """A command of torques, all alike, or of what `fields` say."""
-    values: dict[str, Any] = {"q": [0.0] * 7, "dq": [0.0] * 7, "O_T_EE": [0.0] * 16, "O_dP_EE": [0.0] * 6, "elbow": None, "tau": [tau] * 7}
+    values: dict[str, Any] = {
+        "q": [0.0] * 7,
+        "dq": [0.0] * 7,
+        "O_T_EE": [0.0] * 16,
+        "O_dP_EE": [0.0] * 6,
+        "elbow": None,
+        "tau": [tau] * 7,
+    }
     return MotionCommand(**(values | fields), finished=finished)
 
 
 class Peer:
-    """A client: connects, asks, hears states, sends commands."""
+    """A client: connects, sends requests and commands, receives states."""
 
     def __init__(self, ip: str, version: int = 5, port: int = ARM, connect: bool = True) -> None:
         self.ip, self.version = ip, version
@@ -55,12 +60,14 @@ class Peer:
         self.server: tuple[str, int] = (ip, 0)
         self.message_id = 0
         self._ids = itertools.count()
-        self._answers: dict[int, list[bytes]] = {}
+        self._responses: dict[int, list[bytes]] = {}
         if connect:
-            answer = self.ask(0, struct.pack("<HH", version, self.udp.getsockname()[1]))
-            assert answer[: self.framing.status.size] == bytes(self.framing.status.size), f"not connected: {answer.hex()}"
+            response = self.exchange(0, struct.pack("<HH", version, self.udp.getsockname()[1]))
+            assert response[: self.framing.status.size] == bytes(self.framing.status.size), (
+                f"not connected: {response.hex()}"
+            )
 
-    def __enter__(self) -> Peer:
+    def __enter__(self) -> "Peer":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -75,13 +82,13 @@ class Peer:
         self.tcp.sendall(self.framing.frame(number, command_id, payload))
         return command_id
 
-    def answer(self, command_id: int) -> bytes:
-        while not self._answers.get(command_id):
+    def response(self, command_id: int) -> bytes:
+        while not self._responses.get(command_id):
             size_of_header = self.framing.header.size
             header = self._exactly(size_of_header)
             _, got, size = self.framing.header.unpack(header)
-            self._answers.setdefault(got, []).append(self._exactly(size - size_of_header))
-        return self._answers[command_id].pop(0)
+            self._responses.setdefault(got, []).append(self._exactly(size - size_of_header))
+        return self._responses[command_id].pop(0)
 
     def _exactly(self, n: int) -> bytes:
         data = b""
@@ -92,8 +99,8 @@ class Peer:
             data += part
         return data
 
-    def ask(self, number: int, payload: bytes = b"") -> bytes:
-        return self.answer(self.request(number, payload))
+    def exchange(self, number: int, payload: bytes = b"") -> bytes:
+        return self.response(self.request(number, payload))
 
     def state(self) -> bytes:
         datagram, self.server = self.udp.recvfrom(4096)
@@ -113,10 +120,12 @@ class Peer:
 
     def send(self, motion: MotionCommand, message_id: int | None = None) -> None:
         assert self.protocol is not None
-        self.udp.sendto(self.protocol.command.encode(self.message_id if message_id is None else message_id, motion), self.server)
+        self.udp.sendto(
+            self.protocol.command.encode(self.message_id if message_id is None else message_id, motion), self.server
+        )
 
     def move(self, controller: int = 2, generator: int = 1) -> int:
-        """Ask for a motion; the answer is for the caller."""
+        """Request a motion; the response is for the caller."""
         payload = struct.pack("<II6d", controller, generator, 10.0, 3.12, 6.28, 10.0, 3.12, 6.28)
         return self.request(1, payload + (bytes(57) if self.version == 10 else b""))
 
@@ -136,7 +145,8 @@ class Peer:
         self.state()
 
     def until_modes(self, *modes: int) -> bool:
-        """Read states until one shows these modes, or only the robot mode if one is given; False when none does in time."""
+        """Read states until one shows these modes, or only the robot mode if one is given; False when none does in
+        time."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             if self.modes(self.state())[-len(modes) :] == modes:
@@ -182,7 +192,9 @@ def control_box(*words: str, ip: str = "") -> Iterator[tuple[str, subprocess.Pop
     """The command as a process; gives its address and the process."""
     ip = ip or new_address()
     with tempfile.TemporaryFile("w+") as log:  # a pipe that nobody reads would fill
-        process = subprocess.Popen([sys.executable, str(CONTROL_BOX), "--ip", ip, *words], stdin=subprocess.PIPE, stderr=log, text=True)
+        process = subprocess.Popen(
+            [sys.executable, str(CONTROL_BOX), "--ip", ip, *words], stdin=subprocess.PIPE, stderr=log, text=True
+        )
         process.stderr = log  # so that it can be read
         try:
             wait_until_up(ip, process)
@@ -223,6 +235,8 @@ def wait_until_up(ip: str, process: subprocess.Popen[str], limit: float = 60.0) 
 
 def run_client(script: str, *words: str, limit: float = 60.0) -> str:
     """A client in a process of its own (libfranka's bindings keep the interpreter lock); what it printed."""
-    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, timeout=limit, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script, *words], capture_output=True, text=True, timeout=limit, check=False
+    )
     assert done.returncode == 0, f"the client failed:\n{done.stdout}\n{done.stderr}"
     return done.stdout

@@ -1,6 +1,5 @@
-"""What a user of panda-python writes: `python panda_py_user.py IP NAME` runs one of the functions below and prints what it found as JSON."""
-
-from __future__ import annotations
+"""What a user of panda-python writes: `python panda_py_user.py IP NAME` runs one of the functions below and prints what
+it found as JSON."""
 
 import json
 import sys
@@ -66,9 +65,14 @@ def joint_motions(panda: Any) -> dict[str, Any]:
 
 
 def pose_motions(panda: Any) -> dict[str, Any]:
-    """A diagonal of 14 cm with panda-python's own gains, without what it does in the null space, and with two poses to pass."""
+    """A diagonal of 14 cm with panda-python's own gains, without what it does in the null space, and with two poses to
+    pass."""
     found: dict[str, Any] = {}
-    for name, arguments in (("usual", {}), ("soft null space", {"nullspace_stiffness": 1.5}), ("no null space", {"nullspace_stiffness": 0.0})):
+    for name, arguments in (
+        ("usual", {}),
+        ("soft null space", {"nullspace_stiffness": 1.5}),
+        ("no null space", {"nullspace_stiffness": 0.0}),
+    ):
         panda.move_to_start()
         goal = moved(panda.get_pose(), 0.1, -0.1)
         found[name] = [panda.move_to_pose(goal, **arguments), *from_goal(panda, goal)]
@@ -79,8 +83,12 @@ def pose_motions(panda: Any) -> dict[str, Any]:
 
 
 def resting_pose(panda: Any) -> dict[str, Any]:
-    """Where the impedance controller with the gains of move_to_pose rests: joints, the goal, the null space's goal, and the Jacobian there."""
-    goal, law = moved(panda.get_pose(), 0.05, -0.05), controllers.CartesianImpedance(np.diag([800.0] * 3 + [40.0] * 3), 1.0, 15.0)
+    """Where the impedance controller with the gains of move_to_pose rests: joints, the goal, the null space's goal, and
+    the Jacobian there."""
+    goal, law = (
+        moved(panda.get_pose(), 0.05, -0.05),
+        controllers.CartesianImpedance(np.diag([800.0] * 3 + [40.0] * 3), 1.0, 15.0),
+    )
     orientation, start = panda.get_orientation(), panda.get_pose()
     panda.start_controller(law)
     for share in np.linspace(0.0, 1.0, 101):
@@ -89,7 +97,13 @@ def resting_pose(panda: Any) -> dict[str, Any]:
     wait(law, 8.0)
     state = panda.get_state()
     jacobian = panda.get_model().zero_jacobian(libfranka.Frame.kEndEffector, state)
-    found = {"q": list(state.q), "dq": list(state.dq), "pose": panda.get_pose().tolist(), "goal": goal.tolist(), "jacobian": list(jacobian)}
+    found = {
+        "q": list(state.q),
+        "dq": list(state.dq),
+        "pose": panda.get_pose().tolist(),
+        "goal": goal.tolist(),
+        "jacobian": list(jacobian),
+    }
     panda.stop_controller()
     return found | {"q_null": list(START)}
 
@@ -176,9 +190,13 @@ def context(panda: Any) -> dict[str, Any]:
 
 
 def errors(panda: Any) -> dict[str, Any]:
-    """Too fast: named by raise_error, then recovered from. A controller that gives up by itself. What the arm does after both."""
+    """Too fast: named by raise_error, then recovered from. A controller that gives up by itself. What the arm does
+    after both."""
     found: dict[str, Any] = {}
-    for name, law, target in (("fast", controllers.AppliedTorque(), [0.0] * 6 + [3.0]), ("threshold", controllers.Force(), [0.0, 0.0, -5.0])):
+    for name, law, target in (
+        ("fast", controllers.AppliedTorque(), [0.0] * 6 + [3.0]),
+        ("threshold", controllers.Force(), [0.0, 0.0, -5.0]),
+    ):
         panda.start_controller(law)
         law.set_control(target)
         found[name] = raised(panda)
@@ -203,13 +221,29 @@ def the_rest(panda: Any) -> dict[str, Any]:
     found["pose"] = float(np.abs(np.array(model.pose(libfranka.Frame.kEndEffector, state)) - state.O_T_EE).max())
     found["gravity"] = float(np.abs(np.array(model.gravity(state)) - state.tau_J).max())
     hand = libfranka.Gripper(sys.argv[1])
-    found["hand"] = [hand.homing(), hand.move(0.04, 0.1), hand.read_once().width, hand.grasp(0.02, 0.1, 10.0, 0.005, 0.005), hand.stop()]
+    found["hand"] = [
+        hand.homing(),
+        hand.move(0.04, 0.1),
+        hand.read_once().width,
+        hand.grasp(0.02, 0.1, 10.0, 0.005, 0.005),
+        hand.stop(),
+    ]
     return found
 
 
 PROGRAMS: dict[str, Callable[[Any], dict[str, Any]]] = {
     program.__name__: program
-    for program in (joint_motions, pose_motions, resting_pose, joint_controllers, task_controllers, torque_and_log, context, errors, the_rest)
+    for program in (
+        joint_motions,
+        pose_motions,
+        resting_pose,
+        joint_controllers,
+        task_controllers,
+        torque_and_log,
+        context,
+        errors,
+        the_rest,
+    )
 }
 
 if __name__ == "__main__":

@@ -1,31 +1,31 @@
-"""The compiled arm gives what KDL gives, number by number."""
-
-from __future__ import annotations
+"""The compiled arm gives what KDL and pinocchio give, number by number."""
 
 import struct
 from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
+import PyKDL
 import pytest
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import RobotMode
-from franka_sim.box.compiled_arm import CompiledArm, compiled_arm
+from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.estimates import ExternalTorque
 from franka_sim.box.requests import GeneratorMode
-from franka_sim.fci.commands_v5 import PROTOCOL as V5
-from franka_sim.fci.commands_v10 import PROTOCOL as V10
+from franka_sim.fci.protocol import PROTOCOL_5 as V5
+from franka_sim.fci.protocol import PROTOCOL_10 as V10
 from franka_sim.fci.protocol import Protocol
 from franka_sim.fci.wire import MAX_FLOAT32
-from hric_control.errors import HricError
 
 MASS, COM, INERTIA = 1.5, [0.02, -0.03, 0.1], [0.02, 0.001, 0.0, 0.001, 0.03, 0.0, 0.0, 0.0, 0.01]
 PARAMETERS = panda_description.friction_parameters()
-KINEMATICS = ("O_T_EE", "O_T_EE_d", "O_T_EE_c", "O_dP_EE_d", "O_F_ext_hat_K", "K_F_ext_hat_K", "elbow", "elbow_d", "elbow_c", "joint_contact")
+KINEMATICS = ("O_T_EE", "O_T_EE_d", "O_T_EE_c", "O_dP_EE_d", "elbow", "elbow_d", "elbow_c")
+LEAST_SINGULAR_VALUE = 0.05
 
 
 @pytest.fixture(params=["0 0 0", "0.4 -0.7 1.2"], ids=["floor", "tilted"])
@@ -44,18 +44,48 @@ def same(got: Sequence[float], expected: Sequence[float], what: str = "") -> Non
     assert got == pytest.approx(expected, rel=0.0, abs=1e-12 * scale), what
 
 
-def boxes(urdf: str, friction: bool = False) -> tuple[ControlBox, ControlBox]:
-    """(without, with compiled code) and a payload."""
+def make_box(urdf: str, friction: bool = False) -> ControlBox:
+    """With a payload and a stiffness frame of its own."""
     config = BoxConfig(friction=PARAMETERS if friction else None)
-    pair = [ControlBox(KdlFrankaModel(urdf, "panda"), config, None, compiled) for compiled in (None, CompiledArm(urdf, "panda", 0.05))]
-    for box in pair:
-        box.set_load(MASS, COM, INERTIA)
-        box.set_EE_T_K([0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1, 0.0, 0.2, 1.0])
-    return pair[0], pair[1]
+    box = ControlBox(KdlFrankaModel(urdf, "panda"), CompiledArm(urdf, "panda", LEAST_SINGULAR_VALUE), config)
+    box.set_load(MASS, COM, INERTIA)
+    box.set_EE_T_K([0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1, 0.0, 0.2, 1.0])
+    return box
+
+
+class KdlExternalTorque:
+    """The estimate of `ExternalTorque` by KDL's inverse dynamics."""
+
+    def __init__(self, model: KdlFrankaModel, config: BoxConfig) -> None:
+        self.model, self.rate = model, 1.0 / config.time_step
+        self.gain = 1.0 - np.exp(-2.0 * np.pi * config.external_torque_cutoff * config.time_step)
+        self.value = np.zeros(7)
+
+    def update(
+        self, q: np.ndarray, dq: np.ndarray, dq_now: np.ndarray, tau: np.ndarray, friction: Sequence[float]
+    ) -> None:
+        chain = self.model.chain._solvers.chain
+        solver = PyKDL.ChainIdSolver_RNE(chain, PyKDL.Vector(*self.model.gravity_base.tolist()))
+        arrays = [PyKDL.JntArray(7) for _ in range(4)]
+        for array, row in zip(arrays, (q, dq, self.rate * (dq_now - dq)), strict=False):
+            for i, x in enumerate(row):
+                array[i] = x
+        solver.CartToJnt(*arrays[:3], [PyKDL.Wrench() for _ in range(chain.getNrOfSegments())], arrays[3])
+        self.value += self.gain * (tau - list(arrays[3]) - friction - self.value)
+
+
+def wrench_by_svd(box: ControlBox) -> tuple[list[float], list[float]]:
+    """O_F_ext_hat_K and K_F_ext_hat_K: least squares in tau_ext = J_K(q)^T F by singular values of KDL's Jacobian."""
+    U, s, Vt = np.linalg.svd(box.model.zero_jacobian(Frame.STIFFNESS, box.state.q), full_matrices=False)
+    if s[-1] < LEAST_SINGULAR_VALUE:
+        return [0.0] * 6, [0.0] * 6
+    F = U @ ((Vt @ np.array(box.state.tau_ext_hat_filtered)) / s)
+    R = box.model.pose(Frame.STIFFNESS, box.state.q)[:3, :3]
+    return F.tolist(), [*(R.T @ F[:3]), *(R.T @ F[3:])]
 
 
 def test_its_inverse_dynamics_is_pinocchios_with_hand_and_payload(urdf: str) -> None:
-    model, arm = KdlFrankaModel(urdf, "panda"), CompiledArm(urdf, "panda", 0.05)
+    model, arm = KdlFrankaModel(urdf, "panda"), CompiledArm(urdf, "panda", LEAST_SINGULAR_VALUE)
     model.set_load(MASS, COM, INERTIA)
     arm.take_model(model)
     other = pin.buildModelFromXML(urdf)
@@ -63,11 +93,13 @@ def test_its_inverse_dynamics_is_pinocchios_with_hand_and_payload(urdf: str) -> 
     other.appendBodyToJoint(7, pin.Inertia(MASS, np.array(COM), np.array(INERTIA).reshape(3, 3)), flange)
     data = other.createData()
     for q, dq, ddq in states(200):
-        assert arm.inverse_dynamics(q.tolist(), dq.tolist(), ddq.tolist()) == pytest.approx(pin.rnea(other, data, q, dq, ddq), abs=1e-9)
+        assert arm.inverse_dynamics(q.tolist(), dq.tolist(), ddq.tolist()) == pytest.approx(
+            pin.rnea(other, data, q, dq, ddq), abs=1e-9
+        )
 
 
 def test_its_gravity_is_that_of_kdl(urdf: str) -> None:
-    model, arm = KdlFrankaModel(urdf, "panda"), CompiledArm(urdf, "panda", 0.05)
+    model, arm = KdlFrankaModel(urdf, "panda"), CompiledArm(urdf, "panda", LEAST_SINGULAR_VALUE)
     for mass in (0.0, MASS):
         model.set_load(mass, COM, INERTIA if mass else [0.0] * 9)
         arm.take_model(model)
@@ -76,64 +108,63 @@ def test_its_gravity_is_that_of_kdl(urdf: str) -> None:
 
 
 @pytest.mark.parametrize("friction", [None, [0.3, -0.2, 0.1, 0.4, 0.5, -0.6, 0.7]], ids=["frictionless", "friction"])
-def test_the_estimate_is_the_one_without_compiled_code(urdf: str, friction: list[float] | None) -> None:
-    model, config = KdlFrankaModel(urdf, "panda"), BoxConfig()
-    one, other = ExternalTorque(model, config), ExternalTorque(model, config, CompiledArm(urdf, "panda", 0.05))
+def test_the_estimate_of_external_torque_is_that_of_kdl(urdf: str, friction: list[float] | None) -> None:
+    model, config, arm = KdlFrankaModel(urdf, "panda"), BoxConfig(), CompiledArm(urdf, "panda", LEAST_SINGULAR_VALUE)
+    arm.take_model(model)
+    estimate, expected = ExternalTorque(arm, config), KdlExternalTorque(model, config)
     for k, (q, dq, tau) in enumerate(states(200)):
         if k == 100:
             model.set_load(MASS, COM, INERTIA)
-            one.take_model()
-            other.take_model()
-        q_now = (q + 1e-3 * dq).tolist()
-        gravity = [estimate.update(q.tolist(), dq.tolist(), q_now, (dq + 1e-3).tolist(), tau.tolist(), friction) for estimate in (one, other)]
-        same(gravity[1], gravity[0])
-        same(other.value, one.value)
-    assert max(map(abs, one.value)) > 1.0
+            arm.take_model(model)
+        q_now, dq_now = (q + 1e-3 * dq).tolist(), dq + 1e-3
+        gravity = estimate.update(q.tolist(), dq.tolist(), q_now, dq_now.tolist(), tau.tolist(), friction)
+        expected.update(q, dq, dq_now, tau, friction or [0.0] * 7)
+        same(gravity, model.gravity_list(q_now))
+        same(estimate.value, expected.value.tolist())
+    assert max(map(abs, estimate.value)) > 1.0
 
 
-def test_the_torques_of_the_box_are_those_without_compiled_code(urdf: str) -> None:
-    plain, fast = boxes(urdf, friction=True)
-    for k, (q, dq, tau) in enumerate(states(50)):
-        for box in (plain, fast):
-            box.read(q.tolist(), dq.tolist(), tau.tolist(), 0.0)
-            if k == 25:  # between reading and writing
-                box.set_load(0.5, COM, INERTIA)
-        same(fast.write(None), plain.write(None))
-    for box in (plain, fast):
-        box.reset([0.1] * 7)
-    same(fast.write(None), plain.write(None))
-
-
-def test_a_snapshot_is_the_one_without_compiled_code(urdf: str) -> None:
-    pair, filled = boxes(urdf), 0
+def test_a_load_that_is_set_between_reading_and_writing_counts_at_once(urdf: str) -> None:
+    before, between = make_box(urdf, friction=True), make_box(urdf, friction=True)
     for q, dq, tau in states(20):
-        for box in pair:
+        for box in (before, between):
+            box.set_load(MASS, COM, INERTIA)
+        before.set_load(0.5, COM, INERTIA)
+        for box in (before, between):
             box.read(q.tolist(), dq.tolist(), tau.tolist(), 0.0)
-            box.state.dq_d[:] = dq.tolist()
-        plain, fast = (box.state.snapshot() for box in pair)
-        for name in (*KINEMATICS, "cartesian_contact", "dtau_J"):
-            assert getattr(fast, name) == pytest.approx(getattr(plain, name), abs=1e-9), name
-        filled += any(plain.O_F_ext_hat_K) and any(plain.joint_contact) and any(plain.O_dP_EE_d)
-    assert filled > 5
+        old = between.model.gravity_list(q.tolist())
+        between.set_load(0.5, COM, INERTIA)
+        same(between.write(None), before.write(None))
+        assert np.abs(np.subtract(old, between.model.gravity_list(q.tolist()))).max() > 0.1
 
 
-def test_a_wrench_read_by_itself_is_the_one_without_compiled_code_and_zero_near_a_singular_pose(urdf: str) -> None:
-    pair, zeros = boxes(urdf), 0
+def test_a_snapshot_has_what_the_state_computes_field_by_field_and_the_wrench_of_least_squares(urdf: str) -> None:
+    box, filled, zeros = make_box(urdf), 0, 0
     for q, dq, tau in states(200):
-        for box in pair:
-            box.read(q.tolist(), dq.tolist(), tau.tolist(), 0.0)
-        plain, fast = (box.state.O_F_ext_hat_K for box in pair)
-        assert fast == pytest.approx(plain, abs=1e-9)
-        zeros += fast == [0.0] * 6
-    assert 0 < zeros < 100
+        box.read(q.tolist(), dq.tolist(), tau.tolist(), 0.0)
+        box.state.dq_d[:] = dq.tolist()
+        expected = {name: getattr(box.state, name) for name in (*KINEMATICS, "dtau_J")}
+        expected["O_F_ext_hat_K"], expected["K_F_ext_hat_K"] = wrench_by_svd(box)
+        snapshot = box.state.snapshot()
+        for name, values in expected.items():
+            assert getattr(snapshot, name) == pytest.approx(values, abs=1e-9), name
+        torques, forces = box.state.lower()
+        assert snapshot.joint_contact == [
+            float(abs(x) > limit) for x, limit in zip(snapshot.tau_ext_hat_filtered, torques, strict=True)
+        ]
+        assert snapshot.cartesian_contact == [
+            float(abs(x) > limit) for x, limit in zip(snapshot.K_F_ext_hat_K, forces, strict=True)
+        ]
+        filled += any(snapshot.O_F_ext_hat_K) and any(snapshot.joint_contact) and any(snapshot.cartesian_contact)
+        zeros += snapshot.O_F_ext_hat_K == [0.0] * 6
+    assert filled > 20 and 0 < zeros < 100, "poses near singularities and away from them"
 
 
 @pytest.mark.parametrize("protocol", [V5, V10], ids=["panda", "fr3"])
 def test_its_numbers_make_the_datagram_that_the_state_makes(urdf: str, protocol: Protocol) -> None:
-    _, box = boxes(urdf)
+    box = make_box(urdf)
     state, codec = box.state, protocol.state
-    assert state.compiled is not None
-    pack = state.compiled.packer(codec.names, codec.real)
+    pack = state.fields.packer(codec.names, codec.real)
     layout, random = struct.Struct(f"<284{codec.real}"), np.random.default_rng(1)
     for k, (q, dq, tau) in enumerate(states(40)):
         box.read(q.tolist(), dq.tolist(), tau.tolist(), 0.0)
@@ -141,7 +172,14 @@ def test_its_numbers_make_the_datagram_that_the_state_makes(urdf: str, protocol:
             getattr(state, name)[:] = random.uniform(-1.0, 1.0, 7).tolist() if k % 3 else [0.0] * 7
         state.robot_mode, state.generator_mode = RobotMode.MOVE, GeneratorMode(k % 6)
         if state.generator_mode in (GeneratorMode.CARTESIAN_POSITION, GeneratorMode.CARTESIAN_VELOCITY):
-            for name, size in (("O_T_EE_d", 16), ("O_T_EE_c", 16), ("O_dP_EE_d", 6), ("O_ddP_EE_c", 6), ("elbow_c", 2), ("delbow_c", 2)):
+            for name, size in (
+                ("O_T_EE_d", 16),
+                ("O_T_EE_c", 16),
+                ("O_dP_EE_d", 6),
+                ("O_ddP_EE_c", 6),
+                ("elbow_c", 2),
+                ("delbow_c", 2),
+            ):
                 setattr(state, name, random.uniform(-1.0, 1.0, size).tolist())
         else:
             state.O_ddP_EE_c, state.delbow_c = [0.0] * 6, [0.0] * 2
@@ -150,23 +188,14 @@ def test_its_numbers_make_the_datagram_that_the_state_makes(urdf: str, protocol:
         joined, plain = codec.join(k, pack(state), state), codec.encode(k, state)
         assert joined[:8] + joined[8 + layout.size :] == plain[:8] + plain[8 + layout.size :]
         expected = layout.unpack_from(plain, 8)
-        assert layout.unpack_from(joined, 8) == pytest.approx(expected, rel=1e-12 if codec.real == "d" else 2e-7, abs=1e-9)
+        assert layout.unpack_from(joined, 8) == pytest.approx(
+            expected, rel=1e-12 if codec.real == "d" else 2e-7, abs=1e-9
+        )
 
 
 def test_numbers_too_large_for_32_bits_are_sent_as_the_largest(urdf: str) -> None:
-    _, box = boxes(urdf)
-    assert box.state.compiled is not None
+    box = make_box(urdf)
     box.state.tau_J[:], box.state.dq[:] = [1e300] * 7, [-1e300] * 7
     names = ("tau_J", "dq", "m_load")
-    numbers = struct.unpack("<15f", box.state.compiled.packer(names, "f")(box.state))
+    numbers = struct.unpack("<15f", box.state.fields.packer(names, "f")(box.state))
     assert numbers == (*[MAX_FLOAT32] * 7, *[-MAX_FLOAT32] * 7, MASS)
-
-
-def test_without_a_compiler_it_is_said_and_kdl_computes(monkeypatch: pytest.MonkeyPatch, urdf: str) -> None:
-    def refuse(*_: object) -> bytes:
-        raise HricError("no C compiler")
-
-    monkeypatch.setattr("franka_sim.box.compiled_arm.compile_cached", refuse)
-    said: list[str] = []
-    assert compiled_arm(urdf, "panda", 0.05, said.append) is None
-    assert len(said) == 1 and "no C compiler" in said[0]

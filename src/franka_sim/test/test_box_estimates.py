@@ -1,6 +1,5 @@
-"""External torque and wrench against wrenches that act on the real plant; every field of the state; the parameters of the box."""
-
-from __future__ import annotations
+"""External torque and wrench against wrenches that act on the real plant; every field of the state; the parameters of
+the box."""
 
 import math
 from pathlib import Path
@@ -14,15 +13,20 @@ from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotState
 from franka_hw_interface.transforms import column_major
 from franka_sim.box.config import BoxConfig, CollisionBehavior
-from franka_sim.box.friction import friction_law
-from franka_sim.box.packets import PacketCount
+from franka_sim.box.configuration import friction_law
+from franka_sim.box.motion.run import PacketCount
 from franka_sim.box.self_collision import SelfCollision, segment_distances
-from hric_control.errors import ParameterError, UnknownNameError
+from hric_control.errors import ParameterError
+from hric_control.parameters import declared
 
 FRICTION = panda_description.friction_parameters()
 IDENTIFIED = {"friction": "identified", "friction_parameters": FRICTION}
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
-WRENCHES = [((10.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ((-3.0, 6.0, 8.0), (0.5, -1.0, 0.8)), ((0.0, 0.0, 0.0), (0.0, 2.0, 0.0))]
+WRENCHES = [
+    ((10.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    ((-3.0, 6.0, 8.0), (0.5, -1.0, 0.8)),
+    ((0.0, 0.0, 0.0), (0.0, 2.0, 0.0)),
+]
 
 
 def wide(arm) -> None:
@@ -100,7 +104,9 @@ def test_the_wrench_is_zero_near_a_singular_pose(make_box) -> None:
 
 def test_thresholds_of_the_acceleration_phase_hold_while_the_desired_motion_accelerates(make_box) -> None:
     arm = make_box()
-    arm.box.set_collision_behavior([1.0] * 7, [2.0] * 7, [3.0] * 7, [4.0] * 7, [5.0] * 6, [6.0] * 6, [7.0] * 6, [8.0] * 6)
+    arm.box.set_collision_behavior(
+        [1.0] * 7, [2.0] * 7, [3.0] * 7, [4.0] * 7, [5.0] * 6, [6.0] * 6, [7.0] * 6, [8.0] * 6
+    )
     assert (arm.state.lower(), arm.state.upper()) == (((3.0,) * 7, (7.0,) * 6), ((4.0,) * 7, (8.0,) * 6))
     arm.state.ddq_d[2] = 0.1
     assert (arm.state.lower(), arm.state.upper()) == (((1.0,) * 7, (5.0,) * 6), ((2.0,) * 7, (6.0,) * 6))
@@ -116,7 +122,9 @@ def test_every_field_of_the_state_is_filled_and_has_its_length(make_box, torques
     for name in FIELD_NAMES:
         value, usual = getattr(kept, name), getattr(empty, name)
         assert type(value) is type(usual), name
-        assert not isinstance(value, list) or (len(value) == len(usual) and all(type(x) is float and math.isfinite(x) for x in value)), name
+        assert not isinstance(value, list) or (
+            len(value) == len(usual) and all(type(x) is float and math.isfinite(x) for x in value)
+        ), name
     measured, desired = (column_major(arm.box.model.pose(Frame.END_EFFECTOR, q)) for q in (state.q, state.q_d))
     assert pytest.approx(measured, abs=1e-15) == state.O_T_EE
     assert state.O_T_EE_d == state.O_T_EE_c == pytest.approx(desired, abs=1e-15)
@@ -165,7 +173,10 @@ def test_the_bound_on_speeds_is_never_too_small(make_box) -> None:
         assert change <= np.abs(dq) @ config.reach + 1e-3
         for i in range(7):
             single = np.eye(7)[i] * step
-            assert np.abs(bodies._distances((q + single).tolist()) - bodies._distances(q.tolist())).max() / step <= config.reach[i]
+            assert (
+                np.abs(bodies._distances((q + single).tolist()) - bodies._distances(q.tolist())).max() / step
+                <= config.reach[i]
+            )
 
 
 def test_success_rate_counts_the_last_hundred_cycles_from_the_first_command() -> None:
@@ -194,18 +205,30 @@ def test_the_friction_law_is_the_plants() -> None:
     plant = JointLosses([0.0] * 7, sigmoid_parameters(FRICTION, JOINTS)).subtract([0.0] * 7, dq)
     assert friction_law(FRICTION, JOINTS)(dq) == pytest.approx([-x for x in plant], abs=1e-15)
     assert friction_law(FRICTION, JOINTS)([0.0] * 7) == [0.0] * 7
-    with pytest.raises(UnknownNameError, match="panda_joint1"):
-        friction_law({}, JOINTS)
-    with pytest.raises(ParameterError, match="finite"):
+    with pytest.raises(ParameterError, match="friction_parameters: phi1, phi2 and phi3 of panda_joint7 are missing"):
+        friction_law({name: FRICTION[name] for name in JOINTS[:6]}, JOINTS)
+    with pytest.raises(ParameterError, match="phi1, phi2 and phi3 of panda_joint3 are missing or not numbers"):
         friction_law({**FRICTION, "panda_joint3": {"phi1": math.nan, "phi2": 1.0, "phi3": 0.0}}, JOINTS)
 
 
 def test_the_parameters_are_those_of_the_file_and_wrong_ones_are_named() -> None:
     values = yaml.safe_load((Path(__file__).parents[1] / "config" / "control_box.yaml").read_text())
-    config = BoxConfig()
+    config, attributes = BoxConfig(), {parameter.name: key for key, parameter in declared(BoxConfig).items()}
     for name, value in values.items():
-        expected = CollisionBehavior(**value) if name == "collision_behavior" else tuple(value) if isinstance(value, list) else value
-        assert getattr(config, name) == expected
-    for name, wrong in (("time_step", 0.0), ("max_lost_packets", 0), ("reach", (1.0,) * 6), ("position_margin", math.nan), ("success_window", 1.5)):
+        expected = (
+            CollisionBehavior(**value)
+            if name == "collision_behavior"
+            else tuple(value)
+            if isinstance(value, list)
+            else value
+        )
+        assert getattr(config, attributes[name]) == expected
+    for name, wrong in (
+        ("time_step", 0.0),
+        ("max_lost_packets", 0),
+        ("reach", (1.0,) * 6),
+        ("position_margin", math.nan),
+        ("success_window", 1.5),
+    ):
         with pytest.raises(ParameterError, match=name):
             BoxConfig(**{name: wrong})

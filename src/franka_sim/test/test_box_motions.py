@@ -1,7 +1,5 @@
 """Motion generators and internal impedances joined with the box on the real plant."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -50,7 +48,12 @@ class Client:
         return MotionCommand(q, dq, T, twist, None, [0.0] * 7, finished)
 
 
-KINDS = [GeneratorMode.JOINT_POSITION, GeneratorMode.JOINT_VELOCITY, GeneratorMode.CARTESIAN_POSITION, GeneratorMode.CARTESIAN_VELOCITY]
+KINDS = [
+    GeneratorMode.JOINT_POSITION,
+    GeneratorMode.JOINT_VELOCITY,
+    GeneratorMode.CARTESIAN_POSITION,
+    GeneratorMode.CARTESIAN_VELOCITY,
+]
 
 
 def run(arm, controller: ControllerMode, kind: GeneratorMode, lose: int = 0) -> Client:
@@ -102,7 +105,9 @@ def test_what_is_echoed_stays_between_the_cycles(make_box, kind) -> None:
         assert state.O_T_EE_c == pytest.approx(command.O_T_EE, abs=1e-12)
     else:
         assert state.O_dP_EE_c == pytest.approx(command.O_dP_EE, abs=1e-12)
-    assert np.array(state.O_T_EE_d) == pytest.approx(arm.box.model.pose(Frame.END_EFFECTOR, state.q_d).T.ravel(), abs=1e-6)
+    assert np.array(state.O_T_EE_d) == pytest.approx(
+        arm.box.model.pose(Frame.END_EFFECTOR, state.q_d).T.ravel(), abs=1e-6
+    )
     assert state.elbow_d == pytest.approx([state.q_d[2], -1.0])
     assert (state.controller_mode, state.generator_mode) == (JOINT, kind)
 
@@ -128,7 +133,9 @@ def jump(arm, kind: GeneratorMode) -> MotionCommand:
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name.lower())
-@pytest.mark.parametrize("controller", [JOINT, CARTESIAN, EXTERNAL], ids=["joint impedance", "Cartesian impedance", "torques"])
+@pytest.mark.parametrize(
+    "controller", [JOINT, CARTESIAN, EXTERNAL], ids=["joint impedance", "Cartesian impedance", "torques"]
+)
 def test_a_jump_is_a_discontinuity_or_a_violated_limit_by_name(make_box, controller, kind) -> None:
     arm = make_box()
     q = arm.state.q[:]
@@ -140,7 +147,10 @@ def test_a_jump_is_a_discontinuity_or_a_violated_limit_by_name(make_box, control
     arm.cycle(jump(arm, kind))
     prefix = "cartesian_motion_generator" if "CARTESIAN" in kind.name else "joint_motion_generator"
     assert arm.state.last_motion_errors
-    assert all(name.startswith(prefix) and name.endswith(("discontinuity", "limits_violation")) for name in arm.state.last_motion_errors)
+    assert all(
+        name.startswith(prefix) and name.endswith(("discontinuity", "limits_violation"))
+        for name in arm.state.last_motion_errors
+    )
     assert (arm.box.mode, arm.box.take_finished()) == (RobotMode.REFLEX, Outcome.REFLEX_ABORTED)
     for _ in range(200):
         arm.cycle()

@@ -1,6 +1,5 @@
-"""Each reflex on the real plant: it stops the motion, names libfranka's error, refuses motion, and recovery leads back to idle."""
-
-from __future__ import annotations
+"""Each reflex on the real plant: it stops the motion, names libfranka's error, refuses motion, and recovery leads back
+to idle."""
 
 import pytest
 

@@ -1,6 +1,4 @@
-"""The control box on the real plant: hold, torque control, lost packets, success rate, requests and their answers."""
-
-from __future__ import annotations
+"""The control box on the real plant: hold, torque control, lost packets, success rate, requests and their responses."""
 
 import pytest
 
@@ -37,7 +35,9 @@ def drift(arm, torques, cycles: int) -> float:
 
 @pytest.mark.parametrize("rotors", [0.1, 0.0])
 def test_zero_torque_holds_with_gravity_and_friction_compensated(make_box, torques, rotors) -> None:
-    arm = make_box(plant={**IDENTIFIED, "rotor_inertia": rotors}, config={"friction": FRICTION, "rotor_inertia": (rotors,) * 7})
+    arm = make_box(
+        plant={**IDENTIFIED, "rotor_inertia": rotors}, config={"friction": FRICTION, "rotor_inertia": (rotors,) * 7}
+    )
     assert drift(arm, torques, 3000) < 1e-6
 
 
@@ -57,13 +57,17 @@ def coasting(arm, torques) -> float:
     return arm.state.dq[0] / before
 
 
-def test_compensated_friction_lets_the_arm_coast_and_friction_that_the_box_does_not_know_brakes_it(make_box, torques) -> None:
+def test_compensated_friction_lets_the_arm_coast_and_friction_that_the_box_does_not_know_brakes_it(
+    make_box, torques
+) -> None:
     assert coasting(make_box(plant=IDENTIFIED, config={"friction": FRICTION}), torques) > 0.95
     assert coasting(make_box(plant=IDENTIFIED), torques) < 0.8
 
 
 @pytest.mark.parametrize("generator", [GeneratorMode.NONE, GeneratorMode.JOINT_VELOCITY])
-def test_a_pd_law_through_the_box_moves_the_arm_to_its_goal_and_the_arm_then_holds_there(make_box, torques, generator) -> None:
+def test_a_pd_law_through_the_box_moves_the_arm_to_its_goal_and_the_arm_then_holds_there(
+    make_box, torques, generator
+) -> None:
     arm = make_box(plant=IDENTIFIED, config={"friction": FRICTION})
     goal = [q + 0.2 for q in arm.state.q]
     arm.start(generator=generator)

@@ -1,7 +1,5 @@
 """The unmodified clients to the emulated arm: plant, control box and server together."""
 
-from __future__ import annotations
-
 import json
 import struct
 import time
@@ -13,10 +11,9 @@ from fci_clients import HOLD_FR3, HOLD_PANDA, JUMP, MODEL, MODES_FR3, MODES_PAND
 from fci_peer import Peer, command, control_box, log_of, run_client, wait_for_log
 
 from franka_hw_interface.robot_state import RobotMode
-from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
 from franka_sim.fci.arguments import parser
-from franka_sim.fci.emulated_arm import make_arm
+from franka_sim.fci.arm_device import make_arm
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.wire import WIRE_ERRORS
 from hric_control.errors import HricError
@@ -82,7 +79,7 @@ def test_a_jump_of_the_torque_is_a_reflex_that_libfranka_names_and_recovers_from
 def test_numbers_that_are_none_stop_the_motion_by_name(version: int) -> None:
     with control_box("--robot", ROBOT[version], *FAST) as (ip, process), Peer(ip, version) as peer:
         motion = peer.move()
-        assert peer.answer(motion) == b"\x01"
+        assert peer.response(motion) == b"\x01"
         peer.until_moving()
         peer.newest_state()
         peer.send(command())
@@ -91,11 +88,13 @@ def test_numbers_that_are_none_stop_the_motion_by_name(version: int) -> None:
         state = peer.state()
         assert peer.modes(state) == (0, 3, 4)
         for flags in peer.flags(state):
-            assert [name for name, flag in zip(WIRE_ERRORS, flags, strict=True) if flag] == ["controller_torque_discontinuity"]
+            assert [name for name, flag in zip(WIRE_ERRORS, flags, strict=True) if flag] == [
+                "controller_torque_discontinuity"
+            ]
         assert "controller_torque_discontinuity" in log_of(process)
-        assert peer.answer(motion) == bytes([6 if version == 5 else 8])
-        assert peer.answer(peer.move()) == bytes([3 if version == 5 else 5]), "refused until the recovery"
-        assert peer.ask(RECOVERY[version]) == b"\x00"
+        assert peer.response(motion) == bytes([6 if version == 5 else 8])
+        assert peer.response(peer.move()) == bytes([3 if version == 5 else 5]), "refused until the recovery"
+        assert peer.exchange(RECOVERY[version]) == b"\x00"
         assert peer.until_modes(1)
 
 
@@ -118,9 +117,12 @@ def success_rate(state: bytes, version: int) -> float:
 @pytest.mark.parametrize("clock", ["lock_step", "wall"])
 def test_twenty_lost_commands_end_the_motion_by_name(version: int, clock: str) -> None:
     factor = () if clock == "wall" else ("--real-time-factor", "0")
-    with control_box("--robot", ROBOT[version], "--no-collision", "--clock", clock, *factor) as (ip, process), Peer(ip, version) as peer:
+    with (
+        control_box("--robot", ROBOT[version], "--no-collision", "--clock", clock, *factor) as (ip, process),
+        Peer(ip, version) as peer,
+    ):
         motion = peer.move()
-        assert peer.answer(motion) == b"\x01"
+        assert peer.response(motion) == b"\x01"
         peer.until_moving()
         peer.send(command())
         while not success_rate(peer.state(), version):  # by the wall clock a command may come too late
@@ -128,8 +130,10 @@ def test_twenty_lost_commands_end_the_motion_by_name(version: int, clock: str) -
         while peer.modes(state := peer.state())[2] == 2:
             pass
         reflex = peer.flags(state)[1]
-        assert [name for name, flag in zip(WIRE_ERRORS, reflex, strict=True) if flag] == ["communication_constraints_violation"]
-        assert peer.answer(motion) == bytes([6 if version == 5 else 8])
+        assert [name for name, flag in zip(WIRE_ERRORS, reflex, strict=True) if flag] == [
+            "communication_constraints_violation"
+        ]
+        assert peer.response(motion) == bytes([6 if version == 5 else 8])
         wait_for_log(process, "communication_constraints_violation")
 
 
@@ -138,25 +142,25 @@ def test_the_user_stop_ends_the_motion_and_refuses_the_next_until_it_is_released
     aborted, refused = (7, 3) if version == 5 else (9, 5)
     with control_box("--robot", ROBOT[version], *FAST, "--console") as (ip, process), Peer(ip, version) as peer:
         motion = peer.move()
-        assert peer.answer(motion) == b"\x01"
+        assert peer.response(motion) == b"\x01"
         peer.until_moving()
         peer.send(command())
         assert process.stdin is not None
         process.stdin.write("user_stop on\n")
         process.stdin.flush()
-        assert peer.answer(motion) == bytes([aborted])
+        assert peer.response(motion) == bytes([aborted])
         assert peer.until_modes(5)
-        assert peer.answer(peer.move()) == bytes([refused])
+        assert peer.response(peer.move()) == bytes([refused])
         process.stdin.write("user_stop off\n")
         process.stdin.flush()
         wait_for_log(process, "console: user_stop off")
-        assert peer.answer(peer.move()) == b"\x01"
+        assert peer.response(peer.move()) == b"\x01"
 
 
 def test_a_push_shows_in_the_external_wrench_and_a_hard_one_is_a_reflex() -> None:
     with control_box(*FAST, "--console") as (ip, process), Peer(ip) as peer:
         motion = peer.move()
-        assert peer.answer(motion) == b"\x01"
+        assert peer.response(motion) == b"\x01"
         peer.until_moving()
         peer.newest_state()
         assert process.stdin is not None
@@ -167,14 +171,14 @@ def test_a_push_shows_in_the_external_wrench_and_a_hard_one_is_a_reflex() -> Non
             peer.send(command())
         named = {name for name, flag in zip(WIRE_ERRORS, peer.flags(state)[1], strict=True) if flag}
         assert named & {"joint_reflex", "cartesian_reflex"}, named
-        assert peer.answer(motion) == b"\x06"
+        assert peer.response(motion) == b"\x06"
 
 
 def test_a_killed_client_leaves_the_arm_holding_and_free(arm: tuple[str, int]) -> None:
     ip, version = arm
     for _ in range(3):
         peer = Peer(ip, version)
-        assert peer.answer(peer.move()) == b"\x01"
+        assert peer.response(peer.move()) == b"\x01"
         peer.until_moving()
         peer.send(command())
         peer.close()
@@ -204,7 +208,9 @@ def test_the_model_that_libfranka_loads_knows_the_torque_that_holds_the_arm() ->
     assert gravity == pytest.approx(torque, abs=1e-6)
 
 
-def test_a_plant_that_breaks_down_ends_the_motion_by_name_is_put_back_and_the_box_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_plant_that_breaks_down_ends_the_motion_by_name_is_put_back_and_the_box_goes_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     device = make_arm(parser().parse_args(["--no-collision"]), ROBOTS["panda"])
     try:
         start = device.state.q[:]
@@ -247,54 +253,15 @@ def break_down() -> None:
 def test_a_load_beyond_all_sense_is_refused() -> None:
     with control_box(*FAST) as (ip, process), Peer(ip) as peer:
         for load in ((1e200, 0.0), (1.0, 1e100)):
-            assert peer.ask(10, struct.pack("<13d", load[0], load[1], *[0.0] * 11)) == b"\x02"
-        assert peer.ask(10, struct.pack("<13d", 3.0, *[0.0] * 12)) == b"\x00"
+            assert peer.exchange(10, struct.pack("<13d", load[0], load[1], *[0.0] * 11)) == b"\x02"
+        assert peer.exchange(10, struct.pack("<13d", 3.0, *[0.0] * 12)) == b"\x00"
         assert "is beyond 20 kg" in log_of(process)
-
-
-FIELDS = (
-    "O_T_EE",
-    "O_T_EE_d",
-    "O_T_EE_c",
-    "O_dP_EE_d",
-    "elbow",
-    "elbow_d",
-    "elbow_c",
-    "O_F_ext_hat_K",
-    "K_F_ext_hat_K",
-    "joint_contact",
-    "cartesian_contact",
-)
-
-
-@pytest.mark.parametrize("robot", sorted(ROBOTS))
-def test_compiled_fields_are_those_that_the_state_computes_itself(robot: str) -> None:
-    device = make_arm(parser().parse_args(["--no-collision"]), ROBOTS[robot])
-    state, random = device.state, np.random.default_rng(1)
-    fields = CompiledArm(ROBOTS[robot].urdf(False, False), robot, device.box.config.least_singular_value).fields
-    device.set_EE_T_K([0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1, 0.0, 0.2, 1.0])
-    wrenches, touched = 0, 0.0
-    device.set_collision_behavior(*[[1.0] * n for n in (7, 7, 7, 7, 6, 6, 6, 6)])
-    for _ in range(200):
-        for values in (state.q, state.q_d, state.dq_d, state.tau_ext_hat_filtered):
-            values[:] = random.uniform(-2.0, 2.0, 7).tolist()
-        state.tick += 1
-        expected = {name: getattr(state, name) for name in FIELDS}
-        state.tick += 1
-        fields.fill(state)
-        for name in FIELDS:
-            assert getattr(state, name) == pytest.approx(expected[name], abs=1e-9), name
-        wrenches += any(expected["O_F_ext_hat_K"])
-        touched += sum(expected["joint_contact"]) + sum(expected["cartesian_contact"])
-    device.close()
-    assert touched > 100.0
-    assert 50 < wrenches < 200, "poses near singularities and away from them"
 
 
 def trajectory(period: int) -> list[tuple[float, ...]]:
     """Measured positions of a motion in lock-step, from a server of its own."""
     with control_box(*FAST) as (ip, _), Peer(ip) as peer:
-        assert peer.answer(peer.move()) == b"\x01"
+        assert peer.response(peer.move()) == b"\x01"
         peer.until_moving()
         peer.newest_state()
         rows = []

@@ -1,7 +1,5 @@
 """The command: its help, its messages, its end, its console."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -18,7 +16,14 @@ NO_MASTER = {name: value for name, value in os.environ.items() if name != "ROS_M
 
 
 def run(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, str(CONTROL_BOX), *words], capture_output=True, text=True, timeout=60, env=NO_MASTER, check=False)
+    return subprocess.run(
+        [sys.executable, str(CONTROL_BOX), *words],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=NO_MASTER,
+        check=False,
+    )
 
 
 def test_the_help_needs_no_master() -> None:
@@ -31,10 +36,13 @@ def test_the_help_needs_no_master() -> None:
     [
         (("--ip", "here"), "--ip is 'here'; valid: an IPv4 address"),
         (("--ip", "203.0.113.1"), "cannot listen on 203.0.113.1:1337"),
-        (("--clock", "wall", "--real-time-factor", "0"), "wall clock needs a real-time factor above 0"),
-        (("--loss", "2"), "loss must be a number from 0"),
-        (("--priority", "100"), "--priority is 100"),
-        (("--max-lost-packets", "-1"), "--max-lost-packets is -1"),
+        (
+            ("--clock", "wall", "--real-time-factor", "0"),
+            "the real-time factor of the wall clock is 0.0; valid: a finite number above 0",
+        ),
+        (("--loss", "2"), "--loss is 2.0; valid: a finite number from 0 to 1"),
+        (("--priority", "100"), "--priority is 100; valid: a whole number from 0 to 99"),
+        (("--max-lost-packets", "-1"), "--max-lost-packets is -1; valid: a whole number of 0 or more"),
     ],
 )
 def test_a_wrong_argument_gives_one_line_and_an_exit_code(words: tuple[str, ...], message: str) -> None:
@@ -43,9 +51,11 @@ def test_a_wrong_argument_gives_one_line_and_an_exit_code(words: tuple[str, ...]
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_a_plant_that_does_not_exist_is_told_with_those_that_do() -> None:
+def test_a_plant_that_does_not_exist_is_named_with_those_that_do() -> None:
     done = run("--ip", new_address(), "--plant", "nowhere/Plant")
-    assert done.returncode == 1 and "pybullet_ros_control/PyBulletPlant" in done.stderr and "Traceback" not in done.stderr
+    assert (
+        done.returncode == 1 and "pybullet_ros_control/PyBulletPlant" in done.stderr and "Traceback" not in done.stderr
+    )
 
 
 def test_two_robots_on_two_addresses_live_beside_each_other_and_a_third_on_the_same_is_refused() -> None:
@@ -61,7 +71,7 @@ def test_two_robots_on_two_addresses_live_beside_each_other_and_a_third_on_the_s
 def test_a_signal_ends_it_at_once(number: signal.Signals, moving: bool) -> None:
     with control_box("--constant") as (ip, process), Peer(ip) as peer:
         if moving:
-            peer.answer(peer.move())
+            peer.response(peer.move())
             peer.until_moving()
             peer.send(command())
         process.send_signal(number)

@@ -1,7 +1,5 @@
 """Garbage on each port: the box neither ends nor hangs, and serves the next client."""
 
-from __future__ import annotations
-
 import random
 import select
 import struct
@@ -67,10 +65,14 @@ def throw(ip: str, version: int, port: int, garbage: Garbage, n: int) -> None:
     peer: Peer | None = None
     for k in range(n):
         if peer is None:
-            peer = connected(ip, version, port) if garbage.random.random() < 0.5 else Peer(ip, version, port, connect=False)
+            peer = (
+                connected(ip, version, port)
+                if garbage.random.random() < 0.5
+                else Peer(ip, version, port, connect=False)
+            )
         try:
             peer.tcp.sendall(garbage.message())
-            select.select([peer.tcp], [], [], 5e-4)  # mostly an answer, or the end of the connection
+            select.select([peer.tcp], [], [], 5e-4)  # mostly a response, or the end of the connection
             peer.tcp.setblocking(False)
             with suppress(BlockingIOError):
                 while received := peer.tcp.recv(65536):
@@ -91,12 +93,12 @@ def check_usable(ip: str, version: int) -> None:
     """A client gets states, a motion, and the hand."""
     with connected(ip, version, ARM) as peer:
         assert len(peer.state()) == PROTOCOLS[version].state.size
-        assert peer.ask(RECOVERY[version]) == b"\x00"
+        assert peer.exchange(RECOVERY[version]) == b"\x00"
         motion = peer.move()
-        assert peer.answer(motion) == b"\x01"
+        assert peer.response(motion) == b"\x01"
         peer.until_moving()
         peer.finish()
-        assert peer.answer(motion) == b"\x00"
+        assert peer.response(motion) == b"\x00"
     with connected(ip, 3, HAND) as hand:
         assert len(hand.udp.recv(100)) == 23
 
@@ -109,7 +111,10 @@ def check_alive(process: subprocess.Popen[str]) -> None:
 @pytest.mark.parametrize("version", [5, 10])
 def test_garbage_on_the_port_of_the_arm(version: int, n: int) -> None:
     sizes = {number: row.payload.size for number, row in PROTOCOLS[version].requests.items()}
-    with control_box("--robot", "panda" if version == 5 else "fr3", "--real-time-factor", "0", "--no-collision") as (ip, process):
+    with control_box("--robot", "panda" if version == 5 else "fr3", "--real-time-factor", "0", "--no-collision") as (
+        ip,
+        process,
+    ):
         throw(ip, version, ARM, Garbage(sizes, struct.Struct("<III"), version), n)
         check_alive(process)
         check_usable(ip, version)
@@ -129,12 +134,15 @@ def test_garbage_on_the_port_of_the_hand(n: int) -> None:
 def test_garbage_in_place_of_commands(version: int, n: int) -> None:
     codec = PROTOCOLS[version].command
     garbage = Garbage({0: codec.size}, struct.Struct("<III"), 7)
-    with control_box("--robot", "panda" if version == 5 else "fr3", "--real-time-factor", "0", "--no-collision") as (ip, process):
+    with control_box("--robot", "panda" if version == 5 else "fr3", "--real-time-factor", "0", "--no-collision") as (
+        ip,
+        process,
+    ):
         with connected(ip, version, ARM) as peer:
             for _ in range(n // 3):
                 moving = peer.modes(peer.newest_state())[2] == 2
                 if not moving:
-                    peer.ask(RECOVERY[version])
+                    peer.exchange(RECOVERY[version])
                     peer.move(*garbage.random.choice([(2, 0), (2, 1), (0, 0), (0, 1), (0, 2), (1, 3)]))
                 good = codec.encode(peer.message_id, command(garbage.random.gauss(0.0, 1.0)))
                 for datagram in (

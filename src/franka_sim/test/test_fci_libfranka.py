@@ -1,6 +1,5 @@
-"""The unmodified clients, panda-python (libfranka 0.9.2) and pylibfranka (0.21), to a server without an arm: states, errors, control loop, hand."""
-
-from __future__ import annotations
+"""The unmodified clients, panda-python (libfranka 0.9.2) and pylibfranka (0.21), to a server without an arm: states,
+errors, control loop, hand."""
 
 import json
 import subprocess
@@ -106,7 +105,7 @@ try:
     print(hand.move(0.5, 0.1))
 except Exception as error:
     print(type(error).__name__)
-"""
+"""  # noqa: E501
 
 
 @contextmanager
@@ -154,7 +153,10 @@ def test_libfranka_names_the_versions_when_they_differ() -> None:
 
 
 def test_libfranka_says_that_a_second_client_is_turned_away() -> None:
-    with control_box("--constant") as (ip, _), subprocess.Popen([sys.executable, "-c", CONNECT + "time.sleep(30)", ip, "5"]) as first:
+    with (
+        control_box("--constant") as (ip, _),
+        subprocess.Popen([sys.executable, "-c", CONNECT + "time.sleep(30)", ip, "5"]) as first,
+    ):
         try:
             time.sleep(1.0)
             with pytest.raises(AssertionError, match=r"TCP|connection"):

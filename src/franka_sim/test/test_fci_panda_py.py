@@ -1,6 +1,5 @@
-"""panda-python's own calls, unchanged, on the emulated arm: motions, controllers in C++, contexts, errors, logging, model, hand."""
-
-from __future__ import annotations
+"""panda-python's own calls, unchanged, on the emulated arm: motions, controllers in C++, contexts, errors, logging,
+model, hand."""
 
 import json
 import subprocess
@@ -24,19 +23,24 @@ def address() -> Iterator[str]:
 
 def run(address: str, name: str) -> dict[str, Any]:
     """One of the user's programs in a process of its own; what it found."""
-    done = subprocess.run([sys.executable, str(USER), address, name], capture_output=True, text=True, timeout=60.0, check=False)
+    done = subprocess.run(
+        [sys.executable, str(USER), address, name], capture_output=True, text=True, timeout=60.0, check=False
+    )
     assert done.returncode == 0, f"the user's program failed:\n{done.stdout}\n{done.stderr}"
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return found
 
 
-def test_joint_motions_end_where_they_were_asked_to(address: str) -> None:
+def test_joint_motions_end_where_requested(address: str) -> None:
     for name, (success, distance) in run(address, "joint_motions").items():
-        assert success and distance < 1e-3, name  # panda-python ends at 1e-3 rad/s, so a little on the way; 3e-4 rad measured
+        assert success and distance < 1e-3, (
+            name
+        )  # panda-python ends at 1e-3 rad/s, so a little on the way; 3e-4 rad measured
 
 
 def test_pose_motions_end_within_panda_pythons_own_threshold_and_exactly_without_its_null_space(address: str) -> None:
-    # The usual gains end 7 mm and 0.08 rad off their goal: see the next test for why it is panda-python and not the box.
+    # The usual gains end 7 mm and 0.08 rad off their goal: see the next test for why it is panda-python and not the
+    # box.
     found = run(address, "pose_motions")
     assert all(success for success, _, _ in found.values())
     distances, angles = ({name: values[k] for name, values in found.items()} for k in (1, 2))
@@ -47,8 +51,9 @@ def test_pose_motions_end_within_panda_pythons_own_threshold_and_exactly_without
 
 
 def test_where_panda_pythons_impedance_rests_its_own_law_is_in_balance(address: str) -> None:
-    # Its null space projection I - J' (J')^+ takes a damped pseudoinverse, s / (s^2 + 0.2^2), so a part of the pull towards the start position works
-    # against the spring at the end effector. The arm rests where both are equal: the box applied the torques that it was sent and no others.
+    # Its null space projection I - J' (J')^+ takes a damped pseudoinverse, s / (s^2 + 0.2^2), so a part of the pull
+    # towards the start position works against the spring at the end effector. The arm rests where both are equal: the
+    # box applied the torques that it was sent and no others.
     found = run(address, "resting_pose")
     J, pose, goal = np.array(found["jacobian"]).reshape(7, 6).T, np.array(found["pose"]), np.array(found["goal"])
     spring = J.T @ -(np.diag([800.0] * 3 + [40.0] * 3) @ pose_error(pose, goal))
@@ -67,7 +72,7 @@ def pose_error(pose: Any, goal: Any) -> Any:
     return np.concatenate([(pose - goal)[:3, 3], vector])
 
 
-def test_joint_controllers_bring_the_arm_to_their_set_points(address: str) -> None:
+def test_joint_controllers_bring_the_arm_to_their_setpoints(address: str) -> None:
     found = run(address, "joint_controllers")
     assert found["position"] < 1e-4 and not found["moving"]
     assert found["integral"] == pytest.approx([0.0, 0.0, 0.0, 0.2, 0.0, 0.0, -0.2], abs=0.01)

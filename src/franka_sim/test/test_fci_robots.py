@@ -1,7 +1,5 @@
 """The descriptions of the two robots."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,7 +11,7 @@ from franka_sim.fci.robots import ROBOTS, fr3_limits, fr3_served_urdf, fr3_urdf
 from franka_sim.settings import Q_START
 
 
-def test_the_served_fr3_has_what_libfranka_asks_of_it() -> None:
+def test_the_served_fr3_has_what_libfranka_needs_of_it() -> None:
     root = ElementTree.fromstring(fr3_served_urdf())
     assert root.get("name") == "fr3"
     joints = {joint.get("name"): joint for joint in root.iterfind("joint")}
@@ -23,7 +21,9 @@ def test_the_served_fr3_has_what_libfranka_asks_of_it() -> None:
         assert limit is not None and {"lower", "upper", "velocity"} <= set(limit.attrib)
         assert bound is not None and {"velocity_offset", "deceleration_limit"} <= set(bound.attrib)
     links = [link.get("name") for link in root.iterfind("link")]
-    assert "link8" in links and not any(name is None or "hand" in name or "finger" in name or name.startswith("fr3") for name in links)
+    assert "link8" in links and not any(
+        name is None or "hand" in name or "finger" in name or name.startswith("fr3") for name in links
+    )
     assert not root.findall("transmission") and not root.findall("gazebo")
 
 

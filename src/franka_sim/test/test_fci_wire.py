@@ -1,7 +1,5 @@
 """Bytes: each field at the place where libfranka looks for it."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest
@@ -9,9 +7,9 @@ from fci_peer import command
 
 from franka_hw_interface.robot_state import ERROR_NAMES, RobotMode
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, Outcome
-from franka_sim.fci.commands_v5 import PROTOCOL as V5
-from franka_sim.fci.commands_v10 import PROTOCOL as V10
 from franka_sim.fci.device import DeviceState
+from franka_sim.fci.protocol import PROTOCOL_5 as V5
+from franka_sim.fci.protocol import PROTOCOL_10 as V10
 from franka_sim.fci.protocol import Protocol, Request
 from franka_sim.fci.wire import WIRE_ERRORS, error_bytes
 
@@ -82,7 +80,11 @@ def test_each_field_stands_at_the_place_of_the_public_headers(protocol: Protocol
 @pytest.mark.parametrize("protocol, size, at", [(V5, 2373, 2280), (V10, 1377, 1288)])
 def test_modes_errors_and_success_rate_close_the_state(protocol: Protocol, size: int, at: int) -> None:
     state = DeviceState()
-    state.controller_mode, state.generator_mode, state.robot_mode = ControllerMode.EXTERNAL, GeneratorMode.CARTESIAN_POSITION, RobotMode.REFLEX
+    state.controller_mode, state.generator_mode, state.robot_mode = (
+        ControllerMode.EXTERNAL,
+        GeneratorMode.CARTESIAN_POSITION,
+        RobotMode.REFLEX,
+    )
     state.current_errors, state.last_motion_errors = frozenset({WIRE_ERRORS[0]}), frozenset({WIRE_ERRORS[40]})
     state.control_command_success_rate = 0.5
     datagram = protocol.state.encode(1, state)
@@ -120,7 +122,9 @@ def test_a_command_comes_out_as_it_went_in(protocol: Protocol, size: int) -> Non
     )
     datagram = protocol.command.encode(9, sent)
     assert len(datagram) == protocol.command.size == size
-    assert struct.unpack_from("<7d", datagram, 8) == tuple(range(7)) and struct.unpack_from("<7d", datagram, 314) == tuple(range(38, 45))
+    assert struct.unpack_from("<7d", datagram, 8) == tuple(range(7)) and struct.unpack_from(
+        "<7d", datagram, 314
+    ) == tuple(range(38, 45))
     assert protocol.command.decode(datagram) == (9, sent)
 
 

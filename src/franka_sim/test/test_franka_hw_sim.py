@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import logging
 
 import numpy as np
@@ -11,8 +9,13 @@ from franka_hw_interface.robot_state import RobotMode
 from franka_msgs.srv import SetEEFrameRequest, SetKFrameRequest, SetLoadRequest
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_control import plugins
-from hric_control.errors import HricError, ParameterError, UnknownNameError
-from hric_control.hardware_interface import EffortJointInterface, JointStateInterface, PositionJointInterface, VelocityJointInterface
+from hric_control.errors import DescriptionError, HricError, ParameterError, UnknownNameError
+from hric_control.hardware_interface import (
+    EffortJointInterface,
+    JointStateInterface,
+    PositionJointInterface,
+    VelocityJointInterface,
+)
 
 YAW_45 = np.array([[0.0, -1, 0, 0.01], [1, 0, 0, 0.02], [0, 0, 1, 0.03], [0, 0, 0, 1]])
 
@@ -31,7 +34,7 @@ def test_it_offers_state_model_and_the_three_joint_interfaces(make_arm) -> None:
     assert hw.compensates_gravity
 
 
-def test_the_state_is_read_each_cycle_and_the_rest_computed_when_asked(make_arm) -> None:
+def test_the_state_is_read_each_cycle_and_the_rest_computed_when_read(make_arm) -> None:
     arm = make_arm()
     hw, state = arm.hw, arm.hw.get(FrankaStateInterface).handle("panda_robot").robot_state
     arm.run(0.01)
@@ -76,14 +79,16 @@ def test_gravity_in_the_base_frame_follows_the_mounting(make_arm) -> None:
     assert np.allclose(state.O_ddP_O, [0, 0, 9.81])
 
 
-# -- what the arm is told --------------------------------------------------------------------------------------------------------------------
+# -- settings of the arm ----------------------------------------------------------------------------------------------
 
 
-def test_a_load_that_is_told_changes_gravity_and_state_but_not_the_plant(make_arm) -> None:
+def test_a_load_that_is_set_changes_gravity_and_state_but_not_the_plant(make_arm) -> None:
     arm = make_arm()
     hw = arm.hw
     before, mass = hw.model.gravity_list(hw.q_start), hw.plant.mass_matrix()
-    response = arm.node.call("franka_control/set_load", SetLoadRequest(1.5, [0.0, 0.0, 0.1], [0.01, 0, 0, 0, 0.01, 0, 0, 0, 0.01]))
+    response = arm.node.call(
+        "franka_control/set_load", SetLoadRequest(1.5, [0.0, 0.0, 0.1], [0.01, 0, 0, 0, 0.01, 0, 0, 0, 0.01])
+    )
     assert (response.success, response.error) == (True, "")
     assert abs(hw.model.gravity_list(hw.q_start)[3] - before[3]) > 1.0
     state = hw.robot_state
@@ -108,7 +113,7 @@ def test_a_load_that_is_none_is_refused_with_the_reason(make_arm, request_, said
     assert arm.hw.robot_state.m_load == 0.0
 
 
-def test_frames_that_are_told_move_end_effector_and_stiffness_frame(make_arm) -> None:
+def test_frames_that_are_set_move_end_effector_and_stiffness_frame(make_arm) -> None:
     arm = make_arm()
     hw, state = arm.hw, arm.hw.robot_state
     values = YAW_45.T.ravel().tolist()
@@ -124,13 +129,16 @@ def test_frames_that_are_told_move_end_effector_and_stiffness_frame(make_arm) ->
 
 def test_a_frame_that_is_none_is_refused_with_the_reason(make_arm) -> None:
     arm = make_arm()
-    for service, request in (("set_EE_frame", SetEEFrameRequest([1.0] * 16)), ("set_K_frame", SetKFrameRequest([0.0] * 16))):
+    for service, request in (
+        ("set_EE_frame", SetEEFrameRequest([1.0] * 16)),
+        ("set_K_frame", SetKFrameRequest([0.0] * 16)),
+    ):
         response = arm.node.call(f"franka_control/{service}", request)
         assert not response.success
         assert "last row" in response.error
 
 
-# -- parameters ------------------------------------------------------------------------------------------------------------------------------
+# -- parameters --------------------------------------------------------------------------------------------------------
 
 
 def test_q_start_is_a_list_or_names_some_joints(make_arm) -> None:
@@ -155,17 +163,34 @@ def test_a_start_outside_the_range_is_allowed_and_said_once(make_arm, caplog) ->
     ("parameters", "error", "said"),
     [
         ({"arm_id": "right"}, ParameterError, r"/arm_id is 'right', but no link 'right_link0'.*panda_link0"),
-        ({"arm_id": ""}, ParameterError, "non-empty string"),
-        ({"q_start": [0.0] * 6}, ParameterError, "/q_start must be a list of 7 finite numbers"),
+        ({"arm_id": ""}, ParameterError, "/arm_id is ''; valid: a text that is not empty"),
+        ({"q_start": [0.0] * 6}, ParameterError, "/q_start is .*; valid: 7 values, for panda_joint1"),
         ({"q_start": {"joint1": 0.0}}, UnknownNameError, r"no joint 'joint1' in /q_start; valid: panda_joint1"),
-        ({"plant": 3}, ParameterError, "/plant must be a set of parameters"),
-        ({"plant": {"rotor": 1}}, HricError, "unknown parameter rotor"),
+        ({"plant": 3}, ParameterError, "/plant is 3; valid: a mapping"),
+        ({"plant": {"rotor": 1}}, HricError, "no parameter 'rotor' in plant"),
         ({"plant_type": "nowhere/Plant"}, UnknownNameError, "pybullet_ros_control/PyBulletPlant"),
-        ({"enforce_limits": ["torque"]}, ParameterError, "true, false or a list of position"),
+        (
+            {"enforce_limits": ["torque"]},
+            ParameterError,
+            r"/enforce_limits\[0\] is 'torque'; valid: position, velocity",
+        ),
         ({"real_time_factor": -1.0}, HricError, "real_time_factor"),
-        ({"internal_impedance": {"stiffness": [1.0]}}, ParameterError, "internal_impedance/stiffness must be a list of 7"),
-        ({"internal_impedance": {"damping": [1.0] * 7}}, ParameterError, "internal_impedance holds `stiffness`, 7 numbers .* and nothing else"),
-        ({"robot_description": "<robot/>"}, ParameterError, "no link 'panda_link0'"),
+        (
+            {"internal_impedance": {"stiffness": [1.0]}},
+            ParameterError,
+            r"internal_impedance/stiffness is \[1.0\]; valid: a list of 7 finite numbers",
+        ),
+        (
+            {"internal_impedance": {"damping": [1.0] * 7}},
+            ParameterError,
+            "no parameter 'damping' in /internal_impedance; valid: stiffness",
+        ),
+        (
+            {"robot_description": "<robot name='table'><link name='plate'/></robot>"},
+            ParameterError,
+            "/arm_id is 'panda', but no link 'panda_link0' in robot table; valid: plate",
+        ),
+        ({"robot_description": "<robot/>"}, DescriptionError, "the robot description has no <link>"),
     ],
 )
 def test_a_wrong_parameter_is_refused_by_name_with_what_is_valid(make_arm, parameters, error, said) -> None:

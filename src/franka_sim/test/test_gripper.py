@@ -80,7 +80,9 @@ def test_a_grasp_of_an_object_of_the_expected_width_holds_it_with_the_force():
     assert (hand.width, hand.is_grasped, hand.force, motion.outcome) == (0.032, True, 20.0, HandOutcome.SUCCESS)
 
 
-@pytest.mark.parametrize(("object_width", "hit"), [(0.0249, False), (0.0251, True), (0.0349, True), (0.0351, False), (None, False)])
+@pytest.mark.parametrize(
+    ("object_width", "hit"), [(0.0249, False), (0.0251, True), (0.0349, True), (0.0351, False), (None, False)]
+)
 def test_a_grasp_hits_between_its_tolerances(object_width, hit):
     hand, motion = closed_on(object_width)
     assert hand.is_grasped is hit

@@ -6,11 +6,10 @@ import pytest
 
 from control_msgs.msg import GripperCommandGoal
 from franka_gripper.msg import GraspGoal, HomingGoal, MoveGoal, StopGoal
-from franka_hw_interface.gripper_actions import GripperActions
-from franka_hw_interface.gripper_settings import read_settings
-from franka_sim.gripper_object import emulated_hand
+from franka_hw_interface.gripper_actions import GripperActions, GripperSettings
+from franka_sim.gripper import emulated_hand
 from hric_control.errors import HricError
-from hric_control.local_node import LocalNode
+from hric_control.local.node import LocalNode
 
 DT = 0.01
 
@@ -25,7 +24,7 @@ class Bench:
         self.messages = {}
         self.node.tap(lambda topic, message, time: self.messages.setdefault(topic, []).append((time, message)))
         self.hand, self.close = emulated_hand(self.node)
-        self.actions = GripperActions(self.node, self.hand, read_settings(self.node))
+        self.actions = GripperActions(self.node, self.hand, GripperSettings.read(self.node))
 
     def run(self, *goals, seconds=10.0):
         for _ in range(round(seconds / DT)):
@@ -81,7 +80,7 @@ def test_a_grasp_that_misses_succeeds_as_an_action_with_success_false_as_in_fran
     goal = bench.grasp()
     bench.run(goal)
     assert outcome(goal) == ("SUCCEEDED", False)
-    assert "the fingers stand at" in goal.result.error
+    assert "the fingers are at" in goal.result.error
 
 
 def test_homing_and_stop_succeed():
@@ -146,7 +145,7 @@ def test_a_goal_that_the_hand_refuses_replaces_nothing():
     assert (outcome(move), outcome(bad)) == (("SUCCEEDED", True), ("ABORTED", False))
 
 
-def test_gripper_action_takes_the_position_of_one_finger_and_answers_the_opening():
+def test_gripper_action_takes_the_position_of_one_finger_and_returns_the_opening():
     bench = Bench()
     bench.run(bench.move(0.0))
     goal = bench.command(0.03)
@@ -207,7 +206,7 @@ def test_joint_states_carry_half_the_opening_for_each_finger_at_the_rate():
     assert message.header.stamp.to_sec() == pytest.approx(time)
 
 
-def test_the_robots_joint_states_get_the_fingers_where_asked_for():
+def test_the_robots_joint_states_get_the_fingers_where_requested():
     bench = Bench(robot_joint_states="/joint_states")
     bench.run(seconds=1.0)
     own, robots = bench.messages["/franka_gripper/joint_states"], bench.messages["/joint_states"]
@@ -241,7 +240,7 @@ def test_shutdown_stops_the_fingers_ends_the_goals_and_takes_all_back():
         ({"publish_rate": 0}, "/franka_gripper/publish_rate is 0; valid: a finite number above 0"),
         ({"default_speed": "fast"}, "default_speed is 'fast'"),
         ({"default_grasp_epsilon": {"inner": -0.1}}, "default_grasp_epsilon/inner is -0.1"),
-        ({"joint_names": ["one"]}, "joint_names is ['one']; valid: the names of the two finger joints"),
+        ({"joint_names": ["one"]}, "joint_names is ['one']; valid: a list of 2 names"),
         ({"arm_id": ""}, "arm_id is ''"),
         ({"robot_joint_states": 5}, "robot_joint_states is 5; valid: a topic"),
     ],

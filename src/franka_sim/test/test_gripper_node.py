@@ -12,11 +12,20 @@ import pytest
 from actionlib_msgs.msg import GoalStatus
 
 from control_msgs.msg import GripperCommandAction, GripperCommandGoal
-from franka_gripper.msg import GraspAction, GraspGoal, HomingAction, HomingGoal, MoveAction, MoveGoal, StopAction, StopGoal
+from franka_gripper.msg import (
+    GraspAction,
+    GraspGoal,
+    HomingAction,
+    HomingGoal,
+    MoveAction,
+    MoveGoal,
+    StopAction,
+    StopGoal,
+)
 from hric_control.testing import ros, roscore
 
 __all__ = ["ros", "roscore"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 NODE = Path(__file__).parents[1] / "nodes" / "franka_gripper"
 LIMIT = 30.0
 
@@ -25,7 +34,11 @@ class Node:
     def __init__(self, *arguments):
         environment = os.environ | {"ROS_NAMESPACE": "/grip"}
         self.process = subprocess.Popen(
-            [sys.executable, str(NODE), *arguments], env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+            [sys.executable, str(NODE), *arguments],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
         )
 
     def client(self, name, kind):
@@ -100,11 +113,15 @@ def test_all_that_the_node_offers_stands_on_the_page_and_the_page_promises_no_mo
     node.client("gripper_action", GripperCommandAction)
     page = (Path(__file__).parents[2] / "franka_gripper" / "INTERFACE.md").read_text()
     tables = page[page.index("## Actions") : page.index("## Parameters")].splitlines()
-    wanted = {line.split("|")[1].strip(" `").removeprefix("franka_gripper/") for line in tables if line.startswith("| `")}
+    wanted = {
+        line.split("|")[1].strip(" `").removeprefix("franka_gripper/") for line in tables if line.startswith("| `")
+    }
     publishers, _, services = rosgraph.Master("/page").getSystemState()
     base = "/grip/franka_gripper/"
     topics = {name.removeprefix(base) for name, _ in publishers if name.startswith(base)}
-    offered = {name.removesuffix("/status") for name in topics if name.endswith("/status")} | {name for name in topics if "/" not in name}
+    offered = {name.removesuffix("/status") for name in topics if name.endswith("/status")} | {
+        name for name in topics if "/" not in name
+    }
     offered |= {name.removeprefix(base) for name, _ in services if name.startswith(base)}
     assert offered - {"get_loggers", "set_logger_level"} == wanted
 
@@ -126,7 +143,9 @@ def test_stop_and_cancel_end_a_motion(node):
     assert move.get_state() == GoalStatus.PREEMPTED
 
 
-@pytest.mark.parametrize("action", ["homing", "gripper_action"])  # the first and the last that it offers: while it starts, and when it is up
+@pytest.mark.parametrize(
+    "action", ["homing", "gripper_action"]
+)  # the first and the last that it offers: while it starts, and when it is up
 def test_it_ends_on_ctrl_c_without_a_traceback(node, action):
     node.client(action, HomingAction if action == "homing" else GripperCommandAction)
     node.client("move", MoveAction).send_goal(MoveGoal(width=0.0, speed=0.001))

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import hashlib
 import struct
 import subprocess
@@ -45,7 +43,7 @@ def test_zero_command_holds(make_arm, claim, case) -> None:
     assert drift(make_arm(**CASES[case]), claim, 3.0) < 1e-6
 
 
-def test_zero_command_holds_for_60_s_with_a_payload_that_was_told(make_arm, claim) -> None:
+def test_zero_command_holds_for_60_s_with_a_payload_that_was_set(make_arm, claim) -> None:
     arm = make_arm()
     arm.hw.plant.set_load(PAYLOAD, "panda_link8")
     tell(arm, PAYLOAD)
@@ -78,7 +76,7 @@ def equilibrium(q_d: np.ndarray, kp: float, load: Load) -> np.ndarray:
     return q
 
 
-def test_with_a_payload_that_was_not_told_a_pd_law_sags_to_the_analytic_equilibrium(make_arm, claim) -> None:
+def test_with_a_payload_that_was_not_set_a_pd_law_sags_to_the_analytic_equilibrium(make_arm, claim) -> None:
     arm, kp, kd = make_arm(parameters={"settings_while_moving": True}), 200.0, 60.0
     hw = arm.hw
     hw.plant.set_load(PAYLOAD, "panda_link8")
@@ -86,7 +84,9 @@ def test_with_a_payload_that_was_not_told_a_pd_law_sags_to_the_analytic_equilibr
     q_d, joints = hw.q_start, hw.get(EffortJointInterface).group()
 
     def law(time: float) -> None:
-        joints.set_command([kp * (a - q) - kd * dq for a, q, dq in zip(q_d, hw.states.position, hw.states.velocity, strict=True)])
+        joints.set_command(
+            [kp * (a - q) - kd * dq for a, q, dq in zip(q_d, hw.states.position, hw.states.velocity, strict=True)]
+        )
 
     arm.run(8.0, law)
     expected = equilibrium(np.array(q_d), kp, PAYLOAD)
@@ -120,7 +120,10 @@ def test_two_processes_give_the_same_bits() -> None:
     from pathlib import Path
 
     command = [sys.executable, "-c", RUN, str(Path(__file__).parent)]
-    first, second = (subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.split()[-1] for _ in range(2))
+    first, second = (
+        subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.split()[-1]
+        for _ in range(2)
+    )
     assert len(first) == 64
     assert first == second
 

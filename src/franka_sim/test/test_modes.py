@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import logging
 
 import numpy as np
@@ -8,17 +6,21 @@ import pytest
 from franka_hw_interface.modes import HOLD, Kind, Mode
 from franka_hw_interface.robot_state import RobotMode
 from hric_control.controller import Controller
-from hric_control.controller_manager import ControllerManager
 from hric_control.errors import HricError, ResourceConflictError
 from hric_control.hardware_interface import EffortJointInterface, PositionJointInterface, VelocityJointInterface
+from hric_control.manager.controller_manager import ControllerManager
 
 
 class Law(Controller):
     """Claims what its parameters say, writes a constant command."""
 
     def init(self, robot_hw, root_node, controller_node) -> None:
-        interface = {cls.__name__: cls for cls in (EffortJointInterface, VelocityJointInterface, PositionJointInterface)}
-        self.joints = robot_hw.get(interface[controller_node.param("interface")]).group(controller_node.param("joints", None))
+        interface = {
+            cls.__name__: cls for cls in (EffortJointInterface, VelocityJointInterface, PositionJointInterface)
+        }
+        self.joints = robot_hw.get(interface[controller_node.param("interface")]).group(
+            controller_node.param("joints", None)
+        )
         self.command = controller_node.param("command", None)
         self.fail_at = controller_node.param("fail_at", 1e9)
         self.starts = 0
@@ -63,7 +65,9 @@ def managed(make_arm):
 
 
 TORQUE = Mode(torque=True)
-EFFORT, VELOCITY, POSITION = ({"interface": cls.__name__} for cls in (EffortJointInterface, VelocityJointInterface, PositionJointInterface))
+EFFORT, VELOCITY, POSITION = (
+    {"interface": cls.__name__} for cls in (EffortJointInterface, VelocityJointInterface, PositionJointInterface)
+)
 PARTIAL = {**EFFORT, "joints": ["panda_joint1", "panda_joint2"]}
 
 
@@ -82,7 +86,9 @@ def test_a_second_commander_is_refused_with_both_names(managed) -> None:
 
 def test_a_claim_of_some_joints_only_is_refused_with_the_missing_ones(managed) -> None:
     arm, manager = managed({"part": PARTIAL})
-    with pytest.raises(HricError, match=r"part claims 2 of the arm's 7 joints; .*missing panda_joint3, panda_joint4, .*panda_joint7"):
+    with pytest.raises(
+        HricError, match=r"part claims 2 of the arm's 7 joints; .*missing panda_joint3, panda_joint4, .*panda_joint7"
+    ):
         manager.switch(["part"], [])
     arm.run(0.002)
     assert arm.hw.mode is HOLD
@@ -92,7 +98,9 @@ def test_one_controller_with_two_motion_generators_is_refused(make_arm, claim) -
     hw = make_arm().hw
     both = claim(VelocityJointInterface)
     both.claims.update(claim(PositionJointInterface).claims)
-    with pytest.raises(HricError, match="law claims position and velocity; the arm takes one motion generator at a time"):
+    with pytest.raises(
+        HricError, match="law claims position and velocity; the arm takes one motion generator at a time"
+    ):
         hw.prepare_switch([both], [])
 
 
@@ -180,7 +188,9 @@ def test_a_velocity_command_moves_the_arm_by_its_integral(managed) -> None:
     assert np.abs(np.array(arm.hw.states.position) - before - [0.3, 0, 0, 0.1, 0, 0, -0.2]).max() < 2e-3
 
 
-def test_a_motion_against_an_obstacle_ends_in_a_collision_reflex_and_begins_anew_after_the_recovery(managed, claim) -> None:
+def test_a_motion_against_an_obstacle_ends_in_a_collision_reflex_and_begins_anew_after_the_recovery(
+    managed, claim
+) -> None:
     arm, manager = managed({"turn": {**VELOCITY, "command": [0.5] + [0.0] * 6}})
     hw, law = arm.hw, manager._loaded["turn"].controller
     manager.switch(["turn"], [])
@@ -228,7 +238,9 @@ def test_a_torque_step_that_nothing_limits_is_a_reflex_by_name(managed) -> None:
 
 
 def test_without_reflexes_the_arm_limits_what_it_can(managed) -> None:
-    arm, manager = managed({"push": {**EFFORT, "command": [20.0, 0, 0, 0, 0, 0, 0]}}, {"enforce_limits": False, "reflexes": False})
+    arm, manager = managed(
+        {"push": {**EFFORT, "command": [20.0, 0, 0, 0, 0, 0, 0]}}, {"enforce_limits": False, "reflexes": False}
+    )
     manager.switch(["push"], [])
     arm.run(0.003)
     assert arm.hw.log_row()[2][0] == 20.0
@@ -264,7 +276,9 @@ def test_set_configuration_moves_the_hold_with_it(make_arm) -> None:
 
 
 def test_limits_count_over_all_interfaces(managed) -> None:
-    arm, manager = managed({"fast": {**VELOCITY, "command": [5.0, 0, 0, 0, 0, 0, 0]}, "push": {**EFFORT, "command": [200.0] + [0.0] * 6}})
+    arm, manager = managed(
+        {"fast": {**VELOCITY, "command": [5.0, 0, 0, 0, 0, 0, 0]}, "push": {**EFFORT, "command": [200.0] + [0.0] * 6}}
+    )
     manager.switch(["push"], [])
     arm.run(0.01)
     manager.switch(["fast"], ["push"])

@@ -1,7 +1,5 @@
 """Cartesian generators: what they write, and which errors they name. Poses are checked with pinocchio."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -13,8 +11,8 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import RobotState
+from franka_sim.box.kinematics import moved, twist_between
 from franka_sim.box.motion import MotionGenerator, make_generator
-from franka_sim.box.pose_lists import moved, twist_between
 from franka_sim.box.requests import GeneratorMode, MotionCommand
 
 READY = [0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4]
@@ -50,7 +48,9 @@ def started(kind: GeneratorMode, model: KdlFrankaModel, q: list[float] = READY) 
 
 
 def command(**fields: Any) -> MotionCommand:
-    return MotionCommand(**({"q": REST, "dq": REST, "O_T_EE": [0.0] * 16, "O_dP_EE": STILL, "elbow": None, "tau": REST} | fields))
+    return MotionCommand(
+        **({"q": REST, "dq": REST, "O_T_EE": [0.0] * 16, "O_dP_EE": STILL, "elbow": None, "tau": REST} | fields)
+    )
 
 
 def only(index: int, value: float, base: list[float] = STILL) -> list[float]:
@@ -89,7 +89,9 @@ def test_the_joints_follow_a_path_and_each_field_says_what_was_commanded(model) 
     start, last_q = state.O_T_EE_c[:], READY
     last, last_twist = start, np.zeros(6)
     for step in range(1, 800):
-        T = moved(only(12, 0.1 * swing(step * DT, 0.8), start), [0.0, 0.0, 0.0, 0.0, 0.3 * swing(step * DT, 0.8), 0.0], 1.0)
+        T = moved(
+            only(12, 0.1 * swing(step * DT, 0.8), start), [0.0, 0.0, 0.0, 0.0, 0.3 * swing(step * DT, 0.8), 0.0], 1.0
+        )
         assert generator.advance(command(O_T_EE=T)) == frozenset()
         np.testing.assert_allclose(model.pose(Frame.END_EFFECTOR, state.q_d).T.ravel(), T, atol=1e-10)
         assert state.O_T_EE_c == T
@@ -99,7 +101,9 @@ def test_the_joints_follow_a_path_and_each_field_says_what_was_commanded(model) 
         np.testing.assert_allclose(state.dq_d, np.subtract(state.q_d, last_q) / DT, atol=1e-9)
         assert state.elbow_c[0] == state.q_d[2]
         last, last_twist, last_q = T, twist, state.q_d[:]
-    np.testing.assert_allclose(model.zero_jacobian(Frame.END_EFFECTOR, state.q_d) @ state.dq_d, state.O_dP_EE_c, atol=1e-3)
+    np.testing.assert_allclose(
+        model.zero_jacobian(Frame.END_EFFECTOR, state.q_d) @ state.dq_d, state.O_dP_EE_c, atol=1e-3
+    )
 
 
 def test_a_commanded_twist_moves_the_pose_by_its_integral(model) -> None:
@@ -147,7 +151,10 @@ def test_translation_and_rotation_have_their_own_limits_of_acceleration_and_jerk
     generator, _ = started(TWIST, model)
     assert generator.advance(command(O_dP_EE=only(index, 1.5 * limit.jerk * DT**2))) == {ACCELERATION_JUMP}
     generator, _ = started(TWIST, model)
-    assert generator.advance(command(O_dP_EE=only(index, 1.5 * limit.acceleration * DT))) == {VELOCITY_JUMP, ACCELERATION_JUMP}
+    assert generator.advance(command(O_dP_EE=only(index, 1.5 * limit.acceleration * DT))) == {
+        VELOCITY_JUMP,
+        ACCELERATION_JUMP,
+    }
     generator, _ = started(TWIST, model)
     assert generator.advance(command(O_dP_EE=only(index, 1.1 * limit.velocity))) == {TOO_FAST}
 
@@ -262,7 +269,7 @@ def test_a_path_that_leads_a_joint_out_of_its_range_is_refused(model) -> None:
     assert all(low <= x <= high for low, x, high in zip(LIMITS.lower, state.q_d, LIMITS.upper, strict=True))
 
 
-def test_a_path_to_the_border_of_the_workspace_ends_by_what_it_asks_of_the_joints(model) -> None:
+def test_a_path_to_the_border_of_the_workspace_ends_by_what_it_needs_of_the_joints(model) -> None:
     generator, state = started(TWIST, model)
     errors = run(generator, only(0, 0.2), hold=20000)
     assert errors and errors <= {JOINT_RANGE, JOINT_FAST, JOINT_JUMP}
@@ -279,7 +286,7 @@ def test_a_twist_that_the_end_effector_may_but_a_joint_may_not_is_refused(model)
     assert errors == {JOINT_JUMP}
 
 
-def test_the_end_effector_that_was_told_is_the_one_that_follows(model) -> None:
+def test_the_end_effector_that_was_set_is_the_one_that_follows(model) -> None:
     other = KdlFrankaModel(panda_description.load(meshes=False, collision=False), "panda")
     generator, state = make_generator(TWIST, other, LIMITS), RobotState()
     F_T_EE = np.eye(4)

@@ -1,6 +1,5 @@
-"""The motions that libfranka's examples command from the ready pose pass the box without a rate limiter, and end at rest."""
-
-from __future__ import annotations
+"""The motions that libfranka's examples command from the ready pose pass the box without a rate limiter, and end at
+rest."""
 
 from collections.abc import Callable
 
@@ -75,4 +74,6 @@ def test_the_motion_passes_and_comes_back_to_where_it_began(kind: GeneratorMode,
         furthest = max(furthest, np.abs(np.subtract(state.q_d, READY)).max())
     assert furthest > 0.3
     np.testing.assert_allclose(state.q_d, READY, atol=5e-3)
-    np.testing.assert_allclose(model.pose(Frame.END_EFFECTOR, state.q_d), model.pose(Frame.END_EFFECTOR, READY), atol=2e-3)
+    np.testing.assert_allclose(
+        model.pose(Frame.END_EFFECTOR, state.q_d), model.pose(Frame.END_EFFECTOR, READY), atol=2e-3
+    )

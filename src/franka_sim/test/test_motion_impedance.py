@@ -1,7 +1,5 @@
 """The internal impedances follow q_d and are stable at 1 kHz."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,11 +8,10 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.model import Frame
 from franka_hw_interface.robot_state import RobotState
-from franka_sim.box.internal_impedance import CartesianImpedanceLaw, JointImpedanceLaw
+from franka_sim.box.config import motion_parameters
+from franka_sim.box.internal_impedance import CartesianImpedanceLaw, JointImpedanceLaw, defaults
 from franka_sim.box.motion import make_generator
-from franka_sim.box.motion_parameters import motion_parameters
 from franka_sim.box.requests import GeneratorMode, MotionCommand
-from franka_sim.impedance import defaults
 from hric_control.errors import CommandError
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
@@ -27,7 +24,9 @@ def model() -> KdlFrankaModel:
     return KdlFrankaModel(panda_description.load(meshes=False, collision=False), "panda")
 
 
-def state_at(q: np.ndarray, q_d: np.ndarray, dq: np.ndarray | None = None, dq_d: np.ndarray | None = None) -> RobotState:
+def state_at(
+    q: np.ndarray, q_d: np.ndarray, dq: np.ndarray | None = None, dq_d: np.ndarray | None = None
+) -> RobotState:
     state = RobotState()
     state.q[:], state.q_d[:] = q.tolist(), q_d.tolist()
     state.dq[:] = np.zeros(7).tolist() if dq is None else dq.tolist()
@@ -35,7 +34,9 @@ def state_at(q: np.ndarray, q_d: np.ndarray, dq: np.ndarray | None = None, dq_d:
     return state
 
 
-def gains_by_differences(law: JointImpedanceLaw | CartesianImpedanceLaw, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def gains_by_differences(
+    law: JointImpedanceLaw | CartesianImpedanceLaw, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """-d tau / d q and -d tau / d dq around rest at q."""
     h, one = 1e-5, np.eye(7)
     by_q = [np.subtract(law.torque(state_at(q - h * e, q)), law.torque(state_at(q + h * e, q))) for e in one]
@@ -46,7 +47,11 @@ def gains_by_differences(law: JointImpedanceLaw | CartesianImpedanceLaw, q: np.n
 def radius(M: np.ndarray, K: np.ndarray, D: np.ndarray) -> float:
     """Largest eigenvalue by magnitude of M ddq = -K q - D dq with the torque held over each time step."""
     a, b, one = np.linalg.solve(M, K), np.linalg.solve(M, D), np.eye(7)
-    return float(np.abs(np.linalg.eigvals(np.block([[one - DT**2 / 2 * a, DT * one - DT**2 / 2 * b], [-DT * a, one - DT * b]]))).max())
+    return float(
+        np.abs(
+            np.linalg.eigvals(np.block([[one - DT**2 / 2 * a, DT * one - DT**2 / 2 * b], [-DT * a, one - DT * b]]))
+        ).max()
+    )
 
 
 @pytest.mark.parametrize("law_type", [JointImpedanceLaw, CartesianImpedanceLaw])
@@ -79,7 +84,14 @@ def test_the_joint_law_is_a_spring_and_a_damper_on_each_joint(model) -> None:
 
 def test_the_cartesian_law_gives_the_wrench_of_its_stiffness_in_the_axes_of_the_stiffness_frame(model) -> None:
     a = 0.3
-    T = np.array([[np.cos(a), -np.sin(a), 0.0, 0.02], [np.sin(a), np.cos(a), 0.0, 0.0], [0.0, 0.0, 1.0, 0.05], [0.0, 0.0, 0.0, 1.0]])
+    T = np.array(
+        [
+            [np.cos(a), -np.sin(a), 0.0, 0.02],
+            [np.sin(a), np.cos(a), 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.05],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
     model.set_stiffness_frame(T)
     law = CartesianImpedanceLaw(model, LIMITS, [0.1] * 7, DT)
     law.set_stiffness([1000.0, 500.0, 200.0, 30.0, 20.0, 10.0])
@@ -159,7 +171,7 @@ def test_the_arm_follows_a_generator_with_either_law(model, law_type, kind) -> N
     assert np.abs(q - READY).max() > 0.05
 
 
-def test_a_stiffness_frame_told_later_counts_after_the_frames_are_updated(model) -> None:
+def test_a_stiffness_frame_set_later_counts_after_the_frames_are_updated(model) -> None:
     law, state = CartesianImpedanceLaw(model, LIMITS, [0.1] * 7, DT), state_at(READY, READY + 1e-4)
     before, T = law.torque(state), np.eye(4)
     T[2, 3] = 0.2

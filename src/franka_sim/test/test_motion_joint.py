@@ -1,7 +1,5 @@
 """Joint generators: what they write, and which errors they name."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -12,7 +10,7 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.robot_state import ERROR_NAMES, RobotState
 from franka_sim.box import rate_limits
-from franka_sim.box.motion import MotionGenerator, elbow, factory, make_generator
+from franka_sim.box.motion import MotionGenerator, elbow, make_generator
 from franka_sim.box.motion import cartesian as cartesian_module
 from franka_sim.box.motion import joint as joint_module
 from franka_sim.box.requests import GeneratorMode, MotionCommand
@@ -44,7 +42,9 @@ def started(kind: GeneratorMode, model: KdlFrankaModel, q: list[float] = READY) 
 
 
 def command(**fields: Any) -> MotionCommand:
-    return MotionCommand(**({"q": REST, "dq": REST, "O_T_EE": [0.0] * 16, "O_dP_EE": [0.0] * 6, "elbow": None, "tau": REST} | fields))
+    return MotionCommand(
+        **({"q": REST, "dq": REST, "O_T_EE": [0.0] * 16, "O_dP_EE": [0.0] * 6, "elbow": None, "tau": REST} | fields)
+    )
 
 
 def only(joint: int, value: float, base: list[float] = REST) -> list[float]:
@@ -75,7 +75,7 @@ def test_every_name_that_a_generator_can_give_is_one_of_libfrankas() -> None:
 def test_modes_that_generate_no_motion_have_no_generator(model) -> None:
     for mode in (GeneratorMode.IDLE, GeneratorMode.NONE):
         with pytest.raises(UnknownNameError, match="CARTESIAN_POSITION"):
-            factory.make_generator(mode, model, LIMITS)
+            make_generator(mode, model, LIMITS)
 
 
 @pytest.mark.parametrize("kind", [POSITION, VELOCITY])
@@ -86,7 +86,11 @@ def test_a_motion_starts_at_rest_at_q_d_and_writes_into_the_lists_of_the_state(m
     assert generator.start(state) == frozenset()
     assert (state.q_d, state.dq_d, state.ddq_d) == (READY, REST, REST)
     assert generator.advance(command(q=only(0, 1e-6, READY), dq=only(0, 1e-3))) == frozenset()
-    assert state.q_d[0] == pytest.approx(1e-6) and state.dq_d[0] == pytest.approx(1e-3) and state.ddq_d[0] == pytest.approx(1.0)
+    assert (
+        state.q_d[0] == pytest.approx(1e-6)
+        and state.dq_d[0] == pytest.approx(1e-3)
+        and state.ddq_d[0] == pytest.approx(1.0)
+    )
     assert all(now is before for now, before in zip((state.q_d, state.dq_d, state.ddq_d), lists, strict=True))
 
 
@@ -127,7 +131,10 @@ def test_each_joint_has_its_own_limits(model, joint, sign) -> None:
     generator, _ = started(VELOCITY, model)
     assert generator.advance(command(dq=only(joint, sign * 1.5 * jerk))) == {ACCELERATION_JUMP}
     generator, _ = started(VELOCITY, model)
-    assert generator.advance(command(dq=only(joint, sign * 1.5 * LIMITS.acceleration[joint] * DT))) == {VELOCITY_JUMP, ACCELERATION_JUMP}
+    assert generator.advance(command(dq=only(joint, sign * 1.5 * LIMITS.acceleration[joint] * DT))) == {
+        VELOCITY_JUMP,
+        ACCELERATION_JUMP,
+    }
     middle = ((np.array(LIMITS.lower) + LIMITS.upper) / 2 - sign * 0.4).tolist()
     generator, state = started(VELOCITY, model, middle)
     ramp(generator, joint, sign * LIMITS.velocity[joint], 0.9 * LIMITS.acceleration[joint])

@@ -1,6 +1,5 @@
-"""What libfranka's own rate limiter lets pass must pass the box: the limiter of the unmodified client library is called here."""
-
-from __future__ import annotations
+"""What libfranka's own rate limiter lets pass must pass the box: the limiter of the unmodified client library is called
+here."""
 
 import ctypes
 import importlib.util
@@ -14,8 +13,8 @@ import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.robot_state import RobotState
+from franka_sim.box.kinematics import moved
 from franka_sim.box.motion import MotionGenerator, make_generator
-from franka_sim.box.pose_lists import moved
 from franka_sim.box.requests import GeneratorMode, MotionCommand
 
 READY = [0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4]
@@ -46,11 +45,16 @@ class Limiter:
         self._twist.restype, self._pose.restype, self._elbow.restype = Array[6], Array[16], ctypes.c_double
         self._joint = [array(x) for x in (CLIENT.velocity, CLIENT.acceleration, CLIENT.jerk)]
         limits = (CLIENT.translation, CLIENT.rotation)
-        self._cartesian = [ctypes.c_double(x) for limit in limits for x in (limit.velocity, limit.acceleration, limit.jerk)]
+        self._cartesian = [
+            ctypes.c_double(x) for limit in limits for x in (limit.velocity, limit.acceleration, limit.jerk)
+        ]
 
     @staticmethod
     def _call(function: Any, first: list[Any], *values: list[float]) -> list[float]:
-        result = function(*[x if isinstance(x, ctypes.c_double) else ctypes.byref(x) for x in first], *[ctypes.byref(array(x)) for x in values])
+        result = function(
+            *[x if isinstance(x, ctypes.c_double) else ctypes.byref(x) for x in first],
+            *[ctypes.byref(array(x)) for x in values],
+        )
         return list(result.values)
 
     def velocity(self, dq: list[float], state: RobotState) -> list[float]:
@@ -67,7 +71,15 @@ class Limiter:
 
     def elbow(self, q3: float, state: RobotState) -> float:
         limit = CLIENT.elbow
-        values = (limit.velocity, limit.acceleration, limit.jerk, q3, state.elbow_c[0], state.delbow_c[0], state.ddelbow_c[0])
+        values = (
+            limit.velocity,
+            limit.acceleration,
+            limit.jerk,
+            q3,
+            state.elbow_c[0],
+            state.delbow_c[0],
+            state.ddelbow_c[0],
+        )
         return float(self._elbow(*map(ctypes.c_double, values)))
 
 
@@ -93,7 +105,9 @@ def started(kind: GeneratorMode, model: KdlFrankaModel, q: list[float] = READY) 
 
 
 def command(**fields: Any) -> MotionCommand:
-    return MotionCommand(**({"q": REST, "dq": REST, "O_T_EE": [0.0] * 16, "O_dP_EE": [0.0] * 6, "elbow": None, "tau": REST} | fields))
+    return MotionCommand(
+        **({"q": REST, "dq": REST, "O_T_EE": [0.0] * 16, "O_dP_EE": [0.0] * 6, "elbow": None, "tau": REST} | fields)
+    )
 
 
 def losses(rng: np.random.Generator, longest: int) -> list[bool]:
@@ -140,7 +154,10 @@ def test_joint_velocities_from_the_limiter_pass_whatever_is_wished_and_lost(limi
     for step, lost in enumerate(losses(rng, longest)):
         if step % 97 == 0:
             wish = rng.choice([1.0, 2.0], 7) * np.where(np.array(state.q_d) < middle, 3.0, -3.0)
-        assert generator.advance(None if lost else command(dq=limiter.velocity(wish.tolist(), echoed(state, single)))) == frozenset(), f"step {step}"
+        assert (
+            generator.advance(None if lost else command(dq=limiter.velocity(wish.tolist(), echoed(state, single))))
+            == frozenset()
+        ), f"step {step}"
         peak = np.maximum(peak, np.abs(state.dq_d))
     assert (peak > 0.5 * np.array(LIMITS.velocity)).all()
 
@@ -152,7 +169,9 @@ def gentle(rng: np.random.Generator) -> np.ndarray:
 
 @pytest.mark.parametrize("longest", [0, 1, 3])
 @pytest.mark.parametrize("single", [False, True], ids=["f64", "f32"])
-def test_cartesian_velocities_from_the_limiter_pass_the_cartesian_checks_whatever_is_wished_and_lost(limiter, model, longest, single) -> None:
+def test_cartesian_velocities_from_the_limiter_pass_the_cartesian_checks_whatever_is_wished_and_lost(
+    limiter, model, longest, single
+) -> None:
     # The joints are left out here: the limiter knows nothing of what a Cartesian motion asks of them.
     rng = np.random.default_rng(20 + longest)
     generator, state = started(GeneratorMode.CARTESIAN_VELOCITY, model)
@@ -161,7 +180,9 @@ def test_cartesian_velocities_from_the_limiter_pass_the_cartesian_checks_whateve
     for step, lost in enumerate(losses(rng, longest)):
         if step % 97 == 0:
             wish = rng.uniform(-3.0, 3.0, 6)
-        errors = generator.advance(None if lost else command(O_dP_EE=limiter.twist(wish.tolist(), echoed(state, single))))
+        errors = generator.advance(
+            None if lost else command(O_dP_EE=limiter.twist(wish.tolist(), echoed(state, single)))
+        )
         assert errors == frozenset(), f"step {step}"
         peak = np.maximum(peak, np.linalg.norm(np.reshape(state.O_dP_EE_c, (2, 3)), axis=1))
     assert peak[0] > 0.9 * CLIENT.translation.velocity and peak[1] > 0.9 * CLIENT.rotation.velocity
@@ -169,7 +190,9 @@ def test_cartesian_velocities_from_the_limiter_pass_the_cartesian_checks_whateve
 
 @pytest.mark.parametrize("longest", [0, 1, 3])
 @pytest.mark.parametrize("single", [False, True], ids=["f64", "f32"])
-def test_poses_from_the_limiter_pass_the_cartesian_checks_whatever_is_wished_and_lost(limiter, model, longest, single) -> None:
+def test_poses_from_the_limiter_pass_the_cartesian_checks_whatever_is_wished_and_lost(
+    limiter, model, longest, single
+) -> None:
     rng = np.random.default_rng(30 + longest)
     generator, state = started(GeneratorMode.CARTESIAN_POSITION, model)
     generator._take_joints = lambda *motion: follow_without_joints(generator, *motion)  # type: ignore[attr-defined]
@@ -185,14 +208,17 @@ def test_poses_from_the_limiter_pass_the_cartesian_checks_whatever_is_wished_and
     assert (peak > [[1.5, 1.8], [12.8, 24.5]]).all()
 
 
-def follow_without_joints(generator: Any, T: list[float], twist: list[float], acceleration: list[float]) -> frozenset[str]:
+def follow_without_joints(
+    generator: Any, T: list[float], twist: list[float], acceleration: list[float]
+) -> frozenset[str]:
     generator._T, generator._twist, generator._acceleration = T, twist, acceleration
     generator._publish()
     return frozenset()
 
 
 def below_top_speed(rng: np.random.Generator) -> np.ndarray:
-    """A twist of any direction at 0.9 of the limiter's highest speeds: above them it does not limit the acceleration, see rate_limits.py."""
+    """A twist of any direction at 0.9 of the limiter's highest speeds: above them it does not limit the acceleration,
+    see rate_limits.py."""
     linear, angular = rng.normal(size=(2, 3))
     linear *= 0.9 * CLIENT.translation.velocity / np.linalg.norm(linear)
     angular *= 0.9 * CLIENT.rotation.velocity / np.linalg.norm(angular)

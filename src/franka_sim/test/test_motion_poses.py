@@ -1,12 +1,11 @@
 """Poses as lists, against pinocchio."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio
 import pytest
 
-from franka_sim.box.pose_lists import is_pose, moved, twist_between
+from franka_hw_interface.transforms import is_pose
+from franka_sim.box.kinematics import moved, twist_between
 
 DT = 0.001
 
@@ -28,7 +27,9 @@ def test_turns_beyond_a_right_angle_are_not_taken_for_small_ones() -> None:
     T = np.eye(4)
     for angle in (2.0, np.pi):
         T[:3, :3] = pinocchio.exp3(np.array([0.0, 0.0, angle]))
-        assert np.linalg.norm(twist_between(np.eye(4).ravel().tolist(), T.T.ravel().tolist(), 1.0)[3:]) == pytest.approx(angle)
+        assert np.linalg.norm(
+            twist_between(np.eye(4).ravel().tolist(), T.T.ravel().tolist(), 1.0)[3:]
+        ) == pytest.approx(angle)
 
 
 def test_only_a_rigid_displacement_is_a_pose() -> None:

@@ -1,6 +1,5 @@
-"""What the box says of a motion that it ends for its command: which joint or quantity, its value, and the limit that was passed."""
-
-from __future__ import annotations
+"""What the box says of a motion that it ends for its command: which joint or quantity, its value, and the limit that
+was passed."""
 
 import math
 import re
@@ -14,16 +13,21 @@ import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import franka_limits
 from franka_hw_interface.robot_state import RobotState
+from franka_sim.box.config import motion_parameters
 from franka_sim.box.motion import make_generator
 from franka_sim.box.motion.cartesian import CartesianVelocityGenerator
-from franka_sim.box.motion_parameters import motion_parameters
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand
 
 LIMITS = franka_limits()
 DT = 0.001
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-JUMP, TWIST_JUMP = "cartesian_motion_generator_joint_velocity_discontinuity", "cartesian_motion_generator_acceleration_discontinuity"
-MEASURED = re.compile(r"\((?P<what>\w+) at (?P<value>\S+) (?P<unit>\S+), limit (?P<limit>\S+) \S+( and (?P<more>\d+) % more)?")
+JUMP, TWIST_JUMP = (
+    "cartesian_motion_generator_joint_velocity_discontinuity",
+    "cartesian_motion_generator_acceleration_discontinuity",
+)
+MEASURED = re.compile(
+    r"\((?P<what>\w+) at (?P<value>\S+) (?P<unit>\S+), limit (?P<limit>\S+) \S+( and (?P<more>\d+) % more)?"
+)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +36,14 @@ def model() -> KdlFrankaModel:
 
 
 def command(**fields: Any) -> MotionCommand:
-    zeros = {"q": [0.0] * 7, "dq": [0.0] * 7, "O_T_EE": [0.0] * 16, "O_dP_EE": [0.0] * 6, "elbow": None, "tau": [0.0] * 7}
+    zeros = {
+        "q": [0.0] * 7,
+        "dq": [0.0] * 7,
+        "O_T_EE": [0.0] * 16,
+        "O_dP_EE": [0.0] * 6,
+        "elbow": None,
+        "tau": [0.0] * 7,
+    }
     return MotionCommand(**(zeros | fields))
 
 
@@ -46,7 +57,9 @@ def refusal(arm, generator: GeneratorMode, *commands: MotionCommand) -> tuple[fr
     return arm.state.current_errors, arm.reports[-1]
 
 
-def test_a_cartesian_motion_that_asks_too_much_of_a_joint_names_it_with_its_acceleration_and_the_limit(make_box) -> None:
+def test_a_cartesian_motion_that_needs_too_much_of_a_joint_names_it_with_its_acceleration_and_the_limit(
+    make_box,
+) -> None:
     """Sideways at 6 m/s^2, within the end effector's 13: joint 1, 0.31 m away, would need 19.5 rad/s^2."""
     arm = make_box()
     errors, line = refusal(arm, GeneratorMode.CARTESIAN_VELOCITY, command(O_dP_EE=[0.0, 0.006, 0.0, 0.0, 0.0, 0.0]))
@@ -78,22 +91,31 @@ def test_a_joint_that_leaves_its_range_or_is_no_number_is_named(model) -> None:
         assert not generator.start(state) and generator.reason == ""
 
 
-@pytest.mark.parametrize(("index", "what", "limit"), [(0, "translation", LIMITS.translation), (4, "rotation", LIMITS.rotation)])
-def test_a_twist_beyond_its_own_limits_tells_which_part_of_it(make_box, index: int, what: str, limit) -> None:
+@pytest.mark.parametrize(
+    ("index", "what", "limit"), [(0, "translation", LIMITS.translation), (4, "rotation", LIMITS.rotation)]
+)
+def test_a_twist_beyond_its_own_limits_names_which_part_of_it(make_box, index: int, what: str, limit) -> None:
     twist = [0.0] * 6
     twist[index] = 1.5 * limit.jerk * DT**2
     errors, line = refusal(make_box(), GeneratorMode.CARTESIAN_VELOCITY, command(O_dP_EE=twist))
     assert errors == {TWIST_JUMP}
     found = MEASURED.search(line)
-    assert found and (found["what"], found["more"]) == (what, "20") and found["unit"] == ("m/s^3" if index == 0 else "rad/s^3")
+    assert (
+        found
+        and (found["what"], found["more"]) == (what, "20")
+        and found["unit"] == ("m/s^3" if index == 0 else "rad/s^3")
+    )
     assert (float(found["value"]), float(found["limit"])) == pytest.approx((1.5 * limit.jerk, limit.jerk), rel=1e-3)
 
 
-def test_an_elbow_beyond_its_limits_is_told(make_box) -> None:
+def test_an_elbow_beyond_its_limits_is_named(make_box) -> None:
     arm = make_box()
     T, elbow = arm.state.O_T_EE[:], arm.state.elbow
     errors, line = refusal(
-        arm, GeneratorMode.CARTESIAN_POSITION, command(O_T_EE=T, elbow=(elbow[0], elbow[1])), command(O_T_EE=T, elbow=(elbow[0] + 1e-3, elbow[1]))
+        arm,
+        GeneratorMode.CARTESIAN_POSITION,
+        command(O_T_EE=T, elbow=(elbow[0], elbow[1])),
+        command(O_T_EE=T, elbow=(elbow[0] + 1e-3, elbow[1])),
     )
     assert errors == {"cartesian_motion_generator_elbow_limit_violation"}
     assert "elbow at 1000 rad/s^2, limit 10 rad/s^2 and 5 % more" in line
@@ -112,13 +134,19 @@ def test_a_path_to_the_border_of_the_workspace_names_the_joint_that_cannot_follo
     assert re.search(r"panda_joint4 at \S+ rad/s\^2, limit 12.5 rad/s\^2 and 5 % more", arm.reports[-1])
 
 
-def test_a_pose_that_the_inverse_kinematics_does_not_reach_is_told_as_such(model) -> None:
+def test_a_pose_that_the_inverse_kinematics_does_not_reach_is_named_as_such(model) -> None:
     """Here it is asked for more digits than there are."""
-    generator, state = CartesianVelocityGenerator(model, LIMITS, replace(motion_parameters(), ik_tolerance=1e-30), DT), RobotState()
+    generator, state = (
+        CartesianVelocityGenerator(model, LIMITS, replace(motion_parameters(), ik_tolerance=1e-30), DT),
+        RobotState(),
+    )
     state.q_d[:] = READY
     assert not generator.start(state)
     assert generator.advance(command(O_dP_EE=[0.001, *[0.0] * 5])) == {JUMP}
-    assert generator.reason == "no joint motion leads to the commanded pose: it is at the border of the workspace, or singular"
+    assert (
+        generator.reason
+        == "no joint motion leads to the commanded pose: it is at the border of the workspace, or singular"
+    )
 
 
 def test_a_motion_that_ends_in_full_speed_says_how_fast_it_was(make_box) -> None:

@@ -1,6 +1,5 @@
-"""A simulated arm that is not too clean: noise as the sensors report it, a body and a friction that the box does not know."""
-
-from __future__ import annotations
+"""A simulated arm that is not too clean: noise as the sensors report it, a body and a friction that the box does not
+know."""
 
 import math
 import struct
@@ -17,14 +16,13 @@ import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.compiled_arm import CompiledArm
-from franka_sim.box.config import BoxConfig, read_config
+from franka_sim.box.config import read_config
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest
 from franka_sim.fci import app
 from franka_sim.fci.arguments import parser
-from franka_sim.fci.arm_device import ArmDevice
-from franka_sim.fci.commands_v5 import PROTOCOL as V5
-from franka_sim.fci.emulated_arm import make_arm
+from franka_sim.fci.arm_device import ArmDevice, make_arm
+from franka_sim.fci.protocol import PROTOCOL_5 as V5
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.realism import IDEAL, parse, presets
 from franka_sim.sensors import attach
@@ -57,7 +55,7 @@ def seen(arm: ArmDevice, cycles: int) -> np.ndarray:
     return np.array(rows)
 
 
-# -- the parameter ---------------------------------------------------------------------------------------------------------------------------
+# -- the parameter -----------------------------------------------------------------------------------------------------
 
 
 def test_ideal_is_the_default_and_changes_nothing() -> None:
@@ -86,14 +84,17 @@ def test_an_ideal_arm_is_read_as_without_sensors(make_device, make_arm) -> None:
             {"preset": "measured", "q_nois": 1.0},
             "no value 'q_nois' in robot/realism; valid: body_seed, com_error, dq_noise, friction, friction_known",
         ),
-        ({"q_noise": -1e-3}, "robot/realism/q_noise must be one number or 7, each 0 or more; got -0.001"),
-        ({"dq_noise": [1e-3] * 6}, "robot/realism/dq_noise must be one number or 7"),
-        ({"tau_J_noise": float("nan")}, "robot/realism/tau_J_noise must be"),
-        ({"tau_J_noise": "big"}, "robot/realism/tau_J_noise must be"),
-        ({"wrench_noise": 0.1}, "robot/realism/wrench_noise must be 6 numbers"),
-        ({"mass_error": 0.5}, "robot/realism/mass_error must be one number or 7, each from 0 to 0.3; got 0.5"),
-        ({"friction": "coulomb"}, "robot/realism/friction must be one of none, identified; got 'coulomb'"),
-        ({"body_seed": 1.5}, "robot/realism/body_seed must be a whole number of 0 or more; got 1.5"),
+        ({"q_noise": -1e-3}, "robot/realism/q_noise is -0.001; valid: a finite number of 0 or more [rad]"),
+        (
+            {"dq_noise": [1e-3] * 6},
+            "robot/realism/dq_noise is [0.001, 0.001, 0.001, 0.001, 0.001, 0.001]; valid: 7 values",
+        ),
+        ({"tau_J_noise": float("nan")}, "robot/realism/tau_J_noise is nan"),
+        ({"tau_J_noise": "big"}, "robot/realism/tau_J_noise is 'big'"),
+        ({"wrench_noise": 0.1}, "robot/realism/wrench_noise is 0.1; valid: a list of 6 finite numbers of 0 or more"),
+        ({"mass_error": 0.5}, "robot/realism/mass_error is 0.5; valid: a finite number from 0 to 0.3"),
+        ({"friction": "coulomb"}, "robot/realism/friction is 'coulomb'; valid: none, identified"),
+        ({"body_seed": 1.5}, "robot/realism/body_seed is 1.5; valid: a whole number of 0 or more"),
     ],
 )
 def test_what_is_no_realism_is_refused_with_what_is_valid(value, said) -> None:
@@ -119,12 +120,18 @@ def test_the_command_takes_a_preset_or_yaml_and_refuses_the_rest_in_one_line(cap
     assert ended.value.code == 2 and "is not YAML" in capsys.readouterr().err
 
 
-# -- noise -----------------------------------------------------------------------------------------------------------------------------------
+# -- noise -------------------------------------------------------------------------------------------------------------
 
 
-def test_the_noise_is_white_and_has_the_size_that_was_asked_for(make_box) -> None:
-    """4000 readings of an arm that stands: a standard deviation is within 5 % (4.5 of its own), means and correlations within 4.5 of theirs."""
-    asked = {"q_noise": [1e-4 * i for i in range(1, 8)], "dq_noise": 2e-3, "tau_J_noise": 0.1, "wrench_noise": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]}
+def test_the_noise_is_white_and_has_the_requested_size(make_box) -> None:
+    """4000 readings of an arm that stands: a standard deviation is within 5 % (4.5 of its own), means and correlations
+    within 4.5 of theirs."""
+    asked = {
+        "q_noise": [1e-4 * i for i in range(1, 8)],
+        "dq_noise": 2e-3,
+        "tau_J_noise": 0.1,
+        "wrench_noise": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3],
+    }
     sigma, most = np.array([*asked["q_noise"], *[2e-3] * 7, *[0.1] * 7, *asked["wrench_noise"]]), 4.5 / math.sqrt(4000)
     arm = make_box()
     read = attach(arm.plant, arm.box, parse(asked, ""), 7)
@@ -141,7 +148,9 @@ def test_the_noise_is_white_and_has_the_size_that_was_asked_for(make_box) -> Non
     assert np.abs(np.mean(noise[1:] * noise[:-1], axis=0)).max() < most
 
 
-def test_a_seed_gives_the_same_noise_in_process_and_behind_the_network_and_another_seed_another(make_device, make_arm) -> None:
+def test_a_seed_gives_the_same_noise_in_process_and_behind_the_network_and_another_seed_another(
+    make_device, make_arm
+) -> None:
     one, same, other = (seen(make_device("--realism", "measured", "--seed", seed), 100) for seed in ("3", "3", "4"))
     assert np.array_equal(one, same)
     assert not np.any(one[:, :27] == other[:, :27])
@@ -163,13 +172,13 @@ def test_controllers_box_and_wire_see_the_same_noise(make_device, make_arm) -> N
         arm.cycle(None)
     sent = struct.unpack_from("<284d", arm.encode(V5.state, 1), 8)
     assert sent == pytest.approx(struct.unpack_from("<284d", V5.state.encode(1, arm.state), 8), rel=1e-12, abs=1e-9)
-    assert list(sent[147:154]) == arm.state.q and list(sent[215:221]) == pytest.approx(arm.state.O_F_ext_hat_K, abs=1e-12)
+    assert list(sent[147:154]) == arm.state.q and list(sent[215:221]) == pytest.approx(
+        arm.state.O_F_ext_hat_K, abs=1e-12
+    )
 
 
-@pytest.mark.parametrize("compiled", [False, True], ids=["KDL", "compiled"])
-def test_the_noise_of_the_wrench_is_added_in_the_base_and_turned_into_the_stiffness_frame(compiled: bool) -> None:
-    model = KdlFrankaModel(URDF, "panda")
-    box = ControlBox(model, BoxConfig(), None, CompiledArm(URDF, "panda", 0.05) if compiled else None)
+def test_the_noise_of_the_wrench_is_added_in_the_base_and_turned_into_the_stiffness_frame() -> None:
+    box = ControlBox(KdlFrankaModel(URDF, "panda"), CompiledArm(URDF, "panda", 0.05))
     q, noise = [0.1, -0.7, 0.2, -2.0, 0.3, 1.7, 0.4], [1.0, -2.0, 3.0, 0.1, 0.2, -0.3]
     box.reset(q)
     box.state.tau_ext_hat_filtered[:] = [1.0, -2.0, 3.0, -1.0, 0.5, 0.2, -0.1]
@@ -186,7 +195,8 @@ def test_the_noise_of_the_wrench_is_added_in_the_base_and_turned_into_the_stiffn
 
 
 def test_noise_of_the_wrench_alone_can_be_a_collision(make_device, torques) -> None:
-    """The reflexes look at the wrench only where the torques allow it to be large; its noise counts among what can make it so."""
+    """The reflexes look at the wrench only where the torques allow it to be large; its noise counts among what can make
+    it so."""
     arm = make_device("--realism", yaml.safe_dump({"wrench_noise": [8.0, 0.0, 0.0, 0.0, 0.0, 0.0]}))
     arm.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE))
     for _ in range(1000):
@@ -204,7 +214,7 @@ def test_a_reset_goes_on_with_the_noise(make_device) -> None:
     assert not np.any(first[:, :7] == seen(arm, 40)[:, :7])
 
 
-# -- the body --------------------------------------------------------------------------------------------------------------------------------
+# -- the body ----------------------------------------------------------------------------------------------------------
 
 
 def inertias(urdf: str) -> dict[str, pin.Inertia]:
@@ -213,9 +223,12 @@ def inertias(urdf: str) -> dict[str, pin.Inertia]:
     return {name: model.inertias[i] for i, name in enumerate(model.names)}
 
 
-def test_the_body_of_the_plant_differs_from_the_one_that_the_box_knows_within_what_was_asked_for() -> None:
+def test_the_body_of_the_plant_differs_from_the_one_that_the_box_knows_within_the_requested_errors() -> None:
     one = parse({"mass_error": 0.1, "com_error": 0.01, "body_seed": 5}, "")
-    nominal, other = inertias(panda_description.load(hand=False)), inertias(one.body(panda_description.load(hand=False), "panda"))
+    nominal, other = (
+        inertias(panda_description.load(hand=False)),
+        inertias(one.body(panda_description.load(hand=False), "panda")),
+    )
     masses = np.array([other[f"panda_joint{i}"].mass / nominal[f"panda_joint{i}"].mass for i in range(1, 8)])
     moved = np.array([other[f"panda_joint{i}"].lever - nominal[f"panda_joint{i}"].lever for i in range(1, 8)])
     assert 0.02 < np.abs(masses - 1.0).mean() < 0.2 and np.abs(masses - 1.0).max() <= 0.3
@@ -253,14 +266,14 @@ def test_the_box_keeps_the_arm_that_it_believes_in(make_device, robot: str) -> N
     assert 0.005 < np.abs(arm.plant.mass_matrix() - ideal.plant.mass_matrix()).max() < 0.5
 
 
-# -- friction --------------------------------------------------------------------------------------------------------------------------------
+# -- friction ----------------------------------------------------------------------------------------------------------
 
 
 def test_the_box_knows_a_share_of_the_friction_that_acts(make_arm) -> None:
     hw = make_arm(parameters={"realism": "measured"}).hw
     acting, known = panda_description.friction_parameters(), hw.box.config.friction
     assert hw.plant.config.friction == "identified"
-    for name, share in zip(hw.joint_names, MEASURED.friction_known, strict=True):
+    for name, share in zip(hw.states.names, MEASURED.friction_known, strict=True):
         assert known[name] == {**acting[name], "phi1": share * acting[name]["phi1"]}
     ignorant = make_arm(parameters={"realism": {"preset": "measured", "friction_known": 0.0}}).hw
     assert ignorant.plant.config.friction == "identified" and ignorant.box.config.friction is None

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Run by rostest beside bringup.launch: the chosen controllers run, states and transforms come, the arm stands still."""
+"""Run by rostest beside bringup.launch: the chosen controllers run, states and transforms come, the arm stands
+still."""
 
 import unittest
 

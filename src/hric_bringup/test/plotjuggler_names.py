@@ -1,6 +1,5 @@
-"""The names under which PlotJuggler 3 with its ROS plugins lists the numbers of a bag, as its parser of ROS messages forms them."""
-
-from __future__ import annotations
+"""The names under which PlotJuggler 3 with its ROS plugins lists the numbers of a bag, as its parser of ROS messages
+forms them."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +20,9 @@ def names(bag: Path) -> set[str]:
         for connection, _, raw in reader.messages():
             message = reader.deserialize(raw, connection.msgtype)
             found |= set(
-                _joints(connection.topic, message) if connection.msgtype == "sensor_msgs/msg/JointState" else _fields(connection.topic, message)
+                _joints(connection.topic, message)
+                if connection.msgtype == "sensor_msgs/msg/JointState"
+                else _fields(connection.topic, message)
             )
     return found
 

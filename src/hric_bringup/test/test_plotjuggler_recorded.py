@@ -1,7 +1,5 @@
 """Every curve of PlotJuggler's layouts is in a bag of the kind that the layout is for."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -10,24 +8,26 @@ from pathlib import Path
 import pytest
 import rosbag
 from plotjuggler_names import curves, names
+from recorder_rig import Node, start  # noqa: F401
 from sensor_nodes import Nodes, TellsTime, nodes  # noqa: F401
-from test_recorder import Node, start  # noqa: F401
 
+from hric_bags.run_folder import RunFolder
 from hric_control.testing import ros, roscore  # noqa: F401
 from hric_experiments import cli
-from hric_experiments.run_folder import RunFolder
+
+pytestmark = pytest.mark.alone
 
 LAYOUTS = Path(__file__).parents[1] / "plotjuggler"
 SESSION = "plotjuggler_test"
 FED = ("/joint_states", "/franka_state_controller/F_ext")
-HEARD = 40
+MESSAGES = 40
 """So many messages of the slowest topic are recorded."""
 
 
 def missing(layout: str, bag: Path) -> list[str]:
-    wanted = curves(LAYOUTS / layout)
-    assert wanted
-    return sorted(set(wanted) - names(bag))
+    shown = curves(LAYOUTS / layout)
+    assert shown
+    return sorted(set(shown) - names(bag))
 
 
 def unbatched(folder: RunFolder) -> Path:
@@ -45,7 +45,13 @@ def tracking(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
 
 
 def test_every_layout_is_checked_here() -> None:
-    assert {path.name for path in LAYOUTS.iterdir()} == {"arm.xml", "motion_capture.xml", "control_log.xml", "emg_force_plate.xml", "live.xml"}
+    assert {path.name for path in LAYOUTS.iterdir()} == {
+        "arm.xml",
+        "motion_capture.xml",
+        "control_log.xml",
+        "emg_force_plate.xml",
+        "live.xml",
+    }
 
 
 @pytest.mark.parametrize("layout", ["arm.xml", "motion_capture.xml"])
@@ -65,7 +71,9 @@ class Player:
 
         with rosbag.Bag(str(bag)) as recorded:
             self._messages = [(topic, message) for topic, message, _ in recorded.read_messages(FED)]
-        self._publishers = {topic: rospy.Publisher(topic, type(message), queue_size=10) for topic, message in self._messages}
+        self._publishers = {
+            topic: rospy.Publisher(topic, type(message), queue_size=10) for topic, message in self._messages
+        }
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -109,7 +117,13 @@ def test_the_curves_of_sensors_and_of_live_topics_are_in_what_the_recorder_recor
     nodes.start("force_plate", f"_lsl:={{session: {SESSION}}}", "_pose:={frame: panda_link0, xyz: [0.5, 0, 0]}")
     nodes.start("live_view", "_limits_rate:=0")
     plate, view = "/hric/perception/force_plate/1", "/hric/view"
-    sensors = ["/hric/perception/emg/raw", "/hric/perception/emg/envelope", f"{plate}/samples", f"{plate}/wrench", f"{plate}/cop"]
+    sensors = [
+        "/hric/perception/emg/raw",
+        "/hric/perception/emg/envelope",
+        f"{plate}/samples",
+        f"{plate}/wrench",
+        f"{plate}/cop",
+    ]
     views = [f"{view}/joints", f"{view}/arm_wrench", f"{view}/emg", f"{view}/force_plate/1/wrench"]
     counts = dict.fromkeys([*sensors, *views], 0)
 
@@ -120,7 +134,7 @@ def test_the_curves_of_sensors_and_of_live_topics_are_in_what_the_recorder_recor
     recorder.wait_recording()
     subscribers = [rospy.Subscriber(topic, rospy.AnyMsg, count, callback_args=topic) for topic in counts]
     begin = time.monotonic()
-    while min(counts.values()) < HEARD:
+    while min(counts.values()) < MESSAGES:
         assert time.monotonic() - begin < 60.0, counts
         time.sleep(0.1)
     for subscriber in subscribers:

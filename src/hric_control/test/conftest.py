@@ -1,8 +1,8 @@
 import pytest
 
-from hric_control.controller_manager import ControllerManager
 from hric_control.fakes import FakeController, FakeRobotHW
-from hric_control.local_node import LocalNode
+from hric_control.local.node import LocalNode
+from hric_control.manager.controller_manager import ControllerManager
 from hric_control.testing import ros, roscore
 
 __all__ = ["ros", "roscore"]

@@ -1,32 +1,30 @@
-"""A robot small enough to reckon with by hand: two joints of 1 kg m^2 each, no gravity, on the loop, services and limits of the package."""
+"""A robot small enough to reckon with by hand: two joints of 1 kg m^2 each, no gravity, on the loop, services and
+limits of the package."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.hardware_interface import EffortJointInterface, JointCommands, JointStateInterface, JointStates
-from hric_control.joint_limits import EffortLimiter, LimitCounts, load_limits
+from hric_control.limits import EffortLimiter, LimitCounts, load_limits
 from hric_control.node import Node
-from hric_control.plant import Contact, FloatArray, Load, Plant
-from hric_control.plants.reactions import JointReaction
-from hric_control.robot_hw import OnCycle, RobotHW
-from hric_control.sim_loop import SimLoop
+from hric_control.plant import Contact, FloatArray, JointReaction, Load, ReactingPlant
+from hric_control.sim.sim_loop import SimLoop
+from hric_control.sim.simulated_robot import SimulatedRobot
 
 URDF = """<robot name="toy">
   <link name="base"/><link name="one"/><link name="two"/>
   <joint name="j1" type="revolute"><parent link="base"/><child link="one"/><limit lower="-2" upper="2" velocity="3" effort="10"/></joint>
   <joint name="j2" type="revolute"><parent link="one"/><child link="two"/><limit lower="-1" upper="1" velocity="3" effort="10"/></joint>
   <gazebo><plugin name="gazebo_ros_control" filename="libgazebo_ros_control.so"><robotSimType>toy/Toy</robotSimType></plugin></gazebo>
-</robot>"""
+</robot>"""  # noqa: E501
 
 CUBE = """<robot name="cube"><link name="cube_link"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
 
 
-class DoubleIntegrator(Plant):
+class DoubleIntegrator(ReactingPlant):
     """q'' = tau per joint, semi-implicit; remembers what it was asked for."""
 
     def __init__(self, joint_names: Sequence[str], time_step: float) -> None:
@@ -115,8 +113,8 @@ class DoubleIntegrator(Plant):
         self.closed = True
 
 
-class ToyRobot(RobotHW):
-    """RobotHW on the double integrator; effort interface only."""
+class ToyRobot(SimulatedRobot):
+    """The double integrator as a robot; effort interface only."""
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
         self.description = root_node.search_param("robot_description", URDF)
@@ -124,54 +122,26 @@ class ToyRobot(RobotHW):
         self.commands = JointCommands(self.states)
         self.loop = SimLoop(0.001, robot_hw_node.param("real_time_factor", 1.0))
         self.plant = DoubleIntegrator(self.states.names, 0.001)
-        self.limiter = EffortLimiter(self.states, self.commands, load_limits(self.description, root_node, self.states.names))
+        self.limiter = EffortLimiter(
+            self.states, self.commands, load_limits(self.description, root_node, self.states.names)
+        )
         self.q_start = [0.0, 0.0]
         self._raw = [0.0, 0.0]
         self.register_interface(JointStateInterface(self.states))
         self.register_interface(EffortJointInterface(self.commands))
-
-    def read(self, time: float, period: float) -> None:
-        self.plant.read_state(self.states.position, self.states.velocity, self.states.effort)
 
     def write(self, time: float, period: float) -> None:
         self._raw = self.commands.value[:]
         self.limiter.enforce(period)
         self.plant.apply(self.commands.value)
 
-    def run(self, on_cycle: OnCycle) -> None:
-        self.loop.run(lambda time, period, reset: self._cycle(on_cycle, time, period, reset))
-
-    def _cycle(self, on_cycle: OnCycle, time: float, period: float, reset: bool) -> bool:
-        self.read(time, period)
-        going = on_cycle(time, period, reset)
-        self.write(time, period)
-        self.plant.step()
-        return going
-
-    def stop(self) -> None:
-        self.loop.stop()
-
-    def shutdown(self) -> None:
-        self.plant.close()
-
-    def reset(self, q=None) -> None:
-        self.plant.reset(self.q_start if q is None else q)
-        self._settle()
-
-    def set_configuration(self, q) -> None:
-        self.plant.set_configuration(q)
-        self._settle()
-
-    def _settle(self) -> None:
+    def _settle(self, q) -> None:
+        self.read(0.0, 0.0)
         self.commands.value[:] = [0.0, 0.0]
         self.limiter.reset([0.0, 0.0])
-        self.loop.restart_controllers()
 
-    def limiter_counts(self) -> list[LimitCounts]:
-        return [self.limiter.counts]
+    def limiter_counts(self) -> LimitCounts:
+        return self.limiter.counts
 
     def log_row(self):
         return ["effort", "effort"], self._raw, self.commands.value[:]
-
-
-Hook = Callable[[float], None]

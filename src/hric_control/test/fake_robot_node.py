@@ -1,14 +1,16 @@
-"""A robot node without physics: the fake robot under a real controller manager, a loop of 250 Hz. Run with a namespace as its argument."""
+"""A robot node without physics: the fake robot under a real controller manager, a loop of 250 Hz. Run with a namespace
+as its argument."""
 
 import sys
 import time
 
 import rospy
 
-from hric_control import manager_services, realtime
-from hric_control.controller_manager import ControllerManager
+from hric_control import realtime
 from hric_control.fakes import FakeController, FakeRobotHW
-from hric_control.ros_node import RosNode
+from hric_control.manager import services as manager_services
+from hric_control.manager.controller_manager import ControllerManager
+from hric_control.ros import RosNode
 
 PERIOD = 0.004
 

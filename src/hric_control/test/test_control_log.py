@@ -1,10 +1,8 @@
 """The log of every cycle."""
 
-from __future__ import annotations
-
-from hric_control import stamps
 from hric_control.control_log import BATCH, ControlLog
 from hric_control.hardware_interface import JointStates
+from hric_control.robot_time import stamps
 
 
 class Recorder:
@@ -14,7 +12,9 @@ class Recorder:
         self.messages = []
         self.states = JointStates(["a", "b"])
         self.row = ["effort", "effort"], [0.0, 0.0], [0.0, 0.0]
-        self.log = ControlLog(self.states, lambda: self.row, lambda build, *args: self.messages.append(build(*args)), stamps.to_time)
+        self.log = ControlLog(
+            self.states, lambda: self.row, lambda build, *args: self.messages.append(build(*args)), stamps.to_time
+        )
 
     def cycle(self, k):
         self.log.complete()
@@ -33,9 +33,15 @@ def test_every_cycle_is_there_once_in_order_with_its_own_state_and_commands():
     assert [message.n_cycles for message in recorder.messages] == [BATCH, BATCH, BATCH, 7]
     assert [message.first_cycle for message in recorder.messages] == [0, BATCH, 2 * BATCH, 3 * BATCH]
     assert [x for message in recorder.messages for x in message.time] == [0.001 * k for k in range(n)]
-    assert [x for message in recorder.messages for x in message.position] == [x for k in range(n) for x in (float(k), k + 0.5)]
-    assert [x for message in recorder.messages for x in message.command_raw] == [x for k in range(n) for x in (float(k), -1.0)]
-    assert [x for message in recorder.messages for x in message.command] == [x for k in range(n) for x in (0.5 * k, -1.0)]
+    assert [x for message in recorder.messages for x in message.position] == [
+        x for k in range(n) for x in (float(k), k + 0.5)
+    ]
+    assert [x for message in recorder.messages for x in message.command_raw] == [
+        x for k in range(n) for x in (float(k), -1.0)
+    ]
+    assert [x for message in recorder.messages for x in message.command] == [
+        x for k in range(n) for x in (0.5 * k, -1.0)
+    ]
     assert recorder.messages[1].header.stamp.to_nsec() == 20_000_000
     assert recorder.messages[0].joint_names == ["a", "b"]
 

@@ -4,7 +4,14 @@ import math
 
 import pytest
 
-from hric_control.plants.divergence import LOWEST_BOUND, UNLIMITED_BOUND, VELOCITY_FACTOR, DivergedError, Divergence, bound
+from hric_control.plants.divergence import (
+    LOWEST_BOUND,
+    UNLIMITED_BOUND,
+    VELOCITY_FACTOR,
+    DivergedError,
+    Divergence,
+    bound,
+)
 
 JOINTS = ["hip", "slide", "wheel"]
 LIMITS = [2.0, 0.1, math.inf]

@@ -63,7 +63,9 @@ def test_a_command_is_set_from_any_sequence(states: JointStates, values) -> None
         ([float("inf"), 0.0, float("-inf")], "j1=inf, j3=-inf"),
     ],
 )
-def test_a_bad_command_is_refused_by_name_and_the_one_before_stays(states: JointStates, values: list[float], reason: str) -> None:
+def test_a_bad_command_is_refused_by_name_and_the_one_before_stays(
+    states: JointStates, values: list[float], reason: str
+) -> None:
     commands = JointCommands(states)
     group = EffortJointInterface(commands).group()
     group.set_command([1.0, 2.0, 3.0])
@@ -119,7 +121,10 @@ def test_interfaces_are_found_by_type_and_a_missing_one_is_told_with_those_offer
     manager.register_interface(effort)
     assert manager.get(EffortJointInterface) is effort and manager.interfaces() == (effort,)
     assert not manager.has(PositionJointInterface)
-    with pytest.raises(UnknownNameError, match="no hardware interface 'PositionJointInterface' in InterfaceManager; valid: EffortJointInterface"):
+    with pytest.raises(
+        UnknownNameError,
+        match="no hardware interface 'PositionJointInterface' in InterfaceManager; valid: EffortJointInterface",
+    ):
         manager.get(PositionJointInterface)
     with pytest.raises(HricError, match="EffortJointInterface is registered already"):
         manager.register_interface(EffortJointInterface(JointCommands(states)))

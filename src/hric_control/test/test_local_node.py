@@ -6,7 +6,7 @@ from std_msgs.msg import Float64, Header, String
 from std_srvs.srv import Empty, SetBool, SetBoolRequest, SetBoolResponse, TriggerRequest, TriggerResponse
 
 from hric_control.errors import HricError, ParameterError, UnknownNameError
-from hric_control.local_node import LocalNode
+from hric_control.local.node import LocalNode
 from hric_control.node import LiveParameter, Node
 
 
@@ -18,7 +18,12 @@ def test_children_see_the_same_parameters_under_their_own_names() -> None:
     node = LocalNode({"arm": {"pd": {"kp": 50.0}}, "arm/pd/kd": 10.0})
     child = node.child("arm").child("pd")
     assert child.namespace == "/arm/pd"
-    assert (child.param("kp"), child.param("kd"), child.param("/arm/pd/kp"), node.param("arm/pd/kp")) == (50.0, 10.0, 50.0, 50.0)
+    assert (child.param("kp"), child.param("kd"), child.param("/arm/pd/kp"), node.param("arm/pd/kp")) == (
+        50.0,
+        10.0,
+        50.0,
+        50.0,
+    )
     child.set_param("kp", 60.0)
     assert node.param("arm") == {"pd": {"kp": 60.0, "kd": 10.0}}
 
@@ -102,7 +107,9 @@ def test_after_unregistering_nothing_is_heard_and_a_second_time_does_nothing() -
     assert heard == []
 
 
-def test_what_a_callback_refuses_is_logged_with_its_topic_and_other_errors_reach_the_publisher(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_a_callback_refuses_is_logged_with_its_topic_and_other_errors_reach_the_publisher(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     node = LocalNode()
     publisher = node.advertise("arm/command", Float64)
 
@@ -117,7 +124,7 @@ def test_what_a_callback_refuses_is_logged_with_its_topic_and_other_errors_reach
         publisher.publish(Float64(2.0))
 
 
-def test_a_tap_sees_all_messages_with_run_time_and_numbers_their_headers() -> None:
+def test_a_tap_sees_all_messages_with_robot_time_and_numbers_their_headers() -> None:
     node, seen = LocalNode(), []
     node.clock = lambda: 1.25
     tap = node.tap(lambda topic, message, time: seen.append((topic, type(message), time)))
@@ -138,7 +145,7 @@ def test_headers_are_numbered_from_one() -> None:
     assert numbers == [1, 2, 3]
 
 
-def test_stamps_are_run_time_to_the_nanosecond() -> None:
+def test_stamps_are_robot_time_to_the_nanosecond() -> None:
     node = LocalNode()
     for milliseconds in (0, 1, 3, 1001, 123456789):
         node.child("a").clock = lambda t=milliseconds / 1000: t
@@ -170,7 +177,9 @@ def test_a_service_is_offered_once_and_must_answer_with_its_type() -> None:
     node.service("x", Empty, lambda request: TriggerResponse())
     with pytest.raises(HricError, match="service /x is offered already"):
         node.service("x", Empty, lambda request: None)
-    with pytest.raises(HricError, match="response of service /x carries std_srvs/EmptyResponse, not std_srvs/TriggerResponse"):
+    with pytest.raises(
+        HricError, match="response of service /x carries std_srvs/EmptyResponse, not std_srvs/TriggerResponse"
+    ):
         node.call("x", Empty._request_class())
 
 
@@ -204,11 +213,11 @@ def test_a_live_change_is_asked_of_the_owner_who_may_put_values_back() -> None:
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"kp": -5.0}, "/c/kp must be within 0 to 1000, not -5"),
-        ({"kp": float("nan")}, "/c/kp must be finite"),
-        ({"free": float("inf")}, "/c/free must be finite"),
-        ({"count": 2.5}, "/c/count must be of type int, not float"),
-        ({"on": 1}, "/c/on must be of type bool"),
+        ({"kp": -5.0}, "/c/kp is -5.0; valid: a finite number from 0 to 1000"),
+        ({"kp": float("nan")}, "/c/kp is nan; valid: a finite number"),
+        ({"free": float("inf")}, "/c/free is inf; valid: a finite number"),
+        ({"count": 2.5}, "/c/count is 2.5; valid: a whole number"),
+        ({"on": 1}, "/c/on is 1; valid: true or false"),
         ({"kd": 1.0}, "no live parameter 'kd' in /c; valid: count, free, kp, mode, on"),
     ],
 )
@@ -221,7 +230,7 @@ def test_a_bad_live_value_changes_nothing(changes: dict, reason: str) -> None:
 
 
 def test_a_bad_initial_value_is_refused_at_once() -> None:
-    with pytest.raises(ParameterError, match="/kp must be within"):
+    with pytest.raises(ParameterError, match=r"/kp is -1\.0; valid: a finite number from 0 to 1000"):
         LocalNode({"kp": -1.0}).live_parameters(PARAMETERS, lambda values: values)
 
 

@@ -4,11 +4,11 @@ from std_srvs.srv import Empty
 
 from hric_control import plugins
 from hric_control.controller import Controller
-from hric_control.controller_manager import ControllerManager
 from hric_control.errors import CommandError, HricError, ParameterError, UnknownNameError
 from hric_control.fakes import FakeController, FakeRobotHW
 from hric_control.hardware_interface import EffortJointInterface
-from hric_control.local_node import LocalNode
+from hric_control.local.node import LocalNode
+from hric_control.manager.controller_manager import ControllerManager
 
 
 def test_a_loaded_controller_is_initialized_and_not_running(rig) -> None:
@@ -27,7 +27,11 @@ def test_a_controller_gets_its_own_namespace_and_the_robots(rig) -> None:
 def test_the_list_tells_type_and_claimed_joints(rig) -> None:
     rig.load("both", "reader")
     both, reader = rig.manager.list()
-    assert (both.name, both.type, both.claims) == ("both", "fake/Controller", {"hardware_interface::EffortJointInterface": ("joint1", "joint2")})
+    assert (both.name, both.type, both.claims) == (
+        "both",
+        "fake/Controller",
+        {"hardware_interface::EffortJointInterface": ("joint1", "joint2")},
+    )
     assert reader.claims == {}
 
 
@@ -44,7 +48,10 @@ def test_a_controller_without_a_type_is_refused_with_the_parameter_that_is_missi
 
 def test_an_unknown_type_is_refused_with_the_types_that_exist() -> None:
     manager = ControllerManager(FakeRobotHW(), LocalNode({"pd": {"type": "hric_controllers/JointPDControler"}}))
-    with pytest.raises(UnknownNameError, match=r"no hric_control::Controller '\S+/JointPDControler'.*hric_controllers/JointPDController"):
+    with pytest.raises(
+        UnknownNameError,
+        match=r"no hric_control::Controller '\S+/JointPDControler'.*hric_controllers/JointPDController",
+    ):
         manager.load("pd")
 
 
@@ -57,7 +64,9 @@ def test_the_text_of_a_failed_init_is_the_reason_and_nothing_is_loaded(rig) -> N
 
 def test_a_programming_error_in_init_is_told_with_its_place(rig) -> None:
     rig.fail = {"init": ZeroDivisionError("division by zero")}
-    with pytest.raises(HricError, match=r"controller left cannot be loaded: ZeroDivisionError: division by zero \(.*fakes\.py:\d+\)"):
+    with pytest.raises(
+        HricError, match=r"controller left cannot be loaded: ZeroDivisionError: division by zero \(.*fakes\.py:\d+\)"
+    ):
         rig.load("left")
 
 
@@ -89,7 +98,9 @@ def test_what_a_controller_offered_is_gone_after_unload_and_after_a_failed_init(
             manager.load("talk")
     else:
         manager.load("talk")
-        assert set(node.topics()) == {"/talk/state", "/talk/command", "/joint_states"} and set(node.services()) == {"/talk/deeper/reset"}
+        assert set(node.topics()) == {"/talk/state", "/talk/command", "/joint_states"} and set(node.services()) == {
+            "/talk/deeper/reset"
+        }
         manager.unload("talk")
     assert node.topics() == {} and node.services() == {}
     node.set_param("talk/broken", False)
@@ -138,7 +149,9 @@ def test_the_types_are_those_of_packages_and_those_given_by_hand(rig) -> None:
     assert types["fake/Controller"] == types["hric_controllers/JointPDController"] == "hric_control::Controller"
 
 
-def test_reloading_is_refused_while_controllers_are_loaded_unless_they_may_be_killed(rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reloading_is_refused_while_controllers_are_loaded_unless_they_may_be_killed(
+    rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     reloaded = []
     monkeypatch.setattr(plugins, "reload", lambda base: reloaded.append(base) or [])
     rig.start("left")

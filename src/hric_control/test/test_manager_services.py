@@ -11,8 +11,9 @@ from controller_manager_msgs.srv import (
     SwitchControllerRequest,
     UnloadControllerRequest,
 )
-from hric_control import manager_services, plugins
-from hric_control.loaded_controller import UpdateStatistics
+from hric_control import plugins
+from hric_control.manager import services as manager_services
+from hric_control.manager.loaded_controller import UpdateStatistics
 
 SERVICES = {
     "list_controllers": "ListControllers",
@@ -26,7 +27,9 @@ SERVICES = {
 
 def test_the_six_services_have_upstreams_names_and_types(rig) -> None:
     manager_services.serve(rig.manager, rig.node)
-    assert rig.node.services() == {f"/controller_manager/{name}": f"controller_manager_msgs/{kind}" for name, kind in SERVICES.items()}
+    assert rig.node.services() == {
+        f"/controller_manager/{name}": f"controller_manager_msgs/{kind}" for name, kind in SERVICES.items()
+    }
 
 
 def test_a_controller_goes_through_its_life_by_service_calls(rig) -> None:
@@ -46,19 +49,31 @@ def test_a_controller_goes_through_its_life_by_service_calls(rig) -> None:
 def test_the_types_come_with_their_base_class(rig) -> None:
     manager_services.serve(rig.manager, rig.node)
     response = rig.node.call("controller_manager/list_controller_types", ListControllerTypesRequest())
-    assert dict(zip(response.types, response.base_classes, strict=True))["fake/Controller"] == "hric_control::Controller"
+    assert (
+        dict(zip(response.types, response.base_classes, strict=True))["fake/Controller"] == "hric_control::Controller"
+    )
 
 
 @pytest.mark.parametrize(
     ("service", "request_", "reason"),
     [
         ("load_controller", LoadControllerRequest("absent"), "loading 'absent' refused: controller absent has no type"),
-        ("unload_controller", UnloadControllerRequest("absent"), "no controller 'absent' in the manager, to unload; valid: left"),
-        ("switch_controller", SwitchControllerRequest(start_controllers=["absent"], strictness=2), "no controller 'absent'"),
+        (
+            "unload_controller",
+            UnloadControllerRequest("absent"),
+            "no controller 'absent' in the manager, to unload; valid: left",
+        ),
+        (
+            "switch_controller",
+            SwitchControllerRequest(start_controllers=["absent"], strictness=2),
+            "no controller 'absent'",
+        ),
         ("reload_controller_libraries", ReloadControllerLibrariesRequest(False), "controllers are loaded (left)"),
     ],
 )
-def test_a_refusal_is_false_and_one_error_with_the_reason(rig, caplog: pytest.LogCaptureFixture, service: str, request_: object, reason: str) -> None:
+def test_a_refusal_is_false_and_one_error_with_the_reason(
+    rig, caplog: pytest.LogCaptureFixture, service: str, request_: object, reason: str
+) -> None:
     manager_services.serve(rig.manager, rig.node)
     rig.load("left")
     with caplog.at_level(logging.ERROR, "hric"):
@@ -74,7 +89,7 @@ def test_reloading_with_force_kill_is_granted(rig, monkeypatch: pytest.MonkeyPat
     assert rig.states() == {}
 
 
-def test_statistics_come_once_a_second_of_run_time(rig) -> None:
+def test_statistics_come_once_a_second_of_robot_time(rig) -> None:
     manager_services.serve(rig.manager, rig.node)
     heard: list[ControllersStatistics] = []
     rig.node.subscribe("controller_manager/statistics", ControllersStatistics, heard.append)
@@ -86,10 +101,16 @@ def test_statistics_come_once_a_second_of_run_time(rig) -> None:
 
 
 def test_the_field_for_the_variance_carries_its_root() -> None:
-    snapshot = UpdateStatistics("a", "t", True, 10, max_time=9e-6, mean_time=5e-6, variance_time=4e-12, overruns=1, last_overrun=0.5)
+    snapshot = UpdateStatistics(
+        "a", "t", True, 10, max_time=9e-6, mean_time=5e-6, variance_time=4e-12, overruns=1, last_overrun=0.5
+    )
     (entry,) = manager_services._statistics([snapshot], 1.5).controller
     assert (entry.max_time.to_nsec(), entry.mean_time.to_nsec(), entry.variance_time.to_nsec()) == (9000, 5000, 2000)
-    assert (entry.timestamp.to_sec(), entry.num_control_loop_overruns, entry.time_last_control_loop_overrun.to_sec()) == (1.5, 1, 0.5)
+    assert (
+        entry.timestamp.to_sec(),
+        entry.num_control_loop_overruns,
+        entry.time_last_control_loop_overrun.to_sec(),
+    ) == (1.5, 1, 0.5)
 
 
 def test_taken_back_the_services_are_gone(rig) -> None:

@@ -4,7 +4,7 @@ import time
 import pytest
 
 from hric_control.errors import HricError, ResourceConflictError, UnknownNameError
-from hric_control.switching import BEST_EFFORT, STRICT
+from hric_control.manager.switching import BEST_EFFORT, STRICT
 
 
 def test_a_switch_starts_a_loaded_controller(rig) -> None:
@@ -44,7 +44,9 @@ def test_controllers_on_different_joints_and_readers_run_together(rig) -> None:
 
 def test_strict_refuses_an_unknown_name_to_start_with_those_loaded(rig) -> None:
     rig.load("left", "right")
-    with pytest.raises(UnknownNameError, match=r"no controller 'lift' in the manager, to start \(load it first\); valid: left, right"):
+    with pytest.raises(
+        UnknownNameError, match=r"no controller 'lift' in the manager, to start \(load it first\); valid: left, right"
+    ):
         rig.manager.switch(["right", "lift"], [])
     assert rig.states()["right"] == "initialized"
 
@@ -89,10 +91,14 @@ def test_best_effort_leaves_out_what_cannot_be_switched_and_tells_each(rig, capl
     rig.manager.switch(["left"], [])
     rig.manager.switch(["left", "lift", "right"], ["reader"], BEST_EFFORT)
     assert rig.states() == {"left": "running", "right": "running"}
-    assert all(text in caplog.text for text in ("left cannot be started", "no controller 'lift'", "no controller 'reader'"))
+    assert all(
+        text in caplog.text for text in ("left cannot be started", "no controller 'lift'", "no controller 'reader'")
+    )
 
 
-def test_strictness_0_is_best_effort_with_a_warning_and_others_are_refused(rig, caplog: pytest.LogCaptureFixture) -> None:
+def test_strictness_0_is_best_effort_with_a_warning_and_others_are_refused(
+    rig, caplog: pytest.LogCaptureFixture
+) -> None:
     rig.load("left")
     rig.manager.switch(["left", "lift"], [], 0)
     assert rig.states() == {"left": "running"} and "taken as BEST_EFFORT" in caplog.text
@@ -180,7 +186,10 @@ def test_a_switch_takes_effect_within_one_cycle(rig) -> None:
 def test_without_a_loop_a_switch_is_cancelled_in_time_and_not_made_later(rig) -> None:
     rig.load("left")
     rig.manager.loop_running, rig.manager.loop_timeout = True, 0.05
-    with pytest.raises(HricError, match=r"the control loop is not running \(paused\?\): the switch was cancelled after 0.05 s, nothing changed"):
+    with pytest.raises(
+        HricError,
+        match=r"the control loop is not running \(paused\?\): the switch was cancelled after 0.05 s, nothing changed",
+    ):
         rig.manager.switch(["left"], [])
     rig.cycle(3)
     assert rig.states() == {"left": "initialized"} and rig.made["left"].calls == ["init"]

@@ -17,12 +17,12 @@ from std_msgs.msg import Bool
 
 from controller_manager_msgs.msg import ControllersStatistics, ControllerState
 from controller_manager_msgs.srv import ListControllers, SwitchController
-from hric_control import manager_cli
 from hric_control.errors import HricError
-from hric_control.manager_client import ManagerClient
-from hric_control.spawner import Spawner, Unspawner, run_spawner, run_unspawner
+from hric_control.manager import command as manager_cli
+from hric_control.manager.client import ManagerClient
+from hric_control.manager.spawner import Spawner, Unspawner, run_spawner, run_unspawner
 
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
 NAMESPACE = "/arm"
 NOWHERE = "http://127.0.0.1:9"
@@ -59,7 +59,11 @@ def end(process: subprocess.Popen[str]) -> tuple[int, str]:
 
 def tool(name: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, str(TOOLS / name), *arguments], capture_output=True, text=True, timeout=30, env={**os.environ, **environment}
+        [sys.executable, str(TOOLS / name), *arguments],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        env={**os.environ, **environment},
     )
 
 
@@ -73,7 +77,11 @@ def states() -> dict[str, str]:
 
 def rosservice(name: str, request: str) -> dict:
     output = subprocess.run(
-        ["rosservice", "call", f"{NAMESPACE}/controller_manager/{name}", request], check=True, capture_output=True, text=True, timeout=30
+        ["rosservice", "call", f"{NAMESPACE}/controller_manager/{name}", request],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=30,
     ).stdout
     return yaml.safe_load(output)
 
@@ -101,7 +109,9 @@ def test_plain_rosservice_calls_load_start_and_list(client: ManagerClient) -> No
     assert rosservice("switch_controller", "{start_controllers: [left], strictness: 2}") == {"ok": True}
     (entry,) = rosservice("list_controllers", "{}")["controller"]
     assert (entry["name"], entry["state"]) == ("left", "running")
-    assert entry["claimed_resources"] == [{"hardware_interface": "hardware_interface::EffortJointInterface", "resources": ["joint1"]}]
+    assert entry["claimed_resources"] == [
+        {"hardware_interface": "hardware_interface::EffortJointInterface", "resources": ["joint1"]}
+    ]
 
 
 def test_statistics_are_published(client: ManagerClient) -> None:
@@ -141,17 +151,27 @@ def test_the_tool_reloads_and_restores(client: ManagerClient) -> None:
 
 
 @pytest.mark.parametrize("command", ["load", "unload", "start", "stop"])
-def test_what_the_manager_refuses_is_an_error_and_a_failing_exit(client: ManagerClient, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_the_manager_refuses_is_an_error_and_a_failing_exit(
+    client: ManagerClient, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert manager_cli.run(["--namespace", NAMESPACE, command, "absent"]) == 1
     error = capsys.readouterr().err
-    assert "absent" in error and "log tells the reason" in error
+    assert "absent" in error and "see the reason in the robot node's log" in error
 
 
 def test_a_spawner_starts_controllers_and_takes_them_down_on_ctrl_c(client: ManagerClient, tmp_path: Path) -> None:
     (tmp_path / "more.yaml").write_text("filed: {type: fake/Controller, joints: [joint2]}\n")
     publisher = rospy.Publisher("/go", Bool, queue_size=1, latch=True)
     publisher.publish(False)
-    arguments = ("--namespace", NAMESPACE, "--wait-for", "/go", "left", str(tmp_path / "more.yaml"), "__name:=my_spawner")
+    arguments = (
+        "--namespace",
+        NAMESPACE,
+        "--wait-for",
+        "/go",
+        "left",
+        str(tmp_path / "more.yaml"),
+        "__name:=my_spawner",
+    )
     spawner = begin(str(TOOLS / "spawner"), *arguments)
     assert wait(publisher.get_num_connections)
     time.sleep(0.2)
@@ -266,7 +286,9 @@ def test_a_switch_while_the_loop_is_paused_is_refused_and_not_made_later(client:
 
 def test_without_the_services_a_spawner_ends_in_time_and_says_what_is_missing(ros: str) -> None:
     result = tool("spawner", "--timeout", "0.6", "--namespace", "/nowhere", "left")
-    assert result.returncode == 1 and "no service /nowhere/controller_manager/load_controller after 0.6 s" in result.stderr
+    assert (
+        result.returncode == 1 and "no service /nowhere/controller_manager/load_controller after 0.6 s" in result.stderr
+    )
 
 
 @pytest.mark.parametrize("name", ["spawner", "unspawner", "controller_manager"])
@@ -275,7 +297,9 @@ def test_help_comes_without_a_master(name: str) -> None:
 
 
 @pytest.mark.parametrize("run", [manager_cli.run, run_spawner, run_unspawner])
-def test_without_a_master_a_tool_fails_at_once_and_says_so(run: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_master_a_tool_fails_at_once_and_says_so(
+    run: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setenv("ROS_MASTER_URI", NOWHERE)
     assert run(["list"]) == 1
     assert f"no ROS master at {NOWHERE}" in capsys.readouterr().err

@@ -2,11 +2,14 @@ import threading
 import time
 
 import pytest
+from cost_ratio import cost_ratio
 from std_msgs.msg import Float64
 
 from hric_control import realtime
-from hric_control.local_node import LocalNode
-from hric_control.publish_thread import PublishThread
+from hric_control.local.node import LocalNode
+from hric_control.publishing import PublishThread
+
+pytestmark = pytest.mark.alone
 
 
 def test_the_latest_value_is_the_newest_and_new_once() -> None:
@@ -109,7 +112,7 @@ def test_behind_a_slow_subscriber_the_newest_win_and_the_drops_are_counted_and_t
     sink.open.set()
     assert thread.drain(2.0)
     assert sink.sent == ["first", *range(300 - realtime.LAGGING_LIMIT, 300)]
-    assert told == ["/x: messages were dropped, more than 100 waited (told once)"]
+    assert told == ["/x: messages were dropped, more than 100 waited (reported once)"]
 
 
 def test_a_lossless_publisher_keeps_all(thread: PublishThread) -> None:
@@ -131,7 +134,9 @@ def test_a_failing_builder_is_told_once_per_topic_and_harms_no_other(thread: Pub
         first.publish(lambda: 1 / 0)
         second.publish(lambda: 1)
     assert thread.drain(2.0)
-    assert good.sent == [1, 1, 1] and told == ["/bad: message could not be sent: ZeroDivisionError: division by zero (told once)"]
+    assert good.sent == [1, 1, 1] and told == [
+        "/bad: message could not be sent: ZeroDivisionError: division by zero (reported once)"
+    ]
 
 
 def test_a_drain_behind_a_hanging_subscriber_waits_once(thread: PublishThread) -> None:
@@ -163,15 +168,11 @@ def test_unregistering_sends_what_waits(thread: PublishThread) -> None:
     assert sink.sent == [1]
 
 
-def test_publishing_costs_the_loop_about_a_microsecond(thread: PublishThread) -> None:
+def test_publishing_costs_the_loop_a_few_calls(thread: PublishThread, figure) -> None:
     publisher = realtime.RealtimePublisher(Sink(), "/x", limit=realtime.LOSSLESS_LIMIT, thread=thread)
-    best = float("inf")
-    for _ in range(20):
-        begin = time.thread_time()
-        for _i in range(100):
-            publisher.publish(time.monotonic)
-        best = min(best, (time.thread_time() - begin) / 100)
-    assert best < 5e-6  # about 0.4 us; the bound leaves room for a slow and busy machine
+    ratio = cost_ratio(lambda: publisher.publish(time.monotonic), lambda: time.monotonic())
+    figure("handing a message over beside a look at the clock", ratio, "1")
+    assert ratio < 10.0
 
 
 def test_of_messages_that_only_matter_now_the_newest_alone_is_sent_and_nothing_is_told(thread):

@@ -1,7 +1,5 @@
 """The robot with manager, log, clock and counts, without a master."""
 
-from __future__ import annotations
-
 import gc
 import importlib
 import sys
@@ -12,10 +10,12 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from hric_control.controller import Controller
 from hric_control.diagnostics import Diagnostics
-from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
+from hric_control.errors import DescriptionError, HricError, ParameterError, UnknownNameError
+from hric_control.fakes import FakeRobotHW
 from hric_control.hardware_interface import EffortJointInterface
-from hric_control.local_node import LocalNode
-from hric_control.robot_app import RobotApp, import_controllers, robot_hw_type
+from hric_control.local.node import LocalNode
+from hric_control.manager.controller_manager import import_controllers
+from hric_control.robot_app import RobotApp, robot_hw_type
 
 sys.path.append(str(Path(__file__).parent))
 toy = importlib.import_module("double_integrator_robot")
@@ -88,7 +88,8 @@ def test_the_log_has_every_cycle_with_what_was_read_and_sent(run):
     assert times == pytest.approx([0.001 * k for k in range(533)])
     positions = [x for message in rows for x in message.position[::2]]
     assert positions[0] == 0.0
-    # Semi-implicit Euler under 10 N m on 1 kg m^2: after k steps q = 10 dt^2 k (k + 1) / 2, until the velocity limit of 3 rad/s.
+    # Semi-implicit Euler under 10 N m on 1 kg m^2: after k steps q = 10 dt^2 k (k + 1) / 2, until the velocity limit of
+    # 3 rad/s.
     assert positions[200] == pytest.approx(10.0 * 1e-6 * 200 * 201 / 2)
     assert {x for message in rows for x in message.command_raw[::2]} == {12.0}
     assert rows[0].command[0] == 10.0
@@ -96,7 +97,7 @@ def test_the_log_has_every_cycle_with_what_was_read_and_sent(run):
     assert rows[0].header.stamp.to_sec() == 0.0
 
 
-def test_the_clock_ticks_at_100_hz_of_run_time_and_the_counts_come_each_second_and_at_the_end(run):
+def test_the_clock_ticks_at_100_hz_of_robot_time_and_the_counts_come_each_second_and_at_the_end(run):
     one = run(effort=12.0)
     one.app.run(2.005)
     clock = [message.clock.to_nsec() for message in one.of("/clock")]
@@ -118,7 +119,7 @@ def test_the_log_can_be_switched_off_by_parameter(run):
     one = run({"control_log": False})
     one.app.run(0.1)
     assert not one.of("/control_log")
-    with pytest.raises(ParameterError, match="control_log must be true or false; got 'no'"):
+    with pytest.raises(ParameterError, match="control_log is 'no'; valid: true or false"):
         Run({"control_log": "no"})
 
 
@@ -152,7 +153,14 @@ def test_two_runs_are_bit_identical(run):
     for _ in range(2):
         one = run(effort=3.0)
         one.app.run(0.3)
-        logs.append([(topic, message) for topic in sorted(one.messages) for message in one.of(topic) if "statistics" not in topic])
+        logs.append(
+            [
+                (topic, message)
+                for topic in sorted(one.messages)
+                for message in one.of(topic)
+                if "statistics" not in topic
+            ]
+        )
     assert len(logs[0]) > 40
     assert logs[0] == logs[1]
 
@@ -191,7 +199,9 @@ def test_the_robot_type_is_the_parameter_or_else_the_descriptions():
     described = LocalNode({"robot_description": toy.URDF})
     assert robot_hw_type(described, LocalNode()) == "toy/Toy"
     assert robot_hw_type(described, LocalNode({"robot_hw": "other/Robot"})) == "other/Robot"
-    with pytest.raises(DescriptionError, match="robot_hw is not set and robot_description has no robotSimType; valid: "):
+    with pytest.raises(
+        DescriptionError, match="robot_hw is not set and robot_description has no robotSimType; valid: "
+    ):
         robot_hw_type(LocalNode(), LocalNode())
     with pytest.raises(UnknownNameError, match="toy/Toy"):
         RobotApp(described, LocalNode())
@@ -218,7 +228,7 @@ def test_diagnostics_tell_the_loop_and_what_was_limited(run):
     values = {item.key: item.value for item in loop.values}
     assert (loop.name, loop.hardware_id, loop.message) == ("robot: control loop", "toy", "not running")
     assert values["cycles"] == "400"
-    assert values["run time [s]"] == "0.400"
+    assert values["robot time [s]"] == "0.400"
     assert limits.level == DiagnosticStatus.WARN
     assert "j1: " in {item.key: item.value for item in limits.values}["effort"]
     assert status.message().status[1].level == DiagnosticStatus.OK  # nothing since the last one
@@ -226,9 +236,10 @@ def test_diagnostics_tell_the_loop_and_what_was_limited(run):
 
 @pytest.mark.parametrize("value", [-1.0, "long", True, float("nan")])
 def test_a_wait_for_a_listener_that_is_no_time_is_refused(value):
-    run = Run({"wait_for_log_listener": value})
-    with pytest.raises(ParameterError, match="wait_for_log_listener must be a time"):
-        run.app.wait_for_log_listener()
+    with pytest.raises(
+        ParameterError, match=r"wait_for_log_listener is .*; valid: a finite number of 0 or more \[s of wall time\]"
+    ):
+        Run({"wait_for_log_listener": value})
 
 
 def test_nobody_listening_is_told_and_the_robot_goes_on(caplog):
@@ -236,3 +247,25 @@ def test_nobody_listening_is_told_and_the_robot_goes_on(caplog):
     app = RobotApp(node, LocalNode({"real_time_factor": 0.0, "wait_for_log_listener": 0.02}), hw=toy.ToyRobot())
     app.wait_for_log_listener()
     assert "nobody listens to control_log after 0.02 s" in caplog.text
+
+
+class Bare(FakeRobotHW):
+    """Three cycles of a robot that has nothing optional."""
+
+    def run(self, on_cycle):
+        for k in range(3):
+            on_cycle(0.001 * k, 0.001, False)
+
+
+def test_a_robot_that_has_nothing_optional_runs_without_clock_log_counts_and_services_of_a_simulation():
+    node = LocalNode()
+    app = RobotApp(node, node, hw=Bare())
+    assert (app.simulated, app.loop, app.log) == (False, None, None)
+    app.run()
+    assert app.cycles == 3
+    assert not {"/clock", "/control_log", "/limit_counts"} & set(node.topics())
+    assert not [name for name in node.services() if name.startswith("/sim")]
+    assert app.limit_counts().total == 0
+    with pytest.raises(HricError, match="a duration cannot be given for Bare"):
+        app.run(1.0)
+    app.shutdown()

@@ -1,7 +1,5 @@
 """The robot node as a process under a real master, with a toy robot from a package of its own."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import os
@@ -13,12 +11,17 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.alone
+
 HERE = Path(__file__).parent
 NODE = HERE.parent / "nodes" / "robot"
 sys.path.append(str(HERE))
 toy = importlib.import_module("double_integrator_robot")
 
-PACKAGE = '<package format="3"><name>toy_robot</name><export><hric_control plugin="${prefix}/plugins.xml"/></export></package>'
+PACKAGE = (
+    '<package format="3"><name>toy_robot</name><export><hric_control '
+    'plugin="${prefix}/plugins.xml"/></export></package>'
+)
 PLUGINS = f"""<library path="{HERE}">
 <class name="toy/Toy" type="double_integrator_robot:ToyRobot" base_class_type="hric_control::RobotHW"/></library>"""
 
@@ -30,12 +33,21 @@ def start(ros, tmp_path):
     rospy.set_param("/toy/robot_description", toy.URDF)
     (tmp_path / "package.xml").write_text(PACKAGE)
     (tmp_path / "plugins.xml").write_text(PLUGINS)
-    environment = os.environ | {"ROS_PACKAGE_PATH": f"{tmp_path}:{os.environ.get('ROS_PACKAGE_PATH', '')}", "ROS_NAMESPACE": "/toy"}
+    environment = os.environ | {
+        "ROS_PACKAGE_PATH": f"{tmp_path}:{os.environ.get('ROS_PACKAGE_PATH', '')}",
+        "ROS_NAMESPACE": "/toy",
+    }
     processes = []
 
     def launch(*arguments):
         processes.append(
-            subprocess.Popen([sys.executable, str(NODE), *arguments], env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            subprocess.Popen(
+                [sys.executable, str(NODE), *arguments],
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+            )
         )
         return processes[-1]
 
@@ -52,7 +64,9 @@ def listening(topic, kind):
     import rospy
 
     seen = []
-    subscriber = rospy.Subscriber(topic, kind, lambda message: seen.append((time.monotonic(), message)), queue_size=None)
+    subscriber = rospy.Subscriber(
+        topic, kind, lambda message: seen.append((time.monotonic(), message)), queue_size=None
+    )
     try:
         yield seen
     finally:
@@ -94,7 +108,7 @@ def test_a_running_robot_serves_logs_pauses_steps_and_ends(start):
         time.sleep(3.0)
         pause()
         ticks = len(clock) - begin
-        run_time = (clock[-1][1].clock - clock[begin][1].clock).to_sec()
+        robot_time = (clock[-1][1].clock - clock[begin][1].clock).to_sec()
         time.sleep(0.1)
         before = clock[-1][1].clock
         time.sleep(0.2)
@@ -102,8 +116,8 @@ def test_a_running_robot_serves_logs_pauses_steps_and_ends(start):
         answer = step(50)
         assert answer.success
         assert step(1).time == pytest.approx(answer.time + 0.001)
-        # 100 Hz of run time; a tick that waited gives way to the next one, which on a busy machine happens often.
-        assert 40.0 * run_time < ticks <= 100.0 * run_time + 2.0
+        # 100 Hz of robot time; a tick that waited gives way to the next one, which on a busy machine happens often.
+        assert 40.0 * robot_time < ticks <= 100.0 * robot_time + 2.0
         caller("/toy/sim/unpause_physics", Empty)()
         wait(lambda: clock[-1][1].clock.to_sec() > answer.time + 0.2)
         refused = step(1)
@@ -220,6 +234,8 @@ def test_ctrl_c_during_a_pause_ends_the_robot(start):
 
 def test_help_works_without_a_master():
     environment = os.environ | {"ROS_MASTER_URI": "http://127.0.0.1:1"}
-    result = subprocess.run([sys.executable, str(NODE), "--help"], env=environment, capture_output=True, text=True, timeout=20.0)
+    result = subprocess.run(
+        [sys.executable, str(NODE), "--help"], env=environment, capture_output=True, text=True, timeout=20.0
+    )
     assert result.returncode == 0
     assert "rosrun hric_control robot" in result.stdout

@@ -1,15 +1,15 @@
 """A rospy node takes the connections of a recorder that wants all of its topics at once."""
 
-from __future__ import annotations
-
 import socket
 import struct
 
 import pytest
 from rospy.impl import tcpros_base
 
-from hric_control import ros_backlog
+from hric_control.ros import process as ros_backlog
 from hric_control.testing import ros, roscore  # noqa: F401
+
+pytestmark = pytest.mark.alone
 
 LONGEST_QUEUE = 28
 """Where Linux tells, of a socket that listens, how many connections may wait: tcpi_sacked of struct tcp_info."""

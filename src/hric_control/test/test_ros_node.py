@@ -1,18 +1,20 @@
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 import rospy
-from std_msgs.msg import Float64, String
+from geometry_msgs.msg import PointStamped
+from std_msgs.msg import Float64, Float64MultiArray, String
 from std_srvs.srv import SetBool, SetBoolResponse, TriggerResponse
 
 from hric_control import realtime
 from hric_control.errors import HricError, ParameterError
 from hric_control.node import Node
-from hric_control.ros_node import RosNode
+from hric_control.ros import RosNode
 
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
 
 @pytest.fixture
@@ -34,14 +36,24 @@ def test_it_has_the_face_of_a_node(node: RosNode) -> None:
 
 
 def test_relative_private_and_absolute_namespaces_are_resolved(ros: str) -> None:
-    assert (RosNode().namespace, RosNode("~").namespace, RosNode("arm").namespace, RosNode("/a/b/").namespace) == ("/", ros, "/arm", "/a/b")
+    assert (RosNode().namespace, RosNode("~").namespace, RosNode("arm").namespace, RosNode("/a/b/").namespace) == (
+        "/",
+        ros,
+        "/arm",
+        "/a/b",
+    )
     assert RosNode("/a").child("b").resolve("c") == "/a/b/c"
 
 
 def test_parameters_are_read_and_a_missing_one_is_told_by_its_absolute_name(node: RosNode) -> None:
     node.set_param("pd", {"kp": 50.0, "off": False, "names": ["a", "b"]})
     child = node.child("pd")
-    assert (child.param("kp"), child.param("off"), child.param("names"), child.param("/test_absent", 3)) == (50.0, False, ["a", "b"], 3)
+    assert (child.param("kp"), child.param("off"), child.param("names"), child.param("/test_absent", 3)) == (
+        50.0,
+        False,
+        ["a", "b"],
+        3,
+    )
     assert child.has_param("off") and not child.has_param("kd") and child.param("kd", None) is None
     with pytest.raises(ParameterError, match=f"parameter {node.namespace}/pd/kd is not set"):
         child.param("kd")
@@ -156,7 +168,70 @@ def test_a_realtime_publisher_sends_from_the_publishing_thread_and_its_messages_
     publisher.unregister()
 
 
-def test_deferred_calls_are_made_by_the_publishing_thread_and_each_failure_is_told(node: RosNode, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_waits_when_the_robot_ends_is_still_sent(node: RosNode) -> None:
+    heard: list[float] = []
+    node.subscribe("x", Float64, lambda message: heard.append(message.data), queue_size=0)
+    publisher = realtime.publisher(node, "x", Float64, lossless=True)
+    assert wait(publisher.subscribers)
+    for i in range(200):
+        publisher.publish(Float64, float(i))
+    realtime.shutdown(5.0)
+    assert wait(lambda: len(heard) == 200)
+
+
+def test_a_latched_message_of_the_loop_reaches_who_comes_later(node: RosNode) -> None:
+    publisher = realtime.publisher(node, "x", Float64, latch=True)
+    publisher.publish(Float64, 3.0)
+    assert realtime.drain(5.0)
+    heard: list[float] = []
+    node.subscribe("x", Float64, lambda message: heard.append(message.data))
+    assert wait(lambda: heard == [3.0])
+    publisher.unregister()
+
+
+def test_what_is_no_message_type_is_refused_at_once(node: RosNode) -> None:
+    with pytest.raises(HricError, match="x cannot be advertised: data_class"):
+        realtime.publisher(node, "x", dict)
+
+
+def test_messages_sent_together_arrive_whole_in_their_order_with_running_numbers(node: RosNode) -> None:
+    heard: list[tuple[int, float]] = []
+    publisher = node.advertise("points", PointStamped)
+    node.subscribe(
+        "points", PointStamped, lambda message: heard.append((message.header.seq, message.point.x)), queue_size=0
+    )
+    assert wait(publisher.subscribers)
+    points = [PointStamped() for _ in range(200)]
+    for index, point in enumerate(points):
+        point.point.x = float(index)
+    publisher.publish_all(points)
+    assert wait(lambda: len(heard) == 200)
+    assert heard == [(heard[0][0] + index, float(index)) for index in range(200)]
+
+
+@pytest.mark.parametrize("bad", [0, 1, 3])
+@pytest.mark.parametrize("content", [{"data": ["not a number"]}, {"layout": None, "data": []}])
+def test_of_many_one_that_cannot_be_sent_is_told_and_the_others_arrive(
+    node: RosNode, bad: int, content: dict[str, Any]
+) -> None:
+    heard: list[tuple[float, ...]] = []
+    publisher = node.advertise(f"numbers{bad}", Float64MultiArray)
+    subscription = node.subscribe(f"numbers{bad}", Float64MultiArray, lambda message: heard.append(message.data))
+    assert wait(publisher.subscribers)
+    messages = [Float64MultiArray(data=[float(number)]) for number in range(3)]
+    messages.insert(bad, Float64MultiArray())
+    for field, value in content.items():
+        setattr(messages[bad], field, value)
+    with pytest.raises(HricError, match=f"numbers{bad}: "):
+        publisher.publish_all(messages)
+    assert wait(lambda: heard == [(0.0,), (1.0,), (2.0,)])
+    subscription.unregister()
+    publisher.unregister()
+
+
+def test_deferred_calls_are_made_by_the_publishing_thread_and_each_failure_is_told(
+    node: RosNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
     lines: list[str] = []
     monkeypatch.setattr(rospy, "logerr", lambda text, *args: lines.append(text % args))
     threads: list[str] = []
@@ -164,7 +239,10 @@ def test_deferred_calls_are_made_by_the_publishing_thread_and_each_failure_is_to
     for _ in range(2):
         realtime.defer(node, lambda: 1 / 0, "result of the action")
     assert realtime.drain(2.0)
-    assert threads == ["publish"] and lines == [f"{node.namespace}: result of the action failed: ZeroDivisionError: division by zero"] * 2
+    assert (
+        threads == ["publish"]
+        and lines == [f"{node.namespace}: result of the action failed: ZeroDivisionError: division by zero"] * 2
+    )
 
 
 def test_after_a_shutdown_a_new_publisher_starts_a_new_thread(node: RosNode) -> None:
@@ -176,11 +254,11 @@ def test_after_a_shutdown_a_new_publisher_starts_a_new_thread(node: RosNode) -> 
     realtime.shutdown()
 
 
-def test_a_master_that_does_not_answer_is_told_by_its_address(ros: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from hric_control import ros_node
+def test_the_error_names_the_address_of_a_silent_master(ros: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from hric_control.ros import node as ros_node
 
     def refuse() -> None:
         raise ConnectionRefusedError("refused")
 
-    with pytest.raises(HricError, match=r"the ROS master at http://127\.0\.0\.1:\d+.* does not answer: refused"):
-        ros_node._ask(refuse)
+    with pytest.raises(HricError, match=r"the ROS master at http://127\.0\.0\.1:\d+.* does not respond: refused"):
+        ros_node._query(refuse)

@@ -8,9 +8,9 @@ from actionlib_msgs.msg import GoalStatus
 from control_msgs.msg import GripperCommandAction, GripperCommandFeedback, GripperCommandGoal, GripperCommandResult
 from hric_control.errors import HricError
 from hric_control.node import GoalHandle
-from hric_control.ros_node import RosNode
+from hric_control.ros import RosNode
 
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
 
 class Server:
@@ -67,7 +67,10 @@ def test_an_actionlib_client_sees_feedback_and_success(server: Server) -> None:
     assert wait(lambda: heard == [0.02])
     server.goals[0].succeed(GripperCommandResult(reached_goal=True), "there")
     assert wait(lambda: goal.get_comm_state() == actionlib.CommState.DONE)
-    assert (goal.get_terminal_state(), goal.get_goal_status_text()) == (GoalStatus.SUCCEEDED, "there") and goal.get_result().reached_goal
+    assert (goal.get_terminal_state(), goal.get_goal_status_text()) == (
+        GoalStatus.SUCCEEDED,
+        "there",
+    ) and goal.get_result().reached_goal
 
 
 def test_a_cancel_reaches_the_server_with_the_handle_that_it_knows(server: Server) -> None:

@@ -9,9 +9,9 @@ import yaml
 
 from hric_control.errors import ParameterError
 from hric_control.node import LiveParameter
-from hric_control.ros_node import RosNode
+from hric_control.ros import RosNode
 
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
 PARAMETERS = [
     LiveParameter("kp", 50.0, 0.0, 1000.0, "gain [N m/rad]"),
@@ -46,7 +46,13 @@ def owner(ros: str, request: pytest.FixtureRequest):
 
 
 def dynparam(*arguments: str) -> str:
-    return subprocess.run(["rosrun", "dynamic_reconfigure", "dynparam", *arguments], check=True, capture_output=True, text=True, timeout=30).stdout
+    return subprocess.run(
+        ["rosrun", "dynamic_reconfigure", "dynparam", *arguments],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=30,
+    ).stdout
 
 
 def values_at(client: dynamic_reconfigure.client.Client) -> dict:
@@ -84,26 +90,30 @@ def test_a_value_that_the_owner_puts_back_is_what_clients_see(owner: Owner) -> N
     client.close()
 
 
-@pytest.mark.parametrize(("change", "reason"), [({"kp": -5.0}, "within 0 to 1000, not -5"), ({"kp": float("nan")}, "must be finite")])
-def test_a_bad_value_is_one_error_and_nothing_changes(owner: Owner, change: dict, reason: str) -> None:
+@pytest.mark.parametrize("kp", [-5.0, float("nan")])
+def test_a_bad_value_is_one_error_and_nothing_changes(owner: Owner, kp: float) -> None:
     client = dynamic_reconfigure.client.Client(owner.node.namespace, timeout=5.0)
-    answer = client.update_configuration({"mode": "hard", **change})
+    answer = client.update_configuration({"mode": "hard", "kp": kp})
     assert (answer["kp"], answer["mode"]) == (50.0, "soft") and len(owner.asked) == 1
-    assert len(owner.errors) == 1 and reason in owner.errors[0]
+    assert owner.errors == [f"{owner.node.namespace}/kp is {kp}; valid: a finite number from 0 to 1000"]
     assert owner.node.param("mode") == "soft"
     client.close()
 
 
 def test_a_bad_value_on_the_parameter_server_is_refused_at_once(ros: str) -> None:
     rospy.set_param("/live/bad/kp", -1.0)
-    with pytest.raises(ParameterError, match="/live/bad/kp must be within 0 to 1000, not -1"):
+    with pytest.raises(ParameterError, match=r"/live/bad/kp is -1.0; valid: a finite number from 0 to 1000"):
         Owner("/live/bad")
 
 
 def test_descriptions_give_ranges_and_texts(owner: Owner) -> None:
     client = dynamic_reconfigure.client.Client(owner.node.namespace, timeout=5.0)
     described = {entry["name"]: entry for entry in client.get_parameter_descriptions(timeout=5.0)}
-    assert (described["kp"]["min"], described["kp"]["max"], described["kp"]["description"]) == (0.0, 1000.0, "gain [N m/rad]")
+    assert (described["kp"]["min"], described["kp"]["max"], described["kp"]["description"]) == (
+        0.0,
+        1000.0,
+        "gain [N m/rad]",
+    )
     assert [described[name]["type"] for name in START] == ["double", "int", "bool", "str", "double"]
     client.close()
 

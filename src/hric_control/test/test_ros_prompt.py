@@ -1,7 +1,5 @@
 """Topics that send in the publishing thread, and listeners that do not keep up."""
 
-from __future__ import annotations
-
 import socket
 import struct
 import threading
@@ -12,9 +10,11 @@ from typing import Any
 import pytest
 from std_msgs.msg import String
 
-from hric_control.ros_node import RosNode
-from hric_control.ros_prompt import PromptConnection, send_promptly
+from hric_control.ros import RosNode
+from hric_control.ros.prompt import PromptConnection, send_promptly
 from hric_control.testing import ros, roscore  # noqa: F401
+
+pytestmark = pytest.mark.alone
 
 SIZE = 50_000
 """Of a message [bytes]: some fill the buffers of a socket."""
@@ -118,7 +118,10 @@ def test_a_connection_that_breaks_while_messages_wait_is_closed(wire: Wire) -> N
 
 
 @pytest.mark.rostest
-def test_listeners_of_a_topic_hear_all_and_are_forgotten_when_they_leave(ros: str, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+def test_listeners_of_a_topic_hear_all_and_are_forgotten_when_they_leave(
+    ros: str,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     import rospy
 
     monkeypatch.setattr(rospy.topics, "QueuedConnection", rospy.topics.QueuedConnection)

@@ -1,7 +1,5 @@
 """What the services under sim/ do, on a robot without physics worth the name."""
 
-from __future__ import annotations
-
 import importlib
 import math
 import sys
@@ -23,9 +21,10 @@ from gazebo_msgs.srv import (
     SetModelConfigurationRequest,
     SpawnModelRequest,
 )
-from hric_control import contact_info, sim_services, stamps
-from hric_control.local_node import LocalNode
+from hric_control.local.node import LocalNode
 from hric_control.plant import Contact
+from hric_control.robot_time import stamps
+from hric_control.sim import contact_info, services
 from hric_msgs.msg import JointReactions
 from hric_msgs.srv import StepSimulationRequest
 
@@ -43,15 +42,24 @@ def robot(node):
     hw = toy.ToyRobot()
     hw.init(node, LocalNode({"real_time_factor": 0.0}))
     node.clock = lambda: hw.loop.time
-    services = sim_services.serve(hw, node)
+    served = services.serve(hw, node)
     yield hw
-    services.unregister()
+    served.unregister()
     assert not [name for name in node.services() if name.startswith("/sim")]
 
 
 def cycles(hw, n):
-    end = hw.loop.cycles + n
-    hw.run(lambda *_: hw.loop.cycles + 1 < end)
+    """Run n cycles; answers the reset_controllers that each got."""
+    resets = []
+
+    def on_cycle(time, period, reset):
+        resets.append(reset)
+        if len(resets) == n:
+            hw.stop()
+        return True
+
+    hw.run(on_cycle)
+    return resets
 
 
 def configure(node, names, positions, model=""):
@@ -70,13 +78,11 @@ def test_reset_puts_robot_and_world_back_and_lets_time_go_on(node, robot):
 
 def test_a_configuration_is_set_for_the_named_joints_and_controllers_restart(node, robot):
     robot.plant.q[:] = [0.1, 0.2]
-    resets = []
     cycles(robot, 1)
     answer = configure(node, ["j2"], [0.7], "toy")
     assert (answer.success, answer.status_message) == (True, "1 joints set")
     assert robot.plant.q.tolist() == [0.1, 0.7]
-    robot.run(lambda now, period, reset: resets.append(reset) or len(resets) < 2)
-    assert resets == [True, False]
+    assert cycles(robot, 2) == [True, False]
 
 
 @pytest.mark.parametrize(
@@ -182,7 +188,7 @@ def test_a_model_whose_root_is_the_world_is_fixed_and_a_frame_places_it(node, ro
         ({"name": "toy"}, "is the robot's own"),
         ({"xml": "<cube/>"}, "must be <robot>"),
         ({"xml": "nonsense"}, "is not XML"),
-        ({"xml": "<robot name='x'/>"}, "must have one root link; it has 0"),
+        ({"xml": "<robot name='x'/>"}, "has no <link>; a robot needs at least one"),
         ({"pose": Pose(Point(), Quaternion(0.0, 0.0, 0.5, 0.5))}, "is not a unit quaternion"),
         ({"pose": Pose(Point(math.nan, 0.0, 0.0), Quaternion())}, "position is not finite"),
     ],
@@ -234,9 +240,9 @@ def test_pause_step_and_unpause_from_other_threads(node, robot):
 
 def test_contacts_are_published_at_100_hz_grouped_by_pair_while_there_are_any(node, robot):
     seen = []
-    robot.plant.touching = [Contact("toy::two", "cube::cube_link", (0.0, 0.0, z), (0.0, 0.0, 1.0), 0.001, 5.0) for z in (0.0, 0.1)] + [
-        Contact("toy::one", "floor::link", (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.0, 2.0)
-    ]
+    robot.plant.touching = [
+        Contact("toy::two", "cube::cube_link", (0.0, 0.0, z), (0.0, 0.0, 1.0), 0.001, 5.0) for z in (0.0, 0.1)
+    ] + [Contact("toy::one", "floor::link", (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.0, 2.0)]
     registration = node.tap(lambda topic, message, now: seen.append(message) if topic == "/sim/contacts" else None)
     cycles(robot, 100)
     registration.unregister()

@@ -1,7 +1,5 @@
 """Transmissions and what the description says of them."""
 
-from __future__ import annotations
-
 import pytest
 
 from hric_control.errors import DescriptionError
@@ -14,19 +12,41 @@ ONE = """<transmission name="t1"><type>transmission_interface/SimpleTransmission
 
 
 def robot(content):
-    return f'<robot name="r"><link name="a"/><link name="b"/><joint name="j1" type="revolute"/><joint name="j2" type="revolute"/>{content}</robot>'
+    links = "".join(f'<link name="{name}"/>' for name in "abc")
+    joints = ("j1", "a", "b"), ("j2", "b", "c")
+    ends = '<parent link="{}"/><child link="{}"/>'
+    described = "".join(
+        f'<joint name="{name}" type="continuous">{ends.format(*between)}</joint>' for name, *between in joints
+    )
+    return f'<robot name="r">{links}{described}{content}</robot>'
 
 
 def test_a_transmission_is_read_with_short_interface_names():
     assert parse_transmissions(robot(ONE)) == [
-        Transmission("t1", "SimpleTransmission", "j1", ("EffortJointInterface", "PositionJointInterface"), "m1", -50.0, 0.5)
+        Transmission(
+            -50.0,
+            0.5,
+            name="t1",
+            type="SimpleTransmission",
+            joint="j1",
+            interfaces=("EffortJointInterface", "PositionJointInterface"),
+            actuator="m1",
+        )
     ]
 
 
 def test_reduction_and_offset_default_to_none_and_the_interface_may_stand_at_the_actuator():
     text = """<transmission name="t2"><type>SimpleTransmission</type><joint name="j2"/>
     <actuator name="m2"><hardwareInterface>VelocityJointInterface</hardwareInterface></actuator></transmission>"""
-    assert parse_transmissions(robot(text)) == [Transmission("t2", "SimpleTransmission", "j2", ("VelocityJointInterface",), "m2")]
+    assert parse_transmissions(robot(text)) == [
+        Transmission(
+            name="t2",
+            type="SimpleTransmission",
+            joint="j2",
+            interfaces=("VelocityJointInterface",),
+            actuator="m2",
+        )
+    ]
 
 
 def test_the_gear_maps_power_onto_itself_and_positions_by_the_offset():
@@ -51,16 +71,26 @@ def test_going_to_the_actuator_and_back_changes_nothing(gear):
             "DifferentialTransmission",
             "t1: type 'DifferentialTransmission' is not known; valid: transmission_interface/Simple",
         ),
-        ("EffortJointInterface", "ForceInterface", "no hardware interface 'ForceInterface'; valid: hardware_interface/EffortJointInterface"),
+        (
+            "EffortJointInterface",
+            "ForceInterface",
+            "no hardware interface 'ForceInterface'; valid: hardware_interface/EffortJointInterface",
+        ),
         ('joint name="j1"', 'joint name="j9"', "transmission t1: no joint 'j9'; valid: j1, j2"),
         ("-50", "0", "transmission t1: mechanicalReduction must not be 0"),
         ("-50", "big", "transmission t1: mechanicalReduction must be a finite number; got 'big'"),
-        ('<actuator name="m1">', '<actuator name="m0"/><actuator name="m1">', "a SimpleTransmission has one <actuator>; it has 2"),
+        (
+            '<actuator name="m1">',
+            '<actuator name="m0"/><actuator name="m1">',
+            "a SimpleTransmission has one <actuator>; it has 2",
+        ),
     ],
 )
 def test_what_is_not_known_is_refused_with_what_is(before, after, says):
     with pytest.raises(DescriptionError) as caught:
-        parse_transmissions(robot(ONE.replace(before, after, 1) if before != 'joint name="j1"' else ONE.replace(before, after)))
+        parse_transmissions(
+            robot(ONE.replace(before, after, 1) if before != 'joint name="j1"' else ONE.replace(before, after))
+        )
     assert says in str(caught.value)
 
 
@@ -70,7 +100,10 @@ def test_a_joint_with_two_transmissions_is_refused_with_both_names():
 
 
 def test_the_description_says_which_robot_hw_simulates_it():
-    text = '<gazebo><plugin name="{}" filename="{}"><robotSimType> franka_sim/FrankaHWSim </robotSimType></plugin></gazebo>'
+    text = (
+        '<gazebo><plugin name="{}" filename="{}"><robotSimType> franka_sim/FrankaHWSim '
+        "</robotSimType></plugin></gazebo>"
+    )
     assert robot_sim_type(robot(text.format("gazebo_ros_control", "x.so"))) == "franka_sim/FrankaHWSim"
     assert robot_sim_type(robot(text.format("control", "libgazebo_ros_control.so"))) == "franka_sim/FrankaHWSim"
     assert robot_sim_type(robot(text.format("camera", "libcamera.so"))) is None

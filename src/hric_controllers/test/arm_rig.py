@@ -6,8 +6,8 @@ import yaml
 
 import panda_description
 from hric_control import plugins
-from hric_control.controller_manager import ControllerManager
-from hric_control.local_node import LocalNode
+from hric_control.local.node import LocalNode
+from hric_control.manager.controller_manager import ControllerManager
 
 YAML = Path(__file__).parents[2] / "hric_bringup" / "config" / "controllers.yaml"
 
@@ -25,7 +25,11 @@ class ArmRig:
         params = yaml.safe_load(YAML.read_text().replace("$(arg arm_id)", "panda"))
         params[controller].update(changes)
         params["robot_description"] = panda_description.load(arm_id="panda", meshes=False)
-        params["robot"] = {"arm_id": "panda", "real_time_factor": 0.0, "plant": {"collision": False, "self_collision": False}}
+        params["robot"] = {
+            "arm_id": "panda",
+            "real_time_factor": 0.0,
+            "plant": {"collision": False, "self_collision": False},
+        }
         self.node = LocalNode(params)
         self.hw = plugins.find(plugins.ROBOT_HW, "franka_sim/FrankaHWSim")()
         self.hw.init(self.node, self.node.child("robot"))

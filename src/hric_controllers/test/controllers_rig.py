@@ -1,8 +1,15 @@
-"""A robot of independent unit-inertia joints with exact integration, and a headless loop around it: what the controllers' tests run on."""
+"""A robot of independent unit-inertia joints with exact integration, and a headless loop around it: what the
+controllers' tests run on."""
 
-from hric_control.controller_manager import ControllerManager
-from hric_control.hardware_interface import EffortJointInterface, JointCommands, JointStateInterface, JointStates, PositionJointInterface
-from hric_control.local_node import LocalNode
+from hric_control.hardware_interface import (
+    EffortJointInterface,
+    JointCommands,
+    JointStateInterface,
+    JointStates,
+    PositionJointInterface,
+)
+from hric_control.local.node import LocalNode
+from hric_control.manager.controller_manager import ControllerManager
 from hric_control.robot_hw import RobotHW
 
 DT = 0.001
@@ -68,7 +75,9 @@ class Lab:
         for _ in range(round(seconds / DT)):
             self.manager.update(self.time, DT, reset)
             reset = False
-            self.history.append((self.time, list(self.hw.states.position), list(self.hw.effort.value), list(self.hw.goal.value)))
+            self.history.append(
+                (self.time, list(self.hw.states.position), list(self.hw.effort.value), list(self.hw.goal.value))
+            )
             self.hw.advance()
             self.cycle += 1
             self.time = self.cycle * DT

@@ -1,4 +1,5 @@
-"""A marker beside the simulated arm: its samples at their own rate, with noise and gaps, as the motion capture node would send them."""
+"""A marker beside the simulated arm: its samples at their own rate, with noise and gaps, as the motion capture node
+would send them."""
 
 import math
 
@@ -6,7 +7,7 @@ import numpy as np
 from arm_rig import ArmRig
 from geometry_msgs.msg import Point
 
-from hric_control import stamps
+from hric_control.robot_time import stamps
 from hric_msgs.msg import MocapData, RigidBodyState
 
 AMPLITUDE, FREQUENCY, RATE = 0.1, 0.25, 240.0
@@ -44,7 +45,9 @@ class MarkerRig(ArmRig):
 
     def follow(self, seconds):
         self.run(seconds, self._on_cycle)
-        self.times, self.desired, self.measured, self.truth = (np.array(column) for column in zip(*self.rows, strict=True))
+        self.times, self.desired, self.measured, self.truth = (
+            np.array(column) for column in zip(*self.rows, strict=True)
+        )
         return self
 
     def _on_cycle(self, time):
@@ -73,5 +76,7 @@ class MarkerRig(ArmRig):
         moved, truth, n = path - path[0], self.truth - self.truth[0], len(path)
         errors = [np.sqrt(np.mean(np.sum((moved[lag:] - truth[: n - lag]) ** 2, axis=1))) for lag in range(400)]
         lag = int(np.argmin(errors))
-        acceleration, ideal = (np.sqrt(np.mean(np.sum(np.diff(way, n=2, axis=0) ** 2, axis=1))) for way in (moved, truth))
+        acceleration, ideal = (
+            np.sqrt(np.mean(np.sum(np.diff(way, n=2, axis=0) ** 2, axis=1))) for way in (moved, truth)
+        )
         return lag * 1e-3, errors[lag], acceleration / ideal

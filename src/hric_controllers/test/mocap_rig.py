@@ -1,4 +1,5 @@
-"""The whole way of a marker in one process: emulated Motive, datagrams, client, publisher, topics, controller, simulated arm. No sockets."""
+"""The whole way of a marker in one process: emulated Motive, datagrams, client, publisher, topics, controller,
+simulated arm. No sockets."""
 
 import numpy as np
 from arm_rig import ArmRig
@@ -6,8 +7,8 @@ from natnet_link import START, Link
 
 from mocap_natnet.client import Session
 from mocap_natnet.client import Settings as ClientSettings
-from mocap_natnet.parameters import read_publishing
-from mocap_natnet.publisher import MocapPublisher
+from mocap_natnet.node.parameters import Publishing
+from mocap_natnet.node.publisher import MocapPublisher
 
 NAME = "cartesian_pose_controller"
 STATE = f"/{NAME}/state"
@@ -17,7 +18,8 @@ VELOCITY, ACCELERATION, JERK = 0.7, 2.0, 50.0
 
 
 class MocapArm(ArmRig):
-    """The arm with its controller and a publisher of motion capture on the same node. `marker_cycle(time)` comes before the controller's next cycle.
+    """The arm with its controller and a publisher of motion capture on the same node. `marker_cycle(time)` comes before
+    the controller's next cycle.
 
     Args:
         mocap: parameters of the publisher, as natnet_client has them.
@@ -25,16 +27,16 @@ class MocapArm(ArmRig):
 
     Attributes:
         publisher: takes frames.
-        rows: (run time, set point of the position in the base) of each cycle so far.
+        rows: (robot time, setpoint of the position in the base) of each cycle so far.
     """
 
     def __init__(self, mocap=None, **changes):
         super().__init__(NAME, **changes)
         self.node.set_param("mocap", mocap or {})
-        self.publisher = MocapPublisher(self.node, read_publishing(self.node.child("mocap")), self.run_time)
+        self.publisher = MocapPublisher(self.node, Publishing.read(self.node.child("mocap")), self.robot_time)
         self.rows = []
 
-    def run_time(self, monotonic):
+    def robot_time(self, monotonic):
         """Of a time of the client's clock [ns] -> [s]."""
         return (monotonic - START) * 1e-9
 
@@ -55,15 +57,15 @@ class MocapArm(ArmRig):
 
     @property
     def desired(self):
-        """Set points of the position, shape (n, 3) [m]."""
+        """Setpoints of the position, shape (n, 3) [m]."""
         return np.array([position for _, position in self.rows])
 
     def check_within_limits(self):
-        """No step of the set point is beyond the limits of the motion: that is what "no jump" means."""
+        """No step of the setpoint is beyond the limits of the motion: that is what "no jump" means."""
         assert not self.hw.error
         for order, limit, rounding in ((1, VELOCITY, 1e-5), (2, ACCELERATION, 1e-5), (3, JERK, 1e-2)):
             largest = np.linalg.norm(np.diff(self.desired, n=order, axis=0), axis=1).max() * 1e3**order
-            assert largest <= limit * (1 + rounding), f"derivative {order} of the set point: {largest}"
+            assert largest <= limit * (1 + rounding), f"derivative {order} of the setpoint: {largest}"
 
     def last_state(self):
         return self.messages[STATE][-1]
@@ -73,7 +75,7 @@ class MocapRig(MocapArm):
     """Fed by a `Link`: server and client talk over a simulated network.
 
     Args:
-        motive: the emulated Motive, its stream begins with the arm's run time.
+        motive: the emulated Motive, its stream begins with the arm's robot time.
         client: settings of the client.
     """
 
@@ -81,7 +83,9 @@ class MocapRig(MocapArm):
         super().__init__(mocap, **changes)
         self.link = Link(motive)
         publisher = self.publisher
-        self.session = self.link.session = Session(client or ClientSettings(), publisher.publish, publisher.describe, publisher.restart)
+        self.session = self.link.session = Session(
+            client or ClientSettings(), publisher.publish, publisher.describe, publisher.restart
+        )
 
     def marker_cycle(self, time):
         if time > self.link.time:

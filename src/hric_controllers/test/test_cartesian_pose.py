@@ -10,8 +10,8 @@ from geometry_msgs.msg import PoseStamped
 from marker_rig import MarkerRig, sinusoid
 
 from hric_control.errors import HricError
-from hric_controllers import orientation
-from hric_controllers.franka_message import to_quaternion
+from hric_control.geometry import quaternions
+from hric_controllers.state.messages import to_quaternion
 from hric_msgs.msg import MocapData, RigidBodyState
 
 NAME = "cartesian_pose_controller"
@@ -32,7 +32,7 @@ def lines(caplog, level=logging.WARNING):
 
 
 def check_within_limits(path):
-    """No step of the set point is beyond the limits."""
+    """No step of the setpoint is beyond the limits."""
     assert np.linalg.norm(np.diff(path, n=2, axis=0), axis=1).max() <= ACCELERATION * 1e-6 * (1 + 1e-5)
     assert np.linalg.norm(np.diff(path, n=3, axis=0), axis=1).max() <= JERK * 1e-9 * (1 + 1e-2)
 
@@ -107,9 +107,19 @@ def test_in_an_occlusion_it_stops_within_its_limits_and_does_not_jump_on_return(
     assert (bench.desired[-1] - resting[-1])[1] == pytest.approx(sinusoid(2.5 - LAG)[1] - sinusoid(1.5)[1], abs=3e-3)
     assert abs(missed) > 0.02
     said = [text for text in lines(caplog, logging.INFO) if "marker" in text]
-    assert len(said) == 3 and "first marker" in said[0] and "is lost: no valid one for 10" in said[1] and "new origins" in said[2]
+    assert (
+        len(said) == 3
+        and "first marker" in said[0]
+        and "is lost: no valid one for 10" in said[1]
+        and "new origins" in said[2]
+    )
     seen = [message.tracking for message in bench.messages[STATE]]
-    assert [one for one, before in zip(seen, ["", *seen], strict=False) if one != before] == ["waiting", "following", "lost", "following"]
+    assert [one for one, before in zip(seen, ["", *seen], strict=False) if one != before] == [
+        "waiting",
+        "following",
+        "lost",
+        "following",
+    ]
     assert bench.messages[STATE][-1].losses == 1 and not bench.hw.error
 
 
@@ -130,14 +140,16 @@ def test_a_commanded_pose_is_reached_and_the_next_marker_is_a_first_one():
     bench = rig(still, noise=0.0)
     start = bench.state.O_T_EE_c[:]
     goal = [start[12] + 0.05, start[13] - 0.1, start[14] + 0.08]
-    quaternion = orientation.product(orientation.from_rotation_vector((0.1, -0.2, 0.3)), to_quaternion(start))
+    quaternion = quaternions.product(quaternions.from_rotation_vector((0.1, -0.2, 0.3)), to_quaternion(start))
     bench.follow(0.2)
     send_pose(bench, goal, quaternion)
     bench.follow(0.1)
     assert bench.messages[STATE][-1].tracking == "commanded"
     bench.follow(2.0)
     assert bench.state.O_T_EE_c[12:15] == pytest.approx(goal, abs=1e-9)
-    assert orientation.difference(to_quaternion(bench.state.O_T_EE_c), quaternion) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert quaternions.difference(to_quaternion(bench.state.O_T_EE_c), quaternion) == pytest.approx(
+        (0.0, 0.0, 0.0), abs=1e-6
+    )
     assert bench.messages[STATE][-1].tracking == "following" and not bench.hw.error
     assert np.abs(bench.measured[-1] - goal).max() < 1e-3
 
@@ -168,9 +180,13 @@ def test_with_follow_pose_the_end_effector_turns_with_the_body():
     message = MocapData(rigid_bodies=[RigidBodyState(name="hand", tracking_valid=True)])
     body = message.rigid_bodies[0].pose
     body.position.x, body.position.y, body.position.z = 1.0, 1.2, -0.5
-    body.orientation.x, body.orientation.y, body.orientation.z, body.orientation.w = orientation.from_rotation_vector((0.0, 0.3, 0.0))
+    body.orientation.x, body.orientation.y, body.orientation.z, body.orientation.w = quaternions.from_rotation_vector(
+        (0.0, 0.3, 0.0)
+    )
     bench.run(1.5, lambda time: bench.marker.publish(message))
-    assert orientation.difference(to_quaternion(bench.state.O_T_EE_c), start) == pytest.approx((0.0, 0.0, 0.3), abs=1e-6)
+    assert quaternions.difference(to_quaternion(bench.state.O_T_EE_c), start) == pytest.approx(
+        (0.0, 0.0, 0.3), abs=1e-6
+    )
     assert not bench.hw.error
 
 
@@ -198,7 +214,7 @@ def test_damaged_frames_cause_no_jump_and_are_counted_by_reason():
     assert not bench.hw.error
 
 
-def test_a_body_that_is_not_there_is_told_once_with_those_that_are(caplog):
+def test_a_body_that_is_not_there_is_reported_once_with_those_that_are(caplog):
     bench = rig(body="head").follow(0.1)
     assert sum("no rigid body head" in text and "it has: hand" in text for text in lines(caplog)) == 1
     assert bench.messages[STATE][-1].tracking == "waiting"
@@ -211,7 +227,7 @@ def test_after_a_restart_it_waits_for_a_first_marker_again():
 
 
 def test_a_start_outside_of_the_workspace_is_refused_with_both():
-    with pytest.raises(HricError, match=r"the end effector stands at \(0.307.*outside of the workspace \(x -0.85 to 0.2"):
+    with pytest.raises(HricError, match=r"the end effector is at \(0.307.*outside of the workspace \(x -0.85 to 0.2"):
         rig(workspace={"lower": [-0.85, -0.85, 0.02], "upper": [0.2, 0.85, 1.2]}).follow(0.01)
 
 

@@ -10,12 +10,14 @@ STATE = f"/{NAME}/state"
 
 
 def desired(bench):
-    """Set points of the states, shape (n, 3) [m]."""
+    """Setpoints of the states, shape (n, 3) [m]."""
     return np.array([[m.desired.position.x, m.desired.position.y, m.desired.position.z] for m in bench.messages[STATE]])
 
 
 def measured(bench):
-    return np.array([[m.measured.position.x, m.measured.position.y, m.measured.position.z] for m in bench.messages[STATE]])
+    return np.array(
+        [[m.measured.position.x, m.measured.position.y, m.measured.position.z] for m in bench.messages[STATE]]
+    )
 
 
 def still(time):
@@ -36,7 +38,9 @@ def test_the_damper_knows_the_velocity_of_the_motion_so_that_the_arm_does_not_tr
     """Without it the spring would be stretched by D v / K = 2 * 1.5 * sqrt(800) * 0.157 / 800 = 17 mm."""
     bench = MarkerRig(NAME, noise=0.0).follow(4.0)
     assert np.abs(desired(bench) - measured(bench)).max() < 6e-3
-    assert bench.messages[STATE][-1].desired_twist.linear.y == pytest.approx((desired(bench)[-1] - desired(bench)[-2])[1] / 0.01, abs=5e-3)
+    assert bench.messages[STATE][-1].desired_twist.linear.y == pytest.approx(
+        (desired(bench)[-1] - desired(bench)[-2])[1] / 0.01, abs=5e-3
+    )
 
 
 def test_it_yields_to_a_push_by_the_force_over_the_stiffness():
@@ -54,7 +58,9 @@ def test_in_an_occlusion_it_comes_to_rest_and_goes_on_from_there():
     resting = desired(bench)[(stamps > 1.3) & (stamps < 1.5)]
     assert np.ptp(resting, axis=0).max() == 0.0
     assert (desired(bench)[-1] - resting[-1])[1] == pytest.approx(sinusoid(2.5 - 0.113)[1] - sinusoid(1.5)[1], abs=3e-3)
-    assert np.linalg.norm(np.diff(bench.measured, n=2, axis=0), axis=1).max() / 1e-6 < 4.0  # the spring smooths what the motion left [m/s^2]
+    assert (
+        np.linalg.norm(np.diff(bench.measured, n=2, axis=0), axis=1).max() / 1e-6 < 4.0
+    )  # the spring smooths what the motion left [m/s^2]
     assert [message.tracking for message in bench.messages[STATE]].count("lost") > 30 and not bench.hw.error
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hric_controllers.line_motion import LineMotion
-from hric_controllers.trapezoid import TrapezoidProfile
+from hric_controllers.marker.motion import LineMotion
+from hric_controllers.trajectory.trapezoid import TrapezoidProfile
 
 KDL = """
 #include <kdl/velocityprofile_trap.hpp>
@@ -41,7 +41,12 @@ def kdl(tmp_path_factory):
         pytest.skip("no C++ compiler, or no headers of KDL")
     folder = tmp_path_factory.mktemp("kdl")
     (folder / "trap.cpp").write_text(KDL)
-    subprocess.run([compiler, "-I/usr/include/eigen3", "trap.cpp", "-lorocos-kdl", "-o", "trap"], cwd=folder, check=True, timeout=120)
+    subprocess.run(
+        [compiler, "-I/usr/include/eigen3", "trap.cpp", "-lorocos-kdl", "-o", "trap"],
+        cwd=folder,
+        check=True,
+        timeout=120,
+    )
 
     def profiles(cases):
         lines = "".join(" ".join(f"{value!r}" for value in case) + "\n" for case in cases)
@@ -54,7 +59,10 @@ def kdl(tmp_path_factory):
 def cases():
     """Velocity, acceleration, begin, end: triangles and trapezoids, both ways."""
     rng = random.Random(4)
-    return [(rng.uniform(0.1, 1.7), rng.uniform(0.5, 10.0), rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0)) for _ in range(300)]
+    return [
+        (rng.uniform(0.1, 1.7), rng.uniform(0.5, 10.0), rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0))
+        for _ in range(300)
+    ]
 
 
 def test_the_trapezoid_equals_the_one_of_kdl(kdl):
@@ -104,16 +112,16 @@ def test_the_line_is_straight_and_has_the_profile_along_it():
 
 
 def test_targets_on_the_way_are_ignored_and_the_next_after_it_is_taken():
-    motion, answers = LineMotion(0.5, 2.0), []
-    orders = [(step, lambda: answers.append(motion.go([0.1, 0.0, 0.0]))) for step in (0, 100, 600)]
-    orders[1] = (100, lambda: answers.append(motion.go([-5.0, 0.0, 0.0])))
+    motion, taken = LineMotion(0.5, 2.0), []
+    orders = [(step, lambda: taken.append(motion.go([0.1, 0.0, 0.0]))) for step in (0, 100, 600)]
+    orders[1] = (100, lambda: taken.append(motion.go([-5.0, 0.0, 0.0])))
     run(motion, 700, orders)
-    assert answers == [True, False, True]
+    assert taken == [True, False, True]
     assert motion.position == [0.1, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("when", [50, 300, 620])
-def test_a_stop_brakes_at_the_limit_on_the_line_and_ends_where_foretold(when):
+def test_a_stop_brakes_at_the_limit_on_the_line_and_ends_where_predicted(when):
     motion = LineMotion(0.5, 2.0)
     motion.go([0.3, 0.0, 0.0])
     path = run(motion, 1500, [(when, motion.stop)])
@@ -123,6 +131,6 @@ def test_a_stop_brakes_at_the_limit_on_the_line_and_ends_where_foretold(when):
     assert max(abs(b - a) for a, b in itertools.pairwise(steps)) <= 2.0 * DT * DT * (1 + 1e-6)
 
 
-def test_the_place_where_it_stands_is_no_way():
+def test_a_target_where_it_is_moves_nothing():
     motion = LineMotion(0.5, 2.0)
     assert motion.go([0.0] * 3) and not motion.moving

@@ -1,4 +1,4 @@
-"""What a marker's samples ask of the end effector, and when they ask nothing."""
+"""The targets that a marker's samples give, and when they give none."""
 
 import dataclasses
 import itertools
@@ -7,29 +7,29 @@ import math
 import pytest
 
 from hric_control.errors import HricError
-from hric_controllers import orientation
-from hric_controllers.marker import Believable, Marker
-from hric_controllers.marker_follower import NEXT, Event, FollowerConfig, MarkerFollower, Place, Tracking
-from hric_controllers.workspace import Box, FrameRotation
+from hric_control.geometry import quaternions
+from hric_controllers.cartesian.workspace import Box, FrameRotation
+from hric_controllers.marker.follower import NEXT, Event, FollowerConfig, MarkerFollower, PoseOffset, Tracking
+from hric_controllers.marker.sample import Marker, SampleValidator
 
 THESIS = FrameRotation(((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)))
-CONFIG = FollowerConfig(THESIS, Box((-1.0, -1.0, 0.0), (1.0, 1.0, 1.5)), Believable(10.0, 0.1), lost_after=0.05)
-HERE = Place((0.4, 0.0, 0.5))
+CONFIG = FollowerConfig(THESIS, Box((-1.0, -1.0, 0.0), (1.0, 1.0, 1.5)), SampleValidator(10.0, 0.1), lost_after=0.05)
+HERE = PoseOffset((0.4, 0.0, 0.5))
 
 
 def follower(**changes):
-    told = []
-    made = MarkerFollower(dataclasses.replace(CONFIG, **changes), lambda warn, text: told.append(text))
-    return made, told
+    lines = []
+    made = MarkerFollower(dataclasses.replace(CONFIG, **changes), lambda warn, text: lines.append(text))
+    return made, lines
 
 
 def test_the_first_marker_sets_the_origin_and_relative_motion_goes_through_the_frame_rotation():
-    made, told = follower()
+    made, lines = follower()
     assert made.tracking is Tracking.WAITING
     assert made.take(Marker((2.0, 1.0, -3.0)), 0.0, HERE) == HERE
     target = made.take(Marker((2.01, 1.02, -2.97)), 0.01, HERE)
     assert target.position == pytest.approx((0.41, -0.03, 0.52))  # (x, y, z) -> (x, -z, y)
-    assert made.tracking is Tracking.FOLLOWING and len(told) == 1
+    assert made.tracking is Tracking.FOLLOWING and len(lines) == 1
 
 
 def test_a_marker_given_in_the_base_is_not_rotated():
@@ -46,9 +46,9 @@ def test_y_up_and_z_up_streams_give_the_same_motion():
         assert one.position == pytest.approx(two.position, abs=1e-12)
 
 
-def test_a_marker_is_lost_after_silence_and_after_as_much_time_with_invalid_ones_and_that_is_told_once():
+def test_a_marker_is_lost_after_silence_and_after_as_much_time_with_invalid_ones_and_that_is_reported_once():
     for sends in (False, True):
-        made, told = follower()
+        made, lines = follower()
         made.take(Marker((0.0, 0.0, 0.0)), 0.0, HERE)
         gone = []
         for k in range(1, 100):
@@ -59,7 +59,7 @@ def test_a_marker_is_lost_after_silence_and_after_as_much_time_with_invalid_ones
                 gone.append(time)
         assert gone == pytest.approx([0.051])
         assert made.tracking is Tracking.LOST and made.counts.losses == 1
-        assert sum("is lost" in line for line in told) == 1
+        assert sum("is lost" in line for line in lines) == 1
 
 
 def test_one_invalid_sample_loses_nothing():
@@ -72,15 +72,15 @@ def test_one_invalid_sample_loses_nothing():
 
 @pytest.mark.parametrize("catch_up", [False, True])
 def test_on_return_both_are_anchored_anew_or_the_marker_is_caught_up_with(catch_up):
-    made, told = follower(catch_up=catch_up)
+    made, lines = follower(catch_up=catch_up)
     made.take(Marker((0.0, 0.0, 0.0)), 0.0, HERE)
     assert made.lost(0.1)
-    stopped = Place((0.42, 0.0, 0.5))
+    stopped = PoseOffset((0.42, 0.0, 0.5))
     back = made.take(Marker((0.3, 0.0, 0.0)), 0.5, stopped)
     assert back.position == pytest.approx((0.7, 0.0, 0.5) if catch_up else stopped.position)
     onwards = made.take(Marker((0.31, 0.0, 0.0)), 0.504, stopped)
     assert onwards.position[0] - back.position[0] == pytest.approx(0.01)
-    assert "catches up" in told[-1] if catch_up else "new origins" in told[-1]
+    assert "catches up" in lines[-1] if catch_up else "new origins" in lines[-1]
 
 
 NAN = float("nan")
@@ -94,19 +94,19 @@ UNBELIEVABLE = {
 
 
 @pytest.mark.parametrize("reason", UNBELIEVABLE)
-def test_what_cannot_be_believed_is_refused_counted_by_reason_and_told_once(reason):
-    made, told = follower()
+def test_an_invalid_sample_is_refused_counted_by_reason_and_reported_once(reason):
+    made, lines = follower()
     made.take(Marker((0.0, 0.0, 0.0), stamp=1.0), 0.0, HERE)
     for _ in range(3):
         assert made.take(UNBELIEVABLE[reason], 0.01, HERE) is None
     assert made.counts.refused == {reason: 3}
-    assert sum(reason in line for line in told) == 1
+    assert sum(reason in line for line in lines) == 1
     assert made.lost(0.06)  # refused ones do not keep it alive
 
 
 @pytest.mark.parametrize("attitude", [None, (0.0, 0.0, 0.0, 0.5), (NAN, 0.0, 0.0, 1.0)])
 def test_an_attitude_that_is_none_is_refused_where_attitudes_are_followed(attitude):
-    made, _ = follower(follow_attitude=True, believable=Believable(10.0, 0.1, attitude=True))
+    made, _ = follower(follow_attitude=True, validator=SampleValidator(10.0, 0.1, attitude=True))
     assert made.take(Marker((0.0, 0.0, 0.0), attitude=attitude), 0.0, HERE) is None
     assert made.counts.refused == {"no unit quaternion": 1} and made.tracking is Tracking.WAITING
 
@@ -123,7 +123,7 @@ def test_after_a_jump_that_stays_the_marker_is_lost_and_then_followed_from_its_n
     assert made.counts.losses == 1
 
 
-def test_a_clock_that_went_back_is_believed_after_the_loss():
+def test_a_clock_that_went_back_is_accepted_after_the_loss():
     made, _ = follower()
     made.take(Marker((0.0, 0.0, 0.0), stamp=100.0), 0.0, HERE)
     assert made.take(Marker((0.0, 0.0, 0.0), stamp=1.0), 0.01, HERE) is None
@@ -139,12 +139,14 @@ def test_targets_outside_of_the_workspace_are_brought_to_its_border_and_counted(
 
 
 def test_the_attitude_turns_the_end_effector_about_the_same_axis_as_the_marker():
-    made, _ = follower(follow_attitude=True, believable=Believable(10.0, 0.1, attitude=True))
-    tilted = orientation.from_rotation_vector((0.3, -0.2, 0.9))
+    made, _ = follower(follow_attitude=True, validator=SampleValidator(10.0, 0.1, attitude=True))
+    tilted = quaternions.from_rotation_vector((0.3, -0.2, 0.9))
     made.take(Marker((0.0, 0.0, 0.0), attitude=tilted), 0.0, HERE)
-    about_up = orientation.product(orientation.from_rotation_vector((0.0, 0.4, 0.0)), tilted)  # y is up in the marker's frame
-    assert made.take(Marker((0.0, 0.0, 0.0), attitude=about_up), 0.01, HERE).turn == pytest.approx((0.0, 0.0, 0.4))
-    far = orientation.product(orientation.from_rotation_vector((0.0, 2.8, 0.0)), tilted)
+    about_up = quaternions.product(
+        quaternions.from_rotation_vector((0.0, 0.4, 0.0)), tilted
+    )  # y is up in the marker's frame
+    assert made.take(Marker((0.0, 0.0, 0.0), attitude=about_up), 0.01, HERE).rotation == pytest.approx((0.0, 0.0, 0.4))
+    far = quaternions.product(quaternions.from_rotation_vector((0.0, 2.8, 0.0)), tilted)
     assert made.take(Marker((0.0, 0.0, 0.0), attitude=far), 0.02, HERE) is None
     assert made.counts.refused == {"asks for more than largest_turn": 1}
 
@@ -156,7 +158,7 @@ def test_a_commanded_pose_goes_before_markers_until_it_is_reached():
     assert made.take(Marker((0.01, 0.0, 0.0)), 0.01, HERE) is None
     assert not made.lost(5.0) and made.tracking is Tracking.COMMANDED
     made.arrived()
-    there = Place((0.5, 0.1, 0.6))
+    there = PoseOffset((0.5, 0.1, 0.6))
     assert made.take(Marker((0.9, 0.0, 0.0)), 6.0, there) == there
 
 
@@ -187,12 +189,14 @@ def test_each_arrow_of_the_table_and_each_missing_one(tracking, event):
     assert made.tracking is NEXT.get((tracking, event), tracking)
 
 
-@pytest.mark.parametrize("rows", [((1, 0, 0), (0, 1, 0), (0, 0, -1)), ((1, 0, 0), (0, 2, 0), (0, 0, 1)), ((NAN, 0, 0), (0, 1, 0), (0, 0, 1))])
+@pytest.mark.parametrize(
+    "rows", [((1, 0, 0), (0, 1, 0), (0, 0, -1)), ((1, 0, 0), (0, 2, 0), (0, 0, 1)), ((NAN, 0, 0), (0, 1, 0), (0, 0, 1))]
+)
 def test_a_frame_rotation_that_mirrors_or_stretches_is_refused(rows):
     with pytest.raises(HricError, match="valid: a rotation matrix"):
         FrameRotation(rows)
 
 
 def test_a_workspace_whose_corners_are_crossed_is_refused():
-    with pytest.raises(HricError, match="the first below the second"):
+    with pytest.raises(HricError, match=r"upper is .* valid: above lower"):
         Box((0.0, 0.0, 0.5), (1.0, 1.0, 0.4))

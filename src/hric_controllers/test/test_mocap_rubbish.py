@@ -1,4 +1,5 @@
-"""Mutated and random datagrams among the genuine ones, with the controller at the end of the way: nothing crashes, hangs, grows or jumps."""
+"""Mutated and random datagrams among the genuine ones, with the controller at the end of the way: nothing crashes,
+hangs, grows or jumps."""
 
 import contextlib
 import gc
@@ -11,16 +12,26 @@ from mocap_rig import MocapRig
 from natnet_rubbish import Rubbish
 
 from mocap_natnet.codec import REASONS
-from mocap_natnet.plausibility import REASONS as IMPLAUSIBLE
 from mocap_natnet.server import Body, Faults, Motive, Scene, Settings, Sinusoid
+from mocap_natnet.tracking.validity import REASONS as IMPLAUSIBLE
 
-SESSION_REASONS = {*REASONS, "late", "duplicate", "number", "echo", "unasked", "before server information", "before the clock is known"}
+SESSION_REASONS = {
+    *REASONS,
+    "late",
+    "duplicate",
+    "number",
+    "echo",
+    "unasked",
+    "before server information",
+    "before the clock is known",
+}
 EACH_CYCLE = 50
 VERSIONS = ((4, 1), (3, 0), (2, 9), (4, 2), (3, 1), (2, 10), (4, 0))
 
 
 class Besieged(MocapRig):
-    """In each cycle so many spoilt datagrams arrive beside the genuine stream; from time to time the server speaks another bitstream.
+    """In each cycle so many spoilt datagrams arrive beside the genuine stream; from time to time the server speaks
+    another bitstream.
 
     Attributes:
         sent: spoilt datagrams so far.
@@ -65,7 +76,7 @@ class Besieged(MocapRig):
 
     def check_counts(self):
         """Each datagram is taken or refused by a reason, and each frame that is taken is published or says why not."""
-        statistics, implausible = self.session.statistics, self.publisher.tracker.plausibility.refused
+        statistics, implausible = self.session.statistics, self.publisher.tracker.validator.refused
         assert sum(statistics.taken.values()) + sum(statistics.refused.values()) == self.arrived >= self.sent
         assert set(statistics.refused) <= SESSION_REASONS and set(implausible) <= set(IMPLAUSIBLE)
         assert statistics.frames == statistics.taken["FRAMEOFDATA"]
@@ -88,8 +99,10 @@ def test_spoilt_datagrams_in_any_number_cause_no_jump_and_are_counted_by_reason(
     bench.check_within_limits()
     bench.check_counts()
     assert bench.sent == 20_000
-    assert {"short", "length", "count", "size", "name", "end tag", "unknown message", "unasked"} <= set(bench.session.statistics.refused)
-    assert "not described" in bench.publisher.tracker.plausibility.refused
+    assert {"short", "length", "count", "size", "name", "end tag", "unknown message", "unasked"} <= set(
+        bench.session.statistics.refused
+    )
+    assert "not described" in bench.publisher.tracker.validator.refused
 
 
 def test_when_the_siege_ends_the_marker_is_followed_within_two_seconds():
@@ -117,7 +130,7 @@ def no_growth(objects, kilobytes):
 def test_a_million_spoilt_datagrams_with_the_controller_attached_leave_nothing_behind():
     bench = Besieged().follow(0.5)
     versions = itertools.cycle(VERSIONS)
-    bench.node._core.taps.clear()  # the rig keeps messages; what the controller and the client keep is asked for
+    bench.node._core.taps.clear()  # the rig keeps messages; what the controller and the client keep is measured
     while bench.sent < 100_000:
         bench.speak(next(versions))
         bench.siege(0.2)

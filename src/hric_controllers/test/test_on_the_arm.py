@@ -14,9 +14,9 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 import panda_description
 from control_msgs.msg import FollowJointTrajectoryGoal
 from hric_control import plugins
-from hric_control.controller_manager import ControllerManager
 from hric_control.errors import HricError
-from hric_control.local_node import LocalNode
+from hric_control.local.node import LocalNode
+from hric_control.manager.controller_manager import ControllerManager
 
 YAML = Path(__file__).parents[2] / "hric_bringup" / "config" / "controllers.yaml"
 ARM = [f"panda_joint{i}" for i in range(1, 8)]
@@ -34,7 +34,12 @@ class ArmLab:
         for name, values in changes.items():
             params[name].update(values)
         params["robot_description"] = panda_description.load(arm_id="panda", meshes=False)
-        params["robot"] = {"arm_id": "panda", "real_time_factor": 0.0, "q_start": START, "plant": {"collision": False, "self_collision": False}}
+        params["robot"] = {
+            "arm_id": "panda",
+            "real_time_factor": 0.0,
+            "q_start": START,
+            "plant": {"collision": False, "self_collision": False},
+        }
         self.node = LocalNode(params)
         self.hw = plugins.find(plugins.ROBOT_HW, "franka_sim/FrankaHWSim")()
         self.hw.init(self.node, self.node.child("robot"))
@@ -70,7 +75,9 @@ class ArmLab:
         return max(abs(b - a) for one, two in itertools.pairwise(last) for a, b in zip(one, two, strict=True))
 
     def goal(self, controller, seconds):
-        point = JointTrajectoryPoint(positions=GOAL, velocities=[0.0] * 7, accelerations=[0.0] * 7, time_from_start=Duration.from_sec(seconds))
+        point = JointTrajectoryPoint(
+            positions=GOAL, velocities=[0.0] * 7, accelerations=[0.0] * 7, time_from_start=Duration.from_sec(seconds)
+        )
         message = FollowJointTrajectoryGoal()
         message.trajectory.joint_names, message.trajectory.points = ARM, [point]
         return self.node.send_goal(f"{controller}/follow_joint_trajectory", message)
@@ -85,7 +92,7 @@ def test_every_configured_controller_loads_for_any_arm_id_without_a_warning(capl
     assert "left_joint1" in configured("left")["joint_pd_controller"]["joints"]
 
 
-def test_the_pd_controller_takes_the_arm_to_the_set_point_of_the_thesis():
+def test_the_pd_controller_takes_the_arm_to_the_setpoint_of_the_thesis():
     bench = ArmLab().load("joint_pd_controller").run(0.1)
     bench.node.advertise("joint_pd_controller/command", Float64MultiArray).publish(Float64MultiArray(data=GOAL))
     bench.run(6.0)
@@ -94,7 +101,7 @@ def test_the_pd_controller_takes_the_arm_to_the_set_point_of_the_thesis():
 
 
 @pytest.mark.parametrize("kind", ["effort", "position"])
-def test_a_trajectory_takes_the_arm_to_the_set_point_of_the_thesis(kind):
+def test_a_trajectory_takes_the_arm_to_the_setpoint_of_the_thesis(kind):
     bench = ArmLab().load(f"{kind}_joint_trajectory_controller").run(0.1)
     client = bench.goal(f"{kind}_joint_trajectory_controller", 3.0)
     bench.run(4.0)

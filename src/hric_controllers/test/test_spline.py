@@ -1,6 +1,6 @@
 import pytest
 
-from hric_controllers.spline import Segment, Track, Waypoint, follow, hold, stop
+from hric_controllers.trajectory.spline import Segment, Track, Waypoint, follow, hold, stop
 
 
 def numeric(segment, t, h=1e-6):

@@ -6,7 +6,7 @@ from franka_hw_interface.robot_state import FIELD_NAMES, RobotMode, RobotState, 
 from franka_msgs.msg import Errors, FrankaState
 from hric_control import plugins
 from hric_control.errors import HricError
-from hric_controllers.franka_message import franka_state, to_quaternion
+from hric_controllers.state.messages import franka_state, to_quaternion
 
 ARM = [f"panda_joint{i}" for i in range(1, 8)]
 JS = {"type": "joint_state_controller/JointStateController", "publish_rate": 50}
@@ -30,10 +30,14 @@ def test_joint_states_carry_all_joints_with_position_velocity_and_effort():
     bench.hw.states.effort[:] = [5.0, 6.0]
     message = bench.run(DT).published("/joint_states")[0]
     assert message.name == ["a", "b"]
-    assert (list(message.position), list(message.velocity), list(message.effort)) == ([0.1, 0.2], [0.3, 0.4], [5.0, 6.0])
+    assert (list(message.position), list(message.velocity), list(message.effort)) == (
+        [0.1, 0.2],
+        [0.3, 0.4],
+        [5.0, 6.0],
+    )
 
 
-def test_joint_states_come_at_the_publish_rate_stamped_with_run_time():
+def test_joint_states_come_at_the_publish_rate_stamped_with_robot_time():
     messages = joint_state_lab().run(1.0).published("/joint_states")
     assert len(messages) == 50
     assert messages[10].header.stamp.to_sec() == pytest.approx(0.2)
@@ -106,7 +110,7 @@ def test_measured_and_desired_joint_states_come_from_their_fields():
     assert (desired.position[2], desired.effort[3]) == (3.0, 4.0)
 
 
-def test_the_external_wrench_is_told_in_the_stiffness_frame():
+def test_the_external_wrench_is_expressed_in_the_stiffness_frame():
     bench = franka_lab()
     bench.hw.arm.K_F_ext_hat_K[:] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     message = bench.run(DT).published("/fs/F_ext")[0]
@@ -141,7 +145,11 @@ def test_a_rotation_about_an_axis_gives_its_quaternion(axis, angle):
 
 @pytest.mark.parametrize(
     ("extra", "words"),
-    [({"arm_id": "lynx"}, "lynx_robot"), ({"joint_names": ARM[:6]}, "has 6 names"), ({"publish_rate": 0}, "/fs/publish_rate is 0")],
+    [
+        ({"arm_id": "lynx"}, "lynx_robot"),
+        ({"joint_names": ARM[:6]}, "joint_names is .*; valid: a list of 7 names"),
+        ({"publish_rate": 0}, "/fs/publish_rate is 0"),
+    ],
 )
 def test_a_bad_parameter_of_the_franka_state_controller_is_refused_by_name(extra, words):
     with pytest.raises(HricError, match=words):

@@ -18,7 +18,9 @@ ARM = [f"panda_joint{i}" for i in range(1, 8)]
 @pytest.fixture
 def copied(tmp_path, monkeypatch):
     shutil.copytree(TEMPLATE, tmp_path / "src" / "my_controller")
-    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join([str(tmp_path / "src"), os.environ.get("ROS_PACKAGE_PATH", "")]))
+    monkeypatch.setenv(
+        "ROS_PACKAGE_PATH", os.pathsep.join([str(tmp_path / "src"), os.environ.get("ROS_PACKAGE_PATH", "")])
+    )
     plugins.clear_cache()
     yield tmp_path / "src" / "my_controller"
     plugins.clear_cache()

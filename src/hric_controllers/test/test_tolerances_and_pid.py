@@ -3,8 +3,8 @@ from types import SimpleNamespace
 import pytest
 
 from hric_control.errors import CommandError, ParameterError
-from hric_controllers.pid import Pid, PidGains
-from hric_controllers.tolerances import GoalTolerances, Tolerance, first_violation
+from hric_controllers.joint.pid import Pid, PidGains
+from hric_controllers.trajectory.follower import GoalTolerances, Tolerance, first_violation
 
 JOINTS = ["a", "b"]
 DEFAULTS = GoalTolerances((Tolerance(0.1), Tolerance(0.2)), (Tolerance(0.01, 0.05), Tolerance(0.02, 0.05)), 1.0)
@@ -37,7 +37,7 @@ def test_a_violation_names_the_joint_the_error_and_the_limit():
     assert first_violation(JOINTS, DEFAULTS.path, [0.05, 0.3], [0.0, 0.0]) == "b: position error 0.3 exceeds 0.2"
 
 
-def test_a_velocity_violation_is_told_too():
+def test_a_velocity_violation_is_reported_too():
     assert first_violation(JOINTS, DEFAULTS.goal, [0.0, 0.0], [0.06, 0.0]) == "a: velocity error 0.06 exceeds 0.05"
 
 
@@ -74,4 +74,4 @@ def test_a_reset_forgets_the_integral():
 @pytest.mark.parametrize("value", [-1.0, float("nan"), "50", True])
 def test_a_gain_that_is_no_finite_number_above_zero_is_refused_by_name(value):
     with pytest.raises(ParameterError, match="gains/a/p"):
-        PidGains(p=value).check("gains/a")
+        PidGains.of({"p": value}, "gains/a")

@@ -12,8 +12,9 @@ namespace hric_experiments
 namespace
 {
 
-constexpr std::size_t MOST_WAITING = std::size_t{ 1 } << 30;  // what may wait until the disk takes it [B]; our choice
-constexpr uint32_t CHUNK_SIZE = 768 * 1024;                   // before compression [B]; rosbag's own
+constexpr std::size_t MAX_WAITING = std::size_t{ 1 }
+                                    << 30;   // what may wait until the disk takes it [B]; project default, unconfirmed
+constexpr uint32_t CHUNK_SIZE = 768 * 1024;  // before compression [B]; rosbag's own
 // Of a killed recording the chunk that is open is lost, so none stays open for longer. Closing one costs two seeks.
 constexpr std::chrono::milliseconds CHUNK_TIME{ 400 };
 // Between looks at what waits: many messages are written for one awakening.
@@ -24,7 +25,7 @@ std::string active(const std::string& path)
   return path + ".active";
 }
 
-// To ROS, 0 means that nobody has told the time yet, and bags refuse it.
+// To ROS, 0 means that there is no time yet, and bags refuse it.
 ros::Time stamp(const ros::Time& received)
 {
   return received < ros::TIME_MIN ? ros::TIME_MIN : received;
@@ -58,9 +59,11 @@ void BagWriter::put(Message message)
   const std::lock_guard<std::mutex> lock(mutex_);
   if (!failure_.empty())
     return;
-  if (bytes_ + size > MOST_WAITING)
+  if (bytes_ + size > MAX_WAITING)
   {
-    ROS_ERROR_COND(dropped_ == 0, "%s: the disk does not keep up, and memory for what waits is used up: messages are dropped", path_.c_str());
+    ROS_ERROR_COND(dropped_ == 0,
+                   "%s: the disk does not keep up, and memory for what waits is used up: messages are dropped",
+                   path_.c_str());
     ++dropped_;
     return;
   }
@@ -129,7 +132,8 @@ void BagWriter::work()
 
 void BagWriter::write(const Message& message)
 {
-  bag_.write(message.topic, stamp(message.event.getReceiptTime()), *message.event.getConstMessage(), message.event.getConnectionHeaderPtr());
+  bag_.write(message.topic, stamp(message.event.getReceiptTime()), *message.event.getConstMessage(),
+             message.event.getConnectionHeaderPtr());
   fresh_ = true;
 }
 

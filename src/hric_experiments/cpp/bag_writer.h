@@ -31,7 +31,8 @@ public:
   // Never waits for the disk.
   void put(Message message);
 
-  // Writes what was put, closes the bag and gives it its name. Throws rosbag::BagException, also for what failed before.
+  // Writes what was put, closes the bag and gives it its name. Throws rosbag::BagException, also for what failed
+  // before.
   void finish();
 
   // Whether the disk refused something: nothing more is written.

@@ -17,7 +17,8 @@ namespace
 constexpr char HELP[] =
     "Records topics into a bag until SIGINT or SIGTERM: BAG.active until it is closed.\n"
     "Usage: rosrun hric_experiments bag_recorder BAG [--exclude EXPRESSION] [TOPIC...]\n"
-    "Without topics: all, but for those whose whole name EXPRESSION fits. Run folders, splitting and free space are the node recorder's.\n";
+    "Without topics: all, but for those whose whole name EXPRESSION fits. Run folders, splitting and free space are "
+    "the node recorder's.\n";
 // Between looks at what has come: receipt was stamped before, and many messages are taken for one awakening.
 const ros::WallDuration PERIOD(0.01);
 
@@ -33,13 +34,14 @@ void end(int)
 // roscpp would wait for the master by itself, but hear no signal meanwhile.
 bool waitForMaster()
 {
-  for (bool told = false; !ending; ros::WallDuration(0.1).sleep())
+  for (bool reported = false; !ending; ros::WallDuration(0.1).sleep())
   {
     if (ros::master::check())
       return true;
-    if (!told)
-      std::cerr << "bag_recorder: the ROS master at " << ros::master::getURI() << " does not answer; waiting for it" << std::endl;
-    told = true;
+    if (!reported)
+      std::cerr << "bag_recorder: the ROS master at " << ros::master::getURI() << " does not respond; waiting for it"
+                << std::endl;
+    reported = true;
   }
   return false;
 }
@@ -58,7 +60,8 @@ int record(const hric_experiments::Options& options)
     recorder.take();
   }
   if (writer.dropped())
-    ROS_ERROR("%s: %lu messages found no room in memory, since the disk did not keep up", options.bag.c_str(), writer.dropped());
+    ROS_ERROR("%s: %lu messages found no room in memory, since the disk did not keep up", options.bag.c_str(),
+              writer.dropped());
   writer.finish();
   return 0;
 }

@@ -1,4 +1,4 @@
-// What the recorder is told on its command line.
+// The command line of the recorder.
 #pragma once
 
 #include <optional>

@@ -36,11 +36,11 @@ void Recorder::lookForTopics()
   if (!ros::master::getTopics(topics))
     return;
   for (const ros::master::TopicInfo& topic : topics)
-    if (wanted(topic.name))
+    if (chosen(topic.name))
       subscribe(topic.name);
 }
 
-bool Recorder::wanted(const std::string& topic) const
+bool Recorder::chosen(const std::string& topic) const
 {
   return subscribers_.count(topic) == 0 && !(options_.exclude && std::regex_match(topic, *options_.exclude));
 }

@@ -23,7 +23,7 @@ public:
 
 private:
   void lookForTopics();
-  bool wanted(const std::string& topic) const;
+  bool chosen(const std::string& topic) const;
   void subscribe(const std::string& topic);
 
   const Options& options_;

@@ -1,6 +1,5 @@
-"""Headless Chromium, led through the DevTools protocol on a pipe: what the console says, what is asked of the network, and how a page looks."""
-
-from __future__ import annotations
+"""Headless Chromium, led through the DevTools protocol on a pipe: what the console says, what is asked of the network,
+and how a page looks."""
 
 import base64
 import json
@@ -84,7 +83,7 @@ class Browser:
         os.close(self._read)
         os.close(self._write)
 
-    def __enter__(self) -> Browser:
+    def __enter__(self) -> "Browser":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -123,12 +122,16 @@ class Browser:
 
     def emulate(self, **features: str) -> None:
         """Media features, e.g. scheme="dark"."""
-        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": features["scheme"]}])
+        self.call(
+            "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": features["scheme"]}]
+        )
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         """A command of the protocol, and its answer."""
         self._number += 1
-        message = {"id": self._number, "method": method, "params": parameters} | ({"sessionId": self._session} if self._session else {})
+        message = {"id": self._number, "method": method, "params": parameters} | (
+            {"sessionId": self._session} if self._session else {}
+        )
         os.write(self._write, json.dumps(message).encode() + b"\0")
         while True:
             answer = self._receive()

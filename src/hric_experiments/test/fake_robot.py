@@ -1,15 +1,20 @@
-"""A robot made of topics: run time four times as fast as the wall, a control log, a controller that moves at once, a manager that lists it."""
+"""A robot made of topics: robot time four times as fast as the wall, a control log, a controller that moves at once, a
+manager that lists it."""
 
+import sys
 import time
+from pathlib import Path
 
 import rospy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
-from synthetic import BATCH, PERIOD
 
 from controller_manager_msgs.msg import ControllerState
 from controller_manager_msgs.srv import ListControllers, ListControllersResponse
 from hric_msgs.msg import ControlLog
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "hric_bags" / "test"))
+from synthetic import BATCH, PERIOD
 
 JOINTS = [f"j{i}" for i in range(1, 4)]
 SPEED = 4.0
@@ -24,15 +29,19 @@ class FakeRobot:
         self.log = rospy.Publisher("control_log", ControlLog, queue_size=100)
         rospy.Subscriber("pd/command", Float64MultiArray, self.command)
         states = [ControllerState(name="pd", state="running", type="fake/PD")]
-        rospy.Service("controller_manager/list_controllers", ListControllers, lambda _: ListControllersResponse(controller=states))
+        rospy.Service(
+            "controller_manager/list_controllers", ListControllers, lambda _: ListControllersResponse(controller=states)
+        )
 
     def command(self, message: Float64MultiArray) -> None:
-        """Take a set point."""
+        """Take a setpoint."""
         self.target = list(message.data)
 
     def step(self) -> None:
         """One batch."""
-        message = ControlLog(joint_names=JOINTS, command_interface=["effort"] * 3, first_cycle=self.cycle, n_cycles=BATCH)
+        message = ControlLog(
+            joint_names=JOINTS, command_interface=["effort"] * 3, first_cycle=self.cycle, n_cycles=BATCH
+        )
         message.header.stamp = rospy.Time.from_sec(self.cycle * PERIOD)
         for i in range(BATCH):
             self.q = [q + 0.05 * (target - q) for q, target in zip(self.q, self.target, strict=True)]

@@ -1,6 +1,5 @@
-"""A made-up run of the real Panda with everything that a page shows: sensors, markers, frames, synchroniser, log and diagnostics."""
-
-from __future__ import annotations
+"""A made-up run of the real Panda with everything that a page shows: sensors, markers, frames, synchroniser, log and
+diagnostics."""
 
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,9 @@ from std_msgs.msg import Float64MultiArray, String
 from tf2_msgs.msg import TFMessage
 
 import panda_description
-from hric_control.stamps import to_time
-from hric_experiments.bag_writer import BagWriter
-from hric_experiments.run_folder import RunFolder
+from hric_bags.run_folder import RunFolder
+from hric_control.robot_time.stamps import to_time
+from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import ControlLog, MocapData, RigidBodyState, SampleChunk, SyncedSample, SyncLayout, SyncStatus
 
 ARM = tuple(f"panda_joint{k}" for k in range(1, 8))
@@ -33,7 +32,7 @@ def positions(time: np.ndarray) -> np.ndarray:
 
 
 def write_run(root: Path, name: str = "made_up_panda", scale: float = 1.0) -> RunFolder:
-    """A run folder with bag, description and run.yaml; scale: of the way that the joints go to the same set point."""
+    """A run folder with bag, description and run.yaml; scale: of the way that the joints go to the same setpoint."""
     folder = RunFolder.create(root, name)
     folder.urdf_path.write_text(panda_description.load(hand=True))
     time = np.arange(CYCLES) * 1e-3
@@ -46,14 +45,27 @@ def write_run(root: Path, name: str = "made_up_panda", scale: float = 1.0) -> Ru
             bag.write("/control_log", _log(first, time, q), stamp)
             bag.write("/hric/perception/emg/raw", _chunk(first, stamp), stamp)
             plate = SampleChunk(
-                source="made", channels=["Fx", "Fz", "Mx"], unit="N N N m", rate=1000.0, first_sample=first, data=[1.0, 2.0, 3.0] * BATCH
+                source="made",
+                channels=["Fx", "Fz", "Mx"],
+                unit="N N N m",
+                rate=1000.0,
+                first_sample=first,
+                data=[1.0, 2.0, 3.0] * BATCH,
             )
             bag.write("/hric/perception/force_plate/1/samples", _stamped(plate, stamp), stamp)
         for k in range(0, CYCLES, 10):
             _sensors(bag, float(time[k]))
         _words(bag)
-    limits = {joint: {"lower": -2.9, "upper": 2.9, "velocity": 2.2, "effort": 87.0, "effort_rate": 1000.0} for joint in JOINTS}
-    run = {"experiment": name, "description": "made up", "status": "completed", "mode": "headless", "bag": folder.bag_path.name}
+    limits = {
+        joint: {"lower": -2.9, "upper": 2.9, "velocity": 2.2, "effort": 87.0, "effort_rate": 1000.0} for joint in JOINTS
+    }
+    run = {
+        "experiment": name,
+        "description": "made up",
+        "status": "completed",
+        "mode": "headless",
+        "bag": folder.bag_path.name,
+    }
     definition = {"robot": {"hw": "made/Up"}, "parameters": {"pd": {"kp": 50.0 * scale}}}
     folder.write({**run, "limits": limits, "definition": definition, "parameters": {"pd": {"joints": list(JOINTS)}}})
     return folder
@@ -67,7 +79,9 @@ def _stamped(message: Any, time: float, frame: str = "") -> Any:
 
 def _log(first: int, time: np.ndarray, q: np.ndarray) -> Any:
     part = slice(first, first + BATCH)
-    message = ControlLog(joint_names=list(JOINTS), command_interface=["effort"] * len(JOINTS), first_cycle=first, n_cycles=BATCH)
+    message = ControlLog(
+        joint_names=list(JOINTS), command_interface=["effort"] * len(JOINTS), first_cycle=first, n_cycles=BATCH
+    )
     message.time = time[part].tolist()
     for name in ("position", "velocity", "effort", "command_raw", "command"):
         setattr(message, name, q[part].ravel().tolist())
@@ -78,11 +92,16 @@ def _chunk(first: int, time: float) -> Any:
     samples = np.arange(2 * first, 2 * (first + BATCH))
     data = np.sin(samples[:, None] * np.linspace(0.1, 0.4, CHANNELS))
     names = [f"muscle {k}" for k in range(CHANNELS)]
-    return _stamped(SampleChunk(source="made", channels=names, unit="V", rate=2000.0, first_sample=2 * first, data=data.ravel().tolist()), time)
+    return _stamped(
+        SampleChunk(
+            source="made", channels=names, unit="V", rate=2000.0, first_sample=2 * first, data=data.ravel().tolist()
+        ),
+        time,
+    )
 
 
 def _static() -> Any:
-    """The motion capture stands 0.5 m before the base, turned by 90 degrees about z."""
+    """The motion capture is 0.5 m before the base, turned by 90 degrees about z."""
     transform = _stamped(TransformStamped(child_frame_id="mocap"), 0.0, "panda_link0")
     transform.transform.translation.x = 0.5
     transform.transform.rotation.z = transform.transform.rotation.w = np.sqrt(0.5)
@@ -94,7 +113,12 @@ def _sensors(bag: BagWriter, time: float) -> None:
     hand.pose.position = Point(0.1, 0.2 + 0.1 * time, 0.3)
     hand.pose.orientation.w = 1.0
     markers = [Point(0.1, 0.2 + 0.1 * time, 0.3), Point(0.15, 0.2 + 0.1 * time, 0.3)]
-    frame = MocapData(rigid_bodies=[hand], labelled_marker_names=["hand/a", "hand/b"], labelled_marker_ids=[1, 2], labelled_markers=markers)
+    frame = MocapData(
+        rigid_bodies=[hand],
+        labelled_marker_names=["hand/a", "hand/b"],
+        labelled_marker_ids=[1, 2],
+        labelled_markers=markers,
+    )
     bag.write("/hric/perception/mocap", _stamped(frame, time, "mocap"), time)
     pose = PoseStamped()
     pose.pose.position.x, pose.pose.orientation.w = 0.6, 1.0
@@ -108,11 +132,29 @@ def _sensors(bag: BagWriter, time: float) -> None:
 
 def _words(bag: BagWriter) -> None:
     layout = SyncLayout(
-        names=["a", "b"], sources=["/joint_states", "/emg"], units=["", ""], interpolations=["linear", "hold"], policy="resample", rate=100.0
+        names=["a", "b"],
+        sources=["/joint_states", "/emg"],
+        units=["", ""],
+        interpolations=["linear", "hold"],
+        policy="resample",
+        rate=100.0,
     )
     bag.write("/hric/perception/sync_layout", layout, 1.9)
-    status = SyncStatus(sources=["/joint_states", "/emg"], starving=[False, True], reasons=["", "nothing since 1 s"], sent=200, incomplete=100)
-    for name, value in (("samples", 200), ("rate", 100.0), ("refused", 0), ("late", 0), ("skew_mean", 0.001), ("skew_max", 0.002)):
+    status = SyncStatus(
+        sources=["/joint_states", "/emg"],
+        starving=[False, True],
+        reasons=["", "nothing since 1 s"],
+        sent=200,
+        incomplete=100,
+    )
+    for name, value in (
+        ("samples", 200),
+        ("rate", 100.0),
+        ("refused", 0),
+        ("late", 0),
+        ("skew_mean", 0.001),
+        ("skew_max", 0.002),
+    ):
         setattr(status, name, [value, value])
     bag.write("/hric/perception/sync_status", _stamped(status, 1.9), 1.9)
     bag.write("/rosout", _stamped(Log(level=Log.WARN, name="/node", msg=NASTY), 1.0), 1.0)

@@ -1,6 +1,5 @@
-"""The program that writes a recording: what arrives is kept, also when it does not get to run, and mistakes are told in a line."""
-
-from __future__ import annotations
+"""The program that writes a recording: what arrives is kept, also when it does not get to run, and mistakes are told in
+a line."""
 
 import os
 import signal
@@ -14,10 +13,10 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64, UInt32
 
 from hric_control.testing import ros, roscore  # noqa: F401
-from hric_experiments import recorder_process
-from hric_experiments.recorder_process import RecorderProcess
+from hric_experiments.recorder import process as recorder_process
+from hric_experiments.recorder.process import RecorderProcess
 
-pytestmark = pytest.mark.rostest
+pytestmark = [pytest.mark.alone, pytest.mark.rostest]
 
 
 def record(bag: Path, topics: list[str], exclude: str = "") -> RecorderProcess:
@@ -50,7 +49,9 @@ def test_what_arrives_while_the_recorder_stands_is_in_the_bag_when_it_goes_on(ro
     recorder._child.send_signal(signal.SIGCONT)
     time.sleep(0.5)
     with AnyReader([recorder.stop()]) as reader:
-        assert [reader.deserialize(raw, connection.msgtype).data for connection, _, raw in reader.messages()] == list(range(3000))  # type: ignore[attr-defined]
+        assert [reader.deserialize(raw, connection.msgtype).data for connection, _, raw in reader.messages()] == list(
+            range(3000)
+        )  # type: ignore[attr-defined]
 
 
 def test_all_topics_but_the_excluded_are_recorded_also_those_that_come_later(ros: str, tmp_path: Path) -> None:  # noqa: F811
@@ -64,7 +65,9 @@ def test_all_topics_but_the_excluded_are_recorded_also_those_that_come_later(ros
         publisher.publish(UInt32(1))
     time.sleep(0.3)
     with AnyReader([recorder.stop()]) as reader:
-        found = {connection.topic: connection for connection in reader.connections if connection.topic.startswith("/all")}
+        found = {
+            connection.topic: connection for connection in reader.connections if connection.topic.startswith("/all")
+        }
         assert set(found) == {"/all/first", "/all/later"}
         later_connection = found["/all/later"].ext
         assert later_connection.callerid == rospy.get_name() and later_connection.latching  # type: ignore[union-attr]
@@ -79,12 +82,16 @@ def test_all_topics_but_the_excluded_are_recorded_also_those_that_come_later(ros
         (["--split", "x.bag"], "option '--split' is not known; valid: --exclude EXPRESSION"),
     ],
 )
-def test_a_command_line_that_cannot_be_is_told_in_one_line_before_a_master_is_asked(tmp_path: Path, arguments: list[str], text: str) -> None:
-    done = subprocess.run([recorder_process.find_recorder(), *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=20.0)
+def test_an_invalid_command_line_is_one_error_before_the_master_is_contacted(
+    tmp_path: Path, arguments: list[str], text: str
+) -> None:
+    done = subprocess.run(
+        [recorder_process.find_recorder(), *arguments], cwd=tmp_path, capture_output=True, text=True, timeout=20.0
+    )
     assert done.returncode == 2 and text in done.stdout + done.stderr and not list(tmp_path.iterdir())
 
 
-def test_a_bag_that_cannot_be_opened_is_told_with_its_path(ros: str, tmp_path: Path) -> None:  # noqa: F811
+def test_a_bag_that_cannot_be_opened_is_reported_with_its_path(ros: str, tmp_path: Path) -> None:  # noqa: F811
     bag = tmp_path / "nowhere" / "x.bag"
     done = subprocess.run([recorder_process.find_recorder(), str(bag)], capture_output=True, text=True, timeout=20.0)
     assert done.returncode == 1 and str(bag) in done.stdout + done.stderr

@@ -1,6 +1,5 @@
-"""check_model as users call it: CSV files of any kind, bags, run folders; what it prints, writes and refuses; and the friction that it fits, used."""
-
-from __future__ import annotations
+"""check_model as users call it: CSV files of any kind, bags, run folders; what it prints, writes and refuses; and the
+friction that it fits, used."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -16,10 +15,12 @@ import panda_description
 from franka_hw_interface.friction_file import read_friction
 from franka_msgs.msg import FrankaState
 from hric_control.errors import HricError
-from hric_control.stamps import to_time
-from hric_experiments import cli, config, experiment, overrides, parameters
-from hric_experiments.bag_writer import BagWriter
+from hric_control.robot_time.stamps import to_time
+from hric_experiments import cli
 from hric_experiments.check_model import csv_log
+from hric_experiments.definition import experiment, overrides, parameters
+from hric_experiments.definition.experiment import package_path
+from hric_experiments.headless.bag_writer import BagWriter
 from pybullet_ros_control.plant import PyBulletPlant
 
 NAMES = [f"panda_joint{i}" for i in range(1, 8)]
@@ -40,11 +41,18 @@ def columns(data: simulated.Simulated) -> dict[str, np.ndarray]:
 
 
 def write_csv(
-    path: Path, values: Mapping[str, np.ndarray], names: Mapping[str, str] = USUAL, delimiter: str = ",", order: Sequence[str] = (), head: str = ""
+    path: Path,
+    values: Mapping[str, np.ndarray],
+    names: Mapping[str, str] = USUAL,
+    delimiter: str = ",",
+    order: Sequence[str] = (),
+    head: str = "",
 ) -> Path:
     keys = list(order or values)
     lines = [delimiter.join(names.get(key, key) for key in keys)]
-    lines += [delimiter.join(repr(float(value)) for value in row) for row in zip(*(values[key] for key in keys), strict=True)]
+    lines += [
+        delimiter.join(repr(float(value)) for value in row) for row in zip(*(values[key] for key in keys), strict=True)
+    ]
     path.write_text(head + "\n".join(lines) + "\n")
     return path
 
@@ -60,16 +68,30 @@ def test_a_log_is_compared_drawn_and_its_friction_fitted_and_read_back(data, tmp
     fitted = tmp_path / "new" / "own.yaml"
     code, out, err = called(capsys, path, "--friction", "none", "--fit", "friction", "-o", fitted)
     assert (code, err) == (0, "")
-    for told in ("cut-off 10 Hz", "0.3 s dropped at each end", "inertials barycentric, with hand; friction none", "sum of 1.7 N m", "real arm"):
+    for told in (
+        "cut-off 10 Hz",
+        "0.3 s dropped at each end",
+        "inertials barycentric, with hand; friction none",
+        "sum of 1.7 N m",
+        "real arm",
+    ):
         assert told in out
     assert all(out.count(f"\n{name}  ") == 2 for name in NAMES)
     folder = tmp_path / "arm_check_model"
-    assert sorted(file.name for file in folder.iterdir()) == ["friction.png", "residuals.png", "summary.txt", "torques.png"]
+    assert sorted(file.name for file in folder.iterdir()) == [
+        "friction.png",
+        "residuals.png",
+        "summary.txt",
+        "torques.png",
+    ]
     assert all(file.read_bytes().startswith(PNG) for file in folder.glob("*.png"))
     assert (folder / "summary.txt").read_text().strip() in out
     for phi, truth in zip(read_friction(fitted), FRICTION, strict=True):
         velocity = np.linspace(-0.4, 0.4, 100)
-        assert np.abs(sigmoid(velocity, np.array(phi)) - sigmoid(velocity, truth)).max() < 0.05 * np.abs(sigmoid(velocity, truth)).max()
+        assert (
+            np.abs(sigmoid(velocity, np.array(phi)) - sigmoid(velocity, truth)).max()
+            < 0.05 * np.abs(sigmoid(velocity, truth)).max()
+        )
     again = called(capsys, path, "--friction", fitted, "--out", tmp_path / "again")[1]
     assert "friction of own.yaml" in again and total(again) < 0.1 * total(out)
     assert (tmp_path / "again" / "friction.png").is_file()
@@ -83,7 +105,10 @@ def total(printed: str) -> float:
 def renamed(q: str, dq: str, tau: str, t: str = "t", first: int = 1) -> dict[str, str]:
     """Names of the columns: {} stands for the joint's number from `first` on."""
     patterns = {"q": q, "dq": dq, "tau": tau}
-    return {"t": t, **{f"{name}{i + 1}": pattern.format(i + first) for name, pattern in patterns.items() for i in range(7)}}
+    return {
+        "t": t,
+        **{f"{name}{i + 1}": pattern.format(i + first) for name, pattern in patterns.items() for i in range(7)},
+    }
 
 
 EXPORT = '# topic: "/control_log"\n# unit of time: s\n'
@@ -93,7 +118,12 @@ KINDS = {
     "spaces, and a comment for a header": (renamed("q{}", "dq{}", "tau{}", "# t"), " ", "", ()),
     "semicolons, capitals, underscores": (renamed("Q_{}", "DQ_{}", "Tau_J_{}", "Time"), ";", "", ()),
     "counted from 0 in brackets": (renamed("q[{}]", "dq[{}]", "tau[{}]", first=0), ",", "", ()),
-    "an export of this project": (renamed("position.panda_joint{}", "velocity.panda_joint{}", "effort.panda_joint{}", "time"), ",", EXPORT, ()),
+    "an export of this project": (
+        renamed("position.panda_joint{}", "velocity.panda_joint{}", "effort.panda_joint{}", "time"),
+        ",",
+        EXPORT,
+        (),
+    ),
     "rostopic echo -p": (renamed("field.q{}", "field.dq{}", "field.tau_J{}", "%time", first=0), ",", "", ()),
     "names that are given": (renamed("angle{}", "rate{}", "load{}", "when"), "\t", "", GIVEN),
 }
@@ -149,12 +179,24 @@ HEADER, ZEROS = ",".join(USUAL).encode() + b"\n", b",".join([b"0"] * 22) + b"\n"
 REFUSED = {
     "NaN": (edited(put("q3", 4, np.nan)), "line 6, column q3 is nan; each value must be finite"),
     "infinite": (edited(put("tau7", 0, np.inf)), "line 2, column tau7 is inf"),
-    "degrees": (edited(every(lambda name, column: np.rad2deg(column) if "q" in name else column)), "the positions look like degrees"),
-    "milliseconds": (edited(every(lambda name, column: 1e3 * column if name == "t" else column)), "the time looks like milliseconds"),
-    "millinewton metres": (edited(every(lambda name, column: 1e3 * column if "tau" in name else column)), "times what the motion needs"),
+    "degrees": (
+        edited(every(lambda name, column: np.rad2deg(column) if "q" in name else column)),
+        "the positions look like degrees",
+    ),
+    "milliseconds": (
+        edited(every(lambda name, column: 1e3 * column if name == "t" else column)),
+        "the time looks like milliseconds",
+    ),
+    "millinewton metres": (
+        edited(every(lambda name, column: 1e3 * column if "tau" in name else column)),
+        "times what the motion needs",
+    ),
     "too short": (edited(every(lambda name, column: column[:200])), "the log is too short: 1.99 s; 2.6 s are needed"),
     "time back": (edited(put("t", 7, 0.02)), "time does not increase: t is 0.02 in line 9 after 0.06 in line 8"),
-    "missing columns": (replaced("tau4", "load4"), "has no columns tau1 to tau7 for the measured joint torques [N m]; columns there: t, q1, q2"),
+    "missing columns": (
+        replaced("tau4", "load4"),
+        "has no columns tau1 to tau7 for the measured joint torques [N m]; columns there: t, q1, q2",
+    ),
     "missing time": (replaced("t,q1", "x,q1"), "has no columns t for the time [s]; columns there: x, q1"),
     "a missing velocity": (replaced("dq1,dq2", "dq1,q2"), "columns dq1 to dq7 for the joint velocities"),
     "text": (replaced("0.01,", "soon,"), "line 3, column t is 'soon'; each value must be a number"),
@@ -167,7 +209,9 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("kind", REFUSED)
-def test_what_cannot_be_compared_is_refused_in_one_line_and_nothing_is_written(data, tmp_path: Path, capsys, kind: str) -> None:
+def test_what_cannot_be_compared_is_refused_in_one_line_and_nothing_is_written(
+    data, tmp_path: Path, capsys, kind: str
+) -> None:
     write, said = REFUSED[kind]
     code, out, err = called(capsys, write(tmp_path / "arm.csv", data))
     assert (code, out, err.count("\n")) == (1, "", 1) and err.startswith("check_model: ")
@@ -191,7 +235,9 @@ def test_what_cannot_be_compared_is_refused_in_one_line_and_nothing_is_written(d
         (("--cutoff", "30"), "a cut-off of 30 Hz needs 150 or more"),
     ],
 )
-def test_a_wrong_argument_is_told_with_what_would_be_right(data, tmp_path: Path, capsys, arguments: tuple[str, ...], said: str) -> None:
+def test_a_wrong_argument_is_refused_with_what_would_be_right(
+    data, tmp_path: Path, capsys, arguments: tuple[str, ...], said: str
+) -> None:
     path = write_csv(tmp_path / "arm.csv", columns(data))
     code, out, err = called(capsys, path, *arguments)
     assert (code, out, err.count("\n")) == (1, "", 1) and said in err
@@ -208,11 +254,17 @@ def test_hand_load_and_inertial_set_belong_to_the_model(data, tmp_path: Path, ca
         other = called(capsys, path, "--friction", "none", *option)[1]
         assert told in other and total(other) > total(out) + 0.2
     thesis = called(capsys, path, "--friction", "none", "--inertials", "thesis")[1]
-    assert "inertials thesis" in thesis and total(thesis) > total(out)  # the sets differ in inertia alone, and the motion is slow
+    assert "inertials thesis" in thesis and total(thesis) > total(
+        out
+    )  # the sets differ in inertia alone, and the motion is slow
 
 
-def joint_state(names: Sequence[str], position: np.ndarray, velocity: np.ndarray, effort: np.ndarray, stamp: float) -> JointState:
-    message = JointState(name=list(names), position=position.tolist(), velocity=velocity.tolist(), effort=effort.tolist())
+def joint_state(
+    names: Sequence[str], position: np.ndarray, velocity: np.ndarray, effort: np.ndarray, stamp: float
+) -> JointState:
+    message = JointState(
+        name=list(names), position=position.tolist(), velocity=velocity.tolist(), effort=effort.tolist()
+    )
     message.header.stamp = to_time(stamp)
     return message
 
@@ -223,7 +275,9 @@ def write_joint_states(path: Path, data: simulated.Simulated, names: Sequence[st
     with BagWriter(path) as bag:
         for t, q, dq, tau in zip(data.time, data.q, data.dq, data.tau, strict=True):
             bag.write("/joint_states", joint_state(names[::-1], q[::-1], dq[::-1], tau[::-1], t + 1.0), t + 1.0)
-            bag.write("/joint_states", joint_state(["finger1", "finger2"], fingers, fingers, fingers, t + 1.004), t + 1.004)
+            bag.write(
+                "/joint_states", joint_state(["finger1", "finger2"], fingers, fingers, fingers, t + 1.004), t + 1.004
+            )
     return path
 
 
@@ -238,18 +292,23 @@ def write_franka_states(path: Path, data: simulated.Simulated) -> Path:
 
 def test_bags_with_joint_states_and_with_franka_states_give_what_the_csv_gives(data, tmp_path: Path, capsys) -> None:
     known = total(called(capsys, write_csv(tmp_path / "arm.csv", columns(data)))[1])
-    for path in (write_joint_states(tmp_path / "joints.bag", data, NAMES), write_franka_states(tmp_path / "franka.bag", data)):
+    for path in (
+        write_joint_states(tmp_path / "joints.bag", data, NAMES),
+        write_franka_states(tmp_path / "franka.bag", data),
+    ):
         code, out, err = called(capsys, path)
         assert (code, err) == (0, "") and "800 samples" in out
         assert total(out) == pytest.approx(known, abs=0.002)
         assert (tmp_path / f"{path.stem}_check_model" / "residuals.png").is_file()
 
 
-def test_joints_and_topics_that_a_bag_does_not_have_are_told_with_those_it_has(data, tmp_path: Path, capsys) -> None:
+def test_joints_and_topics_that_a_bag_does_not_have_are_refused_with_those_it_has(data, tmp_path: Path, capsys) -> None:
     few = simulated.Simulated(*(values[:3] for values in (data.time, data.q, data.dq, data.tau)))
     path = write_joint_states(tmp_path / "other.bag", few, [f"a{i}" for i in range(1, 8)])
     code, _, err = called(capsys, path)
-    assert code == 1 and "no joints <arm>_joint1 to 7 with position, velocity and effort; joints there: a1, a2, a3" in err
+    assert (
+        code == 1 and "no joints <arm>_joint1 to 7 with position, velocity and effort; joints there: a1, a2, a3" in err
+    )
     path = write_joint_states(tmp_path / "panda.bag", few, NAMES)
     assert "no joints left_joint1 to 7" in called(capsys, path, "--arm-id", "left")[2]
     assert "no topic with joints '/x' in panda.bag; valid: /joint_states" in called(capsys, path, "--topic", "/x")[2]
@@ -266,7 +325,10 @@ def test_a_nan_in_a_bag_is_refused_with_its_message_and_field(data, tmp_path: Pa
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A friction file as a fit writes it: the known friction on joint names of another arm, with comments."""
-    lines = [f"fr3_joint{i + 1}: {{phi1: {a}, phi2: {b}, phi3: {c}}}  # fitted" for i, (a, b, c) in enumerate(FRICTION.tolist())]
+    lines = [
+        f"fr3_joint{i + 1}: {{phi1: {a}, phi2: {b}, phi3: {c}}}  # fitted"
+        for i, (a, b, c) in enumerate(FRICTION.tolist())
+    ]
     path = tmp_path_factory.mktemp("friction") / "friction.yaml"
     path.write_text("\n".join(["# Joint friction", *lines]))
     return path
@@ -316,13 +378,15 @@ def test_a_friction_file_reaches_the_plant_under_the_arms_own_joint_names(fitted
     )
 
 
-def test_a_friction_file_that_is_not_there_is_told_by_run(tmp_path: Path) -> None:
-    with pytest.raises(HricError, match=r"cannot read the friction file .*nowhere.yaml.*No such file"):
+def test_a_friction_file_that_is_not_there_is_refused_by_run(tmp_path: Path) -> None:
+    with pytest.raises(HricError, match=r"nowhere.yaml cannot be read: .*No such file"):
         overrides.apply(experiment.read("pd_step"), [f"friction:={tmp_path / 'nowhere.yaml'}"])
 
 
-def test_the_trajectory_that_the_readme_names_shows_all_friction_within_a_third_of_the_limits_and_without_contact() -> None:
-    message = yaml.safe_load((config.package_path("hric_bringup") / "config" / "excitation.yaml").read_text())
+def test_the_trajectory_that_the_readme_names_shows_all_friction_within_a_third_of_the_limits_and_without_contact() -> (
+    None
+):
+    message = yaml.safe_load((package_path("hric_bringup") / "config" / "excitation.yaml").read_text())
     assert message["joint_names"] == NAMES
     poses = np.array([point["positions"] for point in message["points"]])
     times = np.array([float(point["time_from_start"]["secs"]) for point in message["points"]])
@@ -330,7 +394,9 @@ def test_the_trajectory_that_the_readme_names_shows_all_friction_within_a_third_
     # From rest to rest by a cubic, as the controller goes.
     velocity, acceleration = 1.5 * np.abs(move) / duration, 6.0 * np.abs(move) / duration**2
     limits = panda_description.joint_limits().values()
-    assert (velocity.max(axis=0) < [limit.velocity / 2.5 for limit in limits]).all() and (velocity.max(axis=0) > 0.4).all()
+    assert (velocity.max(axis=0) < [limit.velocity / 2.5 for limit in limits]).all() and (
+        velocity.max(axis=0) > 0.4
+    ).all()
     assert (acceleration.max(axis=0) < [limit.acceleration / 3.0 for limit in limits]).all()
     assert ((poses > [limit.lower for limit in limits]) & (poses < [limit.upper for limit in limits])).all()
     plant = PyBulletPlant(panda_description.load(meshes=False), NAMES, {"gravity": [0.0, 0.0, 0.0]})

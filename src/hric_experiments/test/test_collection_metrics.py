@@ -1,7 +1,5 @@
 """What was sent and what was recorded, and the skew of synchronised samples, of a made-up bag whose truth is known."""
 
-from __future__ import annotations
-
 from collections.abc import Collection as Some
 from pathlib import Path
 from typing import Any
@@ -11,9 +9,10 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from synthetic import log_message, signals
 
-from hric_control.stamps import to_time
-from hric_experiments import bag_reader, collection, collection_record
-from hric_experiments.bag_writer import BagWriter
+from hric_bags import reader as bag_reader
+from hric_control.robot_time.stamps import to_time
+from hric_experiments.analysis import collection, collection_record
+from hric_experiments.headless.bag_writer import BagWriter
 from hric_msgs.msg import MocapData, SampleChunk, SourceCount, SyncedSample, SyncLayout, SyncStatus
 
 END, RATE, CHUNK, FRAME_RATE, SYNC_RATE = 4.0, 500.0, 25, 200.0, 50.0
@@ -27,8 +26,17 @@ def hand(time: Any) -> Any:
     return np.stack([0.1 * np.sin(3 * time), 0.2 * np.cos(2 * time), 0.4 + 0 * time], axis=-1)
 
 
-def write(path: Path, *, late: float = 0.0, lost: Some[int] = (), frames_lost: Some[int] = (), skew: float = 0.0, ticks_lost: Some[int] = ()) -> Path:
-    """A bag of END seconds: samples `late` too late by their stamps, without chunks `lost`; synchronised values of `skew` before their instant."""
+def write(
+    path: Path,
+    *,
+    late: float = 0.0,
+    lost: Some[int] = (),
+    frames_lost: Some[int] = (),
+    skew: float = 0.0,
+    ticks_lost: Some[int] = (),
+) -> Path:
+    """A bag of END seconds: samples `late` too late by their stamps, without chunks `lost`; synchronised values of
+    `skew` before their instant."""
     data = signals(int(END * 1000), 1.5)
     with BagWriter(path) as bag:
         for first in range(0, int(END * 1000), 20):
@@ -38,7 +46,9 @@ def write(path: Path, *, late: float = 0.0, lost: Some[int] = (), frames_lost: S
                 bag.write(EMG, emg(chunk, late), chunk * CHUNK / RATE)
         for number in range(int(END * FRAME_RATE)):
             if number not in frames_lost:
-                bag.write(FRAMES, stamped(MocapData(frame_number=number), number / FRAME_RATE, "base"), number / FRAME_RATE)
+                bag.write(
+                    FRAMES, stamped(MocapData(frame_number=number), number / FRAME_RATE, "base"), number / FRAME_RATE
+                )
         for tenth in range(1, int(END * 10)):
             bag.write("/hric/perception/sent", sent("lsl EMG made_up", "samples", tenth / 10, RATE), tenth / 10)
             bag.write("/hric/perception/sent", sent("", "frames", tenth / 10, FRAME_RATE), tenth / 10)
@@ -56,7 +66,14 @@ def stamped(message: Any, time: float, frame: str = "") -> Any:
 def emg(chunk: int, late: float) -> Any:
     times = (BORN + chunk * CHUNK + np.arange(CHUNK)) / RATE
     values = np.column_stack([np.ones(CHUNK), times]).ravel().tolist()
-    message = SampleChunk(source="lsl EMG made_up", channels=["biceps", "time"], unit="V s", rate=RATE, first_sample=chunk * CHUNK, data=values)
+    message = SampleChunk(
+        source="lsl EMG made_up",
+        channels=["biceps", "time"],
+        unit="V s",
+        rate=RATE,
+        first_sample=chunk * CHUNK,
+        data=values,
+    )
     return stamped(message, times[0] + late)
 
 
@@ -74,9 +91,13 @@ def hand_message(time: float) -> Any:
 def synchronised(bag: BagWriter, data: Any, skew: float, lost: Some[int]) -> None:
     joints = [f"position[j{joint}]" for joint in (1, 2, 3)]
     places = [f"rigid_bodies[hand].pose.position.{axis}" for axis in "xyz"]
-    names = [f"/control_log.{name}" for name in joints] + [f"{FRAMES}.{name}" for name in places] + [f"{EMG}.data[time]"]
+    names = (
+        [f"/control_log.{name}" for name in joints] + [f"{FRAMES}.{name}" for name in places] + [f"{EMG}.data[time]"]
+    )
     sources = ["/control_log"] * 3 + [FRAMES] * 3 + [EMG]
-    layout = SyncLayout(names=names, units=[""] * 7, sources=sources, interpolations=["linear"] * 7, policy="resample", rate=SYNC_RATE)
+    layout = SyncLayout(
+        names=names, units=[""] * 7, sources=sources, interpolations=["linear"] * 7, policy="resample", rate=SYNC_RATE
+    )
     bag.write(f"{SYNC}_layout", layout, 0.0)
     topics = list(dict.fromkeys(sources))
     bag.write(f"{SYNC}_status", SyncStatus(sources=topics, skew_max=[0.0] * 3, late=[0, 0, 2]), 1.0)
@@ -91,7 +112,7 @@ def synchronised(bag: BagWriter, data: Any, skew: float, lost: Some[int]) -> Non
 def judged(path: Path, interval: tuple[float, float] | None = INTERVAL) -> dict[str, Any]:
     record, data = bag_reader.read(path), collection_record.read(path)
     assert data is not None
-    return collection.metrics(data, record.log, record.run_time, interval)
+    return collection.metrics(data, record.log, record.robot_time, interval)
 
 
 def test_a_bag_with_all_that_was_sent_says_so_by_the_numbers_of_the_sources(tmp_path: Path) -> None:
@@ -104,7 +125,7 @@ def test_a_bag_with_all_that_was_sent_says_so_by_the_numbers_of_the_sources(tmp_
     assert "1000 samples sent, 1000 recorded, 0 lost" in collection.render(found)
 
 
-def test_what_is_not_in_the_bag_is_lost_though_no_driver_tells_it(tmp_path: Path) -> None:
+def test_what_is_not_in_the_bag_is_lost_though_no_driver_reports_it(tmp_path: Path) -> None:
     found = judged(write(tmp_path / "a.bag", lost=[30, 31], frames_lost=[250, 700]))
     assert (found["sources"][EMG]["lost"], found["sources"][EMG]["driver_lost"]) == (2 * CHUNK, 2 * CHUNK)
     assert found["sources"][FRAMES]["lost"] == 1, "frame 700 is after the interval"
@@ -122,7 +143,7 @@ def test_without_an_interval_nothing_is_known_to_be_sent(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("skew", [0.0, 0.002])
-def test_the_skew_of_each_source_is_measured_by_what_tells_its_time(tmp_path: Path, skew: float) -> None:
+def test_the_skew_of_each_source_is_measured_by_what_has_its_time(tmp_path: Path, skew: float) -> None:
     stream = judged(write(tmp_path / "a.bag", skew=skew))["sync"][SYNC]
     assert {topic: one["by"] for topic, one in stream["sources"].items()} == {
         "/control_log": "control log",
@@ -134,7 +155,7 @@ def test_the_skew_of_each_source_is_measured_by_what_tells_its_time(tmp_path: Pa
         assert (one["valid"], one["told_skew"]) == (1.0, 0.0)
 
 
-def test_a_window_that_has_hardly_begun_when_the_interval_ends_tells_its_noise_and_is_left_out() -> None:
+def test_a_window_that_has_hardly_begun_when_the_interval_ends_shows_its_noise_and_is_left_out() -> None:
     stamps = np.arange(2.0, 8.03, 1e-3)
     noise = 1e-4 * np.random.default_rng(4).standard_normal((len(stamps), 3))
     speed = np.column_stack([0.4 * np.cos(3 * stamps), 0.4 * np.sin(3 * stamps), 0 * stamps])

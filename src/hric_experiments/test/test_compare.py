@@ -1,7 +1,5 @@
 """Two runs compared as thesis ch. 4.4 compares the simulated and the real arm."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -12,18 +10,26 @@ import numpy as np
 import pytest
 from synthetic import JOINTS, write_run
 
+from hric_bags import reader as bag_reader
+from hric_bags.reader import ControlRecord, RunRecord, SentSetpoint
+from hric_bags.run_folder import RunFolder, RunFolderError
 from hric_control.errors import UnknownNameError
-from hric_experiments import bag_reader, comparison
-from hric_experiments.analysis import analyse
-from hric_experiments.bag_reader import ControlRecord, RunRecord, SentSetPoint
-from hric_experiments.comparison import ComparisonError
-from hric_experiments.run_folder import RunFolder, RunFolderError
+from hric_experiments.analysis import comparison
+from hric_experiments.analysis.comparison import ComparisonError
+from hric_experiments.analysis.run import analyse
 
 PANDA = [f"panda_joint{i}" for i in range(1, 8)]
 
 
 def rosrun(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["rosrun", "hric_experiments", *arguments], capture_output=True, text=True, timeout=120, check=False, env=os.environ)
+    return subprocess.run(
+        ["rosrun", "hric_experiments", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env=os.environ,
+    )
 
 
 def run_pd_step(root: Path, *overrides: str) -> RunFolder:
@@ -52,15 +58,19 @@ def log_of(folder: RunFolder) -> ControlRecord:
     return bag_reader.read(folder.bag_path).log
 
 
-def test_peak_and_steady_differences_of_two_runs_are_those_of_their_logs(root: Path, simulated: RunFolder, other: RunFolder) -> None:
+def test_peak_and_steady_differences_of_two_runs_are_those_of_their_logs(
+    root: Path, simulated: RunFolder, other: RunFolder
+) -> None:
     done = rosrun("compare", simulated.path.name, other.path.name, "--runs", str(root), "--labels", "simulated", "real")
     assert done.returncode == 0, done.stderr
     folder = root / f"sim_vs_real_{simulated.path.name}_{other.path.name}"
     (move,) = json.loads((folder / "metrics.json").read_text())["setpoints"]
     a, b = log_of(simulated), log_of(other)
-    n = a.cycles - 1  # the set point goes out in the second cycle of A, half a second later in B
+    n = a.cycles - 1  # the setpoint goes out in the second cycle of A, half a second later in B
     late = round((move["time_b"] - b.time[0]) * 1000)
-    assert (move["time_a"], move["time_b"]) == (pytest.approx(0.001), pytest.approx(0.5)) and move["duration"] == pytest.approx((n - 1) * 1e-3)
+    assert (move["time_a"], move["time_b"]) == (pytest.approx(0.001), pytest.approx(0.5)) and move[
+        "duration"
+    ] == pytest.approx((n - 1) * 1e-3)
     apart = a.position[1 : 1 + n] - b.position[late : late + n]
     torque = a.command[1 : 1 + n] - b.command[late : late + n]
     for j, name in enumerate(PANDA):
@@ -70,36 +80,76 @@ def test_peak_and_steady_differences_of_two_runs_are_those_of_their_logs(root: P
         assert joint["steady_difference"] == pytest.approx(apart[-100:, j].mean(), abs=1e-6)
         assert joint["rms_difference"] == pytest.approx(np.sqrt((apart[:, j] ** 2).mean()), abs=1e-9)
         assert joint["effort_peak_difference"] == pytest.approx(torque[np.abs(torque[:, j]).argmax(), j], abs=1e-6)
-    # Dry friction holds the arm up on its way and keeps it short of the set point.
+    # Dry friction holds the arm up on its way and keeps it short of the setpoint.
     assert move["peak_difference_max"] > 5e-3 and 1e-3 < move["steady_difference_max"] < move["peak_difference_max"]
 
 
-def test_figures_table_and_what_was_set_differently_are_there(root: Path, simulated: RunFolder, other: RunFolder) -> None:
+def test_figures_table_and_what_was_set_differently_are_there(
+    root: Path, simulated: RunFolder, other: RunFolder
+) -> None:
     folder = root / "elsewhere" / "deep"
-    done = rosrun("compare", str(simulated.path), str(other.path), "--runs", str(root), "--output", str(folder), "--joint", "panda_joint4")
+    done = rosrun(
+        "compare",
+        str(simulated.path),
+        str(other.path),
+        "--runs",
+        str(root),
+        "--output",
+        str(folder),
+        "--joint",
+        "panda_joint4",
+    )
     assert done.returncode == 0, done.stderr
-    assert {path.name for path in folder.iterdir()} == {"metrics.json", "summary.txt", "joint_states.png", "positions.png", "differences.png"}
+    assert {path.name for path in folder.iterdir()} == {
+        "metrics.json",
+        "summary.txt",
+        "joint_states.png",
+        "positions.png",
+        "differences.png",
+    }
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in folder.glob("*.png"))
     report = (folder / "summary.txt").read_text()
     assert report in done.stdout and f"comparison: {folder}" in done.stdout
     assert all(name in report for name in PANDA) and "- robot.plant.rotor_inertia: not set; 0.2" in report
     told = json.loads((folder / "metrics.json").read_text())
     assert told["runs"]["a"]["label"] == simulated.path.name and told["runs"]["b"]["hw"] == "franka_sim/FrankaHWSim"
-    assert {item["key"] for item in told["settings"]} >= {"robot.plant.rotor_inertia", "robot.description.friction", "duration"}
+    assert {item["key"] for item in told["settings"]} >= {
+        "robot.plant.rotor_inertia",
+        "robot.description.friction",
+        "duration",
+    }
     assert analyse(other, figures=False)["setpoints"], "the comparison must leave the runs as they are"
 
 
 def test_a_run_compared_with_itself_differs_by_nothing(root: Path, simulated: RunFolder) -> None:
-    done = rosrun("compare", simulated.path.name, simulated.path.name, "--runs", str(root), "--no-figures", "--output", str(root / "same"))
+    done = rosrun(
+        "compare",
+        simulated.path.name,
+        simulated.path.name,
+        "--runs",
+        str(root),
+        "--no-figures",
+        "--output",
+        str(root / "same"),
+    )
     assert done.returncode == 0, done.stderr
     told = json.loads((root / "same" / "metrics.json").read_text())
     assert told["settings"] == [] and told["setpoints"][0]["peak_difference_max"] == 0.0
-    assert {value for joint in told["setpoints"][0]["joints"].values() for key, value in joint.items() if "difference" in key} == {0.0}
+    assert {
+        value
+        for joint in told["setpoints"][0]["joints"].values()
+        for key, value in joint.items()
+        if "difference" in key
+    } == {0.0}
 
 
 def test_what_cannot_be_compared_is_one_line_without_a_traceback(root: Path, simulated: RunFolder) -> None:
     done = rosrun("compare", simulated.path.name, "nowhere", "--runs", str(root))
-    assert done.returncode == 1 and done.stderr.splitlines()[-1].startswith("compare: no run folder 'nowhere'") and "Traceback" not in done.stderr
+    assert (
+        done.returncode == 1
+        and done.stderr.splitlines()[-1].startswith("compare: no run folder 'nowhere'")
+        and "Traceback" not in done.stderr
+    )
 
 
 @pytest.fixture
@@ -111,13 +161,15 @@ def relabelled(record: RunRecord, names: tuple[str, ...], order: list[int]) -> R
     """The same run with its joints in another order and under other names."""
     log = record.log
     arrays = {name: getattr(log, name)[:, order] for name in bag_reader.ARRAYS}
-    setpoints = [SentSetPoint(point.time, point.controller, point.positions[order]) for point in record.setpoints]
+    setpoints = [SentSetpoint(point.time, point.controller, point.positions[order]) for point in record.setpoints]
     return RunRecord(replace(log, joint_names=names, **arrays), setpoints)
 
 
 def delayed(record: RunRecord, delay: float) -> RunRecord:
-    """The same run, its set point recorded earlier than it came."""
-    return RunRecord(record.log, [SentSetPoint(point.time - delay, point.controller, point.positions) for point in record.setpoints])
+    """The same run, its setpoint recorded earlier than it came."""
+    return RunRecord(
+        record.log, [SentSetpoint(point.time - delay, point.controller, point.positions) for point in record.setpoints]
+    )
 
 
 def worst(compared: comparison.Comparison) -> float:
@@ -157,9 +209,9 @@ def test_lost_cycles_are_bridged(record: RunRecord) -> None:
     assert worst(comparison.overlay(record, RunRecord(replace(log, **arrays), record.setpoints), {}, {})) < 1e-3
 
 
-def test_other_set_points_are_refused_and_none_at_all_compares_from_the_first_cycle(record: RunRecord) -> None:
+def test_other_setpoints_are_refused_and_none_at_all_compares_from_the_first_cycle(record: RunRecord) -> None:
     (point,) = record.setpoints
-    moved = RunRecord(record.log, [SentSetPoint(point.time, point.controller, point.positions + np.array([0, 0.1, 0]))])
+    moved = RunRecord(record.log, [SentSetpoint(point.time, point.controller, point.positions + np.array([0, 0.1, 0]))])
     with pytest.raises(ComparisonError, match=r"number 1 differs by 0\.1 rad"):
         comparison.overlay(record, moved, {}, {})
     bare = RunRecord(record.log, [])
@@ -169,16 +221,16 @@ def test_other_set_points_are_refused_and_none_at_all_compares_from_the_first_cy
     assert laid.target is None and len(laid.time) == record.log.cycles
 
 
-def test_each_of_several_set_points_is_compared_by_itself(record: RunRecord) -> None:
+def test_each_of_several_setpoints_is_compared_by_itself(record: RunRecord) -> None:
     (point,) = record.setpoints
-    two = RunRecord(record.log, [point, SentSetPoint(1.0, point.controller, point.positions)])
+    two = RunRecord(record.log, [point, SentSetpoint(1.0, point.controller, point.positions)])
     moves = comparison.difference_metrics(comparison.overlay(two, two, {}, {}))
     assert [move["time_a"] for move in moves] == [pytest.approx(point.time), 1.0]
     assert moves[0]["duration"] == pytest.approx(0.9, abs=2e-3)
 
 
-def test_an_output_that_cannot_be_written_and_a_joint_that_is_not_there_are_told(tmp_path: Path) -> None:
-    from hric_experiments.compare import compare
+def test_an_output_that_cannot_be_written_and_a_joint_that_is_not_there_are_refused(tmp_path: Path) -> None:
+    from hric_experiments.analysis.compare import compare
 
     folder = write_run(tmp_path)
     (tmp_path / "file").write_text("")
@@ -190,4 +242,7 @@ def test_an_output_that_cannot_be_written_and_a_joint_that_is_not_there_are_told
 
 def test_settings_are_compared_key_by_key() -> None:
     a, b = {"robot": {"hw": "sim", "plant": {"x": 1}}, "same": [1]}, {"robot": {"hw": "real"}, "same": [1]}
-    assert comparison.settings(a, b) == [{"key": "robot.hw", "a": "sim", "b": "real"}, {"key": "robot.plant.x", "a": 1, "b": None}]
+    assert comparison.settings(a, b) == [
+        {"key": "robot.hw", "a": "sim", "b": "real"},
+        {"key": "robot.plant.x", "a": 1, "b": None},
+    ]

@@ -1,7 +1,5 @@
 """Contact forces in a run's metrics and report, and which of them may be assessed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -10,12 +8,12 @@ from synthetic import write_run
 
 from gazebo_msgs.msg import ContactsState, ContactState
 from hric_control.plant import Contact
-from hric_control.sim_topics import contacts_message
-from hric_control.stamps import to_time
-from hric_experiments import contact_record
-from hric_experiments.analysis import analyse
-from hric_experiments.bag_writer import BagWriter
-from hric_experiments.contact_record import RigidForceError
+from hric_control.robot_time.stamps import to_time
+from hric_control.sim.topics import contacts_message
+from hric_experiments.analysis import contact_record
+from hric_experiments.analysis.contact_record import RigidForceError
+from hric_experiments.analysis.run import analyse
+from hric_experiments.headless.bag_writer import BagWriter
 
 HAND, WALL = "panda::panda_hand", "wall::link"
 
@@ -53,7 +51,9 @@ def test_a_rigid_force_is_refused_with_the_pair_and_the_remedy(tmp_path):
     )
     pairs = contact_record.read(path, float)
     assert [(pair.kind, pair.peak_force) for pair in pairs] == [("rigid", 700.0)]
-    with pytest.raises(RigidForceError, match=r"panda::panda_hand on wall::link \(rigid contact\) cannot be assessed.*contact: penalty"):
+    with pytest.raises(
+        RigidForceError, match=r"panda::panda_hand on wall::link \(rigid contact\) cannot be assessed.*contact: penalty"
+    ):
         contact_record.assessable(pairs)
 
 
@@ -71,7 +71,7 @@ def test_a_force_of_which_nothing_is_said_is_refused_too(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["rigid", "penalty"])
-def test_metrics_report_and_page_tell_the_kind(tmp_path, kind):
+def test_metrics_report_and_page_have_the_kind(tmp_path, kind):
     peaks = {(HAND, WALL): 152.34} if kind == "penalty" else {}
     messages = [contacts_message([contact(80.0, kind)], 1.0, peaks)]
     folder = write_run(tmp_path, extra=[("/sim/contacts", message, 1.0) for message in messages])

@@ -1,7 +1,5 @@
 """The headless runner end to end, with the real robot, plant and controllers."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -14,10 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hric_bags import reader as bag_reader
+from hric_bags.run_folder import RunFolder
 from hric_control.errors import HricError
-from hric_experiments import bag_reader, cli, experiment, headless
-from hric_experiments.analysis import analyse
-from hric_experiments.run_folder import RunFolder
+from hric_experiments import cli
+from hric_experiments.analysis.run import analyse
+from hric_experiments.definition import experiment
+from hric_experiments.headless import runner as headless
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 
@@ -42,11 +43,15 @@ def test_pd_step_ends_within_a_milliradian_and_touches_no_limit(tmp_path: Path, 
     assert metrics["limits_touched"] == {"position": 0, "velocity": 0, "effort": 0, "effort_rate": 0}
     assert metrics["control_log"]["limited_cycles"] == 0
     assert max(joint["velocity_ratio"] for joint in metrics["joints"].values()) < 0.5
-    assert (metrics["control_log"]["cycles"], metrics["control_log"]["gaps"], metrics["control_log"]["repeats"]) == (6000, [], [])
+    assert (metrics["control_log"]["cycles"], metrics["control_log"]["gaps"], metrics["control_log"]["repeats"]) == (
+        6000,
+        [],
+        [],
+    )
     assert not result.interrupted and result.folder.read()["status"] == "completed"
 
 
-def test_run_yaml_tells_what_ran(tmp_path: Path) -> None:
+def test_run_yaml_has_what_ran(tmp_path: Path) -> None:
     result = run(tmp_path, "pd_step", "duration:=0.05", "kp:=20")
     data = result.folder.read()
     assert data["arguments"] == ["duration:=0.05", "kp:=20"] and data["seed"] == 0 and data["mode"] == "headless"
@@ -61,9 +66,14 @@ def test_run_yaml_tells_what_ran(tmp_path: Path) -> None:
     assert os.uname().nodename not in text
 
 
-def test_a_measured_arm_runs_alike_for_the_same_seed_only_and_sags_as_its_body_is_not_the_one_that_it_believes_in(tmp_path: Path) -> None:
+def test_a_measured_arm_runs_alike_for_the_same_seed_only_and_sags_as_its_body_is_not_the_one_that_it_believes_in(
+    tmp_path: Path,
+) -> None:
     definition = experiment.load("pd_step", ("realism:=measured", "duration:=4"))
-    results = [headless.run(definition, seed=seed, root=tmp_path / str(i), progress=False, figures=False) for i, seed in enumerate((1, 1, 2))]
+    results = [
+        headless.run(definition, seed=seed, root=tmp_path / str(i), progress=False, figures=False)
+        for i, seed in enumerate((1, 1, 2))
+    ]
     one, same, other = (result.metrics["state_sha256"] for result in results)
     assert one == same != other
     assert 1e-3 < results[0].metrics["setpoints"][0]["final_error_max"] < 5e-2
@@ -78,10 +88,15 @@ def test_friction_acts_in_the_plant_and_only_what_the_arm_does_not_compensate_le
 
 
 def test_a_reflex_stands_in_the_report_with_its_time_and_names(tmp_path: Path) -> None:
-    result = run(tmp_path, "pd_step", "duration:=1.5", "parameters.joint_pd_controller.profile.velocity:=5.0", "kp:=200", "kd:=5")
+    result = run(
+        tmp_path, "pd_step", "duration:=1.5", "parameters.joint_pd_controller.profile.velocity:=5.0", "kp:=200", "kd:=5"
+    )
     (reflex,) = result.metrics["reflexes"]
     assert reflex["errors"] == ["joint_velocity_violation"] and 0.0 < reflex["time"] < 1.5
-    assert f"THE ARM PROTECTED ITSELF at {reflex['time']:.3f} s: joint_velocity_violation" in (result.folder.path / "summary.txt").read_text()
+    assert (
+        f"THE ARM PROTECTED ITSELF at {reflex['time']:.3f} s: joint_velocity_violation"
+        in (result.folder.path / "summary.txt").read_text()
+    )
 
 
 XACRO = """<robot name="one" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="m" value="1.0"/>
@@ -92,7 +107,7 @@ XACRO = """<robot name="one" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:
 <limit lower="-2" upper="2" effort="30" velocity="20"/></joint>
 <transmission name="t"><type>transmission_interface/SimpleTransmission</type><joint name="j">
 <hardwareInterface>EffortJointInterface</hardwareInterface>
-</joint><actuator name="a"><mechanicalReduction>1</mechanicalReduction></actuator></transmission></robot>"""
+</joint><actuator name="a"><mechanicalReduction>1</mechanicalReduction></actuator></transmission></robot>"""  # noqa: E501
 
 OWN = """
 robot: {hw: pybullet_ros_control/RobotHWSim, urdf: %s, plant: {rotor_inertia: 0}}
@@ -114,7 +129,9 @@ def test_a_robot_and_an_experiment_of_ones_own_run_too(tmp_path: Path) -> None:
 
 
 def test_two_processes_with_one_seed_are_bit_identical(tmp_path: Path) -> None:
-    runs = [rosrun(tmp_path / str(i), "pd_step", "duration:=0.5", "friction:=identified", "--seed", "7") for i in range(2)]
+    runs = [
+        rosrun(tmp_path / str(i), "pd_step", "duration:=0.5", "friction:=identified", "--seed", "7") for i in range(2)
+    ]
     hashes = []
     for process in runs:
         output, error = process.communicate(timeout=60)
@@ -146,7 +163,10 @@ def test_a_diverged_run_is_one_line_a_failed_run_and_a_whole_bag_that_can_be_rep
     output, error = process.communicate(timeout=60)
     told = [line for line in error.splitlines() if line.startswith("run: ")]
     assert process.returncode == 1 and len(told) == 1 and "Traceback" not in error + output, error
-    match = re.fullmatch(r"run: (the simulation diverged at (\S+) s: speed of panda_joint\d is (\S+) rad/s, beyond 261 rad/s .*)", told[0])
+    match = re.fullmatch(
+        r"run: (the simulation diverged at (\S+) s: speed of panda_joint\d is (\S+) rad/s, beyond 261 rad/s .*)",
+        told[0],
+    )
     assert match is not None and 261.0 < abs(float(match[3])) < 1e6, told
     folder = RunFolder.open("latest", tmp_path)
     assert folder.read()["status"] == "failed" and folder.read()["error"] == f"DivergedError: {match[1]}"
@@ -158,7 +178,9 @@ def test_a_diverged_run_is_one_line_a_failed_run_and_a_whole_bag_that_can_be_rep
     assert f"failed (headless): DivergedError: {match[1]}" in report["report"]
 
 
-def test_a_bounded_run_that_chatters_is_completed_and_called_unstable_in_report_and_metrics_also_when_quiet(tmp_path: Path) -> None:
+def test_a_bounded_run_that_chatters_is_completed_and_called_unstable_in_report_and_metrics_also_when_quiet(
+    tmp_path: Path,
+) -> None:
     process = rosrun(tmp_path, "thesis_step", *UNSTABLE, "simulator:=opensim")
     _, error = process.communicate(timeout=60)
     assert process.returncode == 0 and "unstable: panda_joint7 chatters at 500 Hz" in error
@@ -183,14 +205,18 @@ def test_the_usual_experiments_are_called_stable(tmp_path: Path, name: str) -> N
         ["--quiet", "--seed=3", "duration:=0.05", "kp:=20", "pd_step"],
     ],
 )
-def test_experiment_options_and_overrides_come_in_any_order(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_experiment_options_and_overrides_come_in_any_order(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert cli.main(["run", *words, "--runs", str(tmp_path), "--no-figures"]) == 0
-    assert "set point" not in capsys.readouterr().out
+    assert "setpoint" not in capsys.readouterr().out
     data = RunFolder.open("latest", tmp_path).read()
     assert (data["arguments"], data["seed"], data["experiment"]) == (["duration:=0.05", "kp:=20"], 3, "pd_step")
 
 
-@pytest.mark.parametrize(("words", "told"), [(["kp:=20"], "got none"), (["pd_step", "--quiet", "thesis_step"], "got pd_step, thesis_step")])
+@pytest.mark.parametrize(
+    ("words", "told"), [(["kp:=20"], "got none"), (["pd_step", "--quiet", "thesis_step"], "got pd_step, thesis_step")]
+)
 def test_not_exactly_one_experiment_is_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         cli.main(["run", *words])
@@ -219,16 +245,16 @@ def test_a_robot_that_refuses_its_parameters_is_one_line_and_a_failed_run(tmp_pa
         ("robot.urdf:=/nowhere.urdf", "cannot read the robot description"),
     ],
 )
-def test_a_mistake_is_told_before_anything_moves(tmp_path: Path, override: str, told: str) -> None:
+def test_a_mistake_is_refused_before_anything_moves(tmp_path: Path, override: str, told: str) -> None:
     with pytest.raises(HricError) as caught:
         run(tmp_path, "pd_step", override)
     assert told in str(caught.value)
     assert not list(tmp_path.glob("*/*.bag"))
 
 
-def test_an_experiment_without_set_point_holds_the_arm_where_it_is(tmp_path: Path) -> None:
+def test_an_experiment_without_setpoint_holds_the_arm_where_it_is(tmp_path: Path) -> None:
     result = run(tmp_path, "pd_step", "setpoints:=[]", "duration:=0.2")
-    assert result.metrics["setpoints"] == [] and "no set point was recorded" in result.metrics["report"]
+    assert result.metrics["setpoints"] == [] and "no setpoint was recorded" in result.metrics["report"]
     assert max(abs(joint["velocity_peak"]) for joint in result.metrics["joints"].values()) < 1e-6
 
 
@@ -238,11 +264,17 @@ def metrics(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 class TestThesisStep:
-    def test_the_start_outside_joint_4_is_said_once_and_counted(self, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    def test_the_start_outside_joint_4_is_said_once_and_counted(
+        self, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    ) -> None:
         metrics = run(tmp_path, "thesis_step", "duration:=0.1").metrics
         said = [record.getMessage() for record in caplog.records if "starts at" in record.getMessage()]
-        assert len(said) == 1 and said[0].startswith("panda_joint4 starts at 0.0000 rad, outside its range [-3.0718, -0.0698]")
-        outside = {name: joint["position_excess_max"] for name, joint in metrics["joints"].items() if joint["started_outside"]}
+        assert len(said) == 1 and said[0].startswith(
+            "panda_joint4 starts at 0.0000 rad, outside its range [-3.0718, -0.0698]"
+        )
+        outside = {
+            name: joint["position_excess_max"] for name, joint in metrics["joints"].items() if joint["started_outside"]
+        }
         assert outside == {"panda_joint4": pytest.approx(0.0698)}
 
     def test_while_outside_only_inward_effort_passes_and_the_controller_leads(self, tmp_path: Path) -> None:
@@ -254,7 +286,9 @@ class TestThesisStep:
         assert (command[outside] <= 0.0).all()
         assert (np.abs(command[outside]) <= np.abs(raw[outside]) + 1e-9).all()
 
-    def test_what_was_clamped_and_how_far_the_speed_overshot_stands_in_the_report(self, metrics: dict[str, Any]) -> None:
+    def test_what_was_clamped_and_how_far_the_speed_overshot_stands_in_the_report(
+        self, metrics: dict[str, Any]
+    ) -> None:
         assert metrics["limits_touched"]["velocity"] > 100 and metrics["limits_touched"]["effort_rate"] > 0
         joint = metrics["joints"]["panda_joint4"]
         assert 1.2 < joint["velocity_ratio"] < 2.2
@@ -265,21 +299,44 @@ class TestThesisStep:
     def test_the_rate_of_torque_holds_behind_all_other_clamps(self, metrics: dict[str, Any]) -> None:
         assert max(joint["rotatum_peak"] for joint in metrics["joints"].values()) <= 1000.0 * (1 + 1e-6)
 
-    def test_the_thesis_set_up_reaches_its_set_point_and_the_report_says_what_differs(self, metrics: dict[str, Any]) -> None:
+    def test_the_thesis_set_up_reaches_its_setpoint_and_the_report_says_what_differs(
+        self, metrics: dict[str, Any]
+    ) -> None:
         assert metrics["setpoints"][0]["final_error_max"] < 1e-3
         told = {item["what"]: item for item in metrics["differences"]}
-        assert {"physics engine", "position read-out", "inertia tensors", "limits that acted", "velocity limit"} <= set(told)
+        assert {"physics engine", "position read-out", "inertia tensors", "limits that acted", "velocity limit"} <= set(
+            told
+        )
         assert {"rotor inertia [kg m^2]", "joint damping [N m s/rad]", "gains", "self-collision"}.isdisjoint(told)
         assert "not positive definite" in told["inertia tensors"]["why"]
         assert all(item["reference"] and item["here"] and item["why"] for item in metrics["differences"])
 
-    def test_gains_beyond_what_the_loop_carries_are_told_as_chatter(self, tmp_path: Path) -> None:
-        metrics = run(tmp_path, "thesis_step", "kp:=200", "kd:=100", "inertials:=thesis", "rotor_inertia:=0", "duration:=1").metrics
+    def test_gains_beyond_what_the_loop_carries_are_reported_as_chatter(self, tmp_path: Path) -> None:
+        metrics = run(
+            tmp_path, "thesis_step", "kp:=200", "kd:=100", "inertials:=thesis", "rotor_inertia:=0", "duration:=1"
+        ).metrics
         told = {item["what"]: item["here"] for item in metrics["differences"]}
         assert "panda_joint7" in told["torque at the end of the run"] and "gains" not in told
 
-    def test_other_choices_are_told_as_differences(self, tmp_path: Path) -> None:
-        metrics = run(tmp_path, "thesis_step", "duration:=0.1", "kp:=10", "kd:=5", "damping:=0", "profile:=true", "q_start:=[0,0,0,-1,0,1,0]").metrics
+    def test_other_choices_are_reported_as_differences(self, tmp_path: Path) -> None:
+        metrics = run(
+            tmp_path,
+            "thesis_step",
+            "duration:=0.1",
+            "kp:=10",
+            "kd:=5",
+            "damping:=0",
+            "profile:=true",
+            "q_start:=[0,0,0,-1,0,1,0]",
+        ).metrics
         told = {item["what"]: item["here"] for item in metrics["differences"]}
-        assert told["gains"] == "Kp 10 Kd 5" and told["rotor inertia [kg m^2]"] == "0.1" and told["joint damping [N m s/rad]"] == "0"
-        assert told["set point"] == "led through a trapezoid" and "start" in told and "joint limits at the start" not in told
+        assert (
+            told["gains"] == "Kp 10 Kd 5"
+            and told["rotor inertia [kg m^2]"] == "0.1"
+            and told["joint damping [N m s/rad]"] == "0"
+        )
+        assert (
+            told["setpoint"] == "led through a trapezoid"
+            and "start" in told
+            and "joint limits at the start" not in told
+        )

@@ -1,7 +1,5 @@
 """Recorder and experiment node with a master of their own and a robot made of topics."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -18,13 +16,14 @@ import pytest
 import rosgraph
 from rosbags.highlevel import AnyReader
 
-from hric_experiments import bag_reader, parameters
-from hric_experiments import experiment as experiments
-from hric_experiments.recorder_process import RecorderProcess, RecordError
-from hric_experiments.run_folder import RunFolder
+from hric_bags import reader as bag_reader
+from hric_bags.run_folder import RunFolder
+from hric_experiments.definition import experiment as experiments
+from hric_experiments.definition import parameters
+from hric_experiments.recorder.process import RecorderProcess, RecordError
 
 HERE = Path(__file__).parent
-pytestmark = pytest.mark.rostest
+pytestmark = [pytest.mark.alone, pytest.mark.rostest]
 
 OWN = """
 description: three joints that move at once
@@ -70,12 +69,20 @@ class System:
 
     def start(self, *command: str) -> subprocess.Popen[str]:
         """Start a process."""
-        process = subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+        process = subprocess.Popen(
+            command,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
         self.processes.append(process)
         return process
 
     def node(self, name: str, *parameters: str) -> subprocess.Popen[str]:
-        """Start a node of this package under a name of its own: parameters and registrations of another test do not reach it."""
+        """Start a node of this package under a name of its own: parameters and registrations of another test do not
+        reach it."""
         return self.start("rosrun", "hric_experiments", name, f"__name:={name}_{self.runs.parent.name}", *parameters)
 
     def robot(self) -> subprocess.Popen[str]:
@@ -164,7 +171,12 @@ def test_an_experiment_whose_recorder_is_armed_waits_for_the_trigger(system: Sys
         said = experiment.stdout.readline()
         assert said, "the experiment ended"
     assert not system.runs.exists() and recorder.poll() is None
-    subprocess.run(["rostopic", "pub", "-1", "/hric/experiment/trigger", "std_msgs/Empty"], env=system.environment, timeout=30, check=True)
+    subprocess.run(
+        ["rostopic", "pub", "-1", "/hric/experiment/trigger", "std_msgs/Empty"],
+        env=system.environment,
+        timeout=30,
+        check=True,
+    )
     code, output, _ = ended(experiment, 40.0)
     assert code == 0 and "run folder: " in output, output
 
@@ -176,14 +188,16 @@ def seen(path: Path, *ports: int) -> list[dict[str, Any]]:
     return [described["natnet_client"] | {"local": "127.0.0.1"}, described["emulated_human"]]
 
 
-def test_an_experiment_with_motion_capture_starts_the_human_when_all_hear_him(system: System, tmp_path: Path) -> None:
+def test_an_experiment_starts_the_human_when_all_receive_the_motion_capture(system: System, tmp_path: Path) -> None:
     path = tmp_path / "seen.yaml"
     ports = []
     for _ in range(2):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
             ports.append(probe.getsockname()[1])
-    for (package, name), values in zip((("mocap_natnet", "natnet_client"), ("hric_perception", "emulated_human")), seen(path, *ports), strict=True):
+    for (package, name), values in zip(
+        (("mocap_natnet", "natnet_client"), ("hric_perception", "emulated_human")), seen(path, *ports), strict=True
+    ):
         system.start("rosrun", package, name, *(f"_{key}:={json.dumps(value)}" for key, value in values.items()))
     system.node("recorder", f"_experiment:={path}")
     system.robot()
@@ -200,14 +214,18 @@ def test_an_experiment_with_motion_capture_starts_the_human_when_all_hear_him(sy
                 hand += [message.pose.position.y] if connection.topic.endswith("hand") else []
         assert {"/hric/perception/mocap", "/mocap/marker"} <= {connection.topic for connection in reader.connections}
     assert phases == ["rest", "moving", "done"]
-    assert hand[0] == 0.0 and hand[-1] == pytest.approx(0.2, abs=1e-9)  # from its rest on: it began when the recorder heard it
+    assert hand[0] == 0.0 and hand[-1] == pytest.approx(
+        0.2, abs=1e-9
+    )  # from its rest on: it began when the recorder heard it
 
 
 def test_an_experiment_that_sees_nobody_says_so(system: System, tmp_path: Path) -> None:
     path = tmp_path / "seen.yaml"
     seen(path, 1510, 1511)
     system.robot()
-    code, output, _ = ended(system.node("experiment", f"_experiment:={path}", "_record:=false", "_ready_timeout:=3"), 30.0)
+    code, output, _ = ended(
+        system.node("experiment", f"_experiment:={path}", "_record:=false", "_ready_timeout:=3"), 30.0
+    )
     assert code == 1 and "Traceback" not in output, output
     assert "no motion capture: nothing on /hric/perception/mocap; does natnet_client run?" in output
 
@@ -217,7 +235,12 @@ def test_ctrl_c_closes_the_bag_within_two_seconds_and_leaves_no_process(system: 
     system.robot()
     folder = system.folder()
     time.sleep(2.0)
-    children = [int(pid) for pid in subprocess.run(["pgrep", "-P", str(recorder.pid)], capture_output=True, text=True, check=False).stdout.split()]
+    children = [
+        int(pid)
+        for pid in subprocess.run(
+            ["pgrep", "-P", str(recorder.pid)], capture_output=True, text=True, check=False
+        ).stdout.split()
+    ]
     os.kill(recorder.pid, signal.SIGINT)
     code, output, seconds = ended(recorder, 10.0)
     assert code == 0 and "Traceback" not in output, output
@@ -247,18 +270,23 @@ def test_an_unknown_experiment_is_one_line_with_the_valid_names(system: System) 
     for name in ("recorder", "experiment"):
         code, output, _ = ended(system.node(name, "_experiment:=pdstep"), 20.0)
         assert code == 1 and "Traceback" not in output, output
-        assert "no experiment 'pdstep'" in output and "valid: data_collection, marker_tracking, pd_step, thesis_step" in output
+        assert (
+            "no experiment 'pdstep'" in output
+            and "valid: data_collection, marker_tracking, pd_step, thesis_step" in output
+        )
 
 
 @pytest.mark.parametrize("script", ["exit 3", "sleep 0.1; exit 0"])
-def test_a_recording_that_ends_by_itself_is_told(tmp_path: Path, script: str) -> None:
+def test_a_recording_that_ends_by_itself_is_reported(tmp_path: Path, script: str) -> None:
     process = RecorderProcess(tmp_path / "a.bag", ["sh", "-c", script])
     with pytest.raises(RecordError, match="ended with code"):
         process.wait_open(5.0)
 
 
-def test_a_recorder_that_does_not_end_is_killed_and_told(tmp_path: Path) -> None:
-    process = RecorderProcess(tmp_path / "a.bag", ["sh", "-c", f"trap '' INT; touch {tmp_path}/a.bag.active; while :; do sleep 0.05; done"])
+def test_a_recorder_that_does_not_end_is_killed_and_reported(tmp_path: Path) -> None:
+    process = RecorderProcess(
+        tmp_path / "a.bag", ["sh", "-c", f"trap '' INT; touch {tmp_path}/a.bag.active; while :; do sleep 0.05; done"]
+    )
     process.wait_open(5.0)
     with pytest.raises(RecordError, match=r"not closed within 0\.5 s; what was recorded is in a\.bag\.active"):
         process.stop(0.5)

@@ -1,7 +1,5 @@
 """The experiment marker_tracking headless: codec, client, controller and arm as in the laboratory, without sockets."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -11,20 +9,30 @@ from typing import Any
 
 import pytest
 
-from hric_experiments import bag_reader, experiment, headless, study, study_run
-from hric_experiments.analysis import bag_of
-from hric_experiments.run_folder import RunFolder
+from hric_bags import reader as bag_reader
+from hric_bags.run_folder import RunFolder
+from hric_experiments.analysis.run import bag_of
+from hric_experiments.definition import experiment, study
+from hric_experiments.headless import runner as headless
+from hric_experiments.headless import study_run
 
 SHORT = ("mocap.human.begin:=0.2", "mocap.human.cycles:=0.5", "duration:=3.7")
 """Half a swing, and at rest at the end."""
 
 
 def run(folder: Path, *overrides: str, seed: int = 0, figures: bool = False) -> tuple[RunFolder, dict[str, Any]]:
-    result = headless.run(experiment.load("marker_tracking", overrides), overrides, seed=seed, root=folder, progress=False, figures=figures)
+    result = headless.run(
+        experiment.load("marker_tracking", overrides),
+        overrides,
+        seed=seed,
+        root=folder,
+        progress=False,
+        figures=figures,
+    )
     return result.folder, result.metrics
 
 
-def check_as_wanted(metrics: dict[str, Any]) -> None:
+def check_as_expected(metrics: dict[str, Any]) -> None:
     """What the default mode is to reach: 0.1 m at 0.25 Hz, seen at 240 Hz with 0.1 mm of noise."""
     found = metrics["tracking"]
     assert found["marker"] == "truth" and found["first_marker"] < 0.01
@@ -39,9 +47,11 @@ def half_a_swing(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunFolder, d
     return run(tmp_path_factory.mktemp("runs"), *SHORT, figures=True)
 
 
-def test_the_arm_follows_the_marker_within_lag_error_and_acceleration(half_a_swing: tuple[RunFolder, dict[str, Any]]) -> None:
+def test_the_arm_follows_the_marker_within_lag_error_and_acceleration(
+    half_a_swing: tuple[RunFolder, dict[str, Any]],
+) -> None:
     folder, metrics = half_a_swing
-    check_as_wanted(metrics)
+    check_as_expected(metrics)
     assert metrics["tracking"]["frames"]["lost"] == 0 and metrics["tracking"]["frames"]["rate"] == pytest.approx(240.0)
     assert [phase["phase"] for phase in metrics["tracking"]["phases"]] == ["rest", "moving", "done"]
     assert abs(metrics["tracking"]["stamp_error"]["mean"]) < 5 * metrics["tracking"]["stamp_error"]["uncertainty"]
@@ -80,8 +90,20 @@ def test_axes_and_place_of_the_mocap_frame_do_not_change_the_motion(tmp_path: Pa
 
 def test_two_processes_with_one_seed_are_bit_identical(tmp_path: Path) -> None:
     short = ["mocap.human.begin:=0.1", "duration:=0.5", "--quiet", "--no-figures"]
-    commands = [["rosrun", "hric_experiments", "run", "marker_tracking", *short, "--seed", seed, "--runs", str(tmp_path / str(i))]
-                for i, seed in enumerate("77")]  # fmt: skip
+    commands = [
+        [
+            "rosrun",
+            "hric_experiments",
+            "run",
+            "marker_tracking",
+            *short,
+            "--seed",
+            seed,
+            "--runs",
+            str(tmp_path / str(i)),
+        ]
+        for i, seed in enumerate("77")
+    ]
     children = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ) for command in commands]
     hashes = [re.findall(r"state_sha256: ([0-9a-f]{64})", child.communicate(timeout=100)[0])[0] for child in children]
     assert hashes[0] == hashes[1]
@@ -102,7 +124,7 @@ def test_the_whole_experiment_and_the_thesiss_mode_stand_side_by_side(tmp_path: 
         metrics = json.loads((tmp_path / values["run"] / "metrics.json").read_text())
         assert metrics["reflexes"] == [] and metrics["control_log"]["cycles"] == 14000
         if name == "retarget":
-            check_as_wanted(metrics)
+            check_as_expected(metrics)
     assert runs["thesis"]["tracking"]["ignored"] > 2000 and runs["thesis"]["tracking"]["acceleration_ratio"] > 5
     assert (result.folder / "modes" / "tracking.png").is_file()
     assert re.search(r"following the marker +lag \[ms\]", result.metrics["report"])

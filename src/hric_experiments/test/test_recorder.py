@@ -1,12 +1,8 @@
 """The recorder node: started, split, triggered and stopped by service, guarded against a full disk."""
 
-from __future__ import annotations
-
 import os
 import random
-import signal
 import subprocess
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,112 +11,19 @@ from typing import Any
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
+from recorder_rig import Node, Source, source, start, until  # noqa: F401
 from rosbags.highlevel import AnyReader
-from std_msgs.msg import Empty, String, UInt8MultiArray, UInt32
-from std_srvs.srv import Trigger
+from std_msgs.msg import Empty, UInt8MultiArray
 
+from hric_bags.parts import PartsReader, parts
+from hric_bags.run_folder import RunFolder
+from hric_control.errors import ParameterError
 from hric_control.testing import ros, roscore  # noqa: F401
-from hric_experiments import bag_parts, recorder_settings
-from hric_experiments.bag_parts import PartsError, PartsReader, overlap, parts
-from hric_experiments.recorder_settings import RecorderSettingError
-from hric_experiments.run_folder import RunFolder
+from hric_experiments.recorder.settings import RecorderSettings
 
-RATE = 500.0
-"""Of the counted topic [Hz]."""
+pytestmark = pytest.mark.alone
+
 rostest = pytest.mark.rostest
-
-
-class Source:
-    """Publishes 0, 1, 2, ... from a thread, beside a latched text that never changes."""
-
-    def __init__(self) -> None:
-        self.sent = 0
-        self._counter = rospy.Publisher("/recorder_test/counter", UInt32, queue_size=100)
-        self._latched = rospy.Publisher("/recorder_test/layout", String, queue_size=1, latch=True)
-        self._latched.publish(String("x y z"))
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
-
-    def _run(self) -> None:
-        begin = time.monotonic()
-        while not self._stop.wait(max(begin + (self.sent + 1) / RATE - time.monotonic(), 0.0)):
-            self._counter.publish(UInt32(self.sent))
-            self.sent += 1
-
-    def close(self) -> None:
-        """End it."""
-        self._stop.set()
-        self._thread.join()
-        self._counter.unregister()
-        self._latched.unregister()
-
-
-class Node:
-    """A recorder in a process of its own."""
-
-    def __init__(self, runs: Path, name: str, *given: str, topics: str = "[/recorder_test/counter, /recorder_test/layout]") -> None:
-        self.runs, self._name = runs, name
-        for old in rospy.get_param_names():
-            if old.startswith(f"/{name}/"):
-                rospy.delete_param(old)
-        command = ["rosrun", "hric_experiments", "recorder", f"__name:={name}", f"_runs:={runs}", f"_topics:={topics}", *given]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
-
-    def call(self, what: str) -> Any:
-        """A service of the recorder."""
-        rospy.wait_for_service(f"/hric/experiment/{what}_recording", 20.0)
-        return rospy.ServiceProxy(f"/hric/experiment/{what}_recording", Trigger)()
-
-    def wait_recording(self) -> None:
-        """Wait until it says that it records."""
-        heard: list[str] = []
-        subscriber = rospy.Subscriber("/hric/experiment/recording", String, lambda message: heard.append(message.data))
-        until(lambda: bool(heard and heard[-1]))
-        subscriber.unregister()
-
-    def folder(self) -> RunFolder:
-        """The newest run."""
-        return RunFolder.open("latest", self.runs)
-
-    def close(self) -> str:
-        """End it as Ctrl-C does; what it said."""
-        if self.process.poll() is None:
-            os.killpg(self.process.pid, signal.SIGINT)
-        try:
-            return self.process.communicate(timeout=10)[0]
-        except subprocess.TimeoutExpired:
-            os.killpg(self.process.pid, signal.SIGKILL)
-            raise
-
-
-def until(what: Callable[[], bool], timeout: float = 30.0) -> None:
-    deadline = time.monotonic() + timeout
-    while not what():
-        assert time.monotonic() < deadline, f"not within {timeout} s"
-        time.sleep(0.02)
-
-
-@pytest.fixture
-def source(ros: str) -> Iterator[Source]:  # noqa: F811
-    running = Source()
-    yield running
-    running.close()
-
-
-@pytest.fixture
-def start(ros: str, tmp_path: Path) -> Iterator[Callable[..., Node]]:  # noqa: F811
-    started: list[Node] = []
-
-    def begin(*given: str, runs: Path = tmp_path, **other: str) -> Node:
-        # A name of its own: the parameters of another test do not reach it.
-        started.append(Node(runs, f"recorder_{tmp_path.name}", *given, **other))
-        return started[-1]
-
-    yield begin
-    for node in started:
-        if not node.process.stdout.closed:  # type: ignore[union-attr]
-            print(node.close())
 
 
 def numbers(bags: list[Path]) -> list[list[int]]:
@@ -129,13 +32,20 @@ def numbers(bags: list[Path]) -> list[list[int]]:
     for bag in bags:
         with AnyReader([bag]) as reader:
             found.append(
-                [reader.deserialize(raw, c.msgtype).data for c, _, raw in reader.messages() if c.topic.endswith("counter")]  # type: ignore[attr-defined]
+                [
+                    reader.deserialize(raw, c.msgtype).data
+                    for c, _, raw in reader.messages()
+                    if c.topic.endswith("counter")
+                ]  # type: ignore[attr-defined]
             )
     return found
 
 
 @rostest
-def test_a_split_loses_no_message_and_reading_all_parts_gives_each_once(source: Source, start: Callable[..., Node]) -> None:
+def test_a_split_loses_no_message_and_reading_all_parts_gives_each_once(
+    source: Source,  # noqa: F811
+    start: Callable[..., Node],  # noqa: F811
+) -> None:
     node = start("_subject:=P07", "_notes:=left hand, tired")
     node.wait_recording()
     for _ in range(2):
@@ -161,7 +71,7 @@ def test_a_split_loses_no_message_and_reading_all_parts_gives_each_once(source: 
 
 
 @rostest
-def test_parts_of_a_given_length_follow_each_other_by_themselves(source: Source, start: Callable[..., Node]) -> None:
+def test_parts_of_a_given_length_follow_each_other_by_themselves(source: Source, start: Callable[..., Node]) -> None:  # noqa: F811
     node = start("_split_duration:=1.0")
     node.wait_recording()
     until(lambda: len(node.folder().read().get("bags", [])) >= 3)
@@ -171,7 +81,10 @@ def test_parts_of_a_given_length_follow_each_other_by_themselves(source: Source,
 
 
 @rostest
-def test_an_armed_recorder_begins_with_the_trigger_and_each_trigger_is_a_run(source: Source, start: Callable[..., Node]) -> None:
+def test_an_armed_recorder_begins_with_the_trigger_and_each_trigger_is_a_run(
+    source: Source,  # noqa: F811
+    start: Callable[..., Node],  # noqa: F811
+) -> None:
     node = start("_start:=on_trigger")
     assert not node.call("stop").success and not node.call("split").success
     publisher = rospy.Publisher("/hric/experiment/trigger", Empty, queue_size=1)
@@ -191,7 +104,7 @@ def test_an_armed_recorder_begins_with_the_trigger_and_each_trigger_is_a_run(sou
 
 
 @rostest
-def test_a_disk_without_room_is_refused_before_anything_is_made(source: Source, start: Callable[..., Node]) -> None:
+def test_a_disk_without_room_is_refused_before_anything_is_made(source: Source, start: Callable[..., Node]) -> None:  # noqa: F811
     node = start("_min_free:=1e12")
     output = node.process.communicate(timeout=30)[0]
     assert node.process.returncode == 1 and "Traceback" not in output
@@ -206,7 +119,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         pytest.skip("only root can mount a small file system")
     disk = tmp_path / "disk"
     disk.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", str(disk)], capture_output=True, text=True, check=False)
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", str(disk)], capture_output=True, text=True, check=False
+    )
     if mounted.returncode:
         pytest.skip(f"a small file system cannot be mounted here: {mounted.stderr.strip()}")
     yield disk
@@ -215,7 +130,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 @rostest
 def test_a_disk_that_fills_ends_the_recording_with_one_error_and_a_bag_that_is_whole(
-    source: Source, start: Callable[..., Node], small_disk: Path
+    source: Source,  # noqa: F811
+    start: Callable[..., Node],  # noqa: F811
+    small_disk: Path,
 ) -> None:
     told: list[Any] = []
     listener = rospy.Subscriber("/diagnostics", DiagnosticArray, lambda message: told.extend(message.status))
@@ -251,32 +168,11 @@ def test_a_disk_that_fills_ends_the_recording_with_one_error_and_a_bag_that_is_w
         ("min_free", True, "0 or more"),
     ],
 )
-def test_a_setting_that_cannot_be_is_told_with_what_is_valid(name: str, value: Any, text: str) -> None:
-    with pytest.raises(RecorderSettingError, match=text):
-        recorder_settings.read(lambda asked, default: value if asked == name else default)
+def test_a_setting_that_cannot_be_is_refused_with_what_is_valid(name: str, value: Any, text: str) -> None:
+    with pytest.raises(ParameterError, match=text):
+        RecorderSettings(**{name: value})
 
 
 def test_none_says_that_nothing_is_given() -> None:
-    settings = recorder_settings.read(lambda asked, default: "none" if asked in ("subject", "notes") else default)
+    settings = RecorderSettings(subject="none", notes="none")
     assert (settings.subject, settings.notes) == ("", "")
-
-
-def test_the_overlap_of_two_parts_is_found_where_a_stream_says_the_same_again_and_again() -> None:
-    same = [(time * 10, b"0") for time in range(10)]
-    later = [(time * 10 + 1, b"0") for time in range(7, 20)]
-    assert overlap(same, later) in (2, 3)  # the times alone can tell, one message fine
-    counted = [(time, bytes([time])) for time in range(10)]
-    assert overlap(counted[:7], counted[4:]) == 3
-    assert overlap(counted[:4], counted[4:]) == 0
-    assert overlap(counted[:3], [(90, bytes([2]))], latched=True) == 1
-
-
-def test_a_part_that_is_missing_or_was_not_closed_is_told(tmp_path: Path) -> None:
-    for name in ("a_0.bag", "a_2.bag", "b_0.bag", "b_1.bag.active", "c.bag"):
-        (tmp_path / name).touch()
-    with pytest.raises(PartsError, match=r"a_1\.bag .* is missing"):
-        parts(tmp_path / "a_0.bag")
-    with pytest.raises(PartsError, match=r"b_1\.bag .* was not closed, try: .*--salvage"):
-        parts(tmp_path / "b_0.bag")
-    assert bag_parts.parts(tmp_path / "c.bag") == [tmp_path / "c.bag"]
-    assert bag_parts.parts(tmp_path / "a_2.bag") == [tmp_path / "a_2.bag"]

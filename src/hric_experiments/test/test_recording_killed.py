@@ -1,7 +1,5 @@
 """A recorder that is killed: what it wrote opens after the health command, with at most a second lost."""
 
-from __future__ import annotations
-
 import random
 import threading
 import time
@@ -14,10 +12,11 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import UInt32
 
 from hric_control.testing import ros, roscore  # noqa: F401
-from hric_experiments import cli, recorder_process
-from hric_experiments.recorder_process import RecorderProcess
+from hric_experiments import cli
+from hric_experiments.recorder import process as recorder_process
+from hric_experiments.recorder.process import RecorderProcess
 
-pytestmark = pytest.mark.rostest
+pytestmark = [pytest.mark.alone, pytest.mark.rostest]
 RATE = 100.0
 """Of the single topic [Hz]."""
 MOST_LOST = 1.0
@@ -62,7 +61,8 @@ def counter(ros: str) -> Iterator[Counter]:  # noqa: F811
 
 
 def lost_when_killed(counter: Counter, bag: Path, after: float) -> float:
-    """Record for `after` [s], kill the recorder, salvage; how much is missing at the end, by the messages' own numbers [s]."""
+    """Record for `after` [s], kill the recorder, salvage; how much is missing at the end, by the messages' own numbers
+    [s]."""
     arguments = recorder_process.arguments(bag, ["/counter"], "", f"record_{bag.stem}")
     recorder = RecorderProcess(bag, [recorder_process.find_recorder(), *arguments])
     recorder.wait_open(20.0)
@@ -80,7 +80,9 @@ def lost_when_killed(counter: Counter, bag: Path, after: float) -> float:
     return (sent - 1 - numbers[-1]) / RATE
 
 
-def test_a_killed_recording_of_one_slow_topic_opens_after_the_health_command_with_at_most_a_second_lost(counter: Counter, tmp_path: Path) -> None:
+def test_a_killed_recording_of_one_slow_topic_opens_after_the_health_command_with_at_most_a_second_lost(
+    counter: Counter, tmp_path: Path
+) -> None:
     assert lost_when_killed(counter, tmp_path / "a.bag", 2.5) <= MOST_LOST
 
 

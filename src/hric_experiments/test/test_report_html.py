@@ -1,7 +1,5 @@
 """The page of a run: what stands in it, how large it is, and what a browser makes of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +11,14 @@ import synthetic
 from browser import Browser, installed
 
 import panda_description
-from hric_experiments import cli, kinematics, report_html
-from hric_experiments.bag_reader import ControlRecord, RunRecord, read
-from hric_experiments.report_html import curves, page, recordings, run_page
+from hric_bags.reader import ControlRecord, RunRecord, read
+from hric_bags.run_folder import RunFolder
+from hric_experiments import cli, report_html
+from hric_experiments.analysis.tracking_run import tip_positions
+from hric_experiments.report.figure import Curve, Figure, Panel
+from hric_experiments.report_html import page, recordings, run_page
 from hric_experiments.report_html.recordings import Moving, Recordings, Signal
-from hric_experiments.run_folder import RunFolder
+from hric_experiments.report_html.thinning import thin
 
 browser_there = pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --gui installs it")
 
@@ -56,8 +57,13 @@ def test_thinning_keeps_every_peak() -> None:
     time = np.linspace(0.0, 1.0, 100_000)
     values = np.sin(20.0 * time)
     values[[777, 50_001]] = [9.0, -9.0]
-    plot = curves.Plot("a", "A", "", (curves.Panel("", (curves.Curve("c", "s0", time, values), curves.Curve("d", "s1", time, -values))),))
-    thinned, kept = curves.thin([plot], 4000)
+    plot = Figure(
+        "a",
+        "A",
+        "",
+        (Panel("", (Curve("c", "s0", time, values), Curve("d", "s1", time, -values))),),
+    )
+    thinned, kept = thin([plot], 4000)
     first, second = thinned[0].panels[0].curves
     assert kept is not None and len(first.values) <= 2000
     assert first.values.max() == 9.0 and first.values.min() == -9.0
@@ -66,8 +72,8 @@ def test_thinning_keeps_every_peak() -> None:
 
 def test_a_short_run_is_shown_whole() -> None:
     time = np.arange(100.0)
-    plot = curves.Plot("a", "A", "", (curves.Panel("", (curves.Curve("c", "s0", time, time),)),))
-    assert curves.thin([plot], 4000) == ([plot], None)
+    plot = Figure("a", "A", "", (Panel("", (Curve("c", "s0", time, time),)),))
+    assert thin([plot], 4000) == ([plot], None)
 
 
 def test_ten_minutes_with_every_sensor_make_less_than_20_MB(run: RunFolder) -> None:
@@ -81,18 +87,28 @@ def _long(run: RunFolder, duration: float) -> run_page.RunData:
     rng = np.random.default_rng(1)
     time = np.arange(0.0, duration, 1e-3)
     arrays = [rng.normal(size=(len(time), 9)) for _ in range(2)]
-    log = ControlRecord(report_run.JOINTS, ("effort",) * 9, time, arrays[0], arrays[1], arrays[1], arrays[1], arrays[0], 0, (), ())
+    log = ControlRecord(
+        report_run.JOINTS, ("effort",) * 9, time, arrays[0], arrays[1], arrays[1], arrays[1], arrays[0], 0, (), ()
+    )
     emg = np.arange(0.0, duration, 5e-4)
     signals = [Signal("/emg", "[V]", tuple(f"m{k}" for k in range(8)), emg, rng.normal(size=(len(emg), 8)))]
     signals.append(Signal("/plate", "[N]", ("x", "y", "z"), time, arrays[0][:, :3]))
     seen = time[::10]
     moving = [Moving("marker", f"m{k}", "panda_link0", seen, arrays[0][::10, :3]) for k in range(20)]
     return run_page.RunData(
-        run, run.read(), report_html.metrics_of(run), RunRecord(log), None, Recordings(signals, moving), panda_description.load(hand=True)
+        run,
+        run.read(),
+        report_html.metrics_of(run),
+        RunRecord(log),
+        None,
+        Recordings(signals, moving),
+        panda_description.load(hand=True),
     )
 
 
-def test_a_run_without_a_description_has_a_page_without_a_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_without_a_description_has_a_page_without_a_replay(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = synthetic.write_run(tmp_path)
     assert cli.main(["report", str(folder.path), "--html", "--no-figures"]) == 0
     text = (folder.path / report_html.NAME).read_text()
@@ -105,9 +121,17 @@ def test_what_a_message_says_stays_text(run: RunFolder) -> None:
 
 
 @pytest.mark.parametrize(
-    "word", ["starves", "approach", "error: no samples", "Synchronised on /hric/perception/sync", "nothing since 1 s", "resample"]
+    "word",
+    [
+        "starves",
+        "approach",
+        "error: no samples",
+        "Synchronised on /hric/perception/sync",
+        "nothing since 1 s",
+        "resample",
+    ],
 )
-def test_events_and_the_quality_of_synchronisation_are_told(run: RunFolder, word: str) -> None:
+def test_events_and_the_quality_of_synchronisation_are_on_the_page(run: RunFolder, word: str) -> None:
     assert word in (run.path / report_html.NAME).read_text()
 
 
@@ -126,7 +150,7 @@ def test_a_page_names_no_folder_of_the_machine(run: RunFolder) -> None:
     assert not [folder for folder in (str(run.path.parent), f"{Path(__file__).parents[3]}/src") if folder in text]
 
 
-def test_a_lost_mesh_is_told_and_the_rest_is_drawn(run: RunFolder) -> None:
+def test_a_lost_mesh_is_noted_and_the_rest_is_drawn(run: RunFolder) -> None:
     data = run_page.load(run, report_html.metrics_of(run))
     lost = replace(data, description=data.description.replace("link3.obj", "gone.obj"))
     assert "drawn without its mesh" in page.render_page(run_page.build(lost))
@@ -134,9 +158,14 @@ def test_a_lost_mesh_is_told_and_the_rest_is_drawn(run: RunFolder) -> None:
 
 @pytest.mark.parametrize(
     ("words", "told"),
-    [(["a", "b", "c"], "add --html"), (["a", "b", "c", "--html", "--labels", "x", "y"], "--labels names 2 runs (x, y), but 3 are compared")],
+    [
+        (["a", "b", "c"], "add --html"),
+        (["a", "b", "c", "--html", "--labels", "x", "y"], "--labels names 2 runs (x, y), but 3 are compared"),
+    ],
 )
-def test_a_wrong_comparison_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str) -> None:
+def test_a_wrong_comparison_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str
+) -> None:
     for name in "abc":
         (tmp_path / name).mkdir()
         (tmp_path / name / "run.yaml").write_text("{}")
@@ -145,7 +174,7 @@ def test_a_wrong_comparison_is_refused(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 @browser_there
-def test_the_browser_has_nothing_to_complain_of_and_asks_nobody(shown: Browser) -> None:
+def test_the_browser_logs_no_problem_and_sends_no_request(shown: Browser) -> None:
     shown.evaluate("new Promise((done) => setTimeout(done, 500))")
     assert shown.problems == [] and shown.requests == []
     assert shown.evaluate("document.title") == "made_up_panda"
@@ -154,7 +183,9 @@ def test_the_browser_has_nothing_to_complain_of_and_asks_nobody(shown: Browser) 
 @browser_there
 def test_every_curve_is_drawn(shown: Browser) -> None:
     lines = "p.graph.querySelectorAll('.scatterlayer path.js-line').length"
-    drawn = shown.evaluate(f"report.plots.map((p) => [p.spec.title, p.panels.flatMap((q) => q.curves).length, {lines}])")
+    drawn = shown.evaluate(
+        f"report.plots.map((p) => [p.spec.title, p.panels.flatMap((q) => q.curves).length, {lines}])"
+    )
     assert len(drawn) >= 6
     assert all(wanted == found for _, wanted, found in drawn), drawn
 
@@ -183,7 +214,7 @@ def test_every_link_is_drawn(shown: Browser) -> None:
           for (const mesh of meshes) mesh.visible = true;
           report.replay.paint();
           return found;
-        })()"""
+        })()"""  # noqa: E501
     )
     arm = {f"panda_link{k}" for k in range(8)} | {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
     assert arm <= set(counts)
@@ -192,20 +223,23 @@ def test_every_link_is_drawn(shown: Browser) -> None:
 
 @browser_there
 @pytest.mark.parametrize("time", [0.0, 0.7, 1.9])
-def test_the_replay_stands_where_the_robot_stood(shown: Browser, run: RunFolder, time: float) -> None:
+def test_the_replay_shows_the_robot_where_it_was(shown: Browser, run: RunFolder, time: float) -> None:
     shown.evaluate(f"report.setTime({time}); report.replay.scene.updateMatrixWorld(true)")
     place = "report.replay.robots[0].links.get('panda_leftfinger').getWorldPosition(new THREE.Vector3()).toArray()"
     log = read(run.bag_path).log
-    expected = kinematics.positions(run.urdf_path.read_text(), log, "panda_link0", "panda_leftfinger", np.zeros(3))[round(time * 1000)]
+    expected = tip_positions(run.urdf_path.read_text(), log, "panda_link0", "panda_leftfinger", np.zeros(3))[
+        round(time * 1000)
+    ]
     # Between instants of 1/60 s the joints are taken as moving evenly.
     assert np.allclose(shown.evaluate(place), expected, atol=2e-4)
 
 
 @browser_there
-def test_markers_stand_in_the_frame_that_tf_tells_and_lost_bodies_vanish(shown: Browser) -> None:
+def test_markers_are_in_the_frame_of_tf_and_lost_bodies_vanish(shown: Browser) -> None:
     shown.evaluate("report.setTime(1.0); report.replay.scene.updateMatrixWorld(true)")
     tracks = (
-        "Object.fromEntries(report.replay.robots[0].tracks.map(({ name, object }) => [name, object.getWorldPosition(new THREE.Vector3()).toArray()]))"
+        "Object.fromEntries(report.replay.robots[0].tracks.map(({ name, object }) => [name, "
+        "object.getWorldPosition(new THREE.Vector3()).toArray()]))"
     )
     # x, y of the stream (0.1, 0.3) are (-0.3, 0.1) in the base, 0.5 m further in x.
     found = shown.evaluate(tracks)
@@ -227,7 +261,9 @@ def test_a_zoom_shows_the_same_time_in_all_plots(shown: Browser) -> None:
 
 @browser_there
 def test_a_click_on_an_event_shows_its_moment(shown: Browser) -> None:
-    shown.evaluate("[...document.querySelectorAll('tr.event')].find((row) => row.textContent.includes('approach')).click()")
+    shown.evaluate(
+        "[...document.querySelectorAll('tr.event')].find((row) => row.textContent.includes('approach')).click()"
+    )
     assert shown.evaluate("document.getElementById('now').textContent") == "0.700 s"
 
 
@@ -249,11 +285,39 @@ def test_a_dark_system_gets_a_dark_page_and_paper_a_light_one(browser: Browser, 
 @browser_there
 def test_three_runs_make_one_page_with_three_robots(browser: Browser, tmp_path: Path) -> None:
     runs = [report_run.write_run(tmp_path, f"run{k}", scale) for k, scale in enumerate((1.0, 0.9, 1.1))]
-    words = [str(run.path) for run in runs] + ["--labels", "one", "two", "three", "--html", "--no-figures", "--output", str(tmp_path / "compared")]
+    words = [str(run.path) for run in runs] + [
+        "--labels",
+        "one",
+        "two",
+        "three",
+        "--html",
+        "--no-figures",
+        "--output",
+        str(tmp_path / "compared"),
+    ]
     assert cli.main(["compare", *words]) == 0
     browser.open(tmp_path / "compared" / report_html.NAME)
     browser.wait("typeof report === 'object' && report.ready === true")
     browser.evaluate("report.plots[0].draw(); report.replay.draw()")
     assert browser.evaluate("report.replay.robots.map((robot) => robot.label)") == ["one", "two", "three"]
-    assert browser.evaluate("report.plots[0].graph.data.slice(0, 4).map(({ name }) => name)") == ["set point", "one", "two", "three"]
+    assert browser.evaluate("report.plots[0].graph.data.slice(0, 4).map(({ name }) => name)") == [
+        "setpoint",
+        "one",
+        "two",
+        "three",
+    ]
     assert browser.problems == [] and browser.requests == []
+
+
+@browser_there
+def test_bounds_and_bands_are_drawn(browser: Browser, tmp_path: Path) -> None:
+    time = np.linspace(1.0, 2.0, 100)
+    panels = tuple(Panel(name, (Curve("c", "s0", time, time),), (("limit", 1.5),)) for name in "ab")
+    shown = Figure("bands", "Bands", "[m]", panels, bands=(("lost", 1.2, 1.4),))
+    (tmp_path / report_html.NAME).write_text(page.render_page(page.Page("a", "b", figures=[shown])))
+    browser.open(tmp_path / report_html.NAME)
+    browser.wait("typeof report === 'object' && report.plots.length === 1")
+    shapes = browser.evaluate("report.drawAll(), report.plots[0].graph.layout.shapes")
+    assert [(one["type"], one["x0"], one["y0"]) for one in shapes] == [("rect", 1.2, 0), ("line", 0, 1.5)] * 2
+    assert browser.evaluate("document.querySelectorAll('#plot-bands .shapelayer path').length") == 4
+    assert browser.problems == []

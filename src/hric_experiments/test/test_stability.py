@@ -1,7 +1,5 @@
 """The verdict on the control loop, on made-up logs whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -9,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hric_experiments import stability, table
-from hric_experiments.bag_reader import ControlRecord
+from hric_bags.reader import ControlRecord
+from hric_experiments.analysis import stability
+from hric_experiments.report import text as table
 
 FloatArray = npt.NDArray[np.float64]
 LIMITS = {"shoulder": {"effort": 87.0}, "wrist": {"effort": 12.0}}
@@ -21,7 +20,9 @@ def log_of(wrist: FloatArray) -> ControlRecord:
     """A run whose shoulder follows a smooth motion under gravity, and whose wrist is asked for this torque [N m]."""
     torque = np.stack([40.0 + 20.0 * np.sin(2.0 * np.pi * 2.0 * TIME[: len(wrist)]), wrist], axis=1)
     zero = np.zeros_like(torque)
-    return ControlRecord(("shoulder", "wrist"), ("effort", "effort"), TIME[: len(wrist)], zero, zero, zero, torque, torque, 0, (), ())
+    return ControlRecord(
+        ("shoulder", "wrist"), ("effort", "effort"), TIME[: len(wrist)], zero, zero, zero, torque, torque, 0, (), ()
+    )
 
 
 def judged(wrist: FloatArray, **run: Any) -> dict[str, Any]:
@@ -79,7 +80,7 @@ def test_wild_torque_needs_no_period() -> None:
     assert found["verdict"] == "unstable" and "without a period" in found["reasons"][0]
 
 
-def test_what_was_asked_for_counts_where_the_command_was_an_effort_else_what_was_measured() -> None:
+def test_the_requested_torque_counts_where_the_command_was_an_effort_else_the_measured_one() -> None:
     chatter, calm = 2.0 * (-1.0) ** np.arange(2000), np.zeros(2000)
     log = log_of(chatter)
     by_effort = np.ones((2000, 2), dtype=bool)
@@ -91,17 +92,27 @@ def test_what_was_asked_for_counts_where_the_command_was_an_effort_else_what_was
 
 def test_a_joint_without_an_effort_limit_is_measured_by_a_stated_one() -> None:
     chatter = log_of(3.0 * (-1.0) ** np.arange(2000))
-    assert stability.judge({}, chatter, {})["joints"]["wrist"]["share"] == pytest.approx(3.0 / stability.NO_LIMIT_EFFORT, rel=0.02)
+    assert stability.judge({}, chatter, {})["joints"]["wrist"]["share"] == pytest.approx(
+        3.0 / stability.NO_LIMIT_EFFORT, rel=0.02
+    )
 
 
 def test_a_run_that_diverged_or_that_the_arm_ended_itself_is_unstable_however_short() -> None:
-    found = judged(np.zeros(3), error="DivergedError: the simulation diverged at 0.003 s: speed of wrist is -514.5 rad/s, beyond 261 rad/s")
+    found = judged(
+        np.zeros(3),
+        error="DivergedError: the simulation diverged at 0.003 s: speed of wrist is -514.5 rad/s, beyond 261 rad/s",
+    )
     assert (found["verdict"], found["reasons"]) == (
         "unstable",
         ["the simulation diverged at 0.003 s: speed of wrist is -514.5 rad/s, beyond 261 rad/s"],
     )
-    assert judged(np.zeros(2000), arm_error='motion aborted by reflex! ["instability_detected"]')["verdict"] == "unstable"
-    assert judged(np.zeros(2000), arm_error='motion aborted by reflex! ["joint_velocity_violation"]')["verdict"] == "stable"
+    assert (
+        judged(np.zeros(2000), arm_error='motion aborted by reflex! ["instability_detected"]')["verdict"] == "unstable"
+    )
+    assert (
+        judged(np.zeros(2000), arm_error='motion aborted by reflex! ["joint_velocity_violation"]')["verdict"]
+        == "stable"
+    )
     assert judged(np.zeros(2000), error="HricError: controller pd was stopped")["verdict"] == "stable"
 
 

@@ -1,7 +1,5 @@
 """Lag, error, frames and stamps of a made-up run whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -12,9 +10,10 @@ import pytest
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame
-from hric_experiments import kinematics, tracking
-from hric_experiments.bag_reader import ControlRecord
-from hric_experiments.tracking_record import Frames, States, TrackingRecord
+from hric_bags.reader import ControlRecord
+from hric_experiments.analysis import tracking
+from hric_experiments.analysis.tracking_record import Frames, States, TrackingRecord
+from hric_experiments.analysis.tracking_run import tip_positions
 
 R = np.array(tracking.THESIS_ROTATION)
 END, LAG, OFFSET = 9.0, 0.0835, np.array([0.3, -0.1, 0.4])
@@ -28,12 +27,17 @@ def marker(time: np.ndarray) -> np.ndarray:
     return np.stack([0.02 * np.sin(3 * s) ** 2, 0.1 * np.sin(1.5 * s), 0.5 + 0.03 * np.sin(s)], axis=1)
 
 
-def made_up(noise: float = 0.0, late: float = 0.0, truth: bool = True, lost: tuple[float, float] | None = None) -> TrackingRecord:
-    """A record of it: frames at 240 Hz with y up, stamped `late` too late; not tracked from the first to the second time of `lost`."""
+def made_up(
+    noise: float = 0.0, late: float = 0.0, truth: bool = True, lost: tuple[float, float] | None = None
+) -> TrackingRecord:
+    """A record of it: frames at 240 Hz with y up, stamped `late` too late; not tracked from the first to the second
+    time of `lost`."""
     exposed = np.arange(0.004, END, 1 / 240)
     seen = marker(exposed) + noise * np.random.default_rng(1).standard_normal((len(exposed), 3))
     valid = np.ones(len(exposed), dtype=bool) if lost is None else (exposed < lost[0]) | (exposed >= lost[1])
-    frames = Frames(exposed + late, np.arange(len(exposed)), valid, seen @ R, np.full(len(exposed), 0.0055), "hand", "mocap")
+    frames = Frames(
+        exposed + late, np.arange(len(exposed)), valid, seen @ R, np.full(len(exposed), 0.0055), "hand", "mocap"
+    )
     at = np.arange(0.0, END, 0.01)
     word = ["lost" if lost and lost[0] + 0.1 <= t < lost[1] else "following" for t in at]
     last = SimpleNamespace(losses=0, ignored=3, clamped=0, refused_reasons=["not finite"], refused_counts=[7])
@@ -67,7 +71,9 @@ def test_a_robots_clock_that_does_not_keep_step_bends_nothing_of_the_markers_own
     assert record.truth is not None
     own, place = record.truth
     bent = own + 2e-3 * np.sin(2 * np.pi * 3 * own)
-    straight, found = (judged(one)["acceleration"]["ideal"] for one in (record, replace(record, truth=(bent, place), own_time=own)))
+    straight, found = (
+        judged(one)["acceleration"]["ideal"] for one in (record, replace(record, truth=(bent, place), own_time=own))
+    )
     assert found == pytest.approx(straight, rel=1e-3)
 
 
@@ -99,7 +105,9 @@ def test_without_the_truth_the_frames_serve_and_nothing_is_said_of_stamps() -> N
 @pytest.mark.parametrize("late", [-0.003, 0.0, 0.0042])
 def test_stamps_that_are_late_are_found_late(late: float) -> None:
     exact = judged(made_up(late=late))["stamp_error"]
-    assert exact["mean"] == pytest.approx(late, abs=2e-6) and abs(exact["largest"]) == pytest.approx(abs(late), abs=1e-5)
+    assert exact["mean"] == pytest.approx(late, abs=2e-6) and abs(exact["largest"]) == pytest.approx(
+        abs(late), abs=1e-5
+    )
     noisy = judged(made_up(noise=1e-4, late=late))["stamp_error"]
     assert noisy["mean"] == pytest.approx(late, abs=4 * noisy["uncertainty"]) and noisy["uncertainty"] < 5e-5
 
@@ -144,7 +152,7 @@ def test_the_end_effector_of_a_log_is_where_the_models_kinematics_puts_it() -> N
     names = tuple(f"panda_joint{i}" for i in range(1, 8))
     q = np.random.default_rng(2).uniform(-1.0, 0.0, (20, 7))
     log = ControlRecord(names, ("effort",) * 7, np.arange(20) * 1e-3, q, *([np.zeros((20, 7))] * 4), 0, (), ())
-    found = kinematics.positions(text, log, "panda_link0", "panda_link8", np.array([0.0, 0.0, 0.1034]))
+    found = tip_positions(text, log, "panda_link0", "panda_link8", np.array([0.0, 0.0, 0.1034]))
     model = KdlFrankaModel(text, "panda")
     for row, place in zip(q, found, strict=True):
         flange = model.pose(Frame.FLANGE, row)

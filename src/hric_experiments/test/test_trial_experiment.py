@@ -1,7 +1,5 @@
 """A recorded trial in an experiment file: the arm follows the marker of a laboratory's c3d file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import c3d_files
@@ -10,9 +8,10 @@ import pytest
 import yaml
 from c3d_files import RATE, Lab
 
+from hric_bags.export import recording
 from hric_control.errors import HricError
-from hric_experiments import config, experiment, headless, parameters, sensor_parameters
-from hric_experiments.export import recording
+from hric_experiments.definition import experiment, parameters
+from hric_experiments.headless import runner as headless
 
 FRAMES = 150
 
@@ -25,7 +24,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     emg = np.zeros(FRAMES * c3d_files.PER_FRAME)
     lab = Lab(markers, {"EMG1": ("V", emg), "EMG2": ("V", emg)}, [(2, np.zeros((len(emg), 6)))])
     c3d_files.write(folder / "trial.c3d", lab)
-    raw = yaml.safe_load((config.experiments_path() / "marker_tracking.yaml").read_text())
+    raw = yaml.safe_load((experiment.config_path("experiments") / "marker_tracking.yaml").read_text())
     raw["mocap"] |= {"human": {"program": "c3d", "path": "trial.c3d"}, "stream": {"rate": 100}}
     (folder / "replay.yaml").write_text(yaml.safe_dump({**raw, "duration": 1.0}))
     return folder / "replay.yaml"
@@ -45,16 +44,21 @@ def test_a_headless_run_replays_the_markers_of_the_file_beside_the_experiment(fi
 
 def test_nodes_get_the_path_of_the_trial_from_the_root(file: Path) -> None:
     raw = yaml.safe_load(file.read_text())
-    raw["emg"] = {"channels": ["a", "b"], "emulated": {"activation": {"program": "c3d", "path": "trial.c3d", "channels": ["EMG1", "EMG2"]}}}
+    raw["emg"] = {
+        "channels": ["a", "b"],
+        "emulated": {"activation": {"program": "c3d", "path": "trial.c3d", "channels": ["EMG1", "EMG2"]}},
+    }
     raw["force_plate"] = {"emulated": {"load": {"program": "c3d", "path": "trial.c3d"}}}
     (file.parent / "all.yaml").write_text(yaml.safe_dump(raw))
     whole = experiment.load(str(file.parent / "all.yaml"))
-    nodes = sensor_parameters.nodes(whole)
+    nodes = parameters.sensors(whole)
     wanted = str(file.parent / "trial.c3d")
     assert nodes["emulated_emg"]["activation"]["path"] == nodes["emulated_plate"]["load"]["path"] == wanted
     assert parameters.mocap(whole)["emulated_human"]["human"]["path"] == wanted
 
 
 def test_a_trial_that_is_not_there_is_one_line_of_the_experiment(file: Path) -> None:
-    with pytest.raises(HricError, match=r"experiment replay: mocap.human: c3d file .*/nothing.c3d: No such file or directory"):
+    with pytest.raises(
+        HricError, match=r"experiment replay: mocap.human.path: c3d file .*/nothing.c3d: No such file or directory"
+    ):
         experiment.load(str(file), ("mocap.human.path:=nothing.c3d",))

@@ -1,7 +1,5 @@
 """For tests of the sensors' nodes: the time of a run, processes that end with the test, what they say."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys
@@ -14,10 +12,9 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
-from hric_control import stamps
+from hric_control.robot_time import stamps
 from hric_msgs.msg import ClockPair, SampleChunk
-from hric_perception.chunk import Chunk
-from hric_perception.chunk_messages import read_chunk
+from hric_perception.chunk import Chunk, read_chunk
 
 NODES = Path(__file__).parents[1] / "nodes"
 LIMIT = 40.0
@@ -27,7 +24,7 @@ class TellsTime:
     """Publishes pairs at 50 Hz as a robot does.
 
     Attributes:
-        pace: run time per wall time; may be changed.
+        pace: robot time per wall time; may be changed.
     """
 
     def __init__(self) -> None:
@@ -71,7 +68,9 @@ class Nodes:
         self._names: set[str] = set()
 
     def start(self, name: str, *arguments: str) -> subprocess.Popen[str]:
-        process = subprocess.Popen([sys.executable, str(NODES / name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        process = subprocess.Popen(
+            [sys.executable, str(NODES / name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
         self._running.append(process)
         self._names.add(next((word[8:] for word in arguments if word.startswith("__name:=")), name))
         return process
@@ -107,14 +106,16 @@ def wait(condition: Callable[[], object]) -> None:
         time.sleep(0.02)
 
 
-class Heard:
+class TopicActivation:
     """Chunks of a topic."""
 
     def __init__(self, topic: str) -> None:
         import rospy
 
         self.chunks: list[Chunk] = []
-        self._subscriber = rospy.Subscriber(topic, SampleChunk, lambda message: self.chunks.append(read_chunk(message)), queue_size=None)
+        self._subscriber = rospy.Subscriber(
+            topic, SampleChunk, lambda message: self.chunks.append(read_chunk(message)), queue_size=None
+        )
 
     def close(self) -> None:
         self._subscriber.unregister()
@@ -131,7 +132,11 @@ class Diagnosis:
         import rospy
 
         self.seen: list[Any] = []
-        rospy.Subscriber("/diagnostics", DiagnosticArray, lambda message: self.seen.extend(s for s in message.status if s.name.startswith(name)))
+        rospy.Subscriber(
+            "/diagnostics",
+            DiagnosticArray,
+            lambda message: self.seen.extend(s for s in message.status if s.name.startswith(name)),
+        )
 
     def says(self, words: str) -> bool:
         return any(words in status.message for status in list(self.seen))

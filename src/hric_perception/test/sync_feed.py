@@ -1,11 +1,11 @@
-"""Sends what a synchroniser hears, at the rates of a data collection: `python sync_feed.py SECONDS FORM`. Every value tells the stamp it is of.
+"""Sends what a synchroniser hears, at the rates of a data collection: `python sync_feed.py SECONDS FORM`. Every value
+tells the stamp it is of.
 
-The robot at 1 kHz, a body at 240 Hz, 8 channels of EMG at 2 kHz and a plate at 1 kHz. FORM is one of: `as recorded`: the control log with 20 cycles
-per message, EMG and plate in chunks of 10 ms; `joint states`: the same, but a JointState per cycle; `per sample`: no message holds two samples, as
-filters without chunks need it. Prints how many samples of each it sent.
+The robot at 1 kHz, a body at 240 Hz, 8 channels of EMG at 2 kHz and a plate at 1 kHz. FORM is one of: `as recorded`:
+the control log with 20 cycles per message, EMG and plate in chunks of 10 ms; `joint states`: the same, but a JointState
+per cycle; `per sample`: no message holds two samples, as filters without chunks need it. Prints how many samples of
+each it sent.
 """
-
-from __future__ import annotations
 
 import sys
 import time
@@ -53,7 +53,16 @@ def log(stamp: float, begin: float, number: int) -> Any:
     """20 cycles whose values tell the time."""
     times = [stamp - begin + 0.001 * index for index in range(20)]
     codes = [time for time in times for _ in JOINTS]
-    return ControlLog(joint_names=JOINTS, n_cycles=20, time=times, position=codes, velocity=codes, effort=codes, command=codes, command_raw=codes)
+    return ControlLog(
+        joint_names=JOINTS,
+        n_cycles=20,
+        time=times,
+        position=codes,
+        velocity=codes,
+        effort=codes,
+        command=codes,
+        command_raw=codes,
+    )
 
 
 def bodies(stamp: float, begin: float, number: int) -> Any:
@@ -68,7 +77,9 @@ def chunk(channels: list[str], unit: str, rate: float, samples: int) -> Callable
 
     def make(stamp: float, begin: float, number: int) -> Any:
         data = [stamp - begin + index / rate for index in range(samples) for _ in channels]
-        return SampleChunk(source="feed", channels=channels, unit=unit, rate=rate, first_sample=number * samples, data=data)
+        return SampleChunk(
+            source="feed", channels=channels, unit=unit, rate=rate, first_sample=number * samples, data=data
+        )
 
     return make
 

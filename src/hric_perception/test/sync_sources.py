@@ -1,7 +1,5 @@
 """What tests of the synchroniser's nodes share: sources whose values tell their time, and ears."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any
@@ -44,12 +42,18 @@ class Feeder:
         self._sent = 0
 
     def feed(self, seconds: float, chunks: bool = True, shift: float = 0.0) -> None:
-        """100 messages per second of each; without chunks, one of the sources is silent; its stamps are wrong by the shift [s]."""
+        """100 messages per second of each; without chunks, one of the sources is silent; its stamps are wrong by the
+        shift [s]."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             stamp = self.begin + 0.01 * self._sent
             joints = JointState(name=["a"], position=[stamp - self.begin])
-            chunk = SampleChunk(channels=["time"], unit="s", rate=1000.0, data=[stamp - self.begin + 0.001 * index for index in range(10)])
+            chunk = SampleChunk(
+                channels=["time"],
+                unit="s",
+                rate=1000.0,
+                data=[stamp - self.begin + 0.001 * index for index in range(10)],
+            )
             joints.header.stamp, chunk.header.stamp = genpy.Time.from_sec(stamp), genpy.Time.from_sec(stamp + shift)
             self.joints.publish(joints)
             if chunks:

@@ -1,38 +1,40 @@
 """The envelope against scipy's filters over the whole recording at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import signal
 
 from hric_control.errors import HricError, ParameterError
-from hric_control.local_node import LocalNode
+from hric_control.local.node import LocalNode
 from hric_msgs.msg import SampleChunk
-from hric_perception.chunk import Chunk, Layout
-from hric_perception.chunk_messages import chunk_message
-from hric_perception.emg.activation import AMPLITUDE, read_program
-from hric_perception.emg.emulated_app import read_activation
-from hric_perception.emg.envelope import Envelope, Settings, read_settings
-from hric_perception.emg.muscles import FLOOR, Muscles
-from hric_perception.emulation import EvenSensor, Faults, read_faults
-from hric_perception.section import Section
+from hric_perception.chunk import Chunk, Layout, chunk_message
+from hric_perception.emg.emulated_app import activation_of
+from hric_perception.emg.envelope import Envelope, Settings
+from hric_perception.emg.muscles import AMPLITUDE, FLOOR, PROGRAM, Muscles
+from hric_perception.emulation import EvenSensor, Faults
 
 RATE = 2000.0
 LAYOUT = Layout("test", ("biceps", "triceps", "time"), ("V", "V", "s"), RATE)
-SETTINGS = Settings(mvc=(("biceps", 5e-4),), decimate=7)
+
+
+def read_program(content, count):
+    return PROGRAM.checked(content, "activation").activation(count)
+
+
+SETTINGS = Settings(mvc={"biceps": 5e-4}, decimate=7)
 
 
 @pytest.fixture(scope="module")
 def data() -> np.ndarray:
-    muscles = Muscles(read_program(Section("a", {"program": "constant", "level": 0.5}), ("biceps", "triceps")), 2, RATE, seed=3)
+    muscles = Muscles(read_program({"program": "constant", "level": 0.5}, 2), 2, RATE, seed=3)
     sensor = EvenSensor(RATE, 2, muscles, Faults(bias=1e-4, time_code=True))
     sensor.due(0.0)
     return np.concatenate([part.data for now in np.arange(0.5, 3.5, 0.5) for part in sensor.due(now)])
 
 
 def offline(data: np.ndarray) -> np.ndarray:
-    """The chain written anew on transfer functions of scipy, double precision, whole recording, other code than the node's."""
+    """The chain written again on transfer functions of scipy, double precision, whole recording, other code than the
+    node's."""
     z = data[:, :2]
     z = signal.lfilter(*signal.butter(2, [20, 450], "bandpass", fs=RATE), z, axis=0)
     z = signal.lfilter(*signal.iirnotch(50, 30, fs=RATE), z, axis=0)
@@ -56,7 +58,9 @@ def streamed(data: np.ndarray, sizes: list[int], first: int = 0) -> tuple[np.nda
 
 
 @pytest.mark.parametrize("sizes", [[20], [1], [1, 27, 400, 3, 64], [10**6]], ids=["20", "1", "mixed", "all at once"])
-def test_the_envelope_is_that_of_the_whole_recording_whatever_the_size_of_blocks(data: np.ndarray, sizes: list[int]) -> None:
+def test_the_envelope_is_that_of_the_whole_recording_whatever_the_size_of_blocks(
+    data: np.ndarray, sizes: list[int]
+) -> None:
     smooth, numbers, times = streamed(data[:700] if sizes == [1] else data, sizes)
     reference = offline(data[:700] if sizes == [1] else data)[::7]
     assert smooth.shape == reference.shape
@@ -69,7 +73,7 @@ def test_the_time_code_has_no_envelope_and_units_are_those_of_the_normalisation(
     assert (layout.channels, layout.units, layout.rate) == (("biceps", "triceps"), ("MVC", "V"), RATE / 7)
 
 
-def test_no_number_gives_none_in_its_place_and_spoils_nothing_afterwards(data: np.ndarray) -> None:
+def test_a_nan_gives_nan_in_its_place_and_spoils_nothing_afterwards(data: np.ndarray) -> None:
     broken = data.copy()
     broken[2003:2010, 0] = np.nan
     smooth, _, _ = streamed(broken, [20])
@@ -80,7 +84,7 @@ def test_no_number_gives_none_in_its_place_and_spoils_nothing_afterwards(data: n
     assert np.abs(smooth[-200:, 0] - clean[-200:, 0]).max() < 1e-3
 
 
-def test_a_long_gap_begins_anew_and_a_short_one_goes_on(data: np.ndarray) -> None:
+def test_a_long_gap_restarts_the_filters_and_a_short_one_does_not(data: np.ndarray) -> None:
     chain = Envelope(SETTINGS, LAYOUT)
     before = chain.add(Chunk(LAYOUT, 0.0, 0, data[:1400]))
     short = chain.add(Chunk(LAYOUT, 0.705, 1410, data[1410:1424]))
@@ -96,26 +100,28 @@ def test_a_long_gap_begins_anew_and_a_short_one_goes_on(data: np.ndarray) -> Non
         ({"lowpas": 6}, "lowpas"),
         ({"band": [20]}, "2 finite numbers"),
         ({"lowpass": -1}, "lowpass is -1"),
-        ({"mvc": {"biceps": 0}}, "mvc.biceps is 0"),
+        ({"mvc": {"biceps": 0}}, "mvc/biceps is 0"),
         ({"decimate": 0.5}, "decimate is 0.5"),
     ],
 )
 def test_a_wrong_setting_is_named(given: dict, words: str) -> None:
     with pytest.raises(HricError, match=words):
-        read_settings(Section("/emg/envelope", given))
+        Settings.of(given, "/emg/envelope")
 
 
 def test_a_rate_that_cannot_hold_the_band_is_refused() -> None:
-    with pytest.raises(ParameterError, match="band has 450 Hz, which samples at 500 Hz cannot hold; valid: above 0, below 250 Hz"):
+    with pytest.raises(
+        ParameterError, match="band has 450 Hz, which samples at 500 Hz cannot hold; valid: above 0, below 250 Hz"
+    ):
         Envelope(Settings(), Layout("slow", ("a",), ("V",), 500.0))
     with pytest.raises(ParameterError, match="mvc names the channel 'leg'; valid: biceps, triceps"):
-        Envelope(Settings(mvc=(("leg", 1.0),)), LAYOUT)
+        Envelope(Settings(mvc={"leg": 1.0}), LAYOUT)
 
 
 def test_emulated_muscles_have_the_amplitude_of_their_activation_and_repeat_with_the_seed() -> None:
     def record(seed: int, cuts: list[float]) -> np.ndarray:
-        points = Section("a", {"program": "points", "points": [[0, 0, 0.5], [1, 0, 0.5], [1.001, 1, 0.5]]})
-        sensor = EvenSensor(RATE, 2, Muscles(read_program(points, ("a", "b")), 2, RATE, seed=seed), Faults(seed=seed))
+        points = {"program": "points", "points": [[0, 0, 0.5], [1, 0, 0.5], [1.001, 1, 0.5]]}
+        sensor = EvenSensor(RATE, 2, Muscles(read_program(points, 2), 2, RATE, seed=seed), Faults(seed=seed))
         sensor.due(0.0)
         return np.concatenate([part.data for now in cuts for part in sensor.due(now)])
 
@@ -130,7 +136,7 @@ def test_emulated_muscles_have_the_amplitude_of_their_activation_and_repeat_with
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"program": "dance"}, "program is 'dance'; valid: bursts, constant, points, topic"),
+        ({"program": "dance"}, "no program 'dance' in activation; valid: bursts, c3d, constant, points, topic"),
         ({"level": 2}, "level is 2; valid: a finite number from 0 to 1"),
         ({"program": "points", "points": [[0, 0.1], [0, 0.2]]}, "rows of rising time"),
         ({"program": "points"}, "rows of rising time"),
@@ -138,20 +144,20 @@ def test_emulated_muscles_have_the_amplitude_of_their_activation_and_repeat_with
 )
 def test_a_wrong_program_of_the_muscles_is_named(given: dict, words: str) -> None:
     with pytest.raises(HricError, match=words):
-        read_program(Section("activation", given), ("a", "b"))
+        read_program(given, 2)
 
 
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"noise": -1}, "faults.noise is -1; valid: a finite number from 0"),
-        ({"dropouts": [[1]]}, "dropouts.0. is .1.; valid: 2 finite numbers"),
+        ({"noise": -1}, "faults.noise is -1; valid: a finite number of 0 or more"),
+        ({"dropouts": [[1]]}, "dropouts.0. is .1.; valid: a list of 2 finite numbers"),
         ({"time_code": "yes"}, "faults.time_code is 'yes'; valid: true or false"),
     ],
 )
 def test_a_wrong_fault_is_named(given: dict, words: str) -> None:
     with pytest.raises(HricError, match=words):
-        read_faults(Section("faults", given), 0)
+        Faults.of(given, "faults")
 
 
 def test_drop_outs_and_noise_repeat_with_the_seed_and_do_not_depend_on_when_samples_are_fetched() -> None:
@@ -169,17 +175,24 @@ def test_drop_outs_and_noise_repeat_with_the_seed_and_do_not_depend_on_when_samp
 
 def test_a_topic_moves_the_muscles_that_it_names() -> None:
     node = LocalNode()
-    activation = read_activation(node, Section("activation", {"program": "topic"}), ("biceps", "triceps"))
+    activation = activation_of(node, PROGRAM.checked({"program": "topic"}, "activation"), ("biceps", "triceps"))
     topic = node.advertise("/hric/human/activation", SampleChunk)
     layout = Layout("model", ("triceps", "soleus", "biceps"), ("1", "1", "1"), 100.0)
     topic.publish(chunk_message(Chunk(layout, 5.0, 0, np.array([[0.1, 0.9, 0.2], [0.3, 0.9, np.nan]]))))
-    assert activation(np.array([4.0, 5.0, 5.005, 6.0])) == pytest.approx(np.array([[0.2, 0.1], [0.2, 0.1], [0.1, 0.2], [0.0, 0.3]]))
+    assert activation(np.array([4.0, 5.0, 5.005, 6.0])) == pytest.approx(
+        np.array([[0.2, 0.1], [0.2, 0.1], [0.1, 0.2], [0.0, 0.3]])
+    )
 
 
-@pytest.mark.parametrize(("channels", "words"), [(("soleus",), "no activation of biceps; there is one of soleus"), ((), "3 values of 0 channels")])
+@pytest.mark.parametrize(
+    ("channels", "words"),
+    [(("soleus",), "no activation of biceps; there is one of soleus"), ((), "3 values of 0 channels")],
+)
 def test_a_message_without_its_muscles_is_refused(channels: tuple[str, ...], words: str) -> None:
     node, told = LocalNode(), []
     node.log_error = told.append  # type: ignore[method-assign]
-    read_activation(node, Section("activation", {"program": "topic"}), ("biceps",))
-    node.advertise("/hric/human/activation", SampleChunk).publish(SampleChunk(channels=list(channels), rate=1.0, data=[0.1, 0.2, 0.3]))
+    activation_of(node, PROGRAM.checked({"program": "topic"}, "activation"), ("biceps",))
+    node.advertise("/hric/human/activation", SampleChunk).publish(
+        SampleChunk(channels=list(channels), rate=1.0, data=[0.1, 0.2, 0.3])
+    )
     assert any(words in text for text in told)

@@ -1,22 +1,20 @@
 """The nodes `emulated_emg` and `emg` as processes, in the time of a run that somebody else tells."""
 
-from __future__ import annotations
-
 import os
 import time
 
 import numpy as np
 import pytest
-from sensor_nodes import LIMIT, Diagnosis, Heard, Nodes, TellsTime, nodes, run, wait
+from sensor_nodes import LIMIT, Diagnosis, Nodes, TellsTime, TopicActivation, nodes, run, wait
 from std_srvs.srv import SetBool
 
 from hric_control.testing import free_port, ros, roscore
 from hric_perception.chunk import Chunk
 
 __all__ = ["nodes", "ros", "roscore", "run"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 SETTLED = 0.3
-"""After a pause the line through the pairs is settled [s of run time]."""
+"""After a pause the line through the pairs is settled [s of robot time]."""
 
 
 def errors(chunks: list[Chunk]) -> np.ndarray:
@@ -24,9 +22,15 @@ def errors(chunks: list[Chunk]) -> np.ndarray:
     return np.concatenate([chunk.times - chunk.data[:, -1] for chunk in chunks])
 
 
-def test_stamps_over_lsl_are_the_run_time_of_the_samples_at_half_pace_and_after_a_pause(run: TellsTime, nodes: Nodes) -> None:
+def test_stamps_over_lsl_are_the_robot_time_of_the_samples_at_half_pace_and_after_a_pause(
+    run: TellsTime, nodes: Nodes
+) -> None:
     run.pace = 0.5
-    raw, smooth, health = Heard("/hric/perception/emg/raw"), Heard("/hric/perception/emg/envelope"), Diagnosis("emg")
+    raw, smooth, health = (
+        TopicActivation("/hric/perception/emg/raw"),
+        TopicActivation("/hric/perception/emg/envelope"),
+        Diagnosis("emg"),
+    )
     session = f"test_emg_{os.getpid()}"
     device = nodes.start("emulated_emg", f"_session:={session}", "_muscles:=8", "_faults:={time_code: true}")
     driver = nodes.start("emg", f"_lsl:={{session: {session}}}", "_envelope:={mvc: {biceps: 0.001}}")
@@ -54,7 +58,7 @@ def test_stamps_over_lsl_are_the_run_time_of_the_samples_at_half_pace_and_after_
 
 @pytest.mark.slow  # test_lsl.py has it without the nodes
 def test_a_device_that_dies_and_comes_back_is_reported_and_drop_outs_show(run: TellsTime, nodes: Nodes) -> None:
-    raw, health = Heard("/hric/perception/emg/raw"), Diagnosis("emg")
+    raw, health = TopicActivation("/hric/perception/emg/raw"), Diagnosis("emg")
     session = f"test_dying_{os.getpid()}"
     options = (f"_session:={session}", "_muscles:=[flexor, extensor]", "_rate:=1000")
     driver = nodes.start("emg", f"_lsl:={{session: {session}}}", "_envelope:={band: [20, 400]}")
@@ -64,9 +68,11 @@ def test_a_device_that_dies_and_comes_back_is_reported_and_drop_outs_show(run: T
     device.communicate()
     wait(lambda: health.says("is not there") or health.says("was lost"))
     begin = len(raw.chunks)
-    device = nodes.start("emulated_emg", *options, "_faults:={time_code: true, dropout_rate: 2.0, dropout_length: 0.02}")
+    device = nodes.start(
+        "emulated_emg", *options, "_faults:={time_code: true, dropout_rate: 2.0, dropout_length: 0.02}"
+    )
     wait(lambda: health.says("samples lost") and len(raw.chunks) > begin + 200)
-    assert health.says("the source began anew")
+    assert health.says("the source began again")
     assert np.abs(errors(raw.chunks[-150:])).max() < 2e-3
     nodes.end(device)
     assert driver.poll() is None
@@ -74,14 +80,18 @@ def test_a_device_that_dies_and_comes_back_is_reported_and_drop_outs_show(run: T
     raw.close()
 
 
-def test_over_trigno_the_stamps_stay_within_the_declared_bound_and_the_contraction_is_measured(run: TellsTime, nodes: Nodes) -> None:
+def test_over_trigno_the_stamps_stay_within_the_declared_bound_and_the_contraction_is_measured(
+    run: TellsTime, nodes: Nodes
+) -> None:
     import rospy
 
-    raw = Heard("/hric/perception/emg/raw")
+    raw = TopicActivation("/hric/perception/emg/raw")
     command, data = free_port(), free_port()
     ports = (f"_command_port:={command}", f"_data_port:={data}")
     activation = "_activation:={program: constant, level: 0.5}"
-    device = nodes.start("emulated_emg", "_transport:=trigno", "_muscles:=[flexor]", activation, *ports, "_faults:={time_code: true}")
+    device = nodes.start(
+        "emulated_emg", "_transport:=trigno", "_muscles:=[flexor]", activation, *ports, "_faults:={time_code: true}"
+    )
     trigno = f"_trigno:={{channels: [flexor, time], command_port: {command}, data_port: {data}}}"
     driver = nodes.start("emg", "__name:=emg_trigno", "_source:=trigno", trigno)
     wait(lambda: len(raw.chunks) > 100)
@@ -102,11 +112,13 @@ def test_over_trigno_the_stamps_stay_within_the_declared_bound_and_the_contracti
 @pytest.mark.parametrize(
     ("name", "argument", "words"),
     [
-        ("emg", "_envelope:={lowpas: 6}", "no key 'lowpas' in /wrong/envelope; valid:"),
-        ("emulated_emg", "_muscles:=[a, a]", "different names"),
+        ("emg", "_envelope:={lowpas: 6}", "no parameter 'lowpas' in /wrong/envelope; valid:"),
+        ("emulated_emg", "_muscles:=[a, a]", "64 names, all different"),
     ],
 )
-def test_a_wrong_parameter_ends_a_node_with_one_line(ros: str, nodes: Nodes, name: str, argument: str, words: str) -> None:
+def test_a_wrong_parameter_ends_a_node_with_one_line(
+    ros: str, nodes: Nodes, name: str, argument: str, words: str
+) -> None:
     process = nodes.start(name, "__name:=wrong", argument)
     output = process.communicate(timeout=LIMIT)[0]
     assert process.returncode == 1 and words in output and "Traceback" not in output

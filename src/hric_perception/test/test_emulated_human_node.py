@@ -1,7 +1,5 @@
 """The node `emulated_human` under a master, heard by the real client."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
@@ -22,7 +20,7 @@ from hric_control.testing import ros, roscore
 from hric_msgs.msg import MocapData
 
 __all__ = ["ros", "roscore"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 NODE = Path(__file__).parents[1] / "nodes" / "emulated_human"
 CLIENT = Path(__file__).parents[2] / "mocap_natnet" / "nodes" / "natnet_client"
 LIMIT = 30.0
@@ -38,7 +36,9 @@ def free_port() -> int:
 
 @contextlib.contextmanager
 def process(path: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-    child = subprocess.Popen([sys.executable, str(path), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    child = subprocess.Popen(
+        [sys.executable, str(path), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
     try:
         yield child
     finally:
@@ -65,7 +65,11 @@ def listen(topic: str, kind: type) -> list[Any]:
 def test_the_hand_rests_until_it_is_started_and_the_client_sees_what_it_really_does(ros: str) -> None:
     import rospy
 
-    frames, truth, phases = listen("/hric/perception/mocap", MocapData), listen("/hric/human/hand", PoseStamped), listen("/hric/human/phase", String)
+    frames, truth, phases = (
+        listen("/hric/perception/mocap", MocapData),
+        listen("/hric/human/hand", PoseStamped),
+        listen("/hric/human/phase", String),
+    )
     ports = {"command_port": free_port(), "data_port": free_port()}
     stream = f"_stream:={{transport: unicast, command_port: {ports['command_port']}, data_port: {ports['data_port']}}}"
     client = [f"_{name}:={port}" for name, port in ports.items()]
@@ -86,10 +90,14 @@ def test_the_hand_rests_until_it_is_started_and_the_client_sees_what_it_really_d
         output, _ = node.communicate(timeout=LIMIT)
         assert node.returncode == 0 and "Traceback" not in output
     assert [message.data for message in phases] == ["rest", "moving", "done"]
-    moved = [message for message in frames if message.latency > 0 and 0.05 < message.rigid_bodies[0].pose.position.y < 0.15]
+    moved = [
+        message for message in frames if message.latency > 0 and 0.05 < message.rigid_bodies[0].pose.position.y < 0.15
+    ]
     assert len(moved) > 20
     for message in moved:  # the speed is 0.5 m/s at most: 1 ms of a wrong stamp is 0.5 mm
-        assert message.rigid_bodies[0].pose.position.y == pytest.approx(at(truth, message.header.stamp.to_sec()), abs=1e-3)
+        assert message.rigid_bodies[0].pose.position.y == pytest.approx(
+            at(truth, message.header.stamp.to_sec()), abs=1e-3
+        )
 
 
 def at(truth: list[Any], when: float) -> float:
@@ -106,11 +114,16 @@ def test_a_wrong_parameter_ends_the_node_with_one_line(ros: str) -> None:
     with process(NODE, "__name:=wrong_human", "_human:={program: walk}") as node:
         output, _ = node.communicate(timeout=LIMIT)
     assert node.returncode == 1
-    assert "no program 'walk' in /wrong_human/human; valid: c3d, minimum_jerk, reactive, sinusoid" in output and "Traceback" not in output
+    assert (
+        "no program 'walk' in /wrong_human/human; valid: c3d, minimum_jerk, reactive, sinusoid" in output
+        and "Traceback" not in output
+    )
     rospy.delete_param("/wrong_human")
 
 
 def test_help_works_without_a_master() -> None:
     environment = os.environ | {"ROS_MASTER_URI": "http://127.0.0.1:9"}
-    result = subprocess.run([sys.executable, str(NODE), "--help"], env=environment, capture_output=True, text=True, timeout=LIMIT)
+    result = subprocess.run(
+        [sys.executable, str(NODE), "--help"], env=environment, capture_output=True, text=True, timeout=LIMIT
+    )
     assert result.returncode == 0 and "rosrun hric_perception emulated_human" in result.stdout

@@ -1,7 +1,5 @@
 """Force plates: wrench, centre of pressure, frame; samples by NatNet and by contacts of a simulation."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import socket
@@ -14,21 +12,34 @@ import pytest
 import yaml
 
 from hric_control.errors import HricError, ParameterError
+from hric_control.geometry import Pose, from_rotation_vector, transformed
+from hric_control.geometry.poses import from_z_up
+from hric_control.robot_time.stream_time import WallClock
 from hric_perception.chunk import Chunk, Layout
 from hric_perception.emulation import Faults
-from hric_perception.health import ERROR, OK, StreamHealth
-from hric_perception.plate.geometry import CHANNELS, UNITS, at_surface, centre_of_pressure, choose_channels, frame_of, mean_wrench, wrench_at
-from hric_perception.plate.loads import ContactLoad, read_load
-from hric_perception.plate.motive import PlateMotive
-from hric_perception.plate.natnet import NatNetPlate
-from hric_perception.section import Section
-from hric_perception.stream import SampleStream
+from hric_perception.plate.geometry import (
+    CHANNELS,
+    UNITS,
+    at_surface,
+    centre_of_pressure,
+    choose_channels,
+    frame_of,
+    mean_wrench,
+    wrench_at,
+)
+from hric_perception.plate.loads import PROGRAM, ContactLoad
+from hric_perception.plate.natnet import NatNetPlate, PlateMotive, PlateStream
+from hric_perception.stream import ERROR, OK, SampleStream, StreamHealth
 from mocap_natnet.client import Settings
-from mocap_natnet.poses import Pose, from_rotation_vector, stream_axes, transform
-from mocap_natnet.server.stream_time import WallClock
+
+pytestmark = pytest.mark.alone
 
 LIMIT = 30.0
 LAYOUT = Layout("test", CHANNELS, UNITS, 1000.0)
+
+
+def read_load(content):
+    return PROGRAM.checked(content, "load").load()
 
 
 def wait(condition: Callable[[], object]) -> None:
@@ -39,7 +50,9 @@ def wait(condition: Callable[[], object]) -> None:
 
 
 @pytest.mark.parametrize("point", [(0.1, -0.05, 0.0), (-0.25, 0.15, 0.0)])
-def test_the_centre_of_pressure_is_where_the_force_acts_whatever_lies_between_surface_and_origin(point: tuple[float, float, float]) -> None:
+def test_the_centre_of_pressure_is_where_the_force_acts_whatever_lies_between_surface_and_origin(
+    point: tuple[float, float, float],
+) -> None:
     force = (30.0, -20.0, -700.0)
     height = 0.04
     told = wrench_at((point[0], point[1], height), force)  # about an origin below the surface
@@ -55,11 +68,15 @@ def test_there_is_no_centre_of_pressure_up_to_twenty_newtons() -> None:
     assert centre_of_pressure(wrench_at((0.1, 0.0, 0.0), (0.0, 0.0, -20.1))) is not None
 
 
-def test_a_mean_leaves_out_what_is_no_number() -> None:
+def test_a_mean_leaves_out_what_is_not_finite() -> None:
     data = np.arange(60.0).reshape(10, 6)
     data[3, 2] = np.nan
     found = mean_wrench(Chunk(LAYOUT, 5.0, 0, data))
-    assert found is not None and found[0] == pytest.approx(5.0 + (45 - 3) / 9 / 1000) and found[1][0] == pytest.approx((270 - 18) / 9)
+    assert (
+        found is not None
+        and found[0] == pytest.approx(5.0 + (45 - 3) / 9 / 1000)
+        and found[1][0] == pytest.approx((270 - 18) / 9)
+    )
     assert mean_wrench(Chunk(LAYOUT, 5.0, 0, data * np.nan)) is None
 
 
@@ -67,10 +84,12 @@ def test_a_mean_leaves_out_what_is_no_number() -> None:
 @pytest.mark.parametrize("angle", [0.0, 0.3, 2.0, math.pi, -2.5])
 def test_the_frame_of_a_plate_is_that_of_its_corners(up: str, angle: float) -> None:
     T = Pose((1.0, 2.0, 0.1), from_rotation_vector((0.05, -0.1, angle)))
-    corners = [stream_axes(up, transform(T, (dx, dy, 0.0))) for dx, dy in ((0.3, 0.2), (0.3, -0.2), (-0.3, -0.2), (-0.3, 0.2))]
+    corners = [
+        from_z_up(up, transformed(T, (dx, dy, 0.0))) for dx, dy in ((0.3, 0.2), (0.3, -0.2), (-0.3, -0.2), (-0.3, 0.2))
+    ]
     found = frame_of(corners, up)
     for point in ((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (0.0, 0.1, 0.3)):
-        assert transform(found, point) == pytest.approx(transform(T, point), abs=1e-9)
+        assert transformed(found, point) == pytest.approx(transformed(T, point), abs=1e-9)
 
 
 def test_corners_that_span_nothing_are_refused() -> None:
@@ -79,7 +98,9 @@ def test_corners_that_span_nothing_are_refused() -> None:
 
 
 def test_channels_are_found_in_any_case_and_a_missing_one_is_named() -> None:
-    found = choose_channels(Layout("x", ("fx", "FY", "Fz", "Mx", "my", "mz", "time"), ("",) * 6 + ("s",), 1000.0), "plate")
+    found = choose_channels(
+        Layout("x", ("fx", "FY", "Fz", "Mx", "my", "mz", "time"), ("",) * 6 + ("s",), 1000.0), "plate"
+    )
     assert found.channels == (*CHANNELS, "time") and found.units == (*UNITS, "s") and found.frame == "plate"
     with pytest.raises(ParameterError, match="has no channel Mz, but Fx, Fy"):
         choose_channels(Layout("x", CHANNELS[:5], UNITS[:5], 1000.0), "plate")
@@ -101,11 +122,11 @@ def test_contacts_of_a_simulation_load_the_plate_in_its_own_frame() -> None:
 
 
 def test_a_push_is_a_swell_at_its_point() -> None:
-    load = read_load(Section("load", {"program": "push", "force": 80, "point": [0.1, -0.1], "period": 2}))
+    load = read_load({"program": "push", "force": 80, "point": [0.1, -0.1], "period": 2})
     wrench = load(np.array([0.0, 1.0]))
     assert wrench[0] == pytest.approx(np.zeros(6)) and centre_of_pressure(wrench[1]) == pytest.approx((0.1, -0.1, 0.0))
-    with pytest.raises(HricError, match="program is 'jump'; valid: push, constant, contacts"):
-        read_load(Section("load", {"program": "jump"}))
+    with pytest.raises(HricError, match="no program 'jump' in load; valid: c3d, constant, contacts, push"):
+        read_load({"program": "jump"})
 
 
 def test_the_world_with_a_plate_has_it_where_the_page_says() -> None:
@@ -131,12 +152,14 @@ class Rig:
         self.described: list[object] = []
         self.health = StreamHealth("natnet")
         stream = SampleStream(lambda monotonic: 1e-9 * monotonic, self.health, self.chunks.append)
-        self.reader = NatNetPlate(Settings(**ports), plate, stream, self.health, lambda layout: layout, self.described.append)
+        self.reader = NatNetPlate(
+            Settings(**ports), plate, stream, self.health, lambda layout: layout, self.described.append
+        )
         self.reader.start()
 
     def motive(self) -> PlateMotive:
-        load = read_load(Section("load", {"program": "constant", "wrench": [1, 2, -300, 4, 5, 6]}))
-        return PlateMotive(Section("natnet", self.section), 1000.0, load, Faults(time_code=True), WallClock())
+        load = read_load({"program": "constant", "wrench": [1, 2, -300, 4, 5, 6]})
+        return PlateMotive(PlateStream.of(self.section, "natnet"), 1000.0, load, Faults(time_code=True), WallClock())
 
 
 @pytest.fixture
@@ -152,7 +175,9 @@ def rigs() -> Iterator[Callable[..., Rig]]:
         rig.reader.close()
 
 
-def test_samples_within_frames_get_the_times_at_which_they_were_taken_and_lost_frames_show(rigs: Callable[..., Rig]) -> None:
+def test_samples_within_frames_get_the_times_at_which_they_were_taken_and_lost_frames_show(
+    rigs: Callable[..., Rig],
+) -> None:
     rig = rigs(loss=0.02)
     motive = rig.motive()
     wait(lambda: rig.health.samples > 2500)
@@ -169,7 +194,7 @@ def test_samples_within_frames_get_the_times_at_which_they_were_taken_and_lost_f
     assert rig.described and rig.chunks[0].layout.rate == pytest.approx(1000.0)
 
 
-def test_a_plate_that_is_not_there_and_a_server_that_dies_and_returns_are_told(rigs: Callable[..., Rig]) -> None:
+def test_a_plate_that_is_not_there_and_a_server_that_dies_and_returns_are_reported(rigs: Callable[..., Rig]) -> None:
     other, rig = rigs(plate=7), rigs()
     assert "waiting" in rig.health.report().text
     other_motive, motive = other.motive(), rig.motive()
@@ -185,5 +210,14 @@ def test_a_plate_that_is_not_there_and_a_server_that_dies_and_returns_are_told(r
 
 
 def test_a_rate_that_is_no_multiple_of_the_frames_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"natnet\.rate is 240 Hz for a plate of 1000 Hz; valid: a whole number of samples per frame"):
-        PlateMotive(Section("natnet", {"rate": 240, "command_port": 0}), 1000.0, lambda times: times, Faults(), WallClock())
+    with pytest.raises(
+        ParameterError,
+        match=r"natnet\.rate is 240.0; valid: with a plate of 1000 Hz a whole number of samples per frame",
+    ):
+        PlateMotive(
+            PlateStream.of({"rate": 240, "command_port": 0}, "natnet"),
+            1000.0,
+            lambda times: times,
+            Faults(),
+            WallClock(),
+        )

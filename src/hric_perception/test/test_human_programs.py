@@ -1,7 +1,5 @@
 """The programs that move the emulated hand, and how the reactive one answers the robot."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from typing import Any
@@ -11,19 +9,35 @@ import pytest
 
 from hric_control.errors import HricError
 from hric_perception.human import Hand, Program, read_program
-from hric_perception.section import Section
 
-SINUSOID = {"program": "sinusoid", "centre": [0.6, 0.0, 0.4], "amplitude": [0.0, 0.1, 0.05], "frequency": 0.25, "cycles": 1.5, "ramp": 1.0}
+SINUSOID = {
+    "program": "sinusoid",
+    "centre": [0.6, 0.0, 0.4],
+    "amplitude": [0.0, 0.1, 0.05],
+    "frequency": 0.25,
+    "cycles": 1.5,
+    "ramp": 1.0,
+}
 POINTS = {"program": "minimum_jerk", "points": [[0.2, 0.5, 0, 1], [1.2, 0.5, 0.3, 1], [2.5, 0.4, 0.3, 0.8]]}
-REACTIVE = {"program": "reactive", "rest": [0.8, -0.4, 0.3], "reaction_delay": 0.25, "standoff": 0.12, "too_near": 0.05, "dwell": 0.5, "repeats": 2}
+REACTIVE = {
+    "program": "reactive",
+    "rest": [0.8, -0.4, 0.3],
+    "reaction_delay": 0.25,
+    "standoff": 0.12,
+    "too_near": 0.05,
+    "dwell": 0.5,
+    "repeats": 2,
+}
 ARM = (0.45, 0.0, 0.45)
 
 
 def program(content: dict[str, Any], seed: int = 0) -> Program:
-    return read_program(Section("human", content), seed)
+    return read_program(content, seed)
 
 
-def path(one: Program, end: float, step: float = 1e-3, arm: Callable[[float], tuple[float, float, float]] = lambda time: ARM) -> np.ndarray:
+def path(
+    one: Program, end: float, step: float = 1e-3, arm: Callable[[float], tuple[float, float, float]] = lambda time: ARM
+) -> np.ndarray:
     """Positions on a grid, shape (n, 3); the arm is seen at 100 Hz."""
     found = []
     for k in range(round(end / step)):
@@ -63,7 +77,11 @@ def test_a_program_is_continuous_up_to_the_acceleration(content: dict[str, Any])
 
 def test_the_minimum_jerk_hand_rests_at_its_points_and_peaks_between_them() -> None:
     way = path(program(POINTS), 3.0)
-    assert way[0] == pytest.approx([0.5, 0, 1]) and way[1200] == pytest.approx([0.5, 0.3, 1]) and way[-1] == pytest.approx([0.4, 0.3, 0.8])
+    assert (
+        way[0] == pytest.approx([0.5, 0, 1])
+        and way[1200] == pytest.approx([0.5, 0.3, 1])
+        and way[-1] == pytest.approx([0.4, 0.3, 0.8])
+    )
     assert np.diff(way[:, 1]).max() / 1e-3 == pytest.approx(1.875 * 0.3 / 1.0, rel=1e-4)  # Flash and Hogan 1985
 
 
@@ -88,7 +106,11 @@ def phases(one: Program, end: float, arm: Callable[[float], tuple[float, float, 
 
 def test_the_reactive_hand_takes_over_from_an_arm_at_rest_and_draws_back() -> None:
     told = phases(program(REACTIVE), 12.0, lambda time: ARM)
-    assert [word for _, word in told] == ["rest", *["approach", "pause", "retreat", "rest"], *["approach", "pause", "retreat", "done"]]
+    assert [word for _, word in told] == [
+        "rest",
+        *["approach", "pause", "retreat", "rest"],
+        *["approach", "pause", "retreat", "done"],
+    ]
     assert told[1][0] == pytest.approx(0.5, abs=0.011)
     one = program(REACTIVE)
     way = path(one, 12.0)
@@ -125,7 +147,7 @@ def test_it_draws_back_at_once_from_an_arm_that_comes_too_near() -> None:
     assert told["retreat"] >= 1.9 + 0.25
 
 
-def test_the_reactive_hand_is_the_same_whoever_asks_it_in_which_order() -> None:
+def test_the_reactive_hand_is_the_same_in_any_order_of_calls() -> None:
     plain, asked = program(REACTIVE), program(REACTIVE)
     for k in range(400):
         time = k * 0.01
@@ -147,21 +169,27 @@ def test_the_hand_rests_until_it_is_started_and_then_for_begin() -> None:
 
 
 BAD = {
-    "no program 'walk' in human; valid: c3d, minimum_jerk, reactive, sinusoid": {"program": "walk"},
-    "no key 'speed' in human": {"program": "sinusoid", "speed": 1},
-    "no key 'points' in human": {"program": "sinusoid", "points": []},
+    "no program 'walk' in human; valid: minimum_jerk, reactive, sinusoid": {"program": "walk"},
+    "no parameter 'speed' in human": {"program": "sinusoid", "speed": 1},
+    "no parameter 'points' in human": {"program": "sinusoid", "points": []},
     "human.frequency is -1; valid: a finite number above 0 to 10": {"frequency": -1},
-    "human: cycles is 1.3; valid: a multiple of 0.5": {"cycles": 1.3},
-    "human: ramp is 20; valid: at most the duration of all cycles, 12 s": {"ramp": 20},
-    r"human.centre is \[0, 'a', 0\]; valid: 3 finite numbers": {"centre": [0, "a", 0]},
+    "human.cycles is 1.3; valid: a multiple of 0.5": {"cycles": 1.3},
+    "human.ramp is 20.0; valid: at most the duration of all cycles, 12 s": {"ramp": 20},
+    r"human.centre is \[0, 'a', 0\]; valid: a list of 3 finite numbers": {"centre": [0, "a", 0]},
     "human.points must have one row or more": {"program": "minimum_jerk"},
-    r"human.points\[0\] is \[0, 1\]; valid: 4 or 7 finite numbers": {"program": "minimum_jerk", "points": [[0, 1]]},
-    "human: the times of a track must rise": {"program": "minimum_jerk", "points": [[0, 0, 0, 0], [0, 1, 0, 0]]},
-    "human.variation.time is 2; valid: a finite number from 0 to 0.3": {"program": "minimum_jerk", "points": [[0, 0, 0, 0]]}
+    r"human.points\[0\] is \[0, 1\]; valid: a list of 4 or 7 finite numbers": {
+        "program": "minimum_jerk",
+        "points": [[0, 1]],
+    },
+    "human.points: the times of a track must rise": {"program": "minimum_jerk", "points": [[0, 0, 0, 0], [0, 1, 0, 0]]},
+    "human.variation.time is 2; valid: a finite number from 0 to 0.3": {
+        "program": "minimum_jerk",
+        "points": [[0, 0, 0, 0]],
+    }
     | {"variation": {"time": 2}},
     "human.repeats is 0; valid: a whole number from 1 to 1000": {"program": "reactive", "repeats": 0},
-    "human.too_near is 0.5; valid: a finite number from 0 to 0.12": {"program": "reactive", "too_near": 0.5},
-    "human.rest is nan; valid: 3 finite numbers": {"program": "reactive", "rest": float("nan")},
+    "human.too_near is 0.5; valid: a finite number from 0 to standoff, 0.12": {"program": "reactive", "too_near": 0.5},
+    "human.rest is nan; valid: a list of 3 finite numbers": {"program": "reactive", "rest": float("nan")},
 }
 
 

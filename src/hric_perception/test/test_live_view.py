@@ -1,7 +1,5 @@
 """What people look at: nearness to limits, markers, means, and the node that sends them."""
 
-from __future__ import annotations
-
 import math
 import os
 import subprocess
@@ -18,16 +16,17 @@ from sensor_nodes import Nodes, nodes  # noqa: F401
 from visualization_msgs.msg import Marker, MarkerArray
 
 from franka_msgs.msg import FrankaState
-from hric_control import stamps
-from hric_control.joint_limits import JointLimits
+from hric_control.limits import JointLimits
+from hric_control.robot_time import stamps
 from hric_control.testing import ros, roscore  # noqa: F401
 from hric_msgs.msg import MarkerTrackingState, SampleChunk
-from hric_perception.chunk import Chunk, Layout
-from hric_perception.chunk_messages import chunk_message
+from hric_perception.chunk import Chunk, Layout, chunk_message
 from hric_perception.view import limit_markers
 from hric_perception.view.curves import WINDOW, History
 from hric_perception.view.decimation import MeanChunk, NewestJoints, Reaction
-from hric_perception.view.nearness import Level, of_joint, walls
+from hric_perception.view.limit_markers import Level, of_joint, walls
+
+pytestmark = pytest.mark.alone
 
 LIMITS = JointLimits("arm_joint1", lower=-1.0, upper=2.0, velocity=2.0, effort=10.0)
 URDF = """<robot name="arm"><link name="base"/><link name="one"/><link name="two"/>
@@ -35,7 +34,7 @@ URDF = """<robot name="arm"><link name="base"/><link name="one"/><link name="two
 <limit lower="-1" upper="2" velocity="2" effort="10"/></joint>
 <joint name="arm_finger" type="prismatic"><parent link="one"/><child link="two"/><axis xyz="1 0 0"/>
 <limit lower="0" upper="0.04" velocity="1" effort="1"/></joint>
-</robot>"""
+</robot>"""  # noqa: E501
 
 
 @pytest.mark.parametrize(
@@ -49,7 +48,7 @@ URDF = """<robot name="arm"><link name="base"/><link name="one"/><link name="two
         (0.5, math.nan, math.nan, Level.FAR, ""),
     ],
 )
-def test_a_joint_tells_which_limits_it_is_near_to(q: float, dq: float, tau: float, level: Level, text: str) -> None:
+def test_a_joint_names_the_limits_it_is_near_to(q: float, dq: float, tau: float, level: Level, text: str) -> None:
     found = of_joint(LIMITS, q, dq, tau)
     assert (found.level, found.text) == (level, text)
 
@@ -62,7 +61,7 @@ def test_the_sides_of_a_workspace_show_only_near_the_end_effector() -> None:
 
 
 def test_the_hand_of_a_ring_points_where_the_joint_has_turned_to() -> None:
-    (place,) = limit_markers.places(URDF, {"arm_joint1": LIMITS}).values()
+    (place,) = limit_markers.rings(URDF, {"arm_joint1": LIMITS}).values()
     straight, turned = (limit_markers.hand(place, 0, q, of_joint(LIMITS, q, 0.0, 0.0))[0] for q in (0.0, math.pi / 2))
     first, second = ([marker.points[1].x, marker.points[1].y, marker.points[1].z] for marker in (straight, turned))
     # The axis is -z of an origin that is turned about x by 90 degrees: +y of the parent.
@@ -78,7 +77,13 @@ def test_a_mean_of_chunks_is_one_sample_with_the_channels_and_units_of_the_sourc
     mean.push(chunk_message(Chunk(layout, 1.0, 5, np.array([[1.0, 2.0], [3.0, math.nan]]))))
     mean.push(chunk_message(Chunk(layout, 1.02, 7, np.array([[5.0, math.nan]]))))
     found = mean.take()
-    assert (list(found.channels), found.unit, list(found.data), found.first_sample, found.rate) == (["a", "b"], "V s", [3.0, 2.0], 5, 30.0)
+    assert (list(found.channels), found.unit, list(found.data), found.first_sample, found.rate) == (
+        ["a", "b"],
+        "V s",
+        [3.0, 2.0],
+        5,
+        30.0,
+    )
     assert found.header.stamp.to_sec() == pytest.approx(1.01) and mean.take() is None
 
 
@@ -87,7 +92,9 @@ def test_the_states_of_arm_and_hand_which_come_apart_are_one() -> None:
     joints.push(JointState(name=["b", "finger"], position=[2.0, 9.0]))
     joints.push(JointState(name=["a"], position=[1.0], velocity=[0.5], effort=[0.1]))
     found = joints.take()
-    assert (found.name, found.position, found.velocity[0]) == (["a", "b"], [1.0, 2.0], 0.5) and math.isnan(found.velocity[1])
+    assert (found.name, found.position, found.velocity[0]) == (["a", "b"], [1.0, 2.0], 0.5) and math.isnan(
+        found.velocity[1]
+    )
     assert joints.take() is None
 
 
@@ -99,7 +106,7 @@ def test_the_force_shown_is_the_one_that_acts_on_the_arm() -> None:
     assert (found.header.frame_id, found.wrench.force.x, found.wrench.torque.z) == ("K", -3.0, 1.0)
 
 
-def test_a_history_keeps_the_window_and_begins_anew_where_time_goes_back() -> None:
+def test_a_history_keeps_the_window_and_restarts_where_time_goes_back() -> None:
     history = History()
     for k in range(200):
         history.add(0.25 * k, (("a",), (float(k),), "N"))
@@ -138,7 +145,9 @@ class Feed:
             joints.name, joints.position, joints.velocity, joints.effort = ["arm_joint1"], [1.97], [0.0], [0.0]
             messages["franka_state_controller/F_ext"].wrench.force.x = 5.0
             messages["franka_state_controller/franka_states"].O_T_EE[12:15] = [0.5, 0.0, 0.01]
-            messages["hric/perception/emg/envelope"] = chunk_message(Chunk(layout, stamp.to_sec(), 2 * count, np.full((2, 1), 0.25)))
+            messages["hric/perception/emg/envelope"] = chunk_message(
+                Chunk(layout, stamp.to_sec(), 2 * count, np.full((2, 1), 0.25))
+            )
             for topic, message in messages.items():
                 message.header.stamp = stamp
                 self._publishers[topic].publish(message)
@@ -161,12 +170,23 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
     import rospy
 
     rospy.set_param("/robot_description", URDF)
-    rospy.set_param("/cartesian_pose_controller", {"workspace": {"lower": [-0.8, -0.8, 0.0], "upper": [0.8, 0.8, 1.2]}, "arm_id": "arm"})
+    rospy.set_param(
+        "/cartesian_pose_controller",
+        {"workspace": {"lower": [-0.8, -0.8, 0.0], "upper": [0.8, 0.8, 1.2]}, "arm_id": "arm"},
+    )
     rospy.set_param("/live_view/plates", ["left"])
     heard: dict[str, list[Any]] = {}
-    kinds = {"joints": JointState, "arm_wrench": WrenchStamped, "emg": SampleChunk, "force_plate/left/wrench": WrenchStamped, "limits": MarkerArray}
+    kinds = {
+        "joints": JointState,
+        "arm_wrench": WrenchStamped,
+        "emg": SampleChunk,
+        "force_plate/left/wrench": WrenchStamped,
+        "limits": MarkerArray,
+    }
     subscribers = [
-        rospy.Subscriber(f"/hric/view/{name}", kind, lambda message, name=name: heard.setdefault(name, []).append(message))
+        rospy.Subscriber(
+            f"/hric/view/{name}", kind, lambda message, name=name: heard.setdefault(name, []).append(message)
+        )
         for name, kind in kinds.items()
     ]
     feed = Feed()
@@ -180,7 +200,10 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
         environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
         plot = [str(Path(__file__).parents[1] / "nodes" / "live_plot")]
         told = subprocess.run(
-            [*plot, "positions", "emg", "--screenshot", str(picture), "--after", "1"], env=environment, capture_output=True, timeout=60
+            [*plot, "positions", "emg", "--screenshot", str(picture), "--after", "1"],
+            env=environment,
+            capture_output=True,
+            timeout=60,
         )
         assert told.returncode == 0 and picture.stat().st_size > 10_000, told.stderr
         for given, words in ((["nothing"], "no panel 'nothing'; valid: efforts"), ([], "--screenshot FILE")):
@@ -197,7 +220,9 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
     assert heard["arm_wrench"][0].wrench.force.x == -5.0 and list(heard["emg"][0].data) == [0.25]
     (words,) = {marker.text for marker in _marked(heard["limits"], "limits/words")}
     assert words == "arm_joint1: 0.03 rad from its upper end"
-    assert {(marker.type, marker.header.frame_id) for marker in _marked(heard["limits"], "limits/ranges")} == {(Marker.LINE_LIST, "base")}
+    assert {(marker.type, marker.header.frame_id) for marker in _marked(heard["limits"], "limits/ranges")} == {
+        (Marker.LINE_LIST, "base")
+    }
     wall = _marked(heard["limits"], "limits/workspace")[0]
     assert (wall.header.frame_id, wall.pose.position.z) == ("arm_link0", 0.0)
 

@@ -1,7 +1,5 @@
 """Emulated EMG over a real LSL outlet, read by the real inlet: stamps, numbers, restarts."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable
@@ -10,16 +8,14 @@ import numpy as np
 import pytest
 
 from hric_control.errors import ParameterError
+from hric_control.robot_time.stream_time import WallClock
 from hric_perception.chunk import Chunk, Layout
-from hric_perception.emg.activation import read_program
-from hric_perception.emg.muscles import Muscles
-from hric_perception.emulation import EvenSensor, Faults
-from hric_perception.emulator import Emulator
-from hric_perception.health import ERROR, StreamHealth
-from hric_perception.lsl import LslOutlet, LslReader, Wanted, use_session
-from hric_perception.section import Section
-from hric_perception.stream import SampleStream
-from mocap_natnet.server.stream_time import WallClock
+from hric_perception.emg.muscles import PROGRAM, Muscles
+from hric_perception.emulation import Emulator, EvenSensor, Faults
+from hric_perception.lsl import LslOutlet, LslReader, StreamQuery, use_session
+from hric_perception.stream import ERROR, SampleStream, StreamHealth
+
+pytestmark = pytest.mark.alone
 
 use_session(f"test_lsl_{os.getpid()}")
 LIMIT = 30.0
@@ -45,7 +41,7 @@ class Offset(WallClock):
     def monotonic(self, run: float) -> int:
         return round(1e9 * run) + self.zero
 
-    def run_time(self, monotonic: int) -> float | None:
+    def robot_time(self, monotonic: int) -> float | None:
         return 1e-9 * (monotonic - self.zero)
 
 
@@ -56,13 +52,13 @@ class Rig:
         self.clock, self.name = Offset(), name
         self.chunks: list[Chunk] = []
         self.health = StreamHealth("lsl")
-        stream = SampleStream(self.clock.run_time, self.health, self.chunks.append)
-        self.reader = LslReader(Wanted("EMG", name), stream, self.health)
+        stream = SampleStream(self.clock.robot_time, self.health, self.chunks.append)
+        self.reader = LslReader(StreamQuery("EMG", name), stream, self.health)
         self.reader.start()
 
     def device(self, rate: float = 2000.0, faults: Faults | None = None) -> tuple[Emulator, EvenSensor]:
         faults = faults or Faults(time_code=True)
-        muscles = Muscles(read_program(Section("activation", {}), NAMES), len(NAMES), rate)
+        muscles = Muscles(PROGRAM.checked({}, "activation").activation(len(NAMES)), len(NAMES), rate)
         sensor = EvenSensor(rate, len(NAMES), muscles, faults)
         outlet = LslOutlet(Layout(self.name, (*NAMES, "time"), ("V",) * 8 + ("s",), rate), "EMG", self.name)
         return Emulator(sensor, outlet, self.clock), sensor
@@ -103,7 +99,7 @@ def test_stamps_are_the_times_of_the_samples_and_none_is_missing(rig: Rig) -> No
 
 
 def test_a_drop_out_shows_in_the_numbers_and_not_in_the_stamps(rig: Rig) -> None:
-    device, sensor = rig.device(faults=Faults(time_code=True, dropouts=((2.0, 0.3),), no_numbers=((2.6, 0.01),)))
+    device, sensor = rig.device(faults=Faults(time_code=True, dropouts=((2.0, 0.3),), not_finite=((2.6, 0.01),)))
     device.start()
     wait(lambda: rig.chunks and rig.chunks[-1].start > 3.0)
     device.close()
@@ -111,10 +107,10 @@ def test_a_drop_out_shows_in_the_numbers_and_not_in_the_stamps(rig: Rig) -> None
     steps = np.diff(numbers(rig.chunks))
     assert sorted(set(steps.tolist())) == [1, 601] and rig.health.lost == 600 == sensor.dropped
     assert rig.health.not_finite == 20
-    assert "600 samples lost" in rig.health.report().text and "no number in a" in rig.health.report().text
+    assert "600 samples lost" in rig.health.report().text and "not finite: a" in rig.health.report().text
 
 
-def test_a_device_that_dies_is_told_and_found_again_with_another_rate(rig: Rig) -> None:
+def test_a_device_that_dies_is_reported_and_found_again_with_another_rate(rig: Rig) -> None:
     device, _ = rig.device()
     device.start()
     wait(lambda: rig.health.samples > 1000)
@@ -130,10 +126,10 @@ def test_a_device_that_dies_is_told_and_found_again_with_another_rate(rig: Rig) 
     assert "the rate changed from 2000 to 1000 Hz" in rig.health.report().text and rig.health.begun == 2
 
 
-def test_what_is_asked_for_must_be_named() -> None:
+def test_the_requested_stream_must_be_named() -> None:
     with pytest.raises(ParameterError, match="valid: a type, a name or a source_id"):
-        Wanted()
+        StreamQuery()
     with pytest.raises(ParameterError, match="quotation"):
-        Wanted("EMG", "it's")
+        StreamQuery("EMG", "it's")
     with pytest.raises(ParameterError, match="session"):
         use_session("a b")

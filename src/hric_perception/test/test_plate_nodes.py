@@ -1,6 +1,5 @@
-"""The nodes `emulated_plate` and `force_plate` as processes: over LSL with a pushing load, and over NatNet pressed by contacts of a simulation."""
-
-from __future__ import annotations
+"""The nodes `emulated_plate` and `force_plate` as processes: over LSL with a pushing load, and over NatNet pressed by
+contacts of a simulation."""
 
 import os
 import socket
@@ -8,15 +7,15 @@ import socket
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped, Vector3, Wrench, WrenchStamped
-from sensor_nodes import LIMIT, Heard, Nodes, TellsTime, nodes, run, wait
+from sensor_nodes import LIMIT, Nodes, TellsTime, TopicActivation, nodes, run, wait
 from tf2_msgs.msg import TFMessage
 
 from gazebo_msgs.msg import ContactsState, ContactState
-from hric_control import stamps
+from hric_control.robot_time import stamps
 from hric_control.testing import ros, roscore
 
 __all__ = ["nodes", "ros", "roscore", "run"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
 
 def listen(topic: str, kind: type) -> list:
@@ -36,7 +35,7 @@ def free_port() -> int:
 
 def test_over_lsl_samples_wrench_and_centre_of_pressure_have_the_times_of_the_run(run: TellsTime, nodes: Nodes) -> None:
     session = f"test_plate_{os.getpid()}"
-    samples = Heard("/hric/perception/force_plate/left/samples")
+    samples = TopicActivation("/hric/perception/force_plate/left/samples")
     wrenches, points = (
         listen("/hric/perception/force_plate/left/wrench", WrenchStamped),
         listen("/hric/perception/force_plate/left/cop", PointStamped),
@@ -49,7 +48,10 @@ def test_over_lsl_samples_wrench_and_centre_of_pressure_have_the_times_of_the_ru
     samples.close()
     late = [chunk for chunk in samples.chunks if chunk.start > samples.chunks[0].start + 0.5]
     assert late[0].layout.rate == 1000.0 and late[0].layout.frame == "force_plate_left"
-    assert late[0].layout.units == ("N", "N", "N", "N m", "N m", "N m", "s") and late[0].layout.unit == "N N N N*m N*m N*m s"
+    assert (
+        late[0].layout.units == ("N", "N", "N", "N m", "N m", "N m", "s")
+        and late[0].layout.unit == "N N N N*m N*m N*m s"
+    )
     assert max(float(np.abs(chunk.times - chunk.data[:, -1]).max()) for chunk in late) < 2e-4
     truth = [-100 * (1 - np.cos(2 * np.pi * message.header.stamp.to_sec())) for message in wrenches]
     assert np.abs(np.array(truth) - [message.wrench.force.z for message in wrenches]).max() < 1.0
@@ -58,11 +60,13 @@ def test_over_lsl_samples_wrench_and_centre_of_pressure_have_the_times_of_the_ru
     assert far and max(abs(message.point.x - 0.1) + abs(message.point.y + 0.05) for message in far) < 5e-3
 
 
-def test_over_natnet_the_plate_tells_what_presses_on_it_in_the_simulation_and_where_it_stands(run: TellsTime, nodes: Nodes) -> None:
+def test_over_natnet_the_plate_measures_what_presses_on_it_in_the_simulation_and_publishes_its_pose(
+    run: TellsTime, nodes: Nodes
+) -> None:
     import rospy
 
     ports = f"command_port: {free_port()}, data_port: {free_port()}"
-    samples, frames = Heard("/hric/perception/force_plate/1/samples"), listen("/tf_static", TFMessage)
+    samples, frames = TopicActivation("/hric/perception/force_plate/1/samples"), listen("/tf_static", TFMessage)
     points = listen("/hric/perception/force_plate/1/cop", PointStamped)
     contacts = rospy.Publisher("/sim/contacts", ContactsState, queue_size=100)
     where = "_pose:={xyz: [0.5, 0, 0.05]}"
@@ -77,7 +81,7 @@ def test_over_natnet_the_plate_tells_what_presses_on_it_in_the_simulation_and_wh
     due = [began]
 
     def press() -> bool:
-        """As the simulation: each 10 ms of run time."""
+        """As the simulation: each 10 ms of robot time."""
         while due[0] <= run.time:
             message = ContactsState(states=[state])
             message.header.stamp = stamps.to_time(due[0])
@@ -100,10 +104,16 @@ def test_over_natnet_the_plate_tells_what_presses_on_it_in_the_simulation_and_wh
     ("name", "argument", "words"),
     [
         ("force_plate", "_id:=a/b", "id is 'a/b'; valid: letters"),
-        ("emulated_plate", "_load:={program: fly}", "load.program is 'fly'; valid: push, constant, contacts"),
+        (
+            "emulated_plate",
+            "_load:={program: fly}",
+            "no program 'fly' in /wrong/load; valid: c3d, constant, contacts, push",
+        ),
     ],
 )
-def test_a_wrong_parameter_ends_a_node_with_one_line(ros: str, nodes: Nodes, name: str, argument: str, words: str) -> None:
+def test_a_wrong_parameter_ends_a_node_with_one_line(
+    ros: str, nodes: Nodes, name: str, argument: str, words: str
+) -> None:
     process = nodes.start(name, "__name:=wrong", argument)
     output = process.communicate(timeout=LIMIT)[0]
     assert process.returncode == 1 and words in output and "Traceback" not in output

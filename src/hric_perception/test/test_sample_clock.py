@@ -1,13 +1,10 @@
 """Numbers and times of samples from stamps that jitter, jump, or are only arrivals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from busy_run import CALM, END, BusyDriver, BusyRun
 
-from hric_perception.chunk import Chunk, Layout, Merger
-from hric_perception.chunk_messages import chunk_message, read_chunk
+from hric_perception.chunk import Chunk, Layout, Merger, chunk_message, read_chunk
 from hric_perception.sample_clock import SampleClock
 
 RATE = 2000.0
@@ -39,7 +36,9 @@ class Device:
 
     def errors(self, after: float = 0.0) -> np.ndarray:
         """Stamps minus truth [s]."""
-        return np.concatenate([chunk.times - chunk.data[:, 0] for chunk in self.chunks if chunk.data[0, 0] >= 100.0 + after])
+        return np.concatenate(
+            [chunk.times - chunk.data[:, 0] for chunk in self.chunks if chunk.data[0, 0] >= 100.0 + after]
+        )
 
 
 def test_exact_stamps_are_kept_and_a_gap_of_three_samples_is_seen() -> None:
@@ -61,7 +60,7 @@ def test_jitter_of_the_stamps_is_smoothed() -> None:
     assert device.clock.lost == 0 and device.clock.jumps == 0
 
 
-def test_a_gap_among_jitter_is_believed_once_it_lasts_and_nothing_is_placed_wrongly_meanwhile() -> None:
+def test_a_gap_among_jitter_counts_once_it_lasts_and_nothing_is_placed_wrongly_meanwhile() -> None:
     device, random = Device(), np.random.default_rng(1)
     for index in range(500):
         if index == 300:
@@ -143,10 +142,13 @@ def test_chunks_are_joined_and_cut_to_the_length_of_a_message_and_end_before_a_m
 
 @pytest.mark.parametrize(("latency", "jitter", "block"), [(None, 0.0, 20), (None, 1e-3, 20), (1e-3, 3e-3, 27)])
 @pytest.mark.parametrize("seed", range(3))
-def test_on_a_busy_machine_each_sample_is_later_than_the_one_before(seed: int, latency: float | None, jitter: float, block: int) -> None:
-    """A device at its own pace beside a run that stalls, loses time, and publishes that late: exact stamps, stamps that jitter, arrivals."""
+def test_on_a_busy_machine_each_sample_is_later_than_the_one_before(
+    seed: int, latency: float | None, jitter: float, block: int
+) -> None:
+    """A device at its own pace beside a run that stalls, loses time, and publishes that late: exact stamps, stamps that
+    jitter, arrivals."""
     random, busy = np.random.default_rng(seed), BusyRun(seed, 1.0, load=1.0)
-    clock, chunks = SampleClock(LAYOUT, BusyDriver(busy).run_time, latency), []
+    clock, chunks = SampleClock(LAYOUT, BusyDriver(busy).robot_time, latency), []
     number, arrived = round(0.5 * RATE), 0.0
     while number < (END - 0.2) * RATE:
         number += block
@@ -154,7 +156,10 @@ def test_on_a_busy_machine_each_sample_is_later_than_the_one_before(seed: int, l
         stamp = (number - 1) / RATE + (late or jitter * float(random.standard_normal()))
         arrived = stamp if latency is None else max(arrived, stamp)
         chunks += clock.add(arrived, np.arange(number - block, number)[:, None] / RATE)
-    times, walls = np.concatenate([chunk.times for chunk in chunks]), np.concatenate([chunk.data[:, 0] for chunk in chunks])
+    times, walls = (
+        np.concatenate([chunk.times for chunk in chunks]),
+        np.concatenate([chunk.data[:, 0] for chunk in chunks]),
+    )
     assert len(times) > 50_000 and np.diff(times).min() > 0.0
     errors = np.abs(times - busy.truth(walls))
     assert np.median(errors) < 0.15 and np.percentile(errors[walls > CALM + 4.0], 90) < 10e-3

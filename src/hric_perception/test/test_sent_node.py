@@ -1,7 +1,5 @@
 """Emulated devices tell what they have sent; what the driver publishes agrees with it to the sample."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from sensor_nodes import Nodes, TellsTime, nodes, run, wait
@@ -9,17 +7,24 @@ from sync_sources import listen
 
 from hric_control.testing import ros, roscore
 from hric_msgs.msg import SampleChunk, SourceCount
-from hric_perception.chunk_messages import read_chunk
+from hric_perception.chunk import read_chunk
 
 __all__ = ["nodes", "ros", "roscore", "run"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 RATE = 500.0
 
 
 def test_what_an_emulated_device_says_it_sent_is_what_the_driver_publishes(run: TellsTime, nodes: Nodes) -> None:
     counts, chunks = listen("/hric/perception/sent", SourceCount), listen("/hric/perception/emg/raw", SampleChunk)
     nodes.start("emg", "_lsl:={name: counted, session: sent}", "_chunk:=0.05", "__name:=emg_counted")
-    device = ("_muscles:=2", f"_rate:={RATE}", "_name:=counted", "_session:=sent", "_faults:={time_code: true}", "__name:=emulated_counted")
+    device = (
+        "_muscles:=2",
+        f"_rate:={RATE}",
+        "_name:=counted",
+        "_session:=sent",
+        "_faults:={time_code: true}",
+        "__name:=emulated_counted",
+    )
     nodes.start("emulated_emg", *device)
     wait(lambda: chunks)
     begin = len(counts)

@@ -1,13 +1,11 @@
 """Values between samples, and the buffer they lie in."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from hric_perception.sync.buffer import StampBuffer
-from hric_perception.sync.interpolation import bracket, hold, linear, nearest, slerp
+from hric_perception.sync.sampling import bracket, hold, linear, nearest, slerp
 
 FAR = 1e9
 
@@ -41,14 +39,14 @@ def test_a_quaternion_of_norm_0_is_none() -> None:
     assert np.isnan(slerp(turns, bracket(np.array([0, 10]), np.array([5])), FAR)).all()
 
 
-def test_nothing_is_told_before_the_first_and_after_the_last_sample() -> None:
+def test_there_is_no_value_before_the_first_and_after_the_last_sample() -> None:
     values = np.array([[1.0], [2.0]])
     at = bracket(np.array([10, 20]), np.array([9, 10, 15, 20, 21]))
     assert linear(values, at, FAR)[:, 0].tolist() == pytest.approx([np.nan, 1.0, 1.5, 2.0, np.nan], nan_ok=True)
     assert hold(values, at, FAR)[:, 0].tolist() == pytest.approx([np.nan, 1.0, 1.0, 2.0, 2.0], nan_ok=True)
 
 
-def test_a_sample_that_is_hit_is_told_even_where_a_gap_follows_or_precedes() -> None:
+def test_a_sample_that_is_hit_counts_even_where_a_gap_follows_or_precedes() -> None:
     values = np.array([[1.0], [np.nan], [3.0]])
     at = bracket(np.array([0, 10, 1_000_000_000]), np.array([0, 5, 10, 1_000_000_000]))
     assert linear(values, at, 0.1)[:, 0].tolist() == pytest.approx([1.0, np.nan, np.nan, 3.0], nan_ok=True)

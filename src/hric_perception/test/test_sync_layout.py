@@ -1,7 +1,5 @@
 """From YAML and messages to stamps and values."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -33,7 +31,9 @@ def taken(kind: str, signals: list[Any], message: Any) -> tuple[list[int], list[
 
 def test_joints_are_found_by_name_in_any_order_and_followed_when_it_changes() -> None:
     synchroniser = Synchroniser(plan("sensor_msgs/JointState", "position[b, a]", "velocity[a]"), 0.0)
-    for second, (names, position) in enumerate(((["a", "b"], [1.0, 2.0]), (["x", "b", "a"], [9.0, 2.0, 1.0]), (["finger"], [0.04]))):
+    for second, (names, position) in enumerate(
+        ((["a", "b"], [1.0, 2.0]), (["x", "b", "a"], [9.0, 2.0, 1.0]), (["finger"], [0.04]))
+    ):
         message = JointState(name=names, position=position, velocity=position)
         message.header.stamp = genpy.Time(1, second)
         synchroniser.push_message(0, message, 0.0)
@@ -42,9 +42,14 @@ def test_joints_are_found_by_name_in_any_order_and_followed_when_it_changes() ->
     assert intake.buffer.values.tolist() == [[2.0, 1.0, 1.0]] * 2 and intake.refused == {"without the values wanted": 1}
 
 
-def test_a_field_of_fields_stands_for_all_numbers_below_it() -> None:
+def test_a_field_of_fields_means_all_numbers_below_it() -> None:
     found = plan("geometry_msgs/PoseStamped", "pose")
-    assert found.names[:4] == ["/t.pose.position.x", "/t.pose.position.y", "/t.pose.position.z", "/t.pose.orientation.x"]
+    assert found.names[:4] == [
+        "/t.pose.position.x",
+        "/t.pose.position.y",
+        "/t.pose.position.z",
+        "/t.pose.orientation.x",
+    ]
     assert [column.interpolation for column in found.sources[0].columns] == ["linear"] * 3 + ["slerp"] * 4
     assert [column.unit for column in found.sources[0].columns] == ["m"] * 3 + ["1"] * 4
     message = PoseStamped()
@@ -78,7 +83,9 @@ def test_a_chunk_is_taken_apart_into_samples_with_stamps_of_their_own() -> None:
 
 
 def test_every_cycle_of_the_control_log_is_a_sample() -> None:
-    log = ControlLog(joint_names=["a", "b"], n_cycles=2, time=[0.25, 0.251], position=[1, 2, 3, 4], command=[5, 6, 7, 8])
+    log = ControlLog(
+        joint_names=["a", "b"], n_cycles=2, time=[0.25, 0.251], position=[1, 2, 3, 4], command=[5, 6, 7, 8]
+    )
     stamps, values = taken("hric_msgs/ControlLog", ["position[b]", "command[a, b]"], log)
     assert stamps == [5_000_000_007, 5_001_000_007] and values == [[2, 5, 6], [4, 7, 8]]
 
@@ -96,8 +103,12 @@ def test_a_force_and_its_parts_can_be_named_in_any_order() -> None:
     assert taken("geometry_msgs/WrenchStamped", ["wrench.torque.x", "wrench.force"], message)[1] == [[0.5, 0, 0, -9.0]]
 
 
-def test_whole_numbers_and_parts_of_a_turn_are_held_unless_told_otherwise() -> None:
-    signals = ["frame_number", "rigid_bodies[hand].pose.orientation.w", {"field": "latency", "interpolation": "hold", "unit": "ms"}]
+def test_whole_numbers_and_parts_of_a_quaternion_are_held_by_default() -> None:
+    signals = [
+        "frame_number",
+        "rigid_bodies[hand].pose.orientation.w",
+        {"field": "latency", "interpolation": "hold", "unit": "ms"},
+    ]
     columns = plan("hric_msgs/MocapData", *signals).sources[0].columns
     assert [column.interpolation for column in columns] == ["hold"] * 3 and columns[2].unit == "ms"
 
@@ -114,8 +125,8 @@ def test_whole_numbers_and_parts_of_a_turn_are_held_unless_told_otherwise() -> N
         ("header[0]", "is no list"),
         ({"field": "position[a]", "interpolation": "cubic"}, "valid: linear, hold, slerp"),
         ({"field": "position[a]", "interpolation": "slerp"}, "no whole quaternion"),
-        ({"fields": "position[a]"}, "no key 'fields'"),
-        (7.5, "valid: a mapping"),
+        ({"fields": "position[a]"}, "no parameter 'fields'"),
+        (7.5, "valid: a text, or a mapping"),
     ],
 )
 def test_a_signal_that_does_not_exist_is_refused_by_name(signal: Any, text: str) -> None:
@@ -135,8 +146,8 @@ def test_a_signal_that_does_not_exist_is_refused_by_name(signal: Any, text: str)
         ({"rate": 0}, "sync.rate is 0; valid: a finite number above 0"),
         ({"tolerance": -1}, "sync.tolerance is -1"),
         ({"incomplete": "keep"}, "valid: mark, drop"),
-        ({"sources": []}, "valid: a list of mappings"),
-        ({"speed": 3}, "no key 'speed'"),
+        ({"sources": []}, "sync.sources is []; valid: a list"),
+        ({"speed": 3}, "no parameter 'speed'"),
     ],
 )
 def test_a_plan_that_cannot_be_is_refused_by_name(changes: dict[str, Any], text: str) -> None:
@@ -152,17 +163,22 @@ def test_a_plan_that_cannot_be_is_refused_by_name(changes: dict[str, Any], text:
         ({"type": "geometry_msgs/Point"}, "no header"),
         ({"type": "geometry_msgs/Nothing"}, "valid: a message type that is built"),
         ({"type": "nonsense"}, "valid: a message type that is built"),
-        ({"topic": ""}, "topic is missing"),
+        ({"topic": ""}, "topic is ''"),
         ({"signals": ["pose", "pose.position.x"]}, "/t.pose.position.x more than once"),
         ({"max_gap": 0}, "max_gap is 0"),
         ({"type": "hric_msgs/SampleChunk", "signals": ["rate"]}, "elements of data"),
         ({"type": "hric_msgs/ControlLog", "signals": ["n_cycles"]}, "elements of position"),
-        ({"signals": [{"field": "pose", "interpolation": "linear"}], "interpolation": "linear"}, "no key 'interpolation'"),
+        (
+            {"signals": [{"field": "pose", "interpolation": "linear"}], "interpolation": "linear"},
+            "no parameter 'interpolation'",
+        ),
     ],
 )
 def test_a_source_that_cannot_be_is_refused_by_name(changes: dict[str, Any], text: str) -> None:
     with pytest.raises(HricError) as error:
-        read_plan("sync", {"sources": [{"topic": "/t", "type": "geometry_msgs/PoseStamped", "signals": ["pose"], **changes}]})
+        read_plan(
+            "sync", {"sources": [{"topic": "/t", "type": "geometry_msgs/PoseStamped", "signals": ["pose"], **changes}]}
+        )
     assert text in str(error.value) and "sync.sources" in str(error.value)
 
 

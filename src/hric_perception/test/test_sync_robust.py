@@ -1,7 +1,5 @@
 """The synchroniser when sources die, come back, jump in time, or send rubbish."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -85,7 +83,10 @@ def test_a_source_whose_clock_jumps_is_named_and_does_not_take_the_others_along(
     jumping = dataclasses.replace(MOCAP, shift=lambda time: jump if 1.0 <= time < 2.0 else 0.0)
     batch, synchroniser = synchronise(plan("resample", 2, rate=100.0), [ROBOT, jumping], 3.0)
     assert (np.diff(batch.stamps) == NS // 100).all() and batch.valid[:, 0].all() and seconds(batch)[-1] > 2.9
-    assert not batch.valid[(seconds(batch) > 1.01) & (seconds(batch) < 1.99), 1].any() and batch.valid[seconds(batch) > 2.1].all()
+    assert (
+        not batch.valid[(seconds(batch) > 1.01) & (seconds(batch) < 1.99), 1].any()
+        and batch.valid[seconds(batch) > 2.1].all()
+    )
     assert synchroniser.restarts == 0 and synchroniser.intakes[1].refused["stamped with another time"] >= 239
 
 
@@ -162,10 +163,20 @@ def test_a_rate_that_changes_is_followed() -> None:
 def test_a_chunk_that_contradicts_itself_is_counted_and_left_out() -> None:
     synchroniser = Synchroniser(plan("resample", 1, rate=100.0), 0.0)
     good = {"channels": ["time", "wave"], "rate": 1000.0, "data": [0.0] * 6}
-    for wrong in ({"data": [0.0] * 5}, {"rate": 0.0}, {"rate": float("nan")}, {"channels": []}, {"channels": ["other", "wave"]}, {}):
+    for wrong in (
+        {"data": [0.0] * 5},
+        {"rate": 0.0},
+        {"rate": float("nan")},
+        {"channels": []},
+        {"channels": ["other", "wave"]},
+        {},
+    ):
         synchroniser.push_message(0, SampleChunk(**{**good, **wrong}), 0.0)
     synchroniser.take(0.0)
-    assert synchroniser.intakes[0].refused == {"malformed": 4, "without the values wanted": 1} and synchroniser.intakes[0].samples == 3
+    assert (
+        synchroniser.intakes[0].refused == {"malformed": 4, "without the values wanted": 1}
+        and synchroniser.intakes[0].samples == 3
+    )
 
 
 def test_memory_is_bounded_whatever_comes() -> None:
@@ -176,7 +187,7 @@ def test_memory_is_bounded_whatever_comes() -> None:
     assert synchroniser.intakes[0].buffer.stamps.tolist() == [100 * index for index in range(5000 - 64, 5000)]
 
 
-def test_drop_outs_at_random_change_no_value_that_is_still_told_to_be_valid() -> None:
+def test_drop_outs_at_random_change_no_value_that_is_still_marked_valid() -> None:
     random = np.random.default_rng(7)
     synchroniser = Synchroniser(plan("resample", 1, rate=1000.0, source={"max_gap": 0.01}), 0.0)
     stamps = np.sort(random.choice(np.arange(5000) * 1_000_000, 2500, replace=False))

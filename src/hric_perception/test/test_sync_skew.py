@@ -1,14 +1,17 @@
 """The synchroniser's three policies on streams that tell their own time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from time_coded import START, Stream, plan, skews, synchronise, wave
 
 from hric_perception.sync.core import Synchroniser
 
-ROBOT, MOCAP, EMG, PLATE = Stream(1000.0), Stream(240.0, 0.0055, phase=0.0013), Stream(2000.0, 0.004, 20, 0.0002), Stream(1000.0, 0.02, 10, 0.0004)
+ROBOT, MOCAP, EMG, PLATE = (
+    Stream(1000.0),
+    Stream(240.0, 0.0055, phase=0.0013),
+    Stream(2000.0, 0.004, 20, 0.0002),
+    Stream(1000.0, 0.02, 10, 0.0004),
+)
 STREAMS = [ROBOT, MOCAP, EMG, PLATE]
 ROUNDING = 1e-8
 """[s], of run times of 100 s in float."""
@@ -18,7 +21,9 @@ ROUNDING = 1e-8
 def test_resampled_values_are_those_of_the_instant(rate: float) -> None:
     batch, _ = synchronise(plan("resample", 4, rate=rate), STREAMS, 2.0)
     assert batch.valid.all() and np.abs(skews(batch)).max() < ROUNDING
-    assert np.abs(batch.values[:, 1::2] - wave(batch.stamps * 1e-9)[:, None]).max() < 0.1 * (np.pi / 240) ** 2 / 8 * 1.01
+    assert (
+        np.abs(batch.values[:, 1::2] - wave(batch.stamps * 1e-9)[:, None]).max() < 0.1 * (np.pi / 240) ** 2 / 8 * 1.01
+    )
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0, 59.94])
@@ -26,7 +31,10 @@ def test_no_instant_is_left_out_and_none_comes_twice(rate: float) -> None:
     batch, _ = synchronise(plan("resample", 4, rate=rate), STREAMS, 2.0)
     ticks = batch.stamps * 1e-9 * rate
     assert np.abs(ticks - np.rint(ticks)).max() < 1e-5 and (np.diff(np.rint(ticks)) == 1).all()
-    assert batch.stamps[0] * 1e-9 < START + 0.001 + 1 / rate + ROUNDING and batch.stamps[-1] * 1e-9 > START + 2.0 - 0.03 - 1 / rate
+    assert (
+        batch.stamps[0] * 1e-9 < START + 0.001 + 1 / rate + ROUNDING
+        and batch.stamps[-1] * 1e-9 > START + 2.0 - 0.03 - 1 / rate
+    )
 
 
 def test_the_ticks_of_a_slow_stream_are_among_those_of_a_fast_one_with_the_same_values() -> None:
@@ -47,10 +55,13 @@ def test_approximate_skew_is_at_most_half_a_period_of_the_slower_signal(referenc
 def test_approximate_takes_each_sample_of_the_reference_once() -> None:
     batch, synchroniser = synchronise(plan("approximate", 4, reference="/s1"), STREAMS, 2.0)
     assert np.abs(skews(batch)[:, 1]).max() < ROUNDING
-    assert np.abs(np.diff(batch.stamps) * 1e-9 - 1 / 240).max() < ROUNDING and len(batch.stamps) + synchroniser.dropped > (2.0 - 0.04) * 240
+    assert (
+        np.abs(np.diff(batch.stamps) * 1e-9 - 1 / 240).max() < ROUNDING
+        and len(batch.stamps) + synchroniser.dropped > (2.0 - 0.04) * 240
+    )
 
 
-def test_ages_tell_the_stamps_of_the_samples_used() -> None:
+def test_ages_give_the_stamps_of_the_samples_used() -> None:
     batch, _ = synchronise(plan("approximate", 4, reference="/s1"), STREAMS, 1.0)
     assert np.abs(batch.age + skews(batch)).max() < ROUNDING
     batch, _ = synchronise(plan("resample", 4, rate=100.0), STREAMS, 1.0)
@@ -60,7 +71,11 @@ def test_ages_tell_the_stamps_of_the_samples_used() -> None:
 def test_exact_takes_samples_of_the_same_stamp_and_no_others() -> None:
     streams = [Stream(100.0), Stream(50.0, 0.02), Stream(25.0, 0.01, 5)]
     batch, synchroniser = synchronise(plan("exact", 3, reference="/s0"), streams, 2.0)
-    assert np.abs(skews(batch)).max() < ROUNDING and (np.diff(batch.stamps) == 40_000_000).all() and len(batch.stamps) >= 49
+    assert (
+        np.abs(skews(batch)).max() < ROUNDING
+        and (np.diff(batch.stamps) == 40_000_000).all()
+        and len(batch.stamps) >= 49
+    )
     assert 3 * (len(batch.stamps) - 1) <= synchroniser.dropped <= 3 * len(batch.stamps)
 
 
@@ -69,14 +84,18 @@ def test_exact_finds_nothing_where_stamps_differ_by_a_nanosecond() -> None:
     assert len(batch.stamps) == 0
 
 
-def test_incomplete_instants_go_out_marked_where_this_is_asked_for() -> None:
-    batch, synchroniser = synchronise(plan("exact", 2, reference="/s0", incomplete="mark"), [Stream(100.0), Stream(50.0)], 1.0)
+def test_incomplete_instants_go_out_marked_on_request() -> None:
+    batch, synchroniser = synchronise(
+        plan("exact", 2, reference="/s0", incomplete="mark"), [Stream(100.0), Stream(50.0)], 1.0
+    )
     assert len(batch.stamps) == 99 and batch.valid[:, 1].sum() == 50 and batch.valid[:, 0].all()
     assert np.isnan(batch.values[~batch.valid[:, 1], 2]).all() and synchroniser.incomplete == 49
 
 
 def test_an_approximate_partner_beyond_the_tolerance_drops_the_instant() -> None:
-    batch, synchroniser = synchronise(plan("approximate", 2, reference="/s0", tolerance=0.004), [Stream(100.0), Stream(50.0)], 1.0)
+    batch, synchroniser = synchronise(
+        plan("approximate", 2, reference="/s0", tolerance=0.004), [Stream(100.0), Stream(50.0)], 1.0
+    )
     assert len(batch.stamps) == 50 and synchroniser.dropped == 49
 
 

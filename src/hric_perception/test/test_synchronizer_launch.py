@@ -1,7 +1,5 @@
 """synchronizer.launch, read without a master, and the plan of a data collection."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +7,16 @@ import pytest
 import roslaunch.config
 from roslaunch.core import RLException
 
-from hric_perception.emg.activation import MUSCLES
+from hric_perception.emg.muscles import MUSCLES
 from hric_perception.sync.layout import read_plan
 
 FILE = Path(__file__).parents[1] / "launch" / "synchronizer.launch"
 
 
 def loaded(*arguments: str) -> Any:
-    return roslaunch.config.load_config_default([(str(FILE), list(arguments))], None, verbose=False, assign_machines=False)
+    return roslaunch.config.load_config_default(
+        [(str(FILE), list(arguments))], None, verbose=False, assign_machines=False
+    )
 
 
 def values(config: Any) -> dict[str, Any]:
@@ -29,21 +29,32 @@ def values(config: Any) -> dict[str, Any]:
 
 
 def test_the_plan_of_a_data_collection_is_valid_and_knows_its_units_and_muscles() -> None:
-    found = {name.removeprefix("/synchronizer/plan/"): value for name, value in values(loaded()).items() if name.startswith("/synchronizer/plan/")}
+    found = {
+        name.removeprefix("/synchronizer/plan/"): value
+        for name, value in values(loaded()).items()
+        if name.startswith("/synchronizer/plan/")
+    }
     plan = read_plan("plan", found)
-    units = {name: column.unit for name, column in zip(plan.names, (one for source in plan.sources for one in source.columns), strict=True)}
+    units = {
+        name: column.unit
+        for name, column in zip(plan.names, (one for source in plan.sources for one in source.columns), strict=True)
+    }
     assert {"rad", "rad/s", "N m", "m", "1", "N"} <= set(units.values())
     assert all(f"/hric/perception/emg/raw.data[{muscle}]" in units for muscle in MUSCLES)
 
 
-def test_the_rate_of_the_command_line_stands_in_for_that_of_the_file() -> None:
+def test_the_rate_of_the_command_line_replaces_that_of_the_file() -> None:
     config = loaded("rate:=1000", "topic:=/other", "name:=fast")
     found = values(config)
-    assert found["/fast/plan/rate"] == 1000.0 and found["/fast/topic"] == "/other" and len(found["/fast/plan/sources"]) == 4
+    assert (
+        found["/fast/plan/rate"] == 1000.0
+        and found["/fast/topic"] == "/other"
+        and len(found["/fast/plan/sources"]) == 4
+    )
 
 
 @pytest.mark.parametrize(("given", "node"), [("python", "synchronizer"), ("cpp", "synchronizer_cpp")])
-def test_the_implementation_is_chosen_by_name(given: str, node: str) -> None:
+def test_the_implementation_in_cpp_is_still_accepted(given: str, node: str) -> None:
     assert [one.type for one in loaded(f"implementation:={given}").nodes] == [node]
 
 

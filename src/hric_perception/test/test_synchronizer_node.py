@@ -1,7 +1,5 @@
 """The node `synchronizer` under a master."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import signal
@@ -21,7 +19,7 @@ from hric_control.testing import ros, roscore
 from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
 
 __all__ = ["ros", "roscore"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 PACKAGE = Path(__file__).parents[1]
 PLAN = {
     "rate": 50.0,
@@ -33,9 +31,9 @@ PLAN = {
 
 
 @contextlib.contextmanager
-def node(plan: Any, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+def node(plan: Any, *arguments: str, name: str = "synchronizer") -> Iterator[subprocess.Popen[str]]:
     text = yaml.safe_dump(plan, default_flow_style=True, width=10_000).strip()
-    command = [sys.executable, str(PACKAGE / "nodes" / "synchronizer"), f"_plan:={text}", *arguments]
+    command = [sys.executable, str(PACKAGE / "nodes" / name), f"_plan:={text}", *arguments]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         yield child
@@ -45,8 +43,12 @@ def node(plan: Any, *arguments: str) -> Iterator[subprocess.Popen[str]]:
             child.communicate()
 
 
-def test_samples_come_at_the_rate_with_their_layout_and_tell_the_time_that_they_are_stamped_with(ros: str) -> None:
-    samples, layouts, feeder = listen("/hric/perception/sync", SyncedSample), listen("/hric/perception/sync_layout", SyncLayout), Feeder()
+def test_samples_come_at_the_rate_with_their_layout_and_hold_the_time_of_their_stamps(ros: str) -> None:
+    samples, layouts, feeder = (
+        listen("/hric/perception/sync", SyncedSample),
+        listen("/hric/perception/sync_layout", SyncLayout),
+        Feeder(),
+    )
     with node(PLAN) as child:
         wait(lambda: layouts and feeder.heard())
         feeder.feed(2.0)
@@ -60,7 +62,9 @@ def test_samples_come_at_the_rate_with_their_layout_and_tell_the_time_that_they_
     assert {after - before for before, after in itertools.pairwise(stamps)} == {20_000_000}
     for message in samples:
         assert all(message.valid)
-        assert message.values == pytest.approx([message.header.stamp.to_sec() - feeder.begin] * 2, abs=2e-6)  # to_sec rounds to 0.2 us
+        assert message.values == pytest.approx(
+            [message.header.stamp.to_sec() - feeder.begin] * 2, abs=2e-6
+        )  # to_sec rounds to 0.2 us
 
 
 def test_a_source_that_dies_is_named_in_status_and_diagnostics_while_the_others_go_on(ros: str) -> None:
@@ -83,7 +87,10 @@ def test_a_source_that_dies_is_named_in_status_and_diagnostics_while_the_others_
 @pytest.mark.parametrize(
     ("plan", "text"),
     [
-        ({**PLAN, "policy": "sometimes"}, "/synchronizer/plan.policy is 'sometimes'; valid: exact, approximate, resample"),
+        (
+            {**PLAN, "policy": "sometimes"},
+            "/synchronizer/plan/policy is 'sometimes'; valid: exact, approximate, resample",
+        ),
         ({"sources": [{**PLAN["sources"][0], "type": "std_msgs/Float64"}]}, "has no header"),  # type: ignore[index, dict-item]
     ],
 )
@@ -94,8 +101,32 @@ def test_a_plan_that_cannot_be_ends_the_node_with_one_line(ros: str, plan: Any, 
 
 
 def test_help_needs_no_master() -> None:
-    answer = subprocess.run([sys.executable, str(PACKAGE / "nodes" / "synchronizer"), "--help"], capture_output=True, text=True, timeout=LIMIT)
+    answer = subprocess.run(
+        [sys.executable, str(PACKAGE / "nodes" / "synchronizer"), "--help"],
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+    )
     assert answer.returncode == 0 and "Usage" in answer.stdout
+
+
+@pytest.mark.parametrize(("policy", "apart"), [("exact", 0.0), ("approximate", 5e-4)])
+def test_the_name_of_the_node_in_cpp_warns_and_serves_its_policies(ros: str, policy: str, apart: float) -> None:
+    samples, feeder = listen(f"/old_{policy}", SyncedSample), Feeder()
+    plan = {**PLAN, "policy": policy, "reference": "/sync_joints"}
+    del plan["rate"]
+    with node(plan, f"_topic:=/old_{policy}", f"__name:=old_{policy}", name="synchronizer_cpp") as child:
+        wait(feeder.heard)
+        feeder.feed(1.0)
+        wait(lambda: len(samples) > 50)
+        child.send_signal(signal.SIGINT)
+        output, _ = child.communicate(timeout=LIMIT)
+    assert child.returncode == 0 and output.count("[WARN]") == 1 and "docs/choices.md" in output
+    for message in samples:
+        assert message.values[0] == pytest.approx(message.header.stamp.to_sec() - feeder.begin, abs=2e-6) and all(
+            message.valid
+        )
+        assert abs(message.values[0] - message.values[1]) <= apart + 2e-6
 
 
 def test_several_rates_of_one_plan_go_out_on_topics_of_their_own(ros: str) -> None:

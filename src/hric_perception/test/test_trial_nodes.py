@@ -1,6 +1,5 @@
-"""A recorded trial live: the emulated human starts, and markers, EMG and force plate are those of the trial at one time."""
-
-from __future__ import annotations
+"""A recorded trial live: the emulated human starts, and markers, EMG and force plate are those of the trial at one
+time."""
 
 import os
 import socket
@@ -10,12 +9,12 @@ import c3d_files
 import numpy as np
 import pytest
 from c3d_files import PER_FRAME, RATE, Lab
-from sensor_nodes import Heard, Nodes, TellsTime, nodes, run, wait
+from sensor_nodes import Nodes, TellsTime, TopicActivation, nodes, run, wait
 
 from hric_control.testing import ros, roscore
 
 __all__ = ["nodes", "ros", "roscore", "run"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 FRAMES = 100
 
 
@@ -41,14 +40,19 @@ def test_markers_emg_and_plate_of_a_trial_begin_together(run: TellsTime, nodes: 
     from std_srvs.srv import Trigger
 
     session, begins, hand = f"test_trial_{os.getpid()}", list[Header](), list[PoseStamped]()
-    emg, plate = Heard("/hric/perception/emg/raw"), Heard("/hric/perception/force_plate/1/samples")
+    emg, plate = TopicActivation("/hric/perception/emg/raw"), TopicActivation("/hric/perception/force_plate/1/samples")
     subscribers = [
         rospy.Subscriber("/hric/human/start", Header, begins.append),
         rospy.Subscriber("/hric/human/hand", PoseStamped, hand.append, queue_size=None),
     ]
     stream = f"_stream:={{command_port: {free_port()}, data_port: {free_port()}}}"
     nodes.start("emulated_human", f"_human:={{program: c3d, path: {file}}}", stream)
-    nodes.start("emulated_emg", f"_session:={session}", "_muscles:=[biceps]", f"_activation:={{program: c3d, path: {file}, channels: [EMG1]}}")
+    nodes.start(
+        "emulated_emg",
+        f"_session:={session}",
+        "_muscles:=[biceps]",
+        f"_activation:={{program: c3d, path: {file}, channels: [EMG1]}}",
+    )
     nodes.start("emg", f"_lsl:={{session: {session}, name: emulated_emg}}")
     nodes.start("emulated_plate", f"_session:={session}", f"_load:={{program: c3d, path: {file}}}")
     nodes.start("force_plate", f"_lsl:={{session: {session}, name: emulated_plate}}")
@@ -73,4 +77,6 @@ def test_markers_emg_and_plate_of_a_trial_begin_together(run: TellsTime, nodes: 
     for message in moving:
         place = (message.header.stamp.to_sec() - begin) * RATE
         p = message.pose.position
-        assert [p.x, p.y, p.z] == pytest.approx([np.interp(place, np.arange(FRAMES), column) for column in exact.T], abs=1e-4)
+        assert [p.x, p.y, p.z] == pytest.approx(
+            [np.interp(place, np.arange(FRAMES), column) for column in exact.T], abs=1e-4
+        )

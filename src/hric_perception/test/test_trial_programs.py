@@ -1,6 +1,5 @@
-"""A recorded trial beside the robot: its markers before the emulated Motive, its EMG and force plates as what the emulated devices measure."""
-
-from __future__ import annotations
+"""A recorded trial beside the robot: its markers before the emulated Motive, its EMG and force plates as what the
+emulated devices measure."""
 
 from pathlib import Path
 from typing import Any
@@ -11,16 +10,15 @@ import pytest
 from c3d_files import PER_FRAME, RATE, Lab
 
 from hric_control.errors import HricError
-from hric_control.local_node import LocalNode
+from hric_control.local.node import LocalNode
+from hric_control.trial.c3d import read_trial
 from hric_msgs.msg import MocapData
 from hric_perception.emulation import EvenSensor, Faults
 from hric_perception.human import see
-from hric_perception.replayed import Replayed, read_emg, read_load
-from hric_perception.section import Section
-from mocap_natnet.headless import HeadlessMocap, run_time
-from mocap_natnet.parameters import read_publishing
-from mocap_natnet.publisher import MocapPublisher
-from mocap_natnet.trial import read_trial
+from hric_perception.replayed import RecordedEmg, RecordedLoad, Replayed
+from mocap_natnet.headless import HeadlessMocap, robot_time
+from mocap_natnet.node.parameters import Publishing
+from mocap_natnet.node.publisher import MocapPublisher
 
 FRAMES = 100
 HIDDEN = range(0, 5)
@@ -46,7 +44,7 @@ def frames_of(human: dict[str, Any], start: float, duration: float) -> list[Any]
     """What the client publishes of it, in the base, the hand started at `start` [s]."""
     node = LocalNode({"natnet_client": {"body": "hand", "base_from_mocap": BASE, "base_frame": "panda_link0"}})
     built = see(human, {"rate": 100}, BASE, 0)
-    mocap = HeadlessMocap(built.motive, MocapPublisher(node, read_publishing(node.child("natnet_client")), run_time))
+    mocap = HeadlessMocap(built.motive, MocapPublisher(node, Publishing.read(node.child("natnet_client")), robot_time))
     frames: list[Any] = []
     node.subscribe("/hric/perception/mocap", MocapData, frames.append)
     mocap.advance(start - 1e-4)
@@ -86,7 +84,7 @@ def test_the_truth_of_the_hand_goes_on_where_it_was_not_seen(file: Path) -> None
 
 
 def test_emg_is_that_of_the_trial_and_silent_outside_it(file: Path) -> None:
-    replayed = read_emg(Section("a", {"program": "c3d", "path": str(file), "channels": ["EMG1", "biceps"], "begin": 0.5}), ("triceps", "biceps"))
+    replayed = RecordedEmg(path=str(file), channels=["EMG1", "biceps"], begin=0.5).replayed(("triceps", "biceps"))
     sensor = EvenSensor(RATE * PER_FRAME, 2, replayed, Faults())
     sensor.due(0.0)
     (samples,) = sensor.due(0.99)
@@ -99,7 +97,7 @@ def test_emg_is_that_of_the_trial_and_silent_outside_it(file: Path) -> None:
 
 
 def test_a_plate_holds_its_first_and_last_load_and_waits_for_the_human(file: Path) -> None:
-    replayed = read_load(Section("b", {"program": "c3d", "path": str(file)}))
+    replayed = RecordedLoad(path=str(file)).replayed()
     assert replayed.waits and replayed.at(np.array([0.0, 100.0]))[:, 2] == pytest.approx([-500.0, -500.0])
     replayed.start(10.0)
     load = read_trial(file).plate(1).load
@@ -114,12 +112,12 @@ def test_samples_between_those_of_the_trial_lie_on_straight_lines() -> None:
 @pytest.mark.parametrize(
     ("human", "told"),
     [
-        ({"path": "/nowhere.c3d"}, "m.human: c3d file /nowhere.c3d: No such file or directory"),
-        ({}, "m.human.path is not given; valid: a c3d file"),
+        ({"path": "/nowhere.c3d"}, "m.human.path: c3d file /nowhere.c3d: No such file or directory"),
+        ({}, "m.human.path is not set; valid: a c3d file"),
         ({"path": "FILE", "labels": ["knee"]}, "m.human: no marker 'knee' in trial.c3d; valid: elbow, hand_1"),
         ({"path": "FILE", "bodies": {"hand": ["elbow"]}}, "valid: other names"),
-        ({"path": "FILE", "labels": []}, "m.human.labels is []; valid: a list of different texts"),
-        ({"path": "FILE", "markers": [[0, 0, 0]]}, "no key 'markers' in m.human"),
+        ({"path": "FILE", "labels": []}, "m.human.labels is []; valid: a list of names"),
+        ({"path": "FILE", "markers": [[0, 0, 0]]}, "no parameter 'markers' in m.human"),
     ],
 )
 def test_a_human_that_cannot_be_is_one_line(file: Path, human: dict[str, Any], told: str) -> None:
@@ -132,11 +130,17 @@ def test_a_human_that_cannot_be_is_one_line(file: Path, human: dict[str, Any], t
 def test_an_unknown_channel_or_plate_is_one_line(file: Path) -> None:
     for read, told in (
         (
-            lambda: read_emg(Section("emg.a", {"path": str(file)}), ("triceps",)),
+            lambda: RecordedEmg.of({"path": str(file)}, "emg.a").replayed(("triceps",)),
             "emg.a.channels: no analog channel 'triceps' in trial.c3d; valid: ",
         ),
-        (lambda: read_emg(Section("emg.a", {"path": str(file), "channels": ["EMG1"]}), ("a", "b")), "emg.a.channels has 1 names; valid: 2"),
-        (lambda: read_load(Section("p.load", {"path": str(file), "plate": 2})), "p.load.plate: trial.c3d has no force plate 2; valid: 1"),
+        (
+            lambda: RecordedEmg.of({"path": str(file), "channels": ["EMG1"]}, "emg.a").replayed(("a", "b")),
+            "emg.a.channels is ['EMG1']; valid: 2 names",
+        ),
+        (
+            lambda: RecordedLoad.of({"path": str(file), "plate": 2}, "p.load").replayed(),
+            "p.load.plate: trial.c3d has no force plate 2; valid: 1",
+        ),
     ):
         with pytest.raises(HricError) as error:
             read()

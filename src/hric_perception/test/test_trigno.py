@@ -1,7 +1,5 @@
 """The Trigno client against the emulated server, over TCP on loopback."""
 
-from __future__ import annotations
-
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -10,15 +8,15 @@ import numpy as np
 import pytest
 
 from hric_control.errors import HricError
+from hric_control.robot_time.stream_time import WallClock
 from hric_perception.chunk import Chunk
-from hric_perception.emulation import EvenSensor, Faults
-from hric_perception.emulator import Emulator
-from hric_perception.health import ERROR, OK, StreamHealth
-from hric_perception.stream import SampleStream
+from hric_perception.emulation import Emulator, EvenSensor, Faults
+from hric_perception.stream import ERROR, OK, SampleStream, StreamHealth
 from hric_perception.trigno import protocol
 from hric_perception.trigno.client import Settings, TrignoClient
 from hric_perception.trigno.server import TrignoServer
-from mocap_natnet.server.stream_time import WallClock
+
+pytestmark = pytest.mark.alone
 
 LIMIT = 30.0
 BOUND = 0.0135
@@ -74,7 +72,7 @@ def test_every_sample_arrives_with_a_stamp_within_the_declared_bound(server: Tri
     assert np.abs(off[2000:]).max() < BOUND
 
 
-def test_a_server_that_dies_and_comes_back_with_another_rate_is_told_and_found(server: TrignoServer) -> None:
+def test_a_server_that_dies_and_comes_back_with_another_rate_is_reported_and_found(server: TrignoServer) -> None:
     reader, source = Reader(server.command_port, server.data_port), device(server, 2000.0)
     source.start()
     wait(lambda: reader.health.samples > 500)
@@ -101,8 +99,10 @@ def test_a_server_that_is_not_there_is_named() -> None:
 
 
 def test_an_older_server_has_the_rate_of_the_parameter(server: TrignoServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    known = server._answer
-    monkeypatch.setattr(server, "_answer", lambda word: "INVALID COMMAND" if word == protocol.FRAME_COUNT else known(word))
+    known = server._response
+    monkeypatch.setattr(
+        server, "_response", lambda word: "INVALID COMMAND" if word == protocol.FRAME_COUNT else known(word)
+    )
     reader, source = Reader(server.command_port, server.data_port), device(server, 2000.0)
     source.start()
     wait(lambda: reader.chunks)

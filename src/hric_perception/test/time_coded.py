@@ -1,6 +1,5 @@
-"""Streams that tell their own time: what a synchroniser makes of them shows the time that it took the values to be of."""
-
-from __future__ import annotations
+"""Streams that tell their own time: what a synchroniser makes of them shows the time that it took the values to be
+of."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ from hric_perception.sync.layout import read_plan
 
 NS = 1_000_000_000
 START = 100.0
-"""Run time at which the streams begin [s]."""
+"""Robot time at which the streams begin [s]."""
 
 
 def wave(seconds: Any) -> Any:
@@ -52,20 +51,31 @@ class Stream:
             if self.silent[0] <= part[-1] - START < self.silent[1]:
                 continue
             stamps = np.rint((part + self.shift(part[-1] - START)) * NS).astype(np.int64)
-            yield part[-1] + self.latency + self.jitter * random.uniform(), stamps, np.column_stack([part - START, wave(part)])
+            yield (
+                part[-1] + self.latency + self.jitter * random.uniform(),
+                stamps,
+                np.column_stack([part - START, wave(part)]),
+            )
 
 
 def plan(policy: str, count: int, **settings: Any) -> Any:
     """A plan of so many sources of two values; `source` are settings of each source."""
     shared = settings.pop("source", {})
-    sources = [{"topic": f"/s{index}", "type": "hric_msgs/SampleChunk", "signals": ["data[time, wave]"], **shared} for index in range(count)]
+    sources = [
+        {"topic": f"/s{index}", "type": "hric_msgs/SampleChunk", "signals": ["data[time, wave]"], **shared}
+        for index in range(count)
+    ]
     return read_plan("test", {"policy": policy, "sources": sources, **settings})
 
 
 def synchronise(plan: Any, streams: list[Stream], seconds: float, step: float = 0.005) -> tuple[Batch, Synchroniser]:
     """Let the streams arrive in the order of their arrival, and take what is due at each step [s]."""
     synchroniser = Synchroniser(plan, START)
-    packets = [(arrival, index, stamps, values) for index, one in enumerate(streams) for arrival, stamps, values in one.packets(seconds, index)]
+    packets = [
+        (arrival, index, stamps, values)
+        for index, one in enumerate(streams)
+        for arrival, stamps, values in one.packets(seconds, index)
+    ]
     packets.sort(key=lambda packet: packet[0])
     batches: list[Batch] = []
     now = START
@@ -75,7 +85,11 @@ def synchronise(plan: Any, streams: list[Stream], seconds: float, step: float = 
             collect(synchroniser, now, batches)
         synchroniser.push(index, stamps, values, arrival)
     collect(synchroniser, now + 1.0, batches)
-    return (Batch(*(np.concatenate(parts) for parts in zip(*batches, strict=True))), synchroniser) if batches else (empty(plan), synchroniser)
+    return (
+        (Batch(*(np.concatenate(parts) for parts in zip(*batches, strict=True))), synchroniser)
+        if batches
+        else (empty(plan), synchroniser)
+    )
 
 
 def collect(synchroniser: Synchroniser, now: float, batches: list[Batch]) -> None:
@@ -86,7 +100,12 @@ def collect(synchroniser: Synchroniser, now: float, batches: list[Batch]) -> Non
 
 def empty(plan: Any) -> Batch:
     """No samples."""
-    return Batch(np.zeros(0, np.int64), np.zeros((0, len(plan.names))), np.zeros((0, len(plan.sources))), np.zeros((0, len(plan.sources)), bool))
+    return Batch(
+        np.zeros(0, np.int64),
+        np.zeros((0, len(plan.names))),
+        np.zeros((0, len(plan.sources))),
+        np.zeros((0, len(plan.sources)), bool),
+    )
 
 
 def skews(batch: Batch) -> Any:

@@ -1,10 +1,8 @@
 """For tests of clocks: a run on a busy machine, and a driver on it, by arithmetic alone."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from mocap_natnet.run_clock import NS, RunClock
+from hric_control.robot_time.clock import NS, RunClock
 
 START = 40_000 * NS
 CALM, END, OVER = 24.0, 30.0, 32.0
@@ -16,11 +14,11 @@ class BusyRun:
 
     Args:
         seed: of all that is random.
-        pace: run time per wall time that is asked for.
+        pace: robot time per wall time that is asked for.
         load: 1: a stall of 5 to 400 ms about each 0.2 s, and a fifth of the pairs late by 100 ms; 0: none.
 
     Attributes:
-        pairs: by their delivery: delivered, told [s of wall time], run time [s].
+        pairs: by their delivery: delivered, told [s of wall time], robot time [s].
     """
 
     def __init__(self, seed: int, pace: float, load: float) -> None:
@@ -30,11 +28,14 @@ class BusyRun:
         self.pairs.sort(key=lambda pair: pair[0])
 
     def _work(self) -> None:
-        """As `SimLoop`: it catches up at four times the pace, but beyond 0.1 s the time is lost; a pair each 20 ms of wall time."""
+        """As `SimLoop`: it catches up at four times the pace, but beyond 0.1 s the time is lost; a pair each 20 ms of
+        wall time."""
         random, wall, run, due, told, delivered = self._random, 0.0, 0.0, 0.0, 0.0, 0.0
         while wall < END:
             load = self._load if wall < CALM else 0.0
-            stalled = float(np.exp(random.uniform(np.log(0.005), np.log(0.4)))) if random.random() < load * 0.005 else 0.0
+            stalled = (
+                float(np.exp(random.uniform(np.log(0.005), np.log(0.4)))) if random.random() < load * 0.005 else 0.0
+            )
             wall += 1e-3 + stalled
             due += 1e-3 + stalled
             if due - run / self.pace > 0.1:
@@ -55,7 +56,8 @@ class BusyRun:
 
 
 class BusyDriver:
-    """Asks for the time of the run as a driver does: some milliseconds after a measurement, with the pairs that were delivered until then.
+    """Asks for the time of the run as a driver does: some milliseconds after a measurement, with the pairs that were
+    delivered until then.
 
     Args:
         busy: whose pairs it hears.
@@ -66,7 +68,7 @@ class BusyDriver:
         self._pace, self._waiting = busy.pace, busy.pairs[::-1]
         self._random = np.random.default_rng(7)
 
-    def run_time(self, wall: float) -> float | None:
+    def robot_time(self, wall: float) -> float | None:
         """The time of the run [s] at a wall time [s]; None while it is not known."""
         asked = wall + 0.0055 + float(self._random.exponential(2e-3))
         while self._waiting and self._waiting[-1][0] <= asked:
@@ -74,4 +76,4 @@ class BusyDriver:
             self.clock.add(START + round(told * NS), run, self._pace)
         at = START + round(wall * NS)
         self.clock.settle(at)
-        return self.clock.run_time(at)
+        return self.clock.robot_time(at)

@@ -1,7 +1,5 @@
 """Writes c3d files as laboratories do, by ezc3d itself: z up, millimetres, force plates whose z points down."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

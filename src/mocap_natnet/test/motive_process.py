@@ -1,7 +1,5 @@
 """The emulated Motive as a process of its own, on ports that are free."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import subprocess
@@ -21,7 +19,10 @@ def free_port() -> int:
 def motive(*arguments: str) -> Iterator[subprocess.Popen[str]]:
     """The command with these arguments, once it stands."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "mocap_natnet.server", *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "mocap_natnet.server", *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     try:
         assert process.stderr is not None

@@ -1,6 +1,5 @@
-"""A session and an emulated Motive on a network that is only simulated: no sockets, no waiting, the same numbers each time."""
-
-from __future__ import annotations
+"""A session and an emulated Motive on a network that is only simulated: no sockets, no waiting, the same numbers each
+time."""
 
 import heapq
 import itertools
@@ -31,7 +30,9 @@ class Link:
         keep: passes a datagram to the client, changed or not; None loses it.
     """
 
-    def __init__(self, motive: Motive, settings: ClientSettings | None = None, transit: tuple[float, float] = (30e-6, 0.0)) -> None:
+    def __init__(
+        self, motive: Motive, settings: ClientSettings | None = None, transit: tuple[float, float] = (30e-6, 0.0)
+    ) -> None:
         self.motive = motive
         self.frames: list[Received] = []
         self.restarts = 0
@@ -81,7 +82,7 @@ class Link:
             at, _, to, datagram = heapq.heappop(self._queue)
             self.time = max(self.time, at)
             if to == "server":
-                for answer, _ in motive.answer(datagram, CLIENT, at - self.begin) if self.serving else ():
+                for answer, _ in motive.respond(datagram, CLIENT, at - self.begin) if self.serving else ():
                     self._send(at, "client", answer)
             elif (kept := self.keep(datagram)) is not None:
                 self.session.receive(kept, self.now)

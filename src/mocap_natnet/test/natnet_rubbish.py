@@ -1,7 +1,5 @@
 """Mutated and random datagrams, seeded: what a client may be sent by a fault, or by malice."""
 
-from __future__ import annotations
-
 import random
 import struct
 
@@ -36,7 +34,8 @@ class Rubbish:
         ]
 
     def datagram(self, genuine: bytes) -> bytes:
-        """A random one, a spoilt one of any kind, or (half of them) the genuine one spoilt, as the next frame of the stream where it is one."""
+        """A random one, a spoilt one of any kind, or (half of them) the genuine one spoilt, as the next frame of the
+        stream where it is one."""
         draw = self._random.random
         if draw() < 0.1:
             return self._random.randbytes(int(draw() * DATAGRAM))
@@ -49,7 +48,11 @@ class Rubbish:
         if genuine[:1] != b"\7" or self._random.random() < 0.5:
             return genuine
         (number,) = struct.unpack_from("<i", genuine, HEADER.size)
-        return genuine[: HEADER.size] + struct.pack("<i", number + 1 + int(self._random.random() * 2)) + genuine[HEADER.size + 4 :]
+        return (
+            genuine[: HEADER.size]
+            + struct.pack("<i", number + 1 + int(self._random.random() * 2))
+            + genuine[HEADER.size + 4 :]
+        )
 
     def spoilt(self, datagram: bytes) -> bytes:
         """One to four changes: a byte, a large number, a cut, a doubled piece."""

@@ -1,7 +1,5 @@
 """Frames and descriptions with everything in them, seeded."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mocap_natnet.codec import descriptions as d
@@ -55,25 +53,52 @@ class Sample:
             self.several(self.marker),
             self.several(self.analog),
             self.several(self.analog),
-            Suffix(*self.numbers(1), 17, 18, *self.numbers(1), *(int(n) for n in self._random.integers(0, 2**63, 3)), 19, 20, self.flags()),
+            Suffix(
+                *self.numbers(1),
+                17,
+                18,
+                *self.numbers(1),
+                *(int(n) for n in self._random.integers(0, 2**63, 3)),
+                19,
+                20,
+                self.flags(),
+            ),
         )
 
     def described_body(self) -> d.RigidBodyDescription:
         markers = self.several(lambda: d.DescribedMarker(self.numbers(3), self.integer(), self.name()))
-        return d.RigidBodyDescription(self.name(), self.integer(), self.integer(), self.numbers(3), self.numbers(4), markers)
+        return d.RigidBodyDescription(
+            self.name(), self.integer(), self.integer(), self.numbers(3), self.numbers(4), markers
+        )
 
     def model(self) -> d.Model:
         corners = tuple(self.numbers(3) for _ in range(4))
-        asset_markers = self.several(lambda: d.AssetMarkerDescription(self.name(), self.integer(), self.numbers(3), *self.numbers(1), self.flags()))
-        return d.Model((
-            d.MarkerSetDescription(self.name(), self.several(self.name)),
-            self.described_body(),
-            d.SkeletonDescription(self.name(), self.integer(), self.several(self.described_body)),
-            d.ForcePlateDescription(1, self.name(), *self.numbers(2), self.numbers(3), self.numbers(144), corners, 2, 0, self.several(self.name)),
-            d.DeviceDescription(2, self.name(), self.name(), 3, 1, self.several(self.name)),
-            d.CameraDescription(self.name(), self.numbers(3), self.numbers(4)),
-            d.AssetDescription(self.name(), 1, self.integer(), self.several(self.described_body), asset_markers),
-        ))  # fmt: skip
+        asset_markers = self.several(
+            lambda: d.AssetMarkerDescription(
+                self.name(), self.integer(), self.numbers(3), *self.numbers(1), self.flags()
+            )
+        )
+        return d.Model(
+            (
+                d.MarkerSetDescription(self.name(), self.several(self.name)),
+                self.described_body(),
+                d.SkeletonDescription(self.name(), self.integer(), self.several(self.described_body)),
+                d.ForcePlateDescription(
+                    1,
+                    self.name(),
+                    *self.numbers(2),
+                    self.numbers(3),
+                    self.numbers(144),
+                    corners,
+                    2,
+                    0,
+                    self.several(self.name),
+                ),
+                d.DeviceDescription(2, self.name(), self.name(), 3, 1, self.several(self.name)),
+                d.CameraDescription(self.name(), self.numbers(3), self.numbers(4)),
+                d.AssetDescription(self.name(), 1, self.integer(), self.several(self.described_body), asset_markers),
+            )
+        )
 
 
 def one_body_frame(number: int = 1) -> Frame:
@@ -82,4 +107,15 @@ def one_body_frame(number: int = 1) -> Frame:
     markers = tuple(Marker(1 << 16 | index, position, 0.014, 10, 0.0004) for index, position in enumerate(positions, 1))
     suffix = Suffix(0.0, 0, 0, number / 240, 10**12, 10**12 + 40000, 10**12 + 55000)
     body = RigidBody(1, (0.133, 1.033, 0.2), (0.0, 0.0, 0.0, 1.0), 0.0002)
-    return Frame(number, (MarkerSet("hand", positions), MarkerSet("all", positions)), positions, (body,), (), (), markers, (), (), suffix)
+    return Frame(
+        number,
+        (MarkerSet("hand", positions), MarkerSet("all", positions)),
+        positions,
+        (body,),
+        (),
+        (),
+        markers,
+        (),
+        (),
+        suffix,
+    )

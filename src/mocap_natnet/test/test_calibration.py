@@ -1,7 +1,6 @@
 """From paired points to the pose of the mocap frame, in the node's own services on a LocalNode."""
 
-from __future__ import annotations
-
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,20 +12,21 @@ from std_srvs.srv import TriggerRequest
 
 from franka_msgs.msg import FrankaState
 from hric_control.errors import CommandError
-from hric_control.local_node import LocalNode
+from hric_control.geometry import Pose as Placed
+from hric_control.geometry import from_rotation_vector, transformed
+from hric_control.geometry.poses import from_z_up, inverse
+from hric_control.geometry.quaternions import difference
+from hric_control.local.node import LocalNode
 from hric_msgs.msg import MocapData, RigidBodyState
-from mocap_natnet.calibrate_app import AVERAGED, CalibrateNode
-from mocap_natnet.calibration import Calibration, save
-from mocap_natnet.poses import Pose as Placed
-from mocap_natnet.poses import angle_between, from_rotation_vector, stream_axes, transform
-from mocap_natnet.rigid_body import inverse
+from mocap_natnet.node.calibrate import AVERAGED, CalibrateNode
+from mocap_natnet.tracking.calibration import Calibration, save
 
 BASE = Placed((0.5, -0.3, 0.2), from_rotation_vector((0.1, -0.2, 1.0)))
 PLACES = [(0.4, 0.0, 0.3), (0.5, 0.2, 0.4), (0.3, -0.2, 0.6), (0.6, 0.1, 0.2)]
 
 
 def frame(position: tuple, valid: bool = True, frame_id: str = "mocap") -> MocapData:
-    body = RigidBodyState("tool", 1, Pose(Point(*stream_axes("y", position)), Quaternion(w=1.0)), valid, 0.0)
+    body = RigidBodyState("tool", 1, Pose(Point(*from_z_up("y", position)), Quaternion(w=1.0)), valid, 0.0)
     return MocapData(header=Header(frame_id=frame_id), rigid_bodies=[body])
 
 
@@ -41,7 +41,7 @@ class Bench:
         state = FrankaState()
         state.O_T_EE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, *place, 1]
         self.states.publish(state)
-        x, y, z = transform(inverse(BASE), place)
+        x, y, z = transformed(inverse(BASE), place)
         for index in range(AVERAGED):
             self.frames.publish(frame((x + shift * index, y, z)))
 
@@ -64,7 +64,7 @@ def test_paired_points_give_the_base_and_the_file_that_the_client_takes(bench: B
     saved = yaml.safe_load((tmp_path / "base.yaml").read_text())
     assert saved["base_frame"] == "panda_link0"
     assert saved["base_from_mocap"]["xyz"] == pytest.approx(BASE.position, abs=1e-9)
-    assert angle_between(tuple(saved["base_from_mocap"]["xyzw"]), BASE.orientation) < 1e-6
+    assert math.hypot(*difference(tuple(saved["base_from_mocap"]["xyzw"]), BASE.orientation)) < 1e-6
 
 
 def test_what_cannot_be_a_pair_is_refused_in_words(bench: Bench) -> None:
@@ -82,10 +82,10 @@ def test_what_cannot_be_a_pair_is_refused_in_words(bench: Bench) -> None:
     assert bench.call("clear") == (True, "0 pairs")
 
 
-def test_residuals_tell_of_noise_and_of_the_bad_pair() -> None:
+def test_residuals_show_noise_and_the_bad_pair() -> None:
     random, calibration = np.random.default_rng(0), Calibration()
     for place in random.uniform(-0.5, 0.5, (20, 3)):
-        calibration.add(transform(inverse(BASE), tuple(place)), tuple(place + 0.001 * random.standard_normal(3)))
+        calibration.add(transformed(inverse(BASE), tuple(place)), tuple(place + 0.001 * random.standard_normal(3)))
     pose, rms, _ = calibration.solve()
     assert 0.001 < rms < 0.0025
     assert np.linalg.norm(np.subtract(pose.position, BASE.position)) < 0.003
@@ -94,7 +94,7 @@ def test_residuals_tell_of_noise_and_of_the_bad_pair() -> None:
     assert int(np.argmax(each)) == 20
 
 
-def test_a_file_that_cannot_be_written_is_told_and_leaves_nothing(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_written_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(CommandError, match="nowhere"):
         save(tmp_path / "nowhere" / "base.yaml", BASE, "panda_link0", 0.0, 3)
     (tmp_path / "taken").mkdir()

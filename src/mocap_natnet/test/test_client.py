@@ -1,7 +1,5 @@
 """The client and the emulated Motive on real sockets: both transports, discovery, restarts, requests, rubbish."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import socket
@@ -16,17 +14,19 @@ import numpy as np
 import pytest
 
 from hric_control.errors import CommandError, HricError
+from hric_control.geometry import Pose
 from mocap_natnet.client import NatNetClient, Received, Settings
-from mocap_natnet.client.health import ERROR, OK
-from mocap_natnet.plausibility import Limits, Plausibility
-from mocap_natnet.poses import Pose
+from mocap_natnet.client.client import ERROR, OK
 from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Sinusoid
 from mocap_natnet.server import Settings as ServerSettings
-from mocap_natnet.tracking import Tracker
+from mocap_natnet.tracking.tracking import Tracker
+from mocap_natnet.tracking.validity import PoseValidator
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import free_port, motive
 from natnet_samples import Sample
+
+pytestmark = pytest.mark.alone
 
 PATIENCE = 20.0
 """For a busy machine [s]."""
@@ -57,7 +57,9 @@ def client(ports: tuple[int, int], frames: list[Received], **settings: object) -
 @pytest.mark.parametrize("transport", ["multicast", "unicast"])
 def test_frames_arrive_in_order_and_at_their_places(transport: str, stack: ExitStack) -> None:
     ports, frames = (free_port(), free_port()), []
-    stack.enter_context(motive("--transport", transport, "--command-port", str(ports[0]), "--data-port", str(ports[1]), "--up", "z"))
+    stack.enter_context(
+        motive("--transport", transport, "--command-port", str(ports[0]), "--data-port", str(ports[1]), "--up", "z")
+    )
     one = stack.enter_context(client(ports, frames))
     wait(lambda: len(frames) > 240 and one.session.model is not None)
     assert one.health().level == OK
@@ -65,7 +67,7 @@ def test_frames_arrive_in_order_and_at_their_places(transport: str, stack: ExitS
     for received in frames:
         expected = 0.1 * math.sin(2 * math.pi * 0.25 * received.frame.number / 240)
         assert received.frame.bodies[0].position == pytest.approx((expected, 0.0, 1.0), abs=1e-6)
-    ask = one.ask("FrameRate")
+    ask = one.request("FrameRate")
     assert struct.unpack("<f", ask)[0] == 240.0
 
 
@@ -105,7 +107,7 @@ def test_the_client_may_start_first_and_the_server_may_come_back_as_another(stac
     ports, frames = (free_port(), free_port()), []
     one = stack.enter_context(client(ports, frames, data_port=ports[1]))  # a server below 3.0 does not tell it
     wait(lambda: one.health().level == ERROR)
-    assert f"127.0.0.1:{ports[0]} does not answer" in one.health().text
+    assert f"127.0.0.1:{ports[0]} does not respond" in one.health().text
     for transport, version in (("multicast", (4, 1)), ("unicast", (3, 0)), ("multicast", (2, 9))):
         before = len(frames)
         with server(ports, transport=transport, version=version):
@@ -114,17 +116,17 @@ def test_the_client_may_start_first_and_the_server_may_come_back_as_another(stac
         wait(lambda: one.health().level == ERROR)
 
 
-def test_a_request_that_nobody_knows_or_answers_is_an_error(stack: ExitStack) -> None:
+def test_a_request_without_response_or_that_nobody_knows_is_an_error(stack: ExitStack) -> None:
     ports, frames = (free_port(), free_port()), []
     one = stack.enter_context(client(ports, frames))
-    with pytest.raises(CommandError, match="does not answer"):
-        one.ask("StartRecording", 0.1)
+    with pytest.raises(CommandError, match="does not respond"):
+        one.request("StartRecording", 0.1)
     with server(ports) as there:
         wait(lambda: len(frames) > 5)
         with pytest.raises(CommandError, match="does not know"):
-            one.ask("Fly")
-        one.ask("SetRecordTakeName,run")
-        one.ask("StartRecording")
+            one.request("Fly")
+        one.request("SetRecordTakeName,run")
+        one.request("StartRecording")
         assert there.motive.recording and there.motive.take == "run"
 
 
@@ -133,18 +135,26 @@ def test_times_on_a_real_socket_are_those_of_the_exposure(stack: ExitStack) -> N
     there = stack.enter_context(server(ports, drift=50.0))
     one = stack.enter_context(client(ports, frames))
     wait(lambda: sum(received.means == "mid-exposure" for received in frames) > 480)
-    errors = [received.exposed / 1e9 - there._time._began - received.frame.number / 240 for received in frames if received.means == "mid-exposure"]
+    errors = [
+        received.exposed / 1e9 - there._time._began - received.frame.number / 240
+        for received in frames
+        if received.means == "mid-exposure"
+    ]
     assert abs(np.median(errors)) < 0.1e-3
     assert one.session.statistics.latency() > 0.005
 
 
 def test_twenty_thousand_bad_datagrams_are_counted_and_move_nothing(stack: ExitStack) -> None:
     ports, frames, poses = (free_port(), free_port()), [], []
-    tracker = Tracker("y", Pose(), Plausibility(Limits()))
+    tracker = Tracker("y", Pose(), PoseValidator())
 
     def take(received: Received) -> None:
         frames.append(received)
-        poses.extend(body for body in tracker.bodies(received.frame, received.exposed / 1e9, received.received / 1e9) if body.valid and body.id == 1)
+        poses.extend(
+            body
+            for body in tracker.bodies(received.frame, received.exposed / 1e9, received.received / 1e9)
+            if body.valid and body.id == 1
+        )
 
     stack.enter_context(server(ports, transport="unicast", version=(3, 0)))
     one = stack.enter_context(NatNetClient(Settings(command_port=ports[0]), take))
@@ -159,7 +169,10 @@ def test_twenty_thousand_bad_datagrams_are_counted_and_move_nothing(stack: ExitS
             for _ in range(int(random.integers(1, 4))):
                 datagram[int(random.integers(0, len(datagram)))] = int(random.integers(0, 256))
             cut = int(random.integers(0, len(datagram))) if number % 5 == 0 else len(datagram)
-            out.sendto(random.bytes(cut) if number % 7 == 0 else datagram[:cut], ("127.0.0.1", (ports[1], endpoint, ports[0])[number % 3]))
+            out.sendto(
+                random.bytes(cut) if number % 7 == 0 else datagram[:cut],
+                ("127.0.0.1", (ports[1], endpoint, ports[0])[number % 3]),
+            )
     before = len(frames)
     wait(lambda: len(frames) > before + 60 and one.health().level == OK)
     assert sum(one.session.statistics.refused.values()) > 5_000
@@ -167,14 +180,14 @@ def test_twenty_thousand_bad_datagrams_are_counted_and_move_nothing(stack: ExitS
     assert len(poses) > 60 and max(steps) < 0.3  # at most what the largest speed allows in the time that is believed
 
 
-def test_a_port_that_is_taken_is_told(stack: ExitStack) -> None:
+def test_a_port_that_is_taken_is_an_error(stack: ExitStack) -> None:
     ports = free_port(), free_port()
     stack.enter_context(server(ports))
     with pytest.raises(HricError, match=f"UDP port {ports[0]}"):
         server(ports)
 
 
-def test_a_network_that_cannot_be_reached_is_told(stack: ExitStack) -> None:
+def test_a_network_that_cannot_be_reached_is_reported(stack: ExitStack) -> None:
     ports, frames = (free_port(), free_port()), []
     stack.enter_context(server(ports))
     one = stack.enter_context(client(ports, frames, local="203.0.113.9"))

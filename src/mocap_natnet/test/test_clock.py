@@ -1,13 +1,11 @@
 """Clocks of server, client and run, against the truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from mocap_natnet.clock import NS, EchoClock, ExposureClock, RunningMinimum
+from hric_control.robot_time.clock import RunClock
+from mocap_natnet.client.frame_clock import NS, EchoClock, ExposureClock, RunningMinimum
 from mocap_natnet.codec.types import Frame, Suffix
-from mocap_natnet.run_clock import RunClock
 
 FREQUENCY = 3_312_787
 START = 123_456 * NS
@@ -62,7 +60,7 @@ def test_a_single_wrong_echo_changes_nothing() -> None:
     assert clock.local(ticks_at(10.0, 0.0)) == before and clock.restarts == 0
 
 
-def test_an_exposure_in_the_future_or_far_in_the_past_is_not_believed() -> None:
+def test_an_exposure_in_the_future_or_far_in_the_past_does_not_count() -> None:
     clock = ExposureClock(0.0055)
     clock.restart(FREQUENCY)
     assert clock.echo is not None
@@ -83,10 +81,10 @@ def test_the_running_minimum_is_that_of_the_window() -> None:
 
 def test_the_time_of_the_run_is_read_from_a_line_through_late_ticks() -> None:
     random, clock = np.random.default_rng(0), RunClock()
-    assert clock.run_time(START) is None
+    assert clock.robot_time(START) is None
     for index in range(500):
         clock.add(START + round((index * 0.02 + random.exponential(20e-6)) * NS), 7.0 + 0.5 * index * 0.01 * 2)
-    assert clock.run_time(START + round(9.985 * NS)) == pytest.approx(7.0 + 0.5 * 9.985, abs=2e-5)
+    assert clock.robot_time(START + round(9.985 * NS)) == pytest.approx(7.0 + 0.5 * 9.985, abs=2e-5)
 
 
 def test_a_run_that_jumps_back_begins_a_new_line() -> None:
@@ -94,10 +92,10 @@ def test_a_run_that_jumps_back_begins_a_new_line() -> None:
     for index in range(100):
         clock.add(START + index * 10_000_000, 50.0 + index * 0.01)
     clock.add(START + NS, 0.0)
-    assert clock.run_time(START + NS + 5_000_000) == pytest.approx(0.005)
+    assert clock.robot_time(START + NS + 5_000_000) == pytest.approx(0.005)
 
 
-# -- time stamps that cannot be --------------------------------------------------------------------------------------------------------------
+# -- time stamps that cannot be ----------------------------------------------------------------------------------------
 
 
 def stamped(clock: ExposureClock, t: float, stamp: float) -> tuple[float, str]:
@@ -115,9 +113,14 @@ def test_a_time_stamp_that_cannot_be_is_that_of_its_arrival_and_spoils_no_other(
     assert stamped(clock, 1.01, 41.01) == (pytest.approx(1.005), "time stamp")
 
 
-def test_time_stamps_of_another_clock_are_believed_from_the_third_on() -> None:
+def test_time_stamps_of_another_clock_count_from_the_third_on() -> None:
     clock = ExposureClock(0.005)
     for t in np.arange(0.0, 1.0, 0.01):
         stamped(clock, t, 40.0 + t)
-    assert [stamped(clock, t, 7.0 + t)[1] for t in (1.0, 1.01, 1.02, 1.03)] == ["reception", "reception", "time stamp", "time stamp"]
+    assert [stamped(clock, t, 7.0 + t)[1] for t in (1.0, 1.01, 1.02, 1.03)] == [
+        "reception",
+        "reception",
+        "time stamp",
+        "time stamp",
+    ]
     assert stamped(clock, 1.04, 8.04)[0] == pytest.approx(1.035)

@@ -1,6 +1,5 @@
-"""Frames and descriptions: what is written is read, sizes are those of real streams, what is wrong is refused with its reason."""
-
-from __future__ import annotations
+"""Frames and descriptions: what is written is read, sizes are those of real streams, what is wrong is refused with its
+reason."""
 
 import struct
 import sys
@@ -30,7 +29,9 @@ def as_sent(frame: Frame, codec: Codec) -> Frame:
     has = codec.layout
 
     def body(given: RigidBody) -> RigidBody:
-        return given._replace(flags=given.flags if has.body_flags else TRACKED, markers=given.markers if has.body_markers else ())
+        return given._replace(
+            flags=given.flags if has.body_flags else TRACKED, markers=given.markers if has.body_markers else ()
+        )
 
     blank = Suffix()._asdict()
     carried = frame.suffix._asdict()
@@ -38,7 +39,10 @@ def as_sent(frame: Frame, codec: Codec) -> Frame:
         bodies=tuple(map(body, frame.bodies)),
         skeletons=tuple(s._replace(bodies=tuple(map(body, s.bodies))) for s in frame.skeletons),
         assets=frame.assets if has.assets else (),
-        markers=tuple(m._replace(flags=m.flags if has.marker_flags else 0, residual=m.residual if has.residual else 0.0) for m in frame.markers),
+        markers=tuple(
+            m._replace(flags=m.flags if has.marker_flags else 0, residual=m.residual if has.residual else 0.0)
+            for m in frame.markers
+        ),
         force_plates=frame.force_plates if has.force_plates else (),
         devices=frame.devices if has.devices else (),
         suffix=Suffix(**{name: carried[name] if name in has.suffix_fields else blank[name] for name in blank}),
@@ -77,14 +81,16 @@ def test_a_body_description_loses_only_what_the_bitstream_lacks(codec: Codec) ->
     assert read.markers == ((d.DescribedMarker((1.0, 2.0, 3.0), 4, names),) if codec.layout.version >= (3, 0) else ())
 
 
-@pytest.mark.parametrize(("version", "size"), [((3, 0), 116), ((3, 1), 116), ((4, 0), 116), ((4, 1), 160), ((4, 2), 160)])
+@pytest.mark.parametrize(
+    ("version", "size"), [((3, 0), 116), ((3, 1), 116), ((4, 0), 116), ((4, 1), 160), ((4, 2), 160)]
+)
 def test_a_frame_of_one_body_has_the_size_of_real_streams(version: tuple[int, int], size: int) -> None:
     datagram = Codec(version).encode_frame(Frame(1, bodies=(BODY,)))
     assert len(datagram) == HEADER.size + size
     assert HEADER.unpack_from(datagram) == (7, size)
 
 
-def test_the_fields_stand_where_the_protocol_puts_them() -> None:
+def test_the_fields_are_where_the_protocol_puts_them() -> None:
     datagram = Codec((3, 0)).encode_frame(
         Frame(9, bodies=(BODY,), suffix=Suffix(time_stamp=0.25, mid_exposure=11, received=12, transmitted=13, flags=2))
     )
@@ -130,7 +136,13 @@ def test_a_section_that_is_longer_than_what_is_known_of_it_is_passed_over() -> N
     codec = Codec((4, 4))
     datagram = codec.encode_frame(Frame(1, bodies=(BODY,)))
     begin = HEADER.size + 4 + 8 + 8 + 8
-    longer = datagram[: begin - 4] + struct.pack("<i", 38 + 5) + datagram[begin : begin + 38] + b"extra" + datagram[begin + 38 :]
+    longer = (
+        datagram[: begin - 4]
+        + struct.pack("<i", 38 + 5)
+        + datagram[begin : begin + 38]
+        + b"extra"
+        + datagram[begin + 38 :]
+    )
     frame = codec.decode_frame(longer)
     assert frame.bodies == (BODY,)
     assert frame.skipped == 5

@@ -1,7 +1,5 @@
 """Mutated and random datagrams: each is read or refused with a reason, nothing else happens."""
 
-from __future__ import annotations
-
 import resource
 import sys
 from collections import Counter
@@ -11,7 +9,14 @@ import numpy as np
 import pytest
 
 from mocap_natnet.codec import REASONS, Codec, CodecError
-from mocap_natnet.codec.packets import Message, decode_connect, decode_echo_request, decode_echo_response, decode_server_info, split
+from mocap_natnet.codec.packets import (
+    Message,
+    decode_connect,
+    decode_echo_request,
+    decode_echo_response,
+    decode_server_info,
+    split,
+)
 
 sys.path.insert(0, str(Path(__file__).parent))
 from natnet_samples import VERSIONS, Sample, one_body_frame
@@ -60,12 +65,19 @@ def fuzz(rounds: int, seed: int) -> Counter[str]:
     random = np.random.default_rng(seed)
     codecs = [Codec(version) for version in VERSIONS]
     seeds: list[Datagrams] = [
-        [codec.encode_frame(one_body_frame()), codec.encode_frame(Sample(1).frame()), codec.encode_model(Sample(2).model())] for codec in codecs
+        [
+            codec.encode_frame(one_body_frame()),
+            codec.encode_frame(Sample(1).frame()),
+            codec.encode_model(Sample(2).model()),
+        ]
+        for codec in codecs
     ]
     seen: Counter[str] = Counter()
     for index in range(rounds):
         which = index % len(codecs)
-        datagram = random.bytes(int(random.integers(0, 300))) if index % 10 == 0 else mutate(seeds[which][index % 3], random)
+        datagram = (
+            random.bytes(int(random.integers(0, 300))) if index % 10 == 0 else mutate(seeds[which][index % 3], random)
+        )
         seen[read(codecs[which], datagram)] += 1
     return seen
 

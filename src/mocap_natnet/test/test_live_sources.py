@@ -1,7 +1,5 @@
 """Bodies that follow a topic, a link or a recording."""
 
-from __future__ import annotations
-
 import math
 import subprocess
 import sys
@@ -15,21 +13,21 @@ import rosbag
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from hric_control import stamps
 from hric_control.errors import HricError
+from hric_control.geometry import Pose
+from hric_control.robot_time import stamps
 from hric_control.testing import ros, roscore
 from hric_msgs.msg import MocapData, RigidBodyState
-from mocap_natnet.poses import Pose
 from mocap_natnet.server.bag_source import from_bag
-from mocap_natnet.server.history import AHEAD, SEEN, History
 from mocap_natnet.server.scene import Faults
 from mocap_natnet.server.scene_file import load
+from mocap_natnet.server.sources import AHEAD, MAX_AGE, History
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import free_port
 
 __all__ = ["ros", "roscore"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 NODES = Path(__file__).parents[1] / "nodes"
 LIMIT = 30.0
 
@@ -38,18 +36,18 @@ def at(x: float) -> Pose:
     return Pose((x, 0.0, 1.0))
 
 
-def test_a_body_is_where_it_was_told_to_be_between_and_shortly_after_and_then_not_seen() -> None:
+def test_a_body_is_at_its_poses_between_them_and_shortly_after_and_then_not_seen() -> None:
     history = History()
     assert history(0.0) is None
     for step in range(11):
         history.add(step * 0.01, at(step * 0.02))
-    for time_, x in ((0.045, 0.09), (0.11, 0.22), (0.1 + AHEAD, 0.3), (0.1 + SEEN, 0.3)):
+    for time_, x in ((0.045, 0.09), (0.11, 0.22), (0.1 + AHEAD, 0.3), (0.1 + MAX_AGE, 0.3)):
         pose = history(time_)
         assert pose is not None and pose.position[0] == pytest.approx(x)
-    assert history(0.1 + SEEN + 0.01) is None
+    assert history(0.1 + MAX_AGE + 0.01) is None
 
 
-def test_a_run_that_begins_anew_is_followed_anew() -> None:
+def test_a_run_that_restarts_is_followed_again() -> None:
     history = History()
     for time_ in (50.0, 50.1, 0.0, 0.1):
         history.add(time_, at(time_))
@@ -60,12 +58,18 @@ def test_a_run_that_begins_anew_is_followed_anew() -> None:
 
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
-    """A hand on a sinusoid, seen for 2 s at 100 Hz in a stream with y up and hidden for a while, and its pose with z up."""
+    """A hand on a sinusoid, seen for 2 s at 100 Hz in a stream with y up and hidden for a while, and its pose with z
+    up."""
     path = tmp_path / "run.bag"
     with rosbag.Bag(str(path), "w") as written:
         for step in range(200):
             stamp, x = stamps.to_time(7.0 + 0.01 * step), math.sin(0.01 * step)
-            frame = MocapData(rigid_bodies=[RigidBodyState(name="table"), RigidBodyState(name="hand", tracking_valid=not 50 < step < 60)])
+            frame = MocapData(
+                rigid_bodies=[
+                    RigidBodyState(name="table"),
+                    RigidBodyState(name="hand", tracking_valid=not 50 < step < 60),
+                ]
+            )
             frame.header.stamp = frame.header.stamp = stamp
             hand = frame.rigid_bodies[1].pose if frame.rigid_bodies[1].tracking_valid else PoseStamped().pose
             hand.position.x, hand.position.y, hand.orientation.w = x, 1.2, 1.0
@@ -93,12 +97,12 @@ def test_a_recording_is_played_from_its_first_pose_on(bag: Path) -> None:
         ("{type: bag, path: run.bag, topic: /frames, body: wrist}", "hand, table"),
         ("{type: bag, path: scene.yaml, topic: /pose}", "cannot be read"),
         ("{type: bag, path: run.bag, topic: /pose, up: x}", "y, z"),
-        ("{type: topic, topic: /pose}", "no ROS master answers"),
-        ("{type: link, link: panda_hand}", "no ROS master answers"),
+        ("{type: topic, topic: /pose}", "there is no ROS master"),
+        ("{type: link, link: panda_hand}", "there is no ROS master"),
         ("{type: walk}", "link, minimum_jerk, sinusoid, still, topic"),
     ],
 )
-def test_a_motion_that_cannot_be_is_told_with_what_is_valid(bag: Path, motion: str, text: str) -> None:
+def test_a_motion_that_cannot_be_is_an_error_with_what_is_valid(bag: Path, motion: str, text: str) -> None:
     scene = bag.parent / "scene.yaml"
     scene.write_text(f"bodies: [{{name: hand, motion: {motion}}}]\n")
     with pytest.raises(HricError, match=text):
@@ -150,12 +154,27 @@ def test_what_moves_in_the_running_system_is_seen_where_it_was_at_the_exposure(m
     import rospy
 
     scene = tmp_path / "scene.yaml"
-    scene.write_text("bodies:\n- {name: wand, motion: {type: topic, topic: /wand/pose}}\n- {name: wrist, motion: {type: link, link: wrist}}\n")
+    scene.write_text(
+        "bodies:\n- {name: wand, motion: {type: topic, topic: /wand/pose}}\n- {name: wrist, motion: {type: "
+        "link, link: wrist}}\n"
+    )
     command, data = str(free_port()), str(free_port())
-    stream = ["--transport", "unicast", "--command-port", command, "--data-port", data, "--up", "z", "--scene", str(scene)]
+    stream = [
+        "--transport",
+        "unicast",
+        "--command-port",
+        command,
+        "--data-port",
+        data,
+        "--up",
+        "z",
+        "--scene",
+        str(scene),
+    ]
     parameters = [f"_command_port:={command}", f"_data_port:={data}", "_up_axis:=z"]
     processes = [
-        subprocess.Popen([sys.executable, str(NODES / name), *words]) for name, words in (("emulated_motive", stream), ("natnet_client", parameters))
+        subprocess.Popen([sys.executable, str(NODES / name), *words])
+        for name, words in (("emulated_motive", stream), ("natnet_client", parameters))
     ]
     frames: list = []
     subscriber = rospy.Subscriber("/hric/perception/mocap", MocapData, frames.append, queue_size=None)

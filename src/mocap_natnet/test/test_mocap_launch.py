@@ -1,7 +1,5 @@
 """The launch file, without a master: what starts, with which parameters."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -14,8 +12,12 @@ FILE = Path(__file__).parents[1] / "launch" / "mocap.launch"
 
 
 def loaded(*arguments: str) -> tuple[dict[str, str], dict[str, object]]:
-    config = roslaunch.config.load_config_default([(str(FILE), list(arguments))], None, verbose=False, assign_machines=False)
-    return {node.name: node.args for node in config.nodes}, {name: parameter.value for name, parameter in config.params.items()}
+    config = roslaunch.config.load_config_default(
+        [(str(FILE), list(arguments))], None, verbose=False, assign_machines=False
+    )
+    return {node.name: node.args for node in config.nodes}, {
+        name: parameter.value for name, parameter in config.params.items()
+    }
 
 
 def test_a_real_motive_needs_its_address_alone() -> None:

@@ -1,7 +1,5 @@
 """Requests to the emulated Motive, and the command that starts it."""
 
-from __future__ import annotations
-
 import struct
 import sys
 from pathlib import Path
@@ -22,32 +20,40 @@ CLIENT: Address = ("10.0.0.2", 50000)
 
 
 def ask(motive: Motive, words: str, client: Address = CLIENT) -> tuple[int, bytes]:
-    ((datagram, to),) = motive.answer(packet(Message.REQUEST, words.encode() + b"\0"), client, 1.0)
+    ((datagram, to),) = motive.respond(packet(Message.REQUEST, words.encode() + b"\0"), client, 1.0)
     assert to == client
     message, end = split(datagram)
     return message, datagram[4:end]
 
 
 def connect(motive: Motive, payload: bytes = b"", client: Address = CLIENT) -> packets.ServerInfo:
-    ((datagram, _),) = motive.answer(packet(Message.CONNECT, payload), client, 0.0)
+    ((datagram, _),) = motive.respond(packet(Message.CONNECT, payload), client, 0.0)
     return packets.decode_server_info(datagram[4:])
 
 
-@pytest.mark.parametrize("payload", [b"", b"Ping\0", bytes(264), bytes(269), bytes(273), packets.encode_connect(Connect("x"))])
-def test_every_form_of_connect_is_answered(payload: bytes) -> None:
+@pytest.mark.parametrize(
+    "payload", [b"", b"Ping\0", bytes(264), bytes(269), bytes(273), packets.encode_connect(Connect("x"))]
+)
+def test_every_form_of_connect_gets_a_response(payload: bytes) -> None:
     info = connect(one_body(), payload)
-    assert (info.name, info.version, info.multicast, info.data_port, info.group) == ("Motive", (4, 1), True, 1511, "239.255.42.99")
+    assert (info.name, info.version, info.multicast, info.data_port, info.group) == (
+        "Motive",
+        (4, 1),
+        True,
+        1511,
+        "239.255.42.99",
+    )
 
 
-def test_a_server_below_3_0_tells_264_bytes_and_answers_no_echo_nor_discovery() -> None:
+def test_a_server_below_3_0_sends_264_bytes_and_responds_to_no_echo_nor_discovery() -> None:
     motive = one_body(version=(2, 9))
-    ((datagram, _),) = motive.answer(packet(Message.CONNECT), CLIENT, 0.0)
+    ((datagram, _),) = motive.respond(packet(Message.CONNECT), CLIENT, 0.0)
     assert len(datagram) == 268
-    assert motive.answer(packet(Message.ECHO_REQUEST, bytes(8)), CLIENT, 0.0) == []
-    assert motive.answer(packet(Message.DISCOVERY), CLIENT, 0.0) == []
+    assert motive.respond(packet(Message.ECHO_REQUEST, bytes(8)), CLIENT, 0.0) == []
+    assert motive.respond(packet(Message.DISCOVERY), CLIENT, 0.0) == []
 
 
-def test_requests_are_answered_as_motive_does() -> None:
+def test_responses_are_those_of_motive() -> None:
     motive = one_body(rate=120.0)
     assert ask(motive, "FrameRate") == (Message.RESPONSE, struct.pack("<f", 120.0))
     assert ask(motive, "UnitsToMillimeters") == (Message.RESPONSE, struct.pack("<f", 1000.0))
@@ -69,13 +75,17 @@ def test_recording_and_live_mode_are_controlled() -> None:
     assert len(motive.stream(motive.frame(4), 0.0)) == 1
 
 
-def test_unicast_frames_go_where_they_are_wanted_until_the_client_falls_silent() -> None:
-    for unicast_to, wanted in (("endpoint", [CLIENT]), ("data_port", [("10.0.0.2", 1511)]), ("both", [CLIENT, ("10.0.0.2", 1511)])):
+def test_unicast_frames_go_where_they_are_requested_until_the_client_falls_silent() -> None:
+    for unicast_to, wanted in (
+        ("endpoint", [CLIENT]),
+        ("data_port", [("10.0.0.2", 1511)]),
+        ("both", [CLIENT, ("10.0.0.2", 1511)]),
+    ):
         motive = one_body(transport="unicast", unicast_to=unicast_to, client_timeout=5.0)
         assert motive.stream(motive.frame(0), 0.0) == []
         connect(motive)
         assert [to for _, to in motive.stream(motive.frame(1), 1.0)] == wanted
-        motive.answer(packet(Message.KEEPALIVE) + b"\0", CLIENT, 4.0)
+        motive.respond(packet(Message.KEEPALIVE) + b"\0", CLIENT, 4.0)
         assert motive.stream(motive.frame(2), 8.9)
         assert motive.stream(motive.frame(3), 9.1) == [] and motive.clients == ()
 
@@ -89,20 +99,28 @@ def test_each_unicast_client_has_its_bitstream_and_leaves_when_it_says_so() -> N
     assert ask(motive, "Bitstream,4.0") == (Message.RESPONSE, bytes(4))
     assert motive.frame(2).suffix.flags & VERSION_CHANGED
     assert ask(motive, "Bitstream,4.5") == (Message.RESPONSE, struct.pack("<i", 1))
-    motive.answer(packet(Message.DISCONNECT), CLIENT, 2.0)
+    motive.respond(packet(Message.DISCONNECT), CLIENT, 2.0)
     assert motive.clients == (other,)
 
 
 def test_what_is_no_request_is_left_unanswered() -> None:
     motive = one_body()
-    for datagram in (b"", b"\1", b"\xff" * 20, packet(Message.FRAMEOFDATA, bytes(50)), packet(Message.ECHO_REQUEST, b"1234")):
-        assert motive.answer(datagram, CLIENT, 0.0) == []
+    for datagram in (
+        b"",
+        b"\1",
+        b"\xff" * 20,
+        packet(Message.FRAMEOFDATA, bytes(50)),
+        packet(Message.ECHO_REQUEST, b"1234"),
+    ):
+        assert motive.respond(datagram, CLIENT, 0.0) == []
 
 
 def test_the_same_seed_gives_the_same_bytes() -> None:
     def stream() -> list[bytes]:
         motive = Motive(Settings(jitter=0.002, loss=0.1, seed=5), Scene((Body("marker", Sinusoid()),)))
-        return [motive.datagram(motive.frame(n)) for n in range(50)] + [repr(motive.delay(n)).encode() for n in range(50)]
+        return [motive.datagram(motive.frame(n)) for n in range(50)] + [
+            repr(motive.delay(n)).encode() for n in range(50)
+        ]
 
     assert stream() == stream()
 
@@ -121,6 +139,8 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
         (["--noise", "nan"], "noise"),
     ],
 )
-def test_a_wrong_argument_ends_the_command_with_one_line(arguments: list[str], words: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_wrong_argument_ends_the_command_with_one_line(
+    arguments: list[str], words: str, caplog: pytest.LogCaptureFixture
+) -> None:
     assert main(arguments) == 1
     assert words in caplog.text and "Traceback" not in caplog.text

@@ -1,7 +1,5 @@
 """The node `natnet_client` as a process under a master, fed by the emulated Motive as another process."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import signal
@@ -23,13 +21,15 @@ sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import free_port, motive
 
 __all__ = ["ros", "roscore"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 NODE = Path(__file__).parents[1] / "nodes" / "natnet_client"
 LIMIT = 30.0
 
 
 def start(*arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, str(NODE), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return subprocess.Popen(
+        [sys.executable, str(NODE), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
 
 
 def end(process: subprocess.Popen[str]) -> str:
@@ -93,11 +93,14 @@ def test_topics_diagnostics_and_services(node: subprocess.Popen[str], ports: tup
     late = [message for message in data if message.latency > 0.004][-100:]
     assert len(late) == 100
     assert all(message.header.frame_id == "mocap" and message.rigid_bodies[0].name == "marker" for message in late)
-    ages = [b.header.stamp.to_sec() - a.header.stamp.to_sec() - (b.frame_number - a.frame_number) / 240 for a, b in itertools.pairwise(late)]
+    ages = [
+        b.header.stamp.to_sec() - a.header.stamp.to_sec() - (b.frame_number - a.frame_number) / 240
+        for a, b in itertools.pairwise(late)
+    ]
     assert max(map(abs, ages)) < 1e-3
     assert abs(late[-1].header.stamp.to_sec() - time.time()) < LIMIT
     answer = rospy.ServiceProxy("/natnet_client/start_recording", Trigger)()
-    assert not answer.success and "does not answer" in answer.message
+    assert not answer.success and "does not respond" in answer.message
     begin = time.monotonic()
     output = end(node)
     assert node.returncode == 0 and "Traceback" not in output
@@ -117,5 +120,11 @@ def test_a_wrong_parameter_ends_the_node_with_one_line(ros: str) -> None:
 @pytest.mark.parametrize("name", ["natnet_client", "emulated_motive", "calibrate"])
 def test_help_works_without_a_master(name: str) -> None:
     environment = os.environ | {"ROS_MASTER_URI": "http://127.0.0.1:9"}
-    result = subprocess.run([sys.executable, str(NODE.parent / name), "--help"], env=environment, capture_output=True, text=True, timeout=LIMIT)
+    result = subprocess.run(
+        [sys.executable, str(NODE.parent / name), "--help"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+    )
     assert result.returncode == 0 and f"rosrun mocap_natnet {name}" in result.stdout

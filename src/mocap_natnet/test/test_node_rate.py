@@ -1,7 +1,5 @@
 """The node at 1000 frames per second for a minute."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -18,19 +16,25 @@ sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import free_port, motive
 
 __all__ = ["ros", "roscore"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 NODE = Path(__file__).parents[1] / "nodes" / "natnet_client"
 SECONDS = float(os.environ.get("HRIC_MOCAP_SECONDS", "60"))
 RATE = 1000
 
 
-@pytest.mark.slow
+@pytest.mark.live
 def test_no_frame_of_a_thousand_per_second_is_lost_in_a_minute(ros: str) -> None:
     import rospy
 
     command, data = free_port(), free_port()
     numbers: list[int] = []
-    rospy.Subscriber("/hric/perception/mocap", MocapData, lambda message: numbers.append(message.frame_number), queue_size=None, tcp_nodelay=True)
+    rospy.Subscriber(
+        "/hric/perception/mocap",
+        MocapData,
+        lambda message: numbers.append(message.frame_number),
+        queue_size=None,
+        tcp_nodelay=True,
+    )
     node = subprocess.Popen([sys.executable, str(NODE), f"_command_port:={command}", "_local:=127.0.0.1"])
     try:
         with motive("--rate", str(RATE), "--command-port", str(command), "--data-port", str(data), "--noise", "1e-4"):

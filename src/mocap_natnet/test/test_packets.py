@@ -1,7 +1,5 @@
 """Header, connection, server information and echo."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest
@@ -17,7 +15,7 @@ def test_server_information_has_the_lengths_of_real_packets() -> None:
     assert len(packets.encode_server_info(INFO._replace(version=(2, 9)))) == 264
 
 
-def test_server_information_is_read_again_whatever_stands_behind_the_name() -> None:
+def test_server_information_is_read_again_whatever_follows_the_name() -> None:
     payload = packets.encode_server_info(INFO, rubbish=bytes(range(128, 256)) * 2)
     assert payload[:7] == b"Motive\0" and payload[7] == 128
     assert packets.decode_server_info(payload) == INFO
@@ -33,12 +31,12 @@ def test_server_information_that_is_too_short_is_refused(length: int) -> None:
 
 
 @pytest.mark.parametrize("payload", [b"", b"Ping\0", b"anything"])
-def test_a_short_connect_asks_for_the_newest_bitstream(payload: bytes) -> None:
+def test_a_short_connect_requests_the_newest_bitstream(payload: bytes) -> None:
     assert packets.decode_connect(payload) == Connect()
 
 
 @pytest.mark.parametrize("extra", [0, 1, 4])
-def test_a_connect_with_options_tells_the_wanted_bitstream(extra: int) -> None:
+def test_a_connect_with_options_has_the_requested_bitstream(extra: int) -> None:
     payload = packets.encode_connect(Connect("client", (4, 0), True))
     assert len(payload) == 269
     assert packets.decode_connect(payload + bytes(extra)) == Connect("client", (4, 0), True)
@@ -67,7 +65,9 @@ def test_an_unrecognized_request_may_have_any_length() -> None:
     assert packets.split(struct.pack("<HH", 100, 9999) + b"stale") == (Message.UNRECOGNIZED_REQUEST, 9)
 
 
-@pytest.mark.parametrize(("datagram", "reason"), [(b"", "short"), (b"\1\0\0", "short"), (struct.pack("<HH", 15, 0), "unknown message")])
+@pytest.mark.parametrize(
+    ("datagram", "reason"), [(b"", "short"), (b"\1\0\0", "short"), (struct.pack("<HH", 15, 0), "unknown message")]
+)
 def test_what_is_no_message_is_refused(datagram: bytes, reason: str) -> None:
     with pytest.raises(CodecError) as error:
         packets.split(datagram)

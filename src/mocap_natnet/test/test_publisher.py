@@ -1,7 +1,5 @@
 """Topics from frames, headless on a LocalNode through the real encoder and decoder."""
 
-from __future__ import annotations
-
 import io
 import math
 
@@ -13,15 +11,17 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from hric_control.errors import HricError
-from hric_control.local_node import LocalNode
+from hric_control.geometry import Pose, compose, from_rotation_vector
+from hric_control.geometry.quaternions import difference, rotated
+from hric_control.local.node import LocalNode
 from hric_msgs.msg import MocapData
 from mocap_natnet.client import Received
+from mocap_natnet.client import Settings as ClientSettings
 from mocap_natnet.codec.descriptions import Model, RigidBodyDescription, SkeletonDescription
 from mocap_natnet.codec.types import Frame, RigidBody, Skeleton
-from mocap_natnet.headless import HeadlessMocap, run_time
-from mocap_natnet.parameters import read_publishing, read_settings
-from mocap_natnet.poses import Pose, angle_between, compose, from_rotation_vector, rotate
-from mocap_natnet.publisher import MocapPublisher, ros_name, static_transform
+from mocap_natnet.headless import HeadlessMocap, robot_time
+from mocap_natnet.node.parameters import Publishing
+from mocap_natnet.node.publisher import MocapPublisher, ros_name, static_transform
 from mocap_natnet.server import Body, Faults, Motive, Scene, Settings, Sinusoid
 
 TURNING = Sinusoid((0.4, 0.1, 1.0), (0.1, 0.05, 0.02), 0.25, 0.0, (0.5, -0.4, 0.3))
@@ -34,7 +34,10 @@ TOPICS = {
     "/tf": TFMessage,
     "/mocap/markers": MarkerArray,
 }
-BASE = {"base_frame": "panda_link0", "base_from_mocap": {"xyz": [0.5, -0.2, 0.1], "xyzw": [0.0, 0.0, math.sin(0.5), math.cos(0.5)]}}
+BASE = {
+    "base_frame": "panda_link0",
+    "base_from_mocap": {"xyz": [0.5, -0.2, 0.1], "xyzw": [0.0, 0.0, math.sin(0.5), math.cos(0.5)]},
+}
 
 
 def run(params: dict, faults: Faults | None = None, up: str = "y", seconds: float = 1.0) -> dict[str, list]:
@@ -42,7 +45,7 @@ def run(params: dict, faults: Faults | None = None, up: str = "y", seconds: floa
     seen: dict[str, list] = {topic: [] for topic in TOPICS}
     for topic, kind in TOPICS.items():
         node.subscribe(topic, kind, seen[topic].append)
-    publisher = MocapPublisher(node, read_publishing(node), run_time)
+    publisher = MocapPublisher(node, Publishing.read(node), robot_time)
     scene = Scene((Body("hand", TURNING), Body("tool 2", TURNING, 2)), (), faults or Faults(), up)
     headless = HeadlessMocap(Motive(Settings(), scene), publisher)
     for millisecond in range(round(1000 * seconds) + 1):
@@ -50,7 +53,7 @@ def run(params: dict, faults: Faults | None = None, up: str = "y", seconds: floa
     return seen
 
 
-def test_every_frame_is_told_with_the_time_of_its_exposure() -> None:
+def test_every_frame_is_published_with_the_time_of_its_exposure() -> None:
     seen = run({})
     data = seen["/hric/perception/mocap"]
     assert len(data) == math.floor((1.0 - 0.0055) * 240) + 1
@@ -69,14 +72,20 @@ def test_every_frame_is_told_with_the_time_of_its_exposure() -> None:
     assert seen["/mocap/marker_stamped"][7].point == seen["/mocap/marker"][7] == data[7].rigid_bodies[0].pose.position
 
 
-def test_a_message_that_nobody_hears_is_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_message_without_subscribers_is_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
     def made(*_: object) -> None:
         raise AssertionError("made for nobody")
 
-    for name in ("mocap_data", "point_message", "point_stamped", "pose_stamped", "marker_array"):
-        monkeypatch.setattr(f"mocap_natnet.publisher.messages.{name}", made)
+    for name in (
+        "messages.mocap_data",
+        "stamped.point_message",
+        "messages.point_stamped",
+        "stamped.pose_stamped",
+        "messages.marker_array",
+    ):
+        monkeypatch.setattr(f"mocap_natnet.node.publisher.{name}", made)
     node = LocalNode({"mocap": {}}, "/mocap")
-    publisher = MocapPublisher(node, read_publishing(node), run_time)
+    publisher = MocapPublisher(node, Publishing.read(node), robot_time)
     headless = HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher)
     headless.advance(0.1)
     seen: list[MocapData] = []
@@ -94,7 +103,7 @@ def test_in_the_base_positions_and_orientations_turn_together(up: str) -> None:
         p, q = message.pose.position, message.pose.orientation
         assert message.header.frame_id == "panda_link0"
         assert (p.x, p.y, p.z) == pytest.approx(truth.position, abs=1e-6)
-        assert angle_between((q.x, q.y, q.z, q.w), truth.orientation) < 1e-6
+        assert math.hypot(*difference((q.x, q.y, q.z, q.w), truth.orientation)) < 1e-6
     assert seen["/mocap/marker"][9] == seen["/mocap/tool_2/pose"][9].pose.position
 
 
@@ -145,7 +154,7 @@ def test_the_names_of_other_drivers_are_found(preset: str, topic: str, frame: st
     node.subscribe(topic, PoseStamped, poses.append)
     node.subscribe("/tf", TFMessage, transforms.append)
     node.subscribe("/hand/ground_pose", Pose2D, ground.append)
-    publisher = MocapPublisher(node, read_publishing(node), run_time)
+    publisher = MocapPublisher(node, Publishing.read(node), robot_time)
     turned = Sinusoid(frequency=0.25, rotation=(0.0, 0.0, 0.8))
     HeadlessMocap(Motive(Settings(), Scene((Body("hand", turned),), up="z")), publisher).advance(1.0055)
     assert poses[-1].header.frame_id == transforms[-1].transforms[0].header.frame_id == frame
@@ -159,31 +168,40 @@ def test_the_names_of_other_drivers_are_found(preset: str, topic: str, frame: st
 def test_bones_of_a_skeleton_become_transforms() -> None:
     node, transforms = LocalNode({"up_axis": "z"}), []
     node.subscribe("/tf", TFMessage, transforms.append)
-    publisher = MocapPublisher(node, read_publishing(node), run_time)
-    publisher.describe(Model((SkeletonDescription("Anna", 3, (RigidBodyDescription("Hip", 1), RigidBodyDescription("Left Arm", 2))),)))
+    publisher = MocapPublisher(node, Publishing.read(node), robot_time)
+    publisher.describe(
+        Model((SkeletonDescription("Anna", 3, (RigidBodyDescription("Hip", 1), RigidBodyDescription("Left Arm", 2))),))
+    )
     q = (0.0, 0.0, 0.0, 1.0)
     lost = RigidBody(3 << 16 | 3, (0.0, 0.0, 1.0), q, 0.0, 0)
     broken = RigidBody(3 << 16 | 4, (math.nan, 0.0, 1.0), q)
     bones = (RigidBody(3 << 16 | 1, (0.0, 0.0, 1.0), q), RigidBody(3 << 16 | 2, (0.0, 0.2, 1.4), q), lost, broken)
     publisher.publish(Received(Frame(1, skeletons=(Skeleton(3, bones),)), 10_000_000, 5_000_000, "mid-exposure"))
     (message,) = transforms
-    assert [(one.child_frame_id, one.transform.translation.z) for one in message.transforms] == [("Anna/Hip", 1.0), ("Anna/Left_Arm", 1.4)]
+    assert [(one.child_frame_id, one.transform.translation.z) for one in message.transforms] == [
+        ("Anna/Hip", 1.0),
+        ("Anna/Left_Arm", 1.4),
+    ]
 
 
 def test_nothing_is_published_before_the_time_of_the_run_is_known() -> None:
     node, seen = LocalNode(), []
     node.subscribe("/hric/perception/mocap", MocapData, seen.append)
-    publisher = MocapPublisher(node, read_publishing(node), lambda monotonic: None)
+    publisher = MocapPublisher(node, Publishing.read(node), lambda monotonic: None)
     HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher).advance(0.1)
     assert seen == [] and publisher.untimed == 23
 
 
 @pytest.mark.parametrize(("jump", "rises"), [(-0.02, True), (-3.0, False)])
-def test_stamps_rise_where_the_clocks_relation_is_found_anew_and_go_back_with_the_run_alone(jump: float, rises: bool) -> None:
+def test_stamps_rise_where_the_clocks_relation_is_found_again_and_go_back_with_the_run_alone(
+    jump: float, rises: bool
+) -> None:
     node, seen = LocalNode(), []
     node.subscribe("/hric/perception/mocap", MocapData, seen.append)
     publisher = MocapPublisher(
-        node, read_publishing(node), lambda monotonic: 10.0 + run_time(monotonic) + (jump if run_time(monotonic) > 0.5 else 0.0)
+        node,
+        Publishing.read(node),
+        lambda monotonic: 10.0 + robot_time(monotonic) + (jump if robot_time(monotonic) > 0.5 else 0.0),
     )
     HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher).advance(1.0)
     times = [message.header.stamp.to_sec() for message in seen]
@@ -193,14 +211,16 @@ def test_stamps_rise_where_the_clocks_relation_is_found_anew_and_go_back_with_th
 
 def test_the_static_transform_takes_the_stream_to_the_base() -> None:
     node = LocalNode({"mocap": BASE}, "/mocap")
-    (transform,) = static_transform(read_publishing(node), None).transforms
+    (transform,) = static_transform(Publishing.read(node), None).transforms
     assert (transform.header.frame_id, transform.child_frame_id) == ("panda_link0", "mocap")
     q = transform.transform.rotation
-    assert rotate((q.x, q.y, q.z, q.w), (0.0, 1.0, 0.0)) == pytest.approx((0.0, 0.0, 1.0))
-    assert static_transform(read_publishing(LocalNode()), None) is None
+    assert rotated((q.x, q.y, q.z, q.w), (0.0, 1.0, 0.0)) == pytest.approx((0.0, 0.0, 1.0))
+    assert static_transform(Publishing.read(LocalNode()), None) is None
 
 
-@pytest.mark.parametrize(("name", "expected"), [("hand", "hand"), ("tool 2", "tool_2"), ("7", "body_7"), ("Ærø", "body__r_"), ("", "body_")])
+@pytest.mark.parametrize(
+    ("name", "expected"), [("hand", "hand"), ("tool 2", "tool_2"), ("7", "body_7"), ("Ærø", "body__r_"), ("", "body_")]
+)
 def test_names_of_bodies_become_names_of_topics(name: str, expected: str) -> None:
     assert ros_name(name) == expected
 
@@ -227,8 +247,8 @@ def test_names_of_bodies_become_names_of_topics(name: str, expected: str) -> Non
 def test_a_wrong_parameter_is_refused(wrong: dict) -> None:
     node = LocalNode({"mocap": wrong}, "/mocap")
     with pytest.raises(HricError):
-        read_settings(node)
-        read_publishing(node)
+        ClientSettings.read(node)
+        Publishing.read(node)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -236,7 +256,7 @@ def test_on_a_busy_machine_and_in_a_pause_each_stamp_is_later_than_the_one_befor
     """Pairs late, in bunches and twice, stalls of up to 0.4 s; then a pause, in which a real Motive goes on."""
     driver, node, seen = BusyDriver(BusyRun(seed, 1.0, load=1.0)), LocalNode(), []
     node.subscribe("/hric/perception/mocap", MocapData, seen.append)
-    publisher = MocapPublisher(node, read_publishing(node), lambda monotonic: driver.run_time(monotonic / 1e9))
+    publisher = MocapPublisher(node, Publishing.read(node), lambda monotonic: driver.robot_time(monotonic / 1e9))
     HeadlessMocap(Motive(Settings(), Scene((Body("hand", TURNING),))), publisher).advance(OVER)
     stamps = [message.header.stamp.to_nsec() for message in seen]
     assert len(stamps) > 7000 and min(np.diff(stamps)) > 0

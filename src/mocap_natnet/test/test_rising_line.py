@@ -1,6 +1,5 @@
-"""A map between two clocks under what a busy machine does to its estimates: it keeps what it said, and never decreases."""
-
-from __future__ import annotations
+"""A map between two clocks under what a busy machine does to its estimates: it keeps what it said, and never
+decreases."""
 
 import itertools
 
@@ -8,10 +7,10 @@ import numpy as np
 import pytest
 from busy_run import CALM, END, START, BusyDriver, BusyRun
 
-from mocap_natnet.clock import EchoClock, ExposureClock
+from hric_control.robot_time.clock import NS, RunClock
+from hric_control.robot_time.rising_line import BEND, SLOWEST, Line, RisingLine
+from mocap_natnet.client.frame_clock import EchoClock, ExposureClock
 from mocap_natnet.codec.types import Frame, Suffix
-from mocap_natnet.rising_line import BEND, SLOWEST, Line, RisingLine
-from mocap_natnet.run_clock import NS, RunClock
 
 FRAME = 1 / 240
 FREQUENCY = 3_312_787
@@ -23,7 +22,7 @@ SEEDS = range(8)
 def test_of_a_machine_that_stalls_and_delivers_late_no_time_goes_back(seed: int, pace: float) -> None:
     busy, walls = BusyRun(seed, pace, load=1.0), np.arange(0.5, END - 0.1, FRAME)
     driver = BusyDriver(busy)
-    told = np.array([driver.run_time(wall) for wall in walls], dtype=float)
+    told = np.array([driver.robot_time(wall) for wall in walls], dtype=float)
     known = np.isfinite(told)
     assert known.sum() > 7000 and np.diff(told[known]).min() >= 0.0
     errors = np.abs(told - busy.truth(walls)) / pace
@@ -31,18 +30,18 @@ def test_of_a_machine_that_stalls_and_delivers_late_no_time_goes_back(seed: int,
     assert errors[walls > CALM + 3.0].max() < 1e-3, "and it is right again when the load is over"
 
 
-def test_what_was_answered_stays_and_answers_in_any_order_agree() -> None:
+def test_what_was_returned_stays_and_calls_in_any_order_agree() -> None:
     random, clock, busy = np.random.default_rng(3), RunClock(), BusyRun(3, 1.0, load=1.0)
     answers: dict[int, float] = {}
     for delivered, wall, run in busy.pairs[:1500]:
         clock.add(START + round(wall * NS), run, 1.0)
         for at in START + np.rint((delivered - random.exponential(0.05, 5)) * NS).astype(int):
             clock.settle(int(at))
-            told = clock.run_time(int(at))
+            told = clock.robot_time(int(at))
             assert told is not None and answers.setdefault(int(at), told) == told
     assert (np.diff([answers[at] for at in sorted(answers)]) >= 0.0).all()
     late = [at for at in answers if at > max(answers) - 2 * NS]
-    assert [clock.run_time(at) for at in late] == pytest.approx([answers[at] for at in late], abs=1e-12)
+    assert [clock.robot_time(at) for at in late] == pytest.approx([answers[at] for at in late], abs=1e-12)
 
 
 def test_a_pause_in_the_middle_of_late_pairs_does_not_go_back_and_the_run_goes_on_from_there() -> None:
@@ -54,14 +53,14 @@ def test_a_pause_in_the_middle_of_late_pairs_does_not_go_back_and_the_run_goes_o
         for ahead in (0.02, 0.05, 0.09, 0.099):  # what is measured until the next pair is heard, 80 ms late
             at = START + round((wall + ahead) * NS)
             clock.settle(at)
-            told.append(clock.run_time(at))
+            told.append(clock.robot_time(at))
     times = np.sort(np.array(told, dtype=float))
     assert np.all(np.diff(np.maximum.accumulate(np.array(told, dtype=float))) >= 0.0)
     assert times[-1] == pytest.approx(0.02 * 299 - 2.0 + 0.099, abs=1e-3)
-    assert clock.run_time(START + 3 * NS) == pytest.approx(2.0, abs=0.1)
+    assert clock.robot_time(START + 3 * NS) == pytest.approx(2.0, abs=0.1)
 
 
-def test_a_bend_ends_where_the_line_is_met_also_where_no_more_is_heard() -> None:
+def test_a_bend_ends_where_the_line_is_met_also_without_further_pairs() -> None:
     rising = RisingLine(Line(0, 0.0, 1.0, NS))
     rising.meet(Line(0, -0.05, 1.0, NS), NS)
     assert rising.at(NS) == 1.0 and rising.at(NS + round(0.05 * NS)) == pytest.approx(1.025)
@@ -82,7 +81,8 @@ def test_the_map_and_its_inverse_are_one(behind: float) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_exposures_in_order_get_times_in_order_whatever_the_echoes_say(seed: int) -> None:
-    """Round trips from 50 us to 40 ms, first the bad ones; a server's clock that is 100 ppm fast; frames without exposure, or with a wrong one."""
+    """Round trips from 50 us to 40 ms, first the bad ones; a server's clock that is 100 ppm fast; frames without
+    exposure, or with a wrong one."""
     random, clock, told, errors = np.random.default_rng(seed), ExposureClock(0.0055), [], []
     clock.restart(FREQUENCY)
     assert clock.echo is not None
@@ -90,7 +90,11 @@ def test_exposures_in_order_get_times_in_order_whatever_the_echoes_say(seed: int
     for number, exposed in enumerate(np.arange(0.05, 20.0, FRAME)):
         if exposed >= echo_due:
             echo_due = exposed + 0.1
-            add_echo(clock.echo, float(exposed), random.exponential(10e-3 if exposed < 5.0 or random.random() < 0.7 else 25e-6, 2))
+            add_echo(
+                clock.echo,
+                float(exposed),
+                random.exponential(10e-3 if exposed < 5.0 or random.random() < 0.7 else 25e-6, 2),
+            )
         received = max(received, exposed + 0.0055 + float(random.exponential(2e-3)))
         ticks = round((900.0 + exposed * (1 + 1e-4)) * FREQUENCY)
         suffix = Suffix(time_stamp=exposed, mid_exposure=(ticks, 0, 2**62)[int(random.choice(3, p=[0.98, 0.01, 0.01]))])
@@ -114,6 +118,8 @@ def test_time_stamps_alone_get_times_in_order_where_the_shortest_delay_is_found_
     for number, exposed in enumerate(np.arange(0.0, 30.0, FRAME)):
         late = 0.1 if exposed < 1.0 else float(random.exponential(2e-3)) if exposed < 5.0 or exposed > 20.0 else 0.03
         received = max(received, exposed + 0.0055 + late)
-        told.append(clock.exposed(Frame(number, suffix=Suffix(time_stamp=50.0 + exposed)), START + round(received * NS))[0])
+        told.append(
+            clock.exposed(Frame(number, suffix=Suffix(time_stamp=50.0 + exposed)), START + round(received * NS))[0]
+        )
     assert np.diff(told).min() > 0
     assert abs(told[-1] / NS - START / NS - 30.0) < 6e-3

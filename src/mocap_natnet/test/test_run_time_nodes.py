@@ -1,6 +1,5 @@
-"""The nodes in the time of a run that somebody else tells: stamps, a pause, an unpaced run, and takes named after runs."""
-
-from __future__ import annotations
+"""The nodes in the time of a run that somebody else tells: stamps, a pause, an unpaced run, and takes named after
+runs."""
 
 import itertools
 import signal
@@ -15,7 +14,7 @@ import pytest
 from rosgraph_msgs.msg import Log
 from std_msgs.msg import String
 
-from hric_control import stamps
+from hric_control.robot_time import stamps
 from hric_control.testing import ros, roscore
 from hric_msgs.msg import ClockPair, MocapData
 
@@ -23,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import free_port
 
 __all__ = ["ros", "roscore"]
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 NODES = Path(__file__).parents[1] / "nodes"
 LIMIT = 30.0
 
@@ -32,8 +31,9 @@ class TellsTime:
     """Publishes pairs at 50 Hz as a robot does.
 
     Attributes:
-        pace: run time per wall time; may be changed.
-        loses: wall time that the run loses at once every half second, as a loop does that a busy machine keeps from running [s]; may be changed.
+        pace: robot time per wall time; may be changed.
+        loses: wall time that the run loses at once every half second, as a loop does that a busy machine keeps from
+            running [s]; may be changed.
     """
 
     def __init__(self) -> None:
@@ -56,7 +56,9 @@ class TellsTime:
             if self.loses and index % 25 == 0:
                 time.sleep(self.loses)
                 last = time.monotonic_ns()
-            self._publisher.publish(ClockPair(now, stamps.to_time(self.time), self.pace or 1.0 if self.told is None else self.told))
+            self._publisher.publish(
+                ClockPair(now, stamps.to_time(self.time), self.pace or 1.0 if self.told is None else self.told)
+            )
 
     def close(self) -> None:
         self._stop.set()
@@ -90,7 +92,9 @@ def elsewhere(robot: TellsTime) -> Iterator[tuple[subprocess.Popen[str], subproc
 def _started(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], subprocess.Popen[str]]]:
     command, data = str(free_port()), str(free_port())
     client = _start("natnet_client", f"_command_port:={command}", f"_data_port:={data}", "_local:=127.0.0.1")
-    motive = _start("emulated_motive", "--transport", "unicast", "--command-port", command, "--data-port", data, *arguments)
+    motive = _start(
+        "emulated_motive", "--transport", "unicast", "--command-port", command, "--data-port", data, *arguments
+    )
     yield client, motive
     for process in (client, motive):
         if process.poll() is None:
@@ -99,7 +103,9 @@ def _started(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], subproces
 
 
 def _start(name: str, *arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, str(NODES / name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return subprocess.Popen(
+        [sys.executable, str(NODES / name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
 
 
 def _end(process: subprocess.Popen[str]) -> str:
@@ -121,7 +127,10 @@ def test_stamps_are_those_of_the_run_at_half_its_pace_and_a_pause_has_no_frames(
     frames: list = []
     subscriber = rospy.Subscriber("/hric/perception/mocap", MocapData, frames.append, queue_size=None)
     _wait(lambda: len(frames) > 300)
-    steps = [(b.header.stamp - a.header.stamp).to_sec() - (b.frame_number - a.frame_number) / 240.0 for a, b in itertools.pairwise(frames[100:])]
+    steps = [
+        (b.header.stamp - a.header.stamp).to_sec() - (b.frame_number - a.frame_number) / 240.0
+        for a, b in itertools.pairwise(frames[100:])
+    ]
     assert sorted(map(abs, steps))[len(steps) // 2] < 1e-3
     assert abs(frames[-1].header.stamp.to_sec() - robot.time) < 1.0
     robot.pace = 0.0
@@ -157,7 +166,11 @@ def test_an_unpaced_run_is_refused_by_name(robot: TellsTime, nodes) -> None:
     for process, name in zip(nodes, ("natnet_client", "emulated_motive"), strict=True):
         output = process.communicate(timeout=LIMIT)[0]
         assert process.returncode == 1
-        assert f"/{name}: the run is not paced (real_time_factor is 0)" in output and "headless" in output and "Traceback" not in output
+        assert (
+            f"/{name}: the run is not paced (real_time_factor is 0)" in output
+            and "headless" in output
+            and "Traceback" not in output
+        )
 
 
 def test_motive_records_a_take_beside_each_run_that_is_recorded(robot: TellsTime, nodes) -> None:

@@ -1,7 +1,5 @@
 """What the emulated cameras see: bodies, markers, plates, faults; and the pose of a body from its markers."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -10,50 +8,27 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hric_control.errors import CommandError, HricError, ParameterError
+from hric_control.geometry.poses import Pose, compose, transformed, z_up
+from hric_control.geometry.quaternions import difference, from_rotation_vector
 from mocap_natnet.codec import Codec
 from mocap_natnet.codec.types import TRACKED
-from mocap_natnet.plausibility import Limits, Plausibility
-from mocap_natnet.poses import Pose, angle_between, compose, from_rotation_vector, multiply, pose_stream_axes, pose_z_up, transform, z_up
-from mocap_natnet.rigid_body import Fit, inverse
+from mocap_natnet.rigid_body import Fit
 from mocap_natnet.server import Body, Faults, Motive, Plate, Scene, Settings, Sinusoid, Track, from_file
 from mocap_natnet.server.scene import TRIANGLE
 from mocap_natnet.server.scene_file import load
-from mocap_natnet.tracking import MOST_NAMES, Tracker
+from mocap_natnet.tracking.tracking import MAX_NAMES, Tracker
+from mocap_natnet.tracking.validity import PoseValidator
 
 TURNING = Sinusoid((0.4, 0.1, 1.0), (0.1, 0.05, 0.02), 0.25, 0.0, (0.5, -0.4, 0.3))
 
 
 def tracker(up: str, base: Pose | None = None) -> Tracker:
-    return Tracker(up, base or Pose(), Plausibility(Limits()))
+    return Tracker(up, base or Pose(), PoseValidator())
 
 
 def random_pose(random: np.random.Generator) -> Pose:
     q = Rotation.random(rng=random).as_quat().tolist()
     return Pose(tuple(random.normal(size=3).tolist()), tuple(q))
-
-
-def test_rotations_agree_with_scipy() -> None:
-    random = np.random.default_rng(0)
-    for _ in range(20):
-        a, b, p = random_pose(random), random_pose(random), tuple(random.normal(size=3).tolist())
-        ra, rb = Rotation.from_quat(a.orientation), Rotation.from_quat(b.orientation)
-        assert transform(a, p) == pytest.approx(ra.apply(p) + a.position, abs=1e-12)
-        assert Rotation.from_quat(multiply(a.orientation, b.orientation)).as_matrix() == pytest.approx((ra * rb).as_matrix(), abs=1e-12)
-        assert transform(compose(a, b), p) == pytest.approx(transform(a, transform(b, p)), abs=1e-12)
-        assert transform(inverse(a), transform(a, p)) == pytest.approx(p, abs=1e-12)
-        assert angle_between(a.orientation, b.orientation) == pytest.approx((ra.inv() * rb).magnitude(), abs=1e-9)
-        assert from_rotation_vector(p) == pytest.approx(Rotation.from_rotvec(p).as_quat(), abs=1e-12)
-
-
-def test_y_up_is_turned_about_x_as_in_the_thesis() -> None:
-    R = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
-    random = np.random.default_rng(1)
-    pose = random_pose(random)
-    turned = pose_z_up("y", pose)
-    assert turned.position == pytest.approx(R @ pose.position)
-    expected = R @ Rotation.from_quat(pose.orientation).as_matrix() @ R.T
-    assert Rotation.from_quat(turned.orientation).as_matrix() == pytest.approx(expected, abs=1e-12)
-    assert pose_stream_axes("y", turned) == pose
 
 
 def test_y_up_and_z_up_streams_give_the_same_motion_in_the_base() -> None:
@@ -69,8 +44,8 @@ def test_y_up_and_z_up_streams_give_the_same_motion_in_the_base() -> None:
         truth = compose(base, TURNING(n / 240))
         assert math.dist(y.pose.position, z.pose.position) < 1e-6
         assert math.dist(y.pose.position, truth.position) < 1e-6
-        assert angle_between(y.pose.orientation, z.pose.orientation) < 1e-6
-        assert angle_between(y.pose.orientation, truth.orientation) < 1e-6
+        assert math.hypot(*difference(y.pose.orientation, z.pose.orientation)) < 1e-6
+        assert math.hypot(*difference(y.pose.orientation, truth.orientation)) < 1e-6
         for one, other in zip(y_markers, z_markers, strict=True):
             assert one.name == other.name and math.dist(one.position, other.position) < 1e-6
     assert [marker.name for marker in found["y"][0][1]] == ["hand/Marker1", "hand/Marker2", "hand/Marker3"]
@@ -84,7 +59,7 @@ def test_the_body_from_three_markers_by_kabsch_is_the_streamed_one(up: str) -> N
         frame = codec.decode_frame(codec.encode_frame(scene.frame(n, n / 240, 1 / 240)))
         fit = Fit([marker.position for marker in body.markers], [marker.position for marker in frame.markers])
         assert fit.pose.position == pytest.approx(frame.bodies[0].position, abs=1e-6)
-        assert angle_between(fit.pose.orientation, frame.bodies[0].orientation) < 1e-5
+        assert math.hypot(*difference(fit.pose.orientation, frame.bodies[0].orientation)) < 1e-5
         assert fit.rms < 1e-6
 
 
@@ -92,7 +67,7 @@ def test_kabsch_agrees_with_scipy_under_noise() -> None:
     random = np.random.default_rng(2)
     for _ in range(20):
         points, pose = random.normal(size=(5, 3)), random_pose(random)
-        seen = np.array([transform(pose, tuple(p)) for p in points]) + 0.01 * random.normal(size=(5, 3))
+        seen = np.array([transformed(pose, tuple(p)) for p in points]) + 0.01 * random.normal(size=(5, 3))
         fit = Fit(points, seen)
         theirs, _ = Rotation.align_vectors(seen - seen.mean(axis=0), points - points.mean(axis=0))
         assert Rotation.from_quat(fit.pose.orientation).as_matrix() == pytest.approx(theirs.as_matrix(), abs=1e-9)
@@ -100,14 +75,18 @@ def test_kabsch_agrees_with_scipy_under_noise() -> None:
 
 @pytest.mark.parametrize(
     ("points", "words"),
-    [(TRIANGLE[:2], "three or more"), (((0, 0, 0), (1, 0, 0), (2, 0, 0)), "one line"), ((TRIANGLE[0], TRIANGLE[1], (math.nan, 0, 0)), "finite")],
+    [
+        (TRIANGLE[:2], "three or more"),
+        (((0, 0, 0), (1, 0, 0), (2, 0, 0)), "one line"),
+        ((TRIANGLE[0], TRIANGLE[1], (math.nan, 0, 0)), "finite"),
+    ],
 )
 def test_markers_that_give_no_pose_are_refused(points: tuple, words: str) -> None:
     with pytest.raises(CommandError, match=words):
         Fit(points, points)
 
 
-def test_noise_has_the_wanted_size_and_repeats_with_the_seed() -> None:
+def test_noise_has_the_requested_size_and_repeats_with_the_seed() -> None:
     def positions(seed: int) -> np.ndarray:
         scene = Scene((Body("hand", Track([0.0], [Pose()])),), (), Faults(noise=1e-4, seed=seed), "z")
         return np.array([scene.frame(n, n / 240, 1 / 240).bodies[0].position for n in range(2000)])
@@ -116,7 +95,7 @@ def test_noise_has_the_wanted_size_and_repeats_with_the_seed() -> None:
     assert np.array_equal(positions(1), positions(1)) and not np.array_equal(positions(1), positions(2))
 
 
-def test_noise_of_a_frame_is_the_same_whoever_asks_for_which_frame_first() -> None:
+def test_noise_of_a_frame_is_the_same_in_any_order_of_frames() -> None:
     faults = Faults(noise=1e-3, rotation_noise=1e-3, marker_noise=1e-3)
     bodies = (Body("hand", TURNING), Body("tool", TURNING, 2))
     told, back = Scene(bodies, (), faults), Scene(bodies, (), faults)
@@ -135,7 +114,7 @@ def test_an_occluded_body_keeps_its_last_pose_without_the_flag_and_its_markers_a
     assert len(seen[60].markers) == 3 and len(seen[80].markers) == 6
 
 
-def test_random_occlusions_have_the_wanted_share() -> None:
+def test_random_occlusions_have_the_requested_share() -> None:
     scene = Scene((Body("hand", TURNING),), (), Faults(occlusion_rate=1.0, occlusion_length=0.25, seed=1))
     hidden = [not scene.frame(n, n / 20, 0.05).bodies[0].flags & TRACKED for n in range(8000)]
     assert np.mean(hidden) == pytest.approx(0.25 / 1.25, abs=0.05)
@@ -149,14 +128,20 @@ def test_a_force_plate_streams_its_samples_and_its_description() -> None:
     assert plate.channels[2] == (-700.0,) * 4
     described = codec.decode_model(codec.encode_model(scene.model())).descriptions[-1]
     assert described.channels == ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-    assert {tuple(round(x, 6) for x in z_up("y", corner)) for corner in described.corners} == {(x, y, 0.0) for x in (0.3, -0.3) for y in (0.2, -0.2)}
+    assert {tuple(round(x, 6) for x in z_up("y", corner)) for corner in described.corners} == {
+        (x, y, 0.0) for x in (0.3, -0.3) for y in (0.2, -0.2)
+    }
 
 
 def test_minimum_jerk_goes_from_rest_to_rest() -> None:
-    track = Track([1.0, 2.0], [Pose((0.0, 0.0, 0.0)), Pose((0.2, 0.0, 0.0), from_rotation_vector((0.0, 0.0, 1.0)))], minimum_jerk=True)
+    track = Track(
+        [1.0, 2.0],
+        [Pose((0.0, 0.0, 0.0)), Pose((0.2, 0.0, 0.0), from_rotation_vector((0.0, 0.0, 1.0)))],
+        minimum_jerk=True,
+    )
     assert track(0.0).position == (0.0, 0.0, 0.0) and track(3.0).position == (0.2, 0.0, 0.0)
     assert track(1.5).position[0] == pytest.approx(0.1)
-    assert angle_between(track(1.5).orientation, (0.0, 0.0, 0.0, 1.0)) == pytest.approx(0.5)
+    assert math.hypot(*difference(track(1.5).orientation, (0.0, 0.0, 0.0, 1.0))) == pytest.approx(0.5)
     u = np.linspace(0, 1, 101)
     assert [track(1 + x).position[0] for x in u] == pytest.approx((0.2 * (10 * u**3 - 15 * u**4 + 6 * u**5)).tolist())
 
@@ -169,7 +154,13 @@ def test_a_trajectory_comes_from_a_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("0,1,2\n", "line 1"), ("0,0,0,0\n0,1,1,1\n", "rise"), ("0,a,0,0\n", "line 1"), ("0,0,0,0,0,0,0,0\n", "zero"), ("", "one at least")],
+    [
+        ("0,1,2\n", "line 1"),
+        ("0,0,0,0\n0,1,1,1\n", "rise"),
+        ("0,a,0,0\n", "line 1"),
+        ("0,0,0,0,0,0,0,0\n", "zero"),
+        ("", "one at least"),
+    ],
 )
 def test_a_bad_trajectory_is_refused_with_its_line(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "track.csv"
@@ -200,7 +191,7 @@ def test_a_bad_scene_is_refused_by_name(tmp_path: Path, text: str, words: str) -
 
 
 def test_implausible_poses_count_as_lost_by_reason() -> None:
-    judge = Plausibility(Limits(speed=5.0))
+    judge = PoseValidator(max_speed=5.0)
     good, q = Pose((0.0, 0.0, 1.0)), (0.0, 0.0, 0.0, 1.0)
     assert judge.accept(1, good, 0.0, 0.0) == good
     assert judge.accept(1, Pose((math.nan, 0.0, 1.0), q), 0.1, 0.1) is None
@@ -211,8 +202,8 @@ def test_implausible_poses_count_as_lost_by_reason() -> None:
     assert judge.accept(1, Pose((0.6, 0.0, 1.0), q), 0.13, 0.13) is not None
 
 
-def test_a_frame_that_lies_about_its_time_cannot_make_a_jump_plausible() -> None:
-    judge = Plausibility(Limits(speed=5.0))
+def test_a_frame_that_lies_about_its_time_cannot_make_a_jump_valid() -> None:
+    judge = PoseValidator(max_speed=5.0)
     assert judge.accept(1, Pose(), 10.0, 10.0)
     assert judge.accept(1, Pose((1.0, 0.0, 0.0)), 19.0, 10.004) is None
     assert judge.accept(1, Pose((1.0, 0.0, 0.0)), 1.0, 10.008) is None
@@ -220,21 +211,29 @@ def test_a_frame_that_lies_about_its_time_cannot_make_a_jump_plausible() -> None
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"rate": 0.0}, {"rate": math.nan}, {"transport": "broadcast"}, {"group": "10.0.0.1"}, {"ip": "here"}, {"loss": 1.5}, {"version": (5, 0)}],
+    [
+        {"rate": 0.0},
+        {"rate": math.nan},
+        {"transport": "broadcast"},
+        {"group": "10.0.0.1"},
+        {"ip": "here"},
+        {"loss": 1.5},
+        {"version": (5, 0)},
+    ],
 )
 def test_a_wrong_setting_is_refused_by_name(wrong: dict) -> None:
     with pytest.raises(HricError, match="5\\.0" if "version" in wrong else next(iter(wrong))):
         Motive(Settings(**wrong), Scene())
 
 
-# -- what is told of -------------------------------------------------------------------------------------------------------------------------
+# -- what is told of ---------------------------------------------------------------------------------------------------
 
 
 def test_a_body_that_the_description_lacks_is_left_out_and_counted() -> None:
     judge, scene = tracker("z"), Scene((Body("hand", TURNING), Body("tool", TURNING, 2)), up="z")
     judge.describe(Scene((Body("hand", TURNING),), up="z").model())
     assert [body.name for body in judge.bodies(scene.frame(1, 0.01, 0.01), 0.01, 0.01)] == ["hand"]
-    assert judge.plausibility.refused == {"not described": 1}
+    assert judge.validator.refused == {"not described": 1}
 
 
 def test_without_a_description_bodies_have_the_names_of_their_numbers() -> None:
@@ -244,6 +243,9 @@ def test_without_a_description_bodies_have_the_names_of_their_numbers() -> None:
 
 def test_there_is_an_end_to_the_number_of_names_since_each_takes_a_topic() -> None:
     judge, still = tracker("z"), Track([0.0], [Pose()])
-    told = sum(len(judge.bodies(Scene((Body("x", still, number),), up="z").frame(1, 0.0, 0.01), number, number)) for number in range(1, 700))
-    assert told == MOST_NAMES and judge.plausibility.refused == {"too many bodies": 699 - MOST_NAMES}
+    told = sum(
+        len(judge.bodies(Scene((Body("x", still, number),), up="z").frame(1, 0.0, 0.01), number, number))
+        for number in range(1, 700)
+    )
+    assert told == MAX_NAMES and judge.validator.refused == {"too many bodies": 699 - MAX_NAMES}
     assert len(judge.bodies(Scene((Body("x", still, 1),), up="z").frame(2, 0.1, 0.01), 701.0, 701.0)) == 1

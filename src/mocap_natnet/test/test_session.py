@@ -1,7 +1,5 @@
 """The conversation of client and emulated Motive on a simulated network: any order, any fault, any bitstream."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 
@@ -9,7 +7,7 @@ import numpy as np
 import pytest
 
 from mocap_natnet.client import Settings
-from mocap_natnet.client.health import ERROR, OK, health
+from mocap_natnet.client.client import ERROR, OK, health
 from mocap_natnet.codec import Codec
 from mocap_natnet.codec.packets import Message, ServerInfo, encode_server_info, packet
 from mocap_natnet.server import Body, Faults, Motive, Scene, Sinusoid
@@ -46,7 +44,7 @@ def test_a_client_that_starts_before_the_server_connects_when_it_comes() -> None
 
 
 @pytest.mark.parametrize("transport", ["multicast", "unicast"])
-def test_a_server_that_begins_anew_is_found_again_within_a_second(transport: str) -> None:
+def test_a_server_that_restarts_is_found_again_within_a_second(transport: str) -> None:
     link = Link(one_body(transport=transport))
     link.run(2.0)
     link.serving = False
@@ -65,7 +63,9 @@ def test_a_server_that_begins_anew_is_found_again_within_a_second(transport: str
 
 @pytest.mark.parametrize("versions", [((4, 1), (3, 0)), ((3, 0), (4, 1)), ((4, 0), (4, 2)), ((4, 2), (2, 9))])
 @pytest.mark.parametrize("flagged", [True, False], ids=["said", "unsaid"])
-def test_another_bitstream_in_mid_stream_is_followed(versions: tuple[tuple[int, int], tuple[int, int]], flagged: bool) -> None:
+def test_another_bitstream_in_mid_stream_is_followed(
+    versions: tuple[tuple[int, int], tuple[int, int]], flagged: bool
+) -> None:
     link = Link(one_body(version=versions[0]))
     link.run(1.0)
     if flagged:
@@ -79,7 +79,7 @@ def test_another_bitstream_in_mid_stream_is_followed(versions: tuple[tuple[int, 
     assert len(link.frames) - before > 230
 
 
-def test_a_client_may_ask_for_an_older_bitstream_by_unicast() -> None:
+def test_a_client_may_request_an_older_bitstream_by_unicast() -> None:
     link = Link(one_body(version=(4, 1), transport="unicast"), Settings(bitstream=(3, 1)))
     link.run(0.5)
     assert link.session.info is not None and link.session.info.version == (3, 1)
@@ -129,12 +129,15 @@ def test_a_single_frame_with_a_wrong_number_does_not_restart_the_stream() -> Non
     assert all(received.frame.number < 1000 for received in link.frames)
 
 
-def test_a_changed_description_is_asked_for() -> None:
+def test_a_changed_description_is_requested() -> None:
     link = Link(one_body())
     link.run(0.5)
     link.motive.change_scene(Scene((Body("hand", Sinusoid()), Body("tool", Sinusoid(), 2))))
     link.run(0.2)
-    assert link.session.model is not None and {body.name for body in link.session.model.bodies.values()} == {"hand", "tool"}
+    assert link.session.model is not None and {body.name for body in link.session.model.bodies.values()} == {
+        "hand",
+        "tool",
+    }
 
 
 @pytest.mark.parametrize(

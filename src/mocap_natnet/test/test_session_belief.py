@@ -1,13 +1,12 @@
-"""What a client believes of what it is sent: nothing unasked, no clock that is not known well enough, and each datagram is counted."""
-
-from __future__ import annotations
+"""What a client believes of what it is sent: nothing unasked, no clock that is not known well enough, and each datagram
+is counted."""
 
 import sys
 from pathlib import Path
 
 import pytest
 
-from mocap_natnet.client.health import OK, health
+from mocap_natnet.client.client import OK, health
 from mocap_natnet.codec import Codec
 from mocap_natnet.codec.packets import Message, ServerInfo, encode_server_info, packet
 from mocap_natnet.server import Body, Motive, Scene, Sinusoid
@@ -22,7 +21,11 @@ def test_each_datagram_is_counted_as_taken_or_refused() -> None:
     link.run(1.0)
     link.session.receive(b"", link.now)
     taken, refused = link.session.statistics.taken, link.session.statistics.refused
-    assert taken["FRAMEOFDATA"] == len(link.frames) and taken["MODELDEF"] == taken["SERVERINFO"] == 1 and taken["ECHO_RESPONSE"] > 10
+    assert (
+        taken["FRAMEOFDATA"] == len(link.frames)
+        and taken["MODELDEF"] == taken["SERVERINFO"] == 1
+        and taken["ECHO_RESPONSE"] > 10
+    )
     assert dict(refused) == {"short": 1}
 
 
@@ -32,7 +35,7 @@ def other_server(version: tuple[int, int] = (3, 0), **changes: object) -> bytes:
 
 
 @pytest.mark.parametrize("version", [(3, 0), (9, 9)])
-def test_a_server_that_tells_of_itself_unasked_is_asked_before_it_is_believed(version: tuple[int, int]) -> None:
+def test_server_information_without_a_request_is_requested_before_it_counts(version: tuple[int, int]) -> None:
     link = Link(one_body())
     link.run(1.0)
     restarts = link.restarts
@@ -54,7 +57,7 @@ def test_the_complaint_about_a_bitstream_ends_when_the_server_speaks_another() -
     assert link.session.complaint == "" and health(link.session, "10.0.0.1", link.now).level == OK
 
 
-def test_a_description_that_was_not_asked_for_changes_nothing() -> None:
+def test_a_description_that_was_not_requested_changes_nothing() -> None:
     link = Link(one_body())
     link.run(0.5)
     other = Motive(ServerSettings(), Scene((Body("stranger", Sinusoid()),)))
@@ -63,29 +66,36 @@ def test_a_description_that_was_not_asked_for_changes_nothing() -> None:
     assert link.session.statistics.refused == {"unasked": 1}
 
 
-def test_a_body_that_the_description_lacks_makes_the_client_ask_again() -> None:
+def test_a_body_that_the_description_lacks_makes_the_client_request_it_again() -> None:
     link = Link(one_body())
     link.run(0.5)
     link.motive.scene = Scene((Body("hand", Sinusoid()), Body("tool", Sinusoid(), 2)))  # and no frame says so
     link.run(0.6)
-    assert link.session.model is not None and {body.name for body in link.session.model.bodies.values()} == {"hand", "tool"}
+    assert link.session.model is not None and {body.name for body in link.session.model.bodies.values()} == {
+        "hand",
+        "tool",
+    }
 
 
-def test_a_clock_frequency_that_was_misread_is_asked_for_again() -> None:
+def test_a_clock_frequency_that_was_misread_is_requested_again() -> None:
     link = Link(one_body())
-    link.keep = lambda datagram: other_server((4, 1), clock_frequency=9_000_000) if datagram[0] == Message.SERVERINFO else datagram
+    link.keep = lambda datagram: (
+        other_server((4, 1), clock_frequency=9_000_000) if datagram[0] == Message.SERVERINFO else datagram
+    )
     link.run(0.1)
     link.keep = lambda datagram: datagram
     link.run(2.0)
     assert link.session.info is not None and link.session.info.clock_frequency == 10_000_000
     late = link.frames[-1]
-    assert late.means == "mid-exposure" and late.exposed == pytest.approx(START + late.frame.number / 240 * NS, abs=0.2e6)
+    assert late.means == "mid-exposure" and late.exposed == pytest.approx(
+        START + late.frame.number / 240 * NS, abs=0.2e6
+    )
 
 
-# -- the clock -------------------------------------------------------------------------------------------------------------------------------
+# -- the clock ---------------------------------------------------------------------------------------------------------
 
 
-def test_no_frame_is_used_before_an_echo_told_the_servers_clock_within_a_millisecond() -> None:
+def test_no_frame_is_used_before_an_echo_gave_the_servers_clock_within_a_millisecond() -> None:
     link = Link(one_body(drift=50.0), transit=(100e-6, 3e-3))
     link.run(3.0)
     errors = [abs(received.exposed - START - received.frame.number / 240 * NS) for received in link.frames]
@@ -94,14 +104,16 @@ def test_no_frame_is_used_before_an_echo_told_the_servers_clock_within_a_millise
     assert link.session.statistics.refused["before the clock is known"] > 0
 
 
-def test_the_first_frames_of_a_server_that_begins_anew_have_right_times_too() -> None:
+def test_the_first_frames_of_a_server_that_restarts_have_right_times_too() -> None:
     link = Link(one_body())
     link.run(2.0)
     link.frames.clear()
     link.replace(one_body(epoch=9000.0))
     link.run(1.0)
     errors = [
-        abs(received.exposed - START - (link.begin + received.frame.number / 240) * NS) for received in link.frames if received.frame.number < 300
+        abs(received.exposed - START - (link.begin + received.frame.number / 240) * NS)
+        for received in link.frames
+        if received.frame.number < 300
     ]
     assert len(errors) > 200 and max(errors) < 1e6
 
@@ -119,7 +131,7 @@ def test_where_no_echo_comes_frames_are_used_after_a_second_and_it_is_said() -> 
     link.keep = lambda datagram: None if datagram[0] == Message.ECHO_RESPONSE else datagram
     link.run(2.0)
     assert len(link.frames) == pytest.approx(240, abs=10)
-    assert "answers no echo" in health(link.session, "10.0.0.1", link.now).text
+    assert "does not respond to echoes" in health(link.session, "10.0.0.1", link.now).text
 
 
 def test_a_server_without_a_clock_is_waited_for_not_at_all() -> None:

@@ -1,21 +1,21 @@
 """The emulated Motive in the time of a run: it stands and goes with it, while its own clock goes on."""
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path
 
 import pytest
 
+from hric_control.robot_time.clock import NS, RunClock
+from hric_control.robot_time.stream_time import StreamTime
 from mocap_natnet.client import NatNetClient, Received
 from mocap_natnet.client import Settings as ClientSettings
-from mocap_natnet.run_clock import NS, RunClock
 from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Settings, Sinusoid
-from mocap_natnet.server.stream_time import StreamTime
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motive_process import free_port
+
+pytestmark = pytest.mark.alone
 
 LIMIT = 20.0
 
@@ -35,24 +35,30 @@ class PacedRun:
         return now
 
     def now(self) -> float | None:
-        return self._clock.run_time(self._tell())
+        return self._clock.robot_time(self._tell())
 
     def monotonic(self, run: float) -> int | None:
         return self._clock.monotonic(run)
 
 
-def test_frames_come_at_the_pace_of_the_run_and_their_ticks_tell_when_that_was() -> None:
+def test_frames_come_at_the_pace_of_the_run_and_their_ticks_give_when_that_was() -> None:
     run, ports = PacedRun(0.5), (free_port(), free_port())
-    motive = Motive(Settings(transport="unicast", rate=200.0, command_port=ports[0], data_port=ports[1]), Scene((Body("marker", Sinusoid()),)))
+    motive = Motive(
+        Settings(transport="unicast", rate=200.0, command_port=ports[0], data_port=ports[1]),
+        Scene((Body("marker", Sinusoid()),)),
+    )
     frames: list[Received] = []
-    with MotiveServer(motive, run) as server, NatNetClient(ClientSettings(command_port=ports[0]), frames.append) as client:
+    with (
+        MotiveServer(motive, run) as server,
+        NatNetClient(ClientSettings(command_port=ports[0]), frames.append) as client,
+    ):
         _wait(lambda: len(frames) > 200)
         run.pace = 0.0
         time.sleep(0.2)
-        stood, echoes = len(frames), client.session.last_answer
+        stood, echoes = len(frames), client.session.last_response
         time.sleep(0.3)
         assert len(frames) == stood, "a paused run has no frames"
-        assert client.session.last_answer != echoes, "Motive answers all the same"
+        assert client.session.last_response != echoes, "Motive answers all the same"
         run.pace = 0.5
         _wait(lambda: len(frames) > stood + 100)
         assert client.session.statistics.lost == 0 and server.time > 0

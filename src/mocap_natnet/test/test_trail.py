@@ -1,24 +1,22 @@
 """The trail of the followed body."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 
 from visualization_msgs.msg import Marker
 
-from hric_control.local_node import LocalNode
-from mocap_natnet import messages
-from mocap_natnet.trail import PIECE, POINTS_RATE, TOPIC, Trail
+from hric_control.geometry import stamped
+from hric_control.local.node import LocalNode
+from mocap_natnet.node.publisher import PIECE, POINTS_RATE, TRAIL_TOPIC, Trail
 
 
 def pieces(*spans: tuple[int, int]) -> list[Any]:
     """What is published while a body moves along x at 1 m/s, seen at 240 Hz in these spans of frames."""
     node, seen = LocalNode({}), []
-    node.subscribe(TOPIC, Marker, seen.append)
+    node.subscribe(TRAIL_TOPIC, Marker, seen.append)
     trail = Trail(node, 8.0)
     for number in itertools.chain.from_iterable(itertools.starmap(range, spans)):
-        trail.add(messages.header(None, "mocap"), number / 240.0, (number / 240.0, 0.0, 1.0))
+        trail.add(stamped.header(None, "mocap"), number / 240.0, (number / 240.0, 0.0, 1.0))
     return seen
 
 

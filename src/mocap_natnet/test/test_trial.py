@@ -1,7 +1,5 @@
 """Recorded trials from c3d files: what is read, what is refused, and how an emulated Motive streams them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import c3d_files
@@ -12,16 +10,16 @@ from c3d_files import CAL, ORIGIN, PER_FRAME, R_LAB_PLATE, RATE, Lab
 from scipy.spatial.transform import Rotation
 
 from hric_control.errors import HricError
+from hric_control.geometry import Pose
+from hric_control.trial.c3d import read_trial
 from mocap_natnet.codec import Codec, parse
 from mocap_natnet.codec.descriptions import ForcePlateDescription
 from mocap_natnet.codec.types import TRACKED
-from mocap_natnet.plausibility import Limits, Plausibility
-from mocap_natnet.poses import Pose
 from mocap_natnet.server import Faults, Motive, Settings
 from mocap_natnet.server.c3d_source import RecordedBody
 from mocap_natnet.server.scene_file import load
-from mocap_natnet.tracking import Tracker
-from mocap_natnet.trial import read_trial
+from mocap_natnet.tracking.tracking import Tracker
+from mocap_natnet.tracking.validity import PoseValidator
 
 FRAMES = 60
 HIDDEN, FEW = range(20, 25), range(30, 34)
@@ -45,22 +43,32 @@ def wrench(frames: int = FRAMES) -> np.ndarray:
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     emg = np.random.default_rng(0).normal(size=FRAMES * PER_FRAME)
-    lab = Lab(hidden(c3d_files.swinging(FRAMES)[0]), {"EMG1": ("mV", emg), "torque": ("Nm", emg)}, [(2, wrench()), (4, wrench())])
+    lab = Lab(
+        hidden(c3d_files.swinging(FRAMES)[0]),
+        {"EMG1": ("mV", emg), "torque": ("Nm", emg)},
+        [(2, wrench()), (4, wrench())],
+    )
     return c3d_files.write(tmp_path_factory.mktemp("c3d") / "trial.c3d", lab)
 
 
-def test_markers_are_metres_and_those_that_were_not_seen_no_numbers(file: Path) -> None:
+def test_markers_are_metres_and_those_that_were_not_seen_nan(file: Path) -> None:
     trial = read_trial(file)
     markers = hidden(c3d_files.swinging(FRAMES)[0])
     assert (trial.rate, trial.labels, trial.up, trial.duration) == (RATE, tuple(markers), "z", (FRAMES - 1) / RATE)
     np.testing.assert_allclose(trial.positions, np.stack(list(markers.values()), axis=1) * 1e-3, rtol=1e-7)
-    np.testing.assert_allclose(trial.volts(["EMG1"])[:, 0], 1e-3 * np.random.default_rng(0).normal(size=FRAMES * PER_FRAME), rtol=1e-6)
+    np.testing.assert_allclose(
+        trial.volts(["EMG1"])[:, 0], 1e-3 * np.random.default_rng(0).normal(size=FRAMES * PER_FRAME), rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("number", [1, 2])
-def test_a_plate_tells_what_pressed_on_it_about_the_middle_of_its_surface(file: Path, number: int) -> None:
+def test_a_plate_measures_what_pressed_on_it_about_the_middle_of_its_surface(file: Path, number: int) -> None:
     plate = read_trial(file).plate(number)
-    assert (plate.kind, plate.rate, plate.size) == ((2, 4)[number - 1], RATE * PER_FRAME, pytest.approx((0.6, 0.4), rel=1e-6))
+    assert (plate.kind, plate.rate, plate.size) == (
+        (2, 4)[number - 1],
+        RATE * PER_FRAME,
+        pytest.approx((0.6, 0.4), rel=1e-6),
+    )
     np.testing.assert_allclose(plate.T_lab_plate[:3, 3], [0.7, 0.0, 0.0], atol=1e-7)
     np.testing.assert_allclose(plate.T_lab_plate[:3, :3], R_LAB_PLATE @ np.diag([1.0, -1.0, -1.0]), atol=1e-7)
     found = ezc3d.c3d(str(file), extract_forceplat_data=True)["data"]["platform"][number - 1]
@@ -142,19 +150,23 @@ def test_an_emulated_motive_streams_the_trial_and_leaves_out_what_was_not_seen(f
     scene_file.write_text(SCENE)
     motive = Motive(Settings(rate=RATE), load(scene_file, Faults(), "y"))
     codec, trial = Codec(parse("4.1")), read_trial(file)
-    tracker = Tracker("y", Pose(), Plausibility(Limits()))
+    tracker = Tracker("y", Pose(), PoseValidator())
     tracker.describe(codec.decode_model(codec.encode_model(motive.scene.model())))
     for number in range(FRAMES):
         frame = codec.decode_frame(motive.datagram(motive.frame(number), parse("4.1")))
         markers = {marker.name: marker.position for marker in tracker.markers(frame)}
-        wanted = {f"hand/Marker{k}": p for k, p in enumerate(trial.positions[number], 1)} | {"finger/Marker1": trial.positions[number, 1]}
+        wanted = {f"hand/Marker{k}": p for k, p in enumerate(trial.positions[number], 1)} | {
+            "finger/Marker1": trial.positions[number, 1]
+        }
         wanted = {name: p for name, p in wanted.items() if np.isfinite(p).all()}
         assert markers.keys() == wanted.keys()
         for name, p in wanted.items():
             assert markers[name] == pytest.approx(p, abs=2e-7)
         tracked = {body.id: bool(body.flags & TRACKED) for body in frame.bodies}
         assert tracked == {1: number not in FEW, 7: number not in HIDDEN}
-        assert frame.force_plates[0].channels[2][-1] == pytest.approx(trial.plate(2).load[number * PER_FRAME, 2], rel=1e-6)
+        assert frame.force_plates[0].channels[2][-1] == pytest.approx(
+            trial.plate(2).load[number * PER_FRAME, 2], rel=1e-6
+        )
     corners = next(one for one in motive.scene.model().descriptions if isinstance(one, ForcePlateDescription)).corners
     assert np.mean(corners, axis=0) == pytest.approx([0.7, 0.0, 0.0], abs=1e-6)
 
@@ -164,7 +176,10 @@ def test_an_emulated_motive_streams_the_trial_and_leaves_out_what_was_not_seen(f
     [
         ("{type: c3d, path: nothing.c3d}", "nothing.c3d: No such file"),
         ("{type: c3d, path: scene.yaml}", "is no c3d file"),
-        ("{type: c3d, path: trial.c3d, labels: [elbow]}", "no marker 'elbow' in trial.c3d; valid: hand_1, hand_2, hand_3, hand_4"),
+        (
+            "{type: c3d, path: trial.c3d, labels: [elbow]}",
+            "no marker 'elbow' in trial.c3d; valid: hand_1, hand_2, hand_3, hand_4",
+        ),
         ("{type: c3d, path: trial.c3d}", "no marker of trial.c3d begins with 'foot'; give labels; valid: hand_1"),
         ("{type: c3d, path: trial.c3d, labels: [hand_1], up: x}", "is 'x'; valid: y, z"),
         ("{type: c3d, path: empty.c3d}", "empty.c3d has no markers"),
@@ -179,7 +194,7 @@ def test_a_scene_that_cannot_be_is_one_line(file: Path, motion: str, told: str) 
     assert told in str(error.value) and "\n" not in str(error.value)
 
 
-def test_an_unknown_plate_or_channel_is_told_with_those_that_are_there(file: Path) -> None:
+def test_an_unknown_plate_or_channel_is_an_error_with_those_that_are_there(file: Path) -> None:
     trial = read_trial(file)
     for wrong, told in (
         (lambda: trial.plate(3), "has no force plate 3; valid: 1, 2"),

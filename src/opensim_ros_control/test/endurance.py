@@ -1,4 +1,5 @@
-"""Runs plants for long in a process of its own and tells how its memory went: python endurance.py motion|builds|exit <config as JSON> <amount>."""
+"""Runs plants for long in a process of its own and reports how its memory went: python endurance.py motion|builds|exit
+<config as JSON> <amount>."""
 
 import json
 import sys

@@ -6,8 +6,7 @@ from rigid_body_oracle import Oracle
 from two_link import two_link_urdf
 
 import panda_description
-from hric_control.plant import Load
-from hric_control.plants.modes import Mode
+from hric_control.plant import Load, Mode
 from pybullet_ros_control.plant import PyBulletPlant
 
 POSE = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]
@@ -65,7 +64,9 @@ def test_brakes_hold_a_loaded_arm_still_and_free_it(make_plant, panda_urdf, conf
     import pinocchio
 
     hand = oracle.model.frames[oracle.model.getFrameId(plant.robot.model.last_link)]
-    oracle.model.appendBodyToJoint(hand.parentJoint, pinocchio.Inertia(3.0, np.array(load.com), np.zeros((3, 3))), hand.placement)
+    oracle.model.appendBodyToJoint(
+        hand.parentJoint, pinocchio.Inertia(3.0, np.array(load.com), np.zeros((3, 3))), hand.placement
+    )
     # A brake carries what the joint needs to stand.
     assert read_effort(plant) == pytest.approx(oracle.gravity(start), abs=1e-9)
     plant.set_brakes([False] * 7)
@@ -130,7 +131,7 @@ def test_coulomb_friction_brakes_a_sliding_joint_by_its_value(make_plant, config
     assert dq[0] == pytest.approx(1.0 - 0.1 * 0.5 / whole, abs=1e-3)
 
 
-def test_friction_of_the_description_does_nothing_unless_asked_for(make_plant):
+def test_friction_of_the_description_does_nothing_unless_requested(make_plant):
     plant = make_plant(two_link_urdf(friction=0.5), JOINTS, q=[0.0, 0.0], rotor_inertia=0.0, gravity=STILL)
     assert steps(plant, 100, [0.1, 0.0])[1][0] > 1e-3
 
@@ -155,7 +156,9 @@ def test_identified_friction_is_the_published_sigmoid(make_plant, panda_urdf, co
     phi1, phi2, phi3 = (np.array([parameters[f"panda_joint{i}"][f"phi{k}"] for i in range(1, 8)]) for k in (1, 2, 3))
     tau_f = phi1 / (1 + np.exp(-phi2 * (dq + phi3))) - phi1 / (1 + np.exp(-phi2 * phi3))
     # A step so short that the acceleration at its beginning is all there is.
-    plant = make_plant(panda_urdf, friction="identified", friction_parameters=parameters, time_step=1e-7, **free(config))
+    plant = make_plant(
+        panda_urdf, friction="identified", friction_parameters=parameters, time_step=1e-7, **free(config)
+    )
     plant.reset(q.tolist(), dq.tolist())
     expected = Oracle(panda_urdf, config["rotor_inertia"]).acceleration(q, dq, -tau_f)
     assert (steps(plant, 1)[1] - dq) / 1e-7 == pytest.approx(expected, rel=1e-3, abs=1e-3)
@@ -179,7 +182,9 @@ def test_a_stop_holds_a_pushing_joint(make_plant, config):
 @EVERY
 def test_a_stop_acts_only_once_the_joint_has_been_inside(make_plant, config):
     plant = make_plant(two_link_urdf(), JOINTS, q=[2.3, 0.0], gravity=STILL, **config)
-    acceleration = Oracle(two_link_urdf(axis="0 0 1"), config["rotor_inertia"]).acceleration(np.zeros(2), np.zeros(2), np.array([1.0, 0.0]))
+    acceleration = Oracle(two_link_urdf(axis="0 0 1"), config["rotor_inertia"]).acceleration(
+        np.zeros(2), np.zeros(2), np.array([1.0, 0.0])
+    )
     q, dq = steps(plant, 100, [1.0, 0.0])
     # Outside, nothing hinders it, in either direction.
     assert q[0] == pytest.approx(2.3 + 0.5 * 0.1**2 * acceleration[0], abs=5e-4)
@@ -196,7 +201,7 @@ def test_a_stop_acts_only_once_the_joint_has_been_inside(make_plant, config):
 
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
-def test_a_stop_answers_as_that_of_the_other_engine(make_plant, rotor):
+def test_a_stop_acts_as_that_of_the_other_engine(make_plant, rotor):
     config = {"rotor_inertia": rotor, "gravity": STILL, "integrator": "semi_implicit"}
     ours = make_plant(two_link_urdf(), JOINTS, q=[1.5, 0.0], **config)
     other = PyBulletPlant(two_link_urdf(), JOINTS, config)
@@ -242,8 +247,8 @@ def test_a_mimic_joint_follows_also_with_rotors_and_brakes(make_plant, config):
     urdf = f'{head}<mimic joint="joint1" multiplier="-0.5" offset="0.1"/></joint>{tail}'
     plant = make_plant(urdf, ["joint1"], **config)
     plant.reset([0.3])
-    places = plant.robot.engine.place
-    first, second = places["/jointset/joint1/joint1"], places["/jointset/joint2/joint2"]
+    indices = plant.robot.engine.index
+    first, second = indices["/jointset/joint1/joint1"], indices["/jointset/joint2/joint2"]
     rotor, oracle = config["rotor_inertia"], Oracle(two_link_urdf())
     C = np.array([1.0, -0.5])
     q = np.array([0.3, -0.05])
@@ -263,6 +268,6 @@ def test_passive_joints_swing_or_are_locked(make_plant, config):
     for mode, moves in (("free", True), ("locked", False)):
         plant = make_plant(two_link_urdf(), ["joint1"], passive_joints=mode, **config)
         plant.reset([0.0])
-        place = plant.robot.engine.place["/jointset/joint2/joint2"]
+        index = plant.robot.engine.index["/jointset/joint2/joint2"]
         steps(plant, 100)
-        assert (abs(plant.robot.q[place]) > 1e-2) == moves
+        assert (abs(plant.robot.q[index]) > 1e-2) == moves

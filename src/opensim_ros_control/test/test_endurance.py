@@ -16,7 +16,12 @@ FULL = {"rotor_inertia": 0.1, "integrator": "semi_implicit"}
 
 def memory(what, config, amount):
     """Resident memory at ten moments [MiB]; the process must end by itself and without a crash."""
-    done = subprocess.run([sys.executable, str(HELPER), what, json.dumps(config), str(amount)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, str(HELPER), what, json.dumps(config), str(amount)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     return [float(line) for line in done.stdout.split() if line[0].isdigit()]
 

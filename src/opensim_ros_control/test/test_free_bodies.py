@@ -1,4 +1,4 @@
-"""What moves freely in the world: laws of conservation, and going on where the model is built anew."""
+"""What moves freely in the world: laws of conservation, and going on where the model is built again."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ JOINTS = ["joint1", "joint2"]
 STILL = [0.0, 0.0, 0.0]
 MASS, MOMENTS = 2.0, np.array([0.02, 0.03, 0.04])
 STICK = f"""<robot name="stick"><link name="body"><inertial><mass value="{MASS}"/>
-  <inertia ixx="{MOMENTS[0]}" iyy="{MOMENTS[1]}" izz="{MOMENTS[2]}" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+  <inertia ixx="{MOMENTS[0]}" iyy="{MOMENTS[1]}" izz="{MOMENTS[2]}" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""  # noqa: E501
 
 
 def run(plant, n):
@@ -32,7 +32,7 @@ def momentum(plant):
 
 
 def test_a_tumbling_body_keeps_its_momentum_through_all_its_turns(make_plant):
-    """It turns several times over all axes, so that its joint frame is laid anew on the way."""
+    """It turns several times over all axes, so that its joint frame is laid again on the way."""
     plant = make_plant(two_link_urdf(), JOINTS, gravity=STILL)
     plant.reset([0.0, 0.0])
     plant.spawn("stick", STICK, at(3.0, 0.0, 1.0))
@@ -84,7 +84,7 @@ def test_a_ball_on_a_spring_goes_the_way_it_goes_in_pybullet(make_plant, tmp_pat
 objects:
   - {name: ball, shape: sphere, size: 0.05, mass: 5.0, pose: {xyz: [1.9491, 0.0, 1.0]}, velocity: {linear: [0.25, 0.0, 0.0]}, friction: 0.0}
   - {name: wall, shape: box, size: [1.0, 1.0, 1.0], pose: {xyz: [2.5, 0.0, 1.0]}, contact: penalty, stiffness: 75000.0, damping: 50.0}
-""")
+""")  # noqa: E501
     config = {"world": str(world), "gravity": STILL, "integrator": "semi_implicit"}
     plants = [make_plant(two_link_urdf(), JOINTS, **config), PyBulletPlant(two_link_urdf(), JOINTS, config)]
     ways = []

@@ -31,7 +31,9 @@ def test_mass_matrix_equals_the_second_library_for_both_inertial_sets(make_plant
 
 
 @pytest.mark.parametrize(("rotor", "kp", "kd"), [(0.0, 50.0, 5.0), (0.1, 50.0, 10.0), (0.1, 200.0, 100.0)])
-def test_the_accurate_integrator_stays_within_1e_5_rad_of_a_fourth_order_integration(make_plant, wide_panda_urdf, rotor, kp, kd):
+def test_the_accurate_integrator_stays_within_1e_5_rad_of_a_fourth_order_integration(
+    make_plant, wide_panda_urdf, rotor, kp, kd
+):
     oracle = Oracle(wide_panda_urdf, rotor)
     plant = make_plant(wide_panda_urdf, q=[0.0] * 7, rotor_inertia=rotor, effort_limits=False)
     expected = oracle.pd_run(GOAL, kp, kd, 2.0, np.zeros(7))
@@ -43,7 +45,9 @@ def test_the_accurate_integrator_stays_within_1e_5_rad_of_a_fourth_order_integra
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
 def test_the_semi_implicit_integrator_equals_pybullet(make_plant, wide_panda_urdf, rotor):
     gravity = Oracle(wide_panda_urdf).gravity
-    ours = make_plant(wide_panda_urdf, q=[0.0] * 7, rotor_inertia=rotor, integrator="semi_implicit", effort_limits=False)
+    ours = make_plant(
+        wide_panda_urdf, q=[0.0] * 7, rotor_inertia=rotor, integrator="semi_implicit", effort_limits=False
+    )
     other = PyBulletPlant(wide_panda_urdf, ours.joint_names, {"rotor_inertia": rotor, "integrator": "semi_implicit"})
     other.reset([0.0] * 7)
     runs = [plant_pd_run(plant, gravity, GOAL, 50.0, 5.0, 1.0) for plant in (ours, other)]
@@ -86,12 +90,17 @@ def test_what_is_read_belongs_to_the_measuring_instant(make_plant, wide_panda_ur
     raw, raw_dq = (np.array(part) for part in plant.engine_state())
     assert q == pytest.approx((raw - half * 1e-3 * raw_dq).tolist(), abs=1e-15)
     assert plant.motor_effort() == [1.0] * 7
-    assert tau == pytest.approx([1.0 - 0.1 * (v - before) * 1e3 for v, before in zip(raw_dq, dq, strict=True)], abs=1e-12)
+    assert tau == pytest.approx(
+        [1.0 - 0.1 * (v - before) * 1e3 for v, before in zip(raw_dq, dq, strict=True)], abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("config", [{"rotor_inertia": 0.0}, {"rotor_inertia": 0.1}])
 def test_efforts_that_jump_every_step_are_held_exactly(make_plant, wide_panda_urdf, rng, config):
-    plant, oracle = make_plant(wide_panda_urdf, q=POSE, **config), Oracle(wide_panda_urdf, config["rotor_inertia"], steps_per_period=16)
+    plant, oracle = (
+        make_plant(wide_panda_urdf, q=POSE, **config),
+        Oracle(wide_panda_urdf, config["rotor_inertia"], steps_per_period=16),
+    )
     q, dq = np.array(POSE), np.zeros(7)
     for _ in range(200):
         tau = oracle.gravity(q) + rng.choice([-4.0, 4.0], 7) * [1, 1, 1, 1, 0.1, 0.1, 0.1]
@@ -115,7 +124,14 @@ def test_a_longer_time_step_is_integrated_as_accurately(make_plant, wide_panda_u
 def test_base_pose_and_gravity_of_the_description_are_kept(make_plant):
     urdf = panda_description.load(xyz="0.3 -0.2 0.5", rpy="0.1 -0.2 0.3", meshes=False, collision=False)
     plant, oracle = (
-        make_plant(urdf, q=POSE, gravity=[1.0, -2.0, -9.0], rotor_inertia=0.0, integrator="semi_implicit", half_step_readout=False),
+        make_plant(
+            urdf,
+            q=POSE,
+            gravity=[1.0, -2.0, -9.0],
+            rotor_inertia=0.0,
+            integrator="semi_implicit",
+            half_step_readout=False,
+        ),
         Oracle(urdf),
     )
     oracle.model.gravity.linear = np.array([1.0, -2.0, -9.0])
@@ -128,7 +144,15 @@ def test_link_states_equal_the_second_library(make_plant, panda_urdf, rng):
     for _ in range(5):
         q, dq = rng.uniform(-1.5, 1.5, 7), rng.uniform(-1, 1, 7)
         plant.reset(q.tolist(), dq.tolist())
-        for link in ("world", "panda_link0", "panda_link4", "panda_link8", "panda_hand", "panda_hand_tcp", "panda::panda_link4"):
+        for link in (
+            "world",
+            "panda_link0",
+            "panda_link4",
+            "panda_link8",
+            "panda_hand",
+            "panda_hand_tcp",
+            "panda::panda_link4",
+        ):
             T, twist = plant.link_state(link)
             name = link.removeprefix("panda::")
             assert np.abs(T - oracle.frame(q, name)).max() < 1e-12
@@ -146,7 +170,9 @@ def test_a_payload_acts_from_where_the_arm_is_and_can_be_taken_off(make_plant, w
     plant.set_load(load, "panda_link8")
     frame = oracle.model.frames[oracle.model.getFrameId("panda_link8")]
     oracle.model.appendBodyToJoint(
-        frame.parentJoint, pinocchio.Inertia(load.mass, np.array(load.com), np.array(load.inertia).reshape(3, 3)), frame.placement
+        frame.parentJoint,
+        pinocchio.Inertia(load.mass, np.array(load.com), np.array(load.inertia).reshape(3, 3)),
+        frame.placement,
     )
     assert np.array_equal(plant.engine_state(), before)
     assert np.abs(plant.mass_matrix() - oracle.mass_matrix(before[0])).max() < 1e-12
@@ -155,7 +181,10 @@ def test_a_payload_acts_from_where_the_arm_is_and_can_be_taken_off(make_plant, w
         q, dq = oracle.hold(q, dq, np.ones(7))
     assert np.abs(steps(plant, 20, [1.0] * 7) - [q, dq]).max() < 1e-6
     plant.set_load(None)
-    assert np.abs(plant.mass_matrix() - Oracle(wide_panda_urdf).mass_matrix(np.array(plant.engine_state()[0]))).max() < 1e-12
+    assert (
+        np.abs(plant.mass_matrix() - Oracle(wide_panda_urdf).mass_matrix(np.array(plant.engine_state()[0]))).max()
+        < 1e-12
+    )
 
 
 @pytest.mark.parametrize("config", [{"rotor_inertia": 0.0}, {"rotor_inertia": 0.1}])
@@ -170,13 +199,19 @@ def test_joints_may_be_named_in_any_order(make_plant, panda_urdf, config):
 def test_several_plants_live_in_one_process_without_seeing_each_other(make_plant, panda_urdf):
     alone = make_plant(panda_urdf, q=POSE, rotor_inertia=0.0)
     states = []
-    for plant in (alone, make_plant(panda_urdf, q=POSE, gravity=[0.0, 0.0, 0.0], time_step=0.002), make_plant(panda_urdf, q=POSE, rotor_inertia=0.0)):
+    for plant in (
+        alone,
+        make_plant(panda_urdf, q=POSE, gravity=[0.0, 0.0, 0.0], time_step=0.002),
+        make_plant(panda_urdf, q=POSE, rotor_inertia=0.0),
+    ):
         states.append(steps(plant, 30, [0.0] * 7))
     assert np.array_equal(states[0], states[2])
     assert not np.array_equal(states[0], states[1])
 
 
-@pytest.mark.parametrize("config", [{"rotor_inertia": 0.0}, {"rotor_inertia": 0.1}, {"rotor_inertia": 0.0, "integrator": "semi_implicit"}])
+@pytest.mark.parametrize(
+    "config", [{"rotor_inertia": 0.0}, {"rotor_inertia": 0.1}, {"rotor_inertia": 0.0, "integrator": "semi_implicit"}]
+)
 def test_a_reset_leads_to_the_same_motion_to_the_last_bit(make_plant, panda_urdf, config):
     plant = make_plant(panda_urdf, q=POSE, **config)
     first = steps(plant, 60, [1.0] * 7)

@@ -15,14 +15,21 @@ def loads(urdf, q, dq, ddq):
     pinocchio.rnea(model, data, q, dq, ddq)
     pinocchio.forwardKinematics(model, data, q)
     turns = [np.array(data.oMi[j].rotation) for j in range(model.njoints)]
-    return [(np.array(data.oMi[j].translation), turns[j] @ data.f[j].linear, turns[j] @ data.f[j].angular) for j in range(1, model.njoints)]
+    return [
+        (np.array(data.oMi[j].translation), turns[j] @ data.f[j].linear, turns[j] @ data.f[j].angular)
+        for j in range(1, model.njoints)
+    ]
 
 
 def error(plant, expected):
     found = plant.joint_reactions()
     assert [reaction.joint for reaction in found] == list(plant.joint_names)
-    pairs = [(vector, wanted) for reaction, row in zip(found, expected, strict=True) for vector, wanted in zip(vectors(reaction), row, strict=True)]
-    return max(np.abs(np.array(vector) - wanted).max() for vector, wanted in pairs)
+    pairs = [
+        (vector, target)
+        for reaction, row in zip(found, expected, strict=True)
+        for vector, target in zip(vectors(reaction), row, strict=True)
+    ]
+    return max(np.abs(np.array(vector) - target).max() for vector, target in pairs)
 
 
 def vectors(reaction):
@@ -58,15 +65,20 @@ def test_a_wrench_on_the_hand_goes_through_all_joints(make_plant, panda_urdf):
 
 
 def test_what_presses_on_the_hand_is_carried_by_the_first_joint(make_plant, contact_urdf, tmp_path):
-    """A ball on a spring: the arm's base carries the arm's own weight and the force that the contact tells."""
+    """A ball on a spring: the arm's base carries the arm's own weight and the force that the contact reports."""
     hand = make_plant(contact_urdf, q=POSE).link_state("panda_hand")[0][:3, 3]
     world = tmp_path / "world.yaml"
     at = [float(hand[0]), float(hand[1]), float(hand[2]) + 0.093]
-    world.write_text(f"objects: [{{name: ball, shape: sphere, size: 0.06, pose: {{xyz: {at}}}, contact: penalty, stiffness: 20000.0}}]")
+    world.write_text(
+        f"objects: [{{name: ball, shape: sphere, size: 0.06, pose: {{xyz: {at}}}, contact: penalty, "
+        f"stiffness: 20000.0}}]"
+    )
     plant = make_plant(contact_urdf, q=POSE, world=str(world), gravity=STILL)
     plant.set_brakes([True] * 7)
     plant.apply([0.0] * 7)
     plant.step()
-    on_hand = sum(c.force * (1 if c.body_a.startswith("panda::") else -1) * np.array(c.normal) for c in plant.contacts())
+    on_hand = sum(
+        c.force * (1 if c.body_a.startswith("panda::") else -1) * np.array(c.normal) for c in plant.contacts()
+    )
     assert np.linalg.norm(on_hand) > 1.0
     assert np.array(plant.joint_reactions()[0].force) == pytest.approx(-on_hand, abs=1e-9)

@@ -1,7 +1,5 @@
 """The collision capsules lie close to the meshes and do not overlap where the arm does not touch itself."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
@@ -12,14 +10,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 import panda_description
-from panda_description import files, meshes
+from panda_description import parameters
 
-PARTS = files.config("collision")["links"]
+PARTS = parameters.config("collision")["links"]
 
 
 def vertices(part: str) -> np.ndarray:
     """Points of the part's mesh, shape (n, 3) [m]."""
-    path = Path(meshes.folder_uri().removeprefix("file://")) / files.config("meshes")["links"][part]
+    path = Path(parameters.folder_uri().removeprefix("file://")) / parameters.config("meshes")["links"][part]
     return np.array([line.split()[1:4] for line in path.read_text().splitlines() if line.startswith("v ")], dtype=float)
 
 
@@ -40,7 +38,11 @@ def test_the_capsules_of_a_link_lie_close_to_its_mesh(part: str) -> None:
 
 def test_cylinders_of_the_urdf_run_from_one_end_of_the_capsule_to_the_other() -> None:
     robot = ElementTree.fromstring(panda_description.load())
-    for name, part, turn in [*((part, part, 1) for part in PARTS if part != "finger"), ("leftfinger", "finger", 1), ("rightfinger", "finger", -1)]:
+    for name, part, turn in [
+        *((part, part, 1) for part in PARTS if part != "finger"),
+        ("leftfinger", "finger", 1),
+        ("rightfinger", "finger", -1),
+    ]:
         elements = robot.findall(f"link[@name='panda_{name}']/collision")
         cylinders = [element for element in elements if element.find("geometry/cylinder") is not None]
         capsules = [capsule for capsule in PARTS[part] if capsule["from"] != capsule["to"]]
@@ -52,7 +54,9 @@ def test_cylinders_of_the_urdf_run_from_one_end_of_the_capsule_to_the_other() ->
             half = float(cylinder.find("geometry/cylinder").attrib["length"]) / 2
             assert roll == 0.0
             for sign, end in ((-1, "from"), (1, "to")):
-                assert_allclose(middle + sign * half * axis, np.array(capsule[end]) * [turn, turn, 1], rtol=0, atol=1e-12)
+                assert_allclose(
+                    middle + sign * half * axis, np.array(capsule[end]) * [turn, turn, 1], rtol=0, atol=1e-12
+                )
 
 
 def overlapping(count: int, urdf: Path) -> Counter[tuple[str, str]]:
@@ -62,7 +66,10 @@ def overlapping(count: int, urdf: Path) -> Counter[tuple[str, str]]:
     try:
         flags = pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
         body = pybullet.loadURDF(str(urdf), useFixedBase=True, flags=flags, physicsClientId=engine)
-        info = [pybullet.getJointInfo(body, i, physicsClientId=engine) for i in range(pybullet.getNumJoints(body, physicsClientId=engine))]
+        info = [
+            pybullet.getJointInfo(body, i, physicsClientId=engine)
+            for i in range(pybullet.getNumJoints(body, physicsClientId=engine))
+        ]
         names = [entry[12].decode().removeprefix("panda_") for entry in info]
         moving = [entry[0] for entry in info if entry[2] == pybullet.JOINT_REVOLUTE]
         random, limits = np.random.default_rng(1), panda_description.joint_limits().values()
@@ -72,7 +79,9 @@ def overlapping(count: int, urdf: Path) -> Counter[tuple[str, str]]:
                 pybullet.resetJointState(body, joint, random.uniform(limit.lower, limit.upper), physicsClientId=engine)
             pybullet.performCollisionDetection(physicsClientId=engine)
             contacts = pybullet.getContactPoints(body, body, physicsClientId=engine)
-            found.update({tuple(sorted((names[contact[3]], names[contact[4]]))) for contact in contacts if contact[8] < 0.0})
+            found.update(
+                {tuple(sorted((names[contact[3]], names[contact[4]]))) for contact in contacts if contact[8] < 0.0}
+            )
         return found
     finally:
         pybullet.disconnect(engine)
@@ -80,15 +89,25 @@ def overlapping(count: int, urdf: Path) -> Counter[tuple[str, str]]:
 
 def test_pairs_that_always_overlap_are_masked_and_neighbours_in_the_chain_but_one_stay_clear(tmp_path: Path) -> None:
     found = overlapping(500, tmp_path / "panda.urdf")
-    masked = {tuple(sorted((a.removeprefix("panda_"), b.removeprefix("panda_")))) for a, b in panda_description.ignored_pairs()}
-    assert {pair for pair, times in found.items() if times == 500} == {("hand", "link7"), ("leftfinger", "rightfinger")} <= masked
+    masked = {
+        tuple(sorted((a.removeprefix("panda_"), b.removeprefix("panda_"))))
+        for a, b in panda_description.ignored_pairs()
+    }
+    assert (
+        {pair for pair, times in found.items() if times == 500}
+        == {("hand", "link7"), ("leftfinger", "rightfinger")}
+        <= masked
+    )
     next_but_one = {tuple(sorted((f"link{i}", f"link{i + 2}"))) for i in range(6)}
     assert {pair for pair in found if pair in next_but_one} <= masked
 
 
 def test_without_masked_pairs_few_random_poses_overlap(tmp_path: Path) -> None:
     found = overlapping(500, tmp_path / "panda.urdf")
-    masked = {tuple(sorted((a.removeprefix("panda_"), b.removeprefix("panda_")))) for a, b in panda_description.ignored_pairs()}
+    masked = {
+        tuple(sorted((a.removeprefix("panda_"), b.removeprefix("panda_"))))
+        for a, b in panda_description.ignored_pairs()
+    }
     assert sum(times for pair, times in found.items() if pair not in masked) < 0.25 * 500
 
 

@@ -1,31 +1,13 @@
 """Steiner's theorem and the physical sense of the inertial sets, against published and worked figures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import panda_description
 from hric_control.errors import UnknownNameError
-from panda_description import inertials_cli
-from panda_description.inertia import com_to_origin, judge, origin_to_com, steiner_term, tensor
-from panda_description.parameters import unphysical
-
-
-def test_applying_and_undoing_steiner_gives_the_tensor_back() -> None:
-    random = np.random.default_rng(0)
-    for _ in range(100):
-        mass, com = random.uniform(0.1, 5.0), random.uniform(-0.5, 0.5, 3)
-        inertia = tensor(*random.uniform(-1.0, 1.0, 6))
-        assert_allclose(origin_to_com(com_to_origin(inertia, mass, com), mass, com), inertia, rtol=0, atol=1e-12)
-
-
-def test_the_term_is_that_of_a_point_mass_and_does_not_depend_on_the_sign_of_q() -> None:
-    assert_allclose(steiner_term(2.0, np.array([0.0, 0.0, 3.0])), np.diag([18.0, 18.0, 0.0]))
-    q = np.array([0.1, -0.2, 0.3])
-    assert_allclose(steiner_term(1.5, q), steiner_term(1.5, -q))
-    assert_allclose(steiner_term(1.0, np.array([1.0, 2.0, 0.0]))[0, 1], -2.0)
+from hric_control.geometry import judge
+from panda_description import inertial_sets
 
 
 def test_the_worked_example_of_the_thesis_follows_from_the_signs_of_the_published_table() -> None:
@@ -46,12 +28,12 @@ def test_triangle_margins_of_links_1_to_7(name: str, margins: list[float]) -> No
 
 
 def test_the_default_set_is_physical_in_every_part() -> None:
-    assert unphysical("barycentric") == {}
+    assert inertial_sets.unphysical("barycentric") == {}
     assert len(panda_description.inertials("barycentric")) == 10
 
 
 def test_the_thesis_set_is_not_physical_in_links_2_to_6_and_indefinite_in_3_4_and_6() -> None:
-    assert sorted(unphysical("thesis")) == ["link2", "link3", "link4", "link5", "link6"]
+    assert sorted(inertial_sets.unphysical("thesis")) == ["link2", "link3", "link4", "link5", "link6"]
     links = panda_description.inertials("thesis")
     assert [i for i in range(1, 8) if not judge(links[f"link{i}"].inertia).positive_definite] == [3, 4, 6]
     negative = {i: judge(links[f"link{i}"].inertia).moments[:2].round(4).tolist() for i in (3, 4, 6)}
@@ -66,14 +48,16 @@ def test_an_unknown_set_is_refused_with_the_valid_ones() -> None:
 
 
 def test_the_tool_prints_every_part_and_undoing_steiner_on_the_default_set_shows_the_broken_links() -> None:
-    plain = inertials_cli.run([]).splitlines()
+    plain = inertial_sets.run([]).splitlines()
     assert [line.split()[0] for line in plain[2:]] == list(panda_description.inertials())
     assert all("physical" in line for line in plain[2:])
-    undone = {line.split()[0]: line for line in inertials_cli.run(["--steiner", "undo"]).splitlines()[2:]}
-    assert "breaks the triangle inequality by 0.073013" in undone["link4"] and "not positive definite" in undone["link4"]
+    undone = {line.split()[0]: line for line in inertial_sets.run(["--steiner", "undo"]).splitlines()[2:]}
+    assert (
+        "breaks the triangle inequality by 0.073013" in undone["link4"] and "not positive definite" in undone["link4"]
+    )
 
 
 def test_the_tool_takes_the_thesis_set_back_to_the_published_tensors() -> None:
-    back = inertials_cli.moved(panda_description.inertials("thesis"), "apply")
+    back = inertial_sets.moved(panda_description.inertials("thesis"), "apply")
     for i in range(1, 8):
         assert_allclose(back[f"link{i}"].inertia, panda_description.inertials()[f"link{i}"].inertia, rtol=0, atol=1e-12)

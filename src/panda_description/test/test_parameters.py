@@ -1,9 +1,7 @@
 """Limits and friction as others read them."""
 
-from __future__ import annotations
-
 import panda_description
-from panda_description import files
+from panda_description import parameters
 
 
 def test_joint_limits_come_in_order_with_the_arm_s_prefix() -> None:
@@ -13,7 +11,10 @@ def test_joint_limits_come_in_order_with_the_arm_s_prefix() -> None:
 
 
 def test_limits_under_the_names_of_ros_control_are_the_same_numbers() -> None:
-    entry, limit = panda_description.joint_limit_parameters()["panda_joint7"], panda_description.joint_limits()["panda_joint7"]
+    entry, limit = (
+        panda_description.joint_limit_parameters()["panda_joint7"],
+        panda_description.joint_limits()["panda_joint7"],
+    )
     assert entry == {
         "has_position_limits": True,
         "min_position": limit.lower,
@@ -46,7 +47,7 @@ def test_friction_parameters_are_a_copy_with_three_coefficients_per_joint() -> N
 
 
 def test_every_configuration_file_names_its_source() -> None:
-    for path in sorted((files.share() / "config").glob("*.yaml")):
+    for path in sorted((parameters.share() / "config").glob("*.yaml")):
         head = "".join(line for line in path.read_text().splitlines(keepends=True) if line.startswith("#"))
         assert "ource" in head, path.name
         assert "[" in head or path.name == "meshes.yaml", f"{path.name} gives no unit"

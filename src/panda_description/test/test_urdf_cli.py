@@ -1,7 +1,5 @@
 """The command `rosrun panda_description urdf`."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -10,22 +8,28 @@ import pytest
 
 import panda_description
 from hric_control.errors import ParameterError, UnknownNameError
-from panda_description import urdf_cli
+from panda_description import description
 
 NODE = Path(__file__).parents[1] / "nodes" / "urdf"
 
 
 def test_words_become_arguments_of_the_right_type() -> None:
     words = ["hand:=False", "damping:=1", "xyz:=0 0 1", "arm_id:=left", "collision:=1"]
-    assert urdf_cli.parse(words) == {"hand": False, "damping": 1.0, "xyz": "0 0 1", "arm_id": "left", "collision": True}
+    assert description.parse(words) == {
+        "hand": False,
+        "damping": 1.0,
+        "xyz": "0 0 1",
+        "arm_id": "left",
+        "collision": True,
+    }
 
 
 def test_the_command_prints_what_load_returns() -> None:
-    assert urdf_cli.run(["hand:=false", "damping:=0.5"]) == panda_description.load(hand=False, damping=0.5)
+    assert description.run(["hand:=false", "damping:=0.5"]) == panda_description.load(hand=False, damping=0.5)
 
 
 def test_help_names_every_argument_with_default_and_valid_values() -> None:
-    text = urdf_cli.run(["--help"])
+    text = description.run(["--help"])
     for name, argument in panda_description.arguments().items():
         assert f"  {name}:=" in text
         assert argument.valid in text
@@ -34,14 +38,17 @@ def test_help_names_every_argument_with_default_and_valid_values() -> None:
 @pytest.mark.parametrize("word", ["hnad:=true", "unknown:=1"])
 def test_an_unknown_argument_is_refused_with_all_valid_names(word: str) -> None:
     with pytest.raises(UnknownNameError) as error:
-        urdf_cli.parse([word])
+        description.parse([word])
     assert all(name in str(error.value) for name in panda_description.arguments())
 
 
-@pytest.mark.parametrize(("word", "said"), [("hand:=maybe", "valid: true, false"), ("damping:=much", "number >= 0"), ("hand", "ARG:=VALUE")])
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [("hand:=maybe", "true or false"), ("damping:=much", "number of 0 or more"), ("hand", "ARG:=VALUE")],
+)
 def test_a_word_that_cannot_be_read_is_refused(word: str, said: str) -> None:
     with pytest.raises(ParameterError, match=said):
-        urdf_cli.parse([word])
+        description.parse([word])
 
 
 def test_the_executable_ends_with_1_and_one_line_on_a_mistake() -> None:

@@ -1,4 +1,5 @@
-"""A second opinion on the physics: pinocchio's forward dynamics, integrated by Runge-Kutta of fourth order, torques held for 1 ms."""
+"""A second opinion on the physics: pinocchio's forward dynamics, integrated by Runge-Kutta of fourth order, torques
+held for 1 ms."""
 
 import re
 
@@ -25,7 +26,8 @@ class Oracle:
         return pinocchio.aba(self.model, self.data, q, dq, tau - self.damping * dq)
 
     def middle_acceleration(self, q, dq, tau, losses=lambda u: 0.0):
-        """x with bias and losses at the velocity dq + dt/2 x, to the last digits (implicit midpoint rule at a given position)."""
+        """x with bias and losses at the velocity dq + dt/2 x, to the last digits (implicit midpoint rule at a given
+        position)."""
         x = np.zeros_like(dq)
         M = self.mass_matrix(q) + np.diag(self.model.armature)
         for _ in range(100):

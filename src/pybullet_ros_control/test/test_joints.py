@@ -7,8 +7,7 @@ from two_link import two_link_urdf
 
 import panda_description
 from hric_control.errors import HricError
-from hric_control.plant import Load
-from hric_control.plants.modes import Mode
+from hric_control.plant import Load, Mode
 
 POSE = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]
 JOINTS = ["joint1", "joint2"]
@@ -93,7 +92,7 @@ def test_coulomb_friction_brakes_a_sliding_joint_by_its_value(make_plant, rotor)
     assert dq[0] == pytest.approx(1.0 - 0.1 * 0.5 / whole, abs=1e-3)
 
 
-def test_urdf_friction_does_nothing_unless_asked_for(make_plant):
+def test_urdf_friction_does_nothing_unless_requested(make_plant):
     plant = make_plant(two_link_urdf(friction=0.5), JOINTS, rotor_inertia=0.0, gravity=STILL)
     plant.reset([0.0, 0.0])
     assert steps(plant, 100, [0.1, 0.0])[1][0] > 1e-3
@@ -102,7 +101,9 @@ def test_urdf_friction_does_nothing_unless_asked_for(make_plant):
 @pytest.mark.parametrize("integrator", ["accurate", "semi_implicit"])
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
 def test_urdf_damping_acts(make_plant, rotor, integrator):
-    plant = make_plant(two_link_urdf(damping=0.8), JOINTS, rotor_inertia=rotor, integrator=integrator, half_step_readout=False)
+    plant = make_plant(
+        two_link_urdf(damping=0.8), JOINTS, rotor_inertia=rotor, integrator=integrator, half_step_readout=False
+    )
     q, dq = np.array([0.3, 0.2]), np.array([1.0, -2.0])
     plant.reset(q, dq)
     oracle = Oracle(two_link_urdf(), rotor, damping=0.8)
@@ -130,7 +131,9 @@ def test_identified_friction_is_the_published_sigmoid(make_plant, panda_urdf, ro
 
     plant.reset(q, dq)
     middle = integrator == "accurate"
-    expected = oracle.middle_acceleration(q, dq, np.zeros(7), tau_f) if middle else oracle.acceleration(q, dq, -tau_f(dq))
+    expected = (
+        oracle.middle_acceleration(q, dq, np.zeros(7), tau_f) if middle else oracle.acceleration(q, dq, -tau_f(dq))
+    )
     assert np.abs(steps(plant, 1)[1] - dq - 1e-3 * expected).max() < (1e-6 if middle else 1e-9)
 
 
@@ -159,7 +162,9 @@ def test_a_stop_holds_a_pushing_joint(make_plant, rotor):
 def test_a_stop_acts_only_once_the_joint_has_been_inside(make_plant, rotor):
     plant = make_plant(two_link_urdf(), JOINTS, rotor_inertia=rotor, gravity=STILL)
     plant.reset([2.3, 0.0])
-    acceleration = Oracle(two_link_urdf(axis="0 0 1"), rotor).acceleration(np.zeros(2), np.zeros(2), np.array([1.0, 0.0]))
+    acceleration = Oracle(two_link_urdf(axis="0 0 1"), rotor).acceleration(
+        np.zeros(2), np.zeros(2), np.array([1.0, 0.0])
+    )
     q, dq = steps(plant, 100, [1.0, 0.0])
     # Outside, nothing hinders it, in either direction.
     assert q[0] == pytest.approx(2.3 + 0.5 * 0.1**2 * acceleration[0], abs=5e-4)
@@ -210,7 +215,7 @@ def test_a_drive_gives_no_more_than_the_urdf_allows(make_plant):
     assert dq[0] == pytest.approx(0.5, abs=1e-6)
 
 
-def test_a_model_that_diverges_is_told_and_not_passed_on(make_plant):
+def test_a_model_that_diverges_is_reported_and_not_passed_on(make_plant):
     plant = make_plant(two_link_urdf(), JOINTS)
     plant.apply([float("nan"), 0.0])
     with pytest.raises(HricError, match="diverged"):

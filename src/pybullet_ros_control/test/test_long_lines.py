@@ -1,6 +1,5 @@
-"""The engine reads a line in pieces and breaks what is at a seam: no file that is written for it may have such a line."""
-
-from __future__ import annotations
+"""The engine reads a line in pieces and breaks what is at a seam: no file that is written for it may have such a
+line."""
 
 from collections.abc import Callable
 
@@ -8,8 +7,8 @@ import numpy as np
 import pytest
 
 from hric_control.errors import DescriptionError
-from hric_control.plants.spatial import FloatArray
-from hric_control.plants.urdf_tree import parse_urdf
+from hric_control.geometry import FloatArray
+from hric_control.urdf import read
 from pybullet_ros_control.engine import Engine
 from pybullet_ros_control.urdf_model import PIECE, prepare
 
@@ -32,18 +31,21 @@ def chain(seed: int, word: Padding) -> str:
     for number in range(1, LINKS):
         xyz, rpy = (" ".join(map(str, random.uniform(-size, size, 3))) for size in (0.1, 3.0))
         parts.append(
-            f'<link name="link{number}"><inertial><mass value="0.5"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+            f'<link name="link{number}"><inertial><mass value="0.5"/><inertia ixx="0.01" iyy="0.01" izz="0.01" '
+            'ixy="0" ixz="0" iyz="0"/></inertial>'
             f'<collision name="{word(30)}">{word(60)}<!-- {word(60)} -->'
             f'<geometry><box size="0.01 0.01 0.01" a="{word(30)}" b="{word(30)}"/></geometry></collision></link>'
-            f'<joint name="joint{number}{word(100)}" type="revolute"><parent link="link{number - 1}"/><child link="link{number}"/>'
-            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+            f'<joint name="joint{number}{word(100)}" type="revolute"><parent link="link{number - 1}"/><child '
+            f'link="link{number}"/>'
+            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" '
+            'velocity="1"/></joint>'
         )
     return f'<robot name="chain">{"".join(parts)}</robot>'
 
 
 def tip(engine: Engine, urdf_xml: str) -> FloatArray:
     """Pose of the last link at q = 0, shape (4, 4) [m]."""
-    body = engine.load("chain", prepare(parse_urdf(urdf_xml)), np.eye(4), fixed_base=True, self_collision=False)
+    body = engine.load("chain", prepare(read(urdf_xml)), np.eye(4), fixed_base=True, self_collision=False)
     pose = engine.pose(body, body.links[f"link{LINKS - 1}"])
     engine.remove(body)
     return pose
@@ -62,11 +64,11 @@ def test_padding_of_a_description_moves_no_link(seed: int) -> None:
 
 def test_no_line_of_a_written_description_is_longer_than_a_piece() -> None:
     words = padding(np.random.default_rng(0))
-    xml = prepare(parse_urdf(chain(0, lambda longest: words(20 * longest)))).xml
+    xml = prepare(read(chain(0, lambda longest: words(20 * longest)))).xml
     assert max(len(line.encode()) for line in xml.splitlines(keepends=True)) <= PIECE
 
 
 def test_an_attribute_that_fits_in_no_piece_is_one_clear_error() -> None:
     urdf_xml = f'<robot name="r"><link name="{"n" * PIECE}"/></robot>'
     with pytest.raises(DescriptionError, match=f"name of <link>: {PIECE + 7} bytes .*at most {PIECE - 1} bytes"):
-        prepare(parse_urdf(urdf_xml))
+        prepare(read(urdf_xml))

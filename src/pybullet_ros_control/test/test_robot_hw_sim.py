@@ -2,28 +2,40 @@
 
 import numpy as np
 import pytest
+from double_integrator_robot import DoubleIntegrator
 from rigid_body_oracle import Oracle
 from two_link import transmission, two_link_urdf
 
 from hric_control import plugins
 from hric_control.errors import CommandError, HricError
-from hric_control.hardware_interface import EffortJointInterface, JointStateInterface, PositionJointInterface, VelocityJointInterface
-from hric_control.local_node import LocalNode
+from hric_control.hardware_interface import (
+    EffortJointInterface,
+    JointStateInterface,
+    PositionJointInterface,
+    VelocityJointInterface,
+)
+from hric_control.local.node import LocalNode
 from hric_control.robot_hw import ControllerInfo
-from pybullet_ros_control.plant import PyBulletPlant
-from pybullet_ros_control.robot_hw_sim import RobotHWSim
+from hric_control.sim.robot_hw_sim import RobotHWSim
+from pybullet_ros_control import robot_hw_sim as former_place
 
 ALL = ("EffortJointInterface", "VelocityJointInterface", "PositionJointInterface")
 WIDE = 'lower="-2" upper="2" effort="200" velocity="5"'
 
 
 def planar(*per_joint, limit=WIDE, reduction=1.0, offset=None):
-    parts = [transmission(f"joint{i}", *kinds, reduction=reduction, offset=offset) for i, kinds in enumerate(per_joint, 1)]
+    parts = [
+        transmission(f"joint{i}", *kinds, reduction=reduction, offset=offset) for i, kinds in enumerate(per_joint, 1)
+    ]
     return two_link_urdf(limit=limit, transmissions="".join(parts))
 
 
 def info(name, **claims):
-    return ControllerInfo(name, "test/Test", {f"hardware_interface::{kind}JointInterface": frozenset(joints) for kind, joints in claims.items()})
+    return ControllerInfo(
+        name,
+        "test/Test",
+        {f"hardware_interface::{kind}JointInterface": frozenset(joints) for kind, joints in claims.items()},
+    )
 
 
 @pytest.fixture
@@ -58,8 +70,10 @@ def run(hw, seconds, law=None):
     hw.run(on_cycle)
 
 
-def test_the_type_name_finds_the_robot_and_its_plant():
+def test_the_type_name_and_its_former_one_find_the_robot_and_its_plant():
+    assert plugins.find(plugins.ROBOT_HW, "hric_control/RobotHWSim") is RobotHWSim
     assert plugins.find(plugins.ROBOT_HW, "pybullet_ros_control/RobotHWSim") is RobotHWSim
+    assert former_place.RobotHWSim is RobotHWSim
     assert plugins.find(plugins.PLANT, "pybullet_ros_control/PyBulletPlant").__name__ == "PyBulletPlant"
 
 
@@ -187,7 +201,11 @@ def test_limits_cut_and_are_counted(make_hw):
 
 
 def test_a_start_outside_the_range_is_said_once_and_only_inward_effort_passes(make_hw, caplog):
-    hw = make_hw(planar(ALL, ALL, limit='lower="-2" upper="-0.1" effort="30" velocity="5"'), q_start=[0.0, -0.5], plant={"gravity": [0, 0, 0]})
+    hw = make_hw(
+        planar(ALL, ALL, limit='lower="-2" upper="-0.1" effort="30" velocity="5"'),
+        q_start=[0.0, -0.5],
+        plant={"gravity": [0, 0, 0]},
+    )
     hw.do_switch([info("one", Effort=["joint1", "joint2"])], [])
     group = hw.get(EffortJointInterface).group()
 
@@ -201,7 +219,7 @@ def test_a_start_outside_the_range_is_said_once_and_only_inward_effort_passes(ma
     assert not [r for r in caplog.records if "joint2 starts at" in r.getMessage()]
 
 
-def test_transmissions_tell_the_actuators_state(make_hw):
+def test_transmissions_give_the_actuators_state(make_hw):
     hw = make_hw(planar(ALL, ALL, reduction=50.0, offset=0.1), q_start=[0.3, 0.2])
     hw.do_switch([info("one", Effort=["joint1", "joint2"])], [])
     group = hw.get(EffortJointInterface).group()
@@ -216,7 +234,7 @@ def test_transmissions_tell_the_actuators_state(make_hw):
     assert effort == pytest.approx(-20.0 / 50.0)
 
 
-def test_reset_puts_the_robot_back_and_run_time_goes_on(make_hw):
+def test_reset_puts_the_robot_back_and_robot_time_goes_on(make_hw):
     hw = make_hw(planar(ALL, ALL), q_start={"joint2": 0.2})
     hw.do_switch([info("one", Effort=["joint1", "joint2"])], [])
     run(hw, 0.2)
@@ -250,15 +268,23 @@ def test_a_controller_that_claims_a_joint_twice_is_refused(make_hw):
 @pytest.mark.parametrize(
     ("root", "parameters", "message"),
     [
-        ({}, {"q_start": [0.0]}, "q_start must be 2 finite numbers for joint1, joint2"),
+        ({}, {"q_start": [0.0]}, r"q_start is \[0.0\]; valid: 2 values, for joint1, joint2"),
         ({}, {"q_start": {"joint9": 0.0}}, "no joint 'joint9'.*valid: joint1, joint2"),
-        ({}, {"enforce_limits": ["speed"]}, "enforce_limits must be true, false or a list of position, velocity"),
-        ({}, {"brake_unclaimed": 1}, "brake_unclaimed must be true or false"),
-        ({}, {"plant": {"rotor": 1}}, "unknown parameter rotor; valid: .*rotor_inertia"),
-        ({}, {"plant": 3}, "plant must be a set of parameters"),
+        ({}, {"enforce_limits": ["speed"]}, r"enforce_limits\[0\] is 'speed'; valid: position, velocity"),
+        ({}, {"brake_unclaimed": 1}, "brake_unclaimed is 1; valid: true or false"),
+        ({}, {"plant": {"rotor": 1}}, "no parameter 'rotor' in plant; valid: .*rotor_inertia"),
+        ({}, {"plant": 3}, "plant is 3; valid: a mapping"),
         ({}, {"plant_type": "nobody/NoPlant"}, "pybullet_ros_control/PyBulletPlant"),
-        ({"gazebo_ros_control": {"pid_gains": {"joint1": {"p": 1.0, "q": 2.0}}}}, {}, "joint1: unknown key q; valid: p, i, d"),
-        ({"gazebo_ros_control": {"pid_gains": {"joint1": {"d": 1.0}}}}, {}, "joint1 must be {p, i, d, i_clamp}"),
+        (
+            {"gazebo_ros_control": {"pid_gains": {"joint1": {"p": 1.0, "q": 2.0}}}},
+            {},
+            "no parameter 'q' in .*joint1; valid: .*antiwindup, d, i",
+        ),
+        (
+            {"gazebo_ros_control": {"pid_gains": {"joint1": {"d": 1.0}}}},
+            {},
+            "joint1/p is not set; valid: a finite",
+        ),
     ],
 )
 def test_wrong_parameters_are_refused_with_the_valid_ones(make_hw, root, parameters, message):
@@ -272,19 +298,8 @@ def test_a_description_without_transmissions_is_refused(make_hw):
 
 
 def test_velocity_interfaces_need_a_plant_with_drives_or_gains(make_hw, monkeypatch):
-    class NoDrives:
-        """A plant with nothing but what every plant must have."""
-
-        def __init__(self, *arguments):
-            self._plant = PyBulletPlant(*arguments)
-
-        def __getattr__(self, name):
-            if name == "set_modes":
-                raise AttributeError(name)
-            return getattr(self._plant, name)
-
-    monkeypatch.setattr(plugins, "find", lambda base, name: NoDrives)
-    with pytest.raises(HricError, match="joint1 offers VelocityJointInterface, but NoDrives has no drives"):
+    monkeypatch.setattr(plugins, "find", lambda base, name: lambda urdf, names, config: DoubleIntegrator(names, 0.001))
+    with pytest.raises(HricError, match="joint1 offers VelocityJointInterface, but DoubleIntegrator has no drives"):
         make_hw(planar(("VelocityJointInterface",), ("EffortJointInterface",)))
     gains = {"gazebo_ros_control": {"pid_gains": {"joint1": {"p": 1.0}}}}
     make_hw(planar(("VelocityJointInterface",), ("EffortJointInterface",)), gains)

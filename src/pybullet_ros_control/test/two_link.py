@@ -4,7 +4,13 @@ LENGTH, MASS, INERTIA = 0.5, 2.0, 0.02
 
 
 def two_link_urdf(
-    joint="revolute", friction=0.0, damping=0.0, limit='lower="-2" upper="2" effort="50" velocity="5"', transmissions="", axis="0 1 0", name="planar"
+    joint="revolute",
+    friction=0.0,
+    damping=0.0,
+    limit='lower="-2" upper="2" effort="50" velocity="5"',
+    transmissions="",
+    axis="0 1 0",
+    name="planar",
 ):
     """Links along x, centres of mass in their middle; both joints about `axis`."""
     links, joints = '<link name="base"/>', ""

@@ -1,7 +1,5 @@
 """Random robots for the converter's tests: trees with all joint types, and descriptions spoilt in one place."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -20,7 +18,10 @@ def tensor(random: np.random.Generator, mass: float) -> dict[str, str]:
     points = random.normal(size=(10, 3)) * random.uniform(0.02, 0.2, 3)
     points -= points.mean(axis=0)
     J = sum(mass / 10.0 * (p @ p * np.eye(3) - np.outer(p, p)) for p in points)
-    return {name: repr(float(J["xyz".index(name[1]), "xyz".index(name[2])])) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+    return {
+        name: repr(float(J["xyz".index(name[1]), "xyz".index(name[2])]))
+        for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    }
 
 
 def add_link(robot: Element, name: str, random: np.random.Generator) -> None:
@@ -39,15 +40,32 @@ def add_joint(robot: Element, name: str, kind: str, parent: str, child: str, ran
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)
     # Now and then a right angle, where body-fixed angles are singular.
-    rpy = random.uniform(-np.pi, np.pi, 3) if random.random() < 0.7 else random.choice([0.0, np.pi / 2, -np.pi / 2, np.pi], 3)
+    rpy = (
+        random.uniform(-np.pi, np.pi, 3)
+        if random.random() < 0.7
+        else random.choice([0.0, np.pi / 2, -np.pi / 2, np.pi], 3)
+    )
     SubElement(joint, "origin", xyz=text(random.uniform(-0.5, 0.5, 3)), rpy=text(rpy))
     if kind not in ("fixed", "floating"):
-        axis = random.normal(size=3) if random.random() < 0.7 else random.permutation([0.0, 0.0, random.choice([-1.0, 1.0])])
+        axis = (
+            random.normal(size=3)
+            if random.random() < 0.7
+            else random.permutation([0.0, 0.0, random.choice([-1.0, 1.0])])
+        )
         SubElement(joint, "axis", xyz=text(axis))
     if kind in ONE:
-        limit = {} if kind == "continuous" else {"lower": repr(float(random.uniform(-2.0, 0.0))), "upper": repr(float(random.uniform(0.0, 2.0)))}
+        limit = (
+            {}
+            if kind == "continuous"
+            else {"lower": repr(float(random.uniform(-2.0, 0.0))), "upper": repr(float(random.uniform(0.0, 2.0)))}
+        )
         SubElement(joint, "limit", limit | {"effort": repr(float(random.uniform(1.0, 100.0))), "velocity": "2.0"})
-        SubElement(joint, "dynamics", damping=repr(float(random.uniform(0.0, 5.0))), friction=repr(float(random.uniform(0.0, 2.0))))
+        SubElement(
+            joint,
+            "dynamics",
+            damping=repr(float(random.uniform(0.0, 5.0))),
+            friction=repr(float(random.uniform(0.0, 2.0))),
+        )
     return joint
 
 
@@ -65,7 +83,10 @@ def tree(seed: int, joints: int = 12) -> str:
         if kind in ONE and coupled is None:
             coupled = joint
         elif kind in ONE and coupled is not None and robot.find(".//mimic") is None:
-            mimic = {"multiplier": repr(float(random.uniform(-2.0, 2.0))), "offset": repr(float(random.uniform(-0.5, 0.5)))}
+            mimic = {
+                "multiplier": repr(float(random.uniform(-2.0, 2.0))),
+                "offset": repr(float(random.uniform(-0.5, 0.5))),
+            }
             SubElement(joint, "mimic", {"joint": coupled.get("name", "")} | mimic)
     return ElementTree.tostring(robot, encoding="unicode")
 
@@ -95,10 +116,14 @@ def spoilt(urdf_xml: str, seed: int) -> str:
     """The description with one thing spoilt: an attribute, an element, or the text itself."""
     random = np.random.default_rng(seed)
     root = ElementTree.fromstring(urdf_xml)
-    pairs = [(parent, child) for parent in root.iter() for child in parent if child.tag not in ("transmission", "gazebo")]
+    pairs = [
+        (parent, child) for parent in root.iter() for child in parent if child.tag not in ("transmission", "gazebo")
+    ]
     parent, child = pairs[random.integers(len(pairs))]
     attributed = [element for element in root.iter() if element.attrib]
-    kind = ("value", "value", "value", "value", "no attribute", "no element", "twice", "moved", "cut", "type")[seed % 10]
+    kind = ("value", "value", "value", "value", "no attribute", "no element", "twice", "moved", "cut", "type")[
+        seed % 10
+    ]
     if kind in ("value", "no attribute"):
         element = attributed[random.integers(len(attributed))]
         name = str(random.choice(sorted(element.attrib)))

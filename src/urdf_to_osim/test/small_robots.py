@@ -1,8 +1,9 @@
 """Small descriptions, written by hand, for the converter's tests."""
 
-from __future__ import annotations
-
-BODY = '<inertial><origin xyz="0.1 0.2 0.3"/><mass value="2"/><inertia ixx="0.1" ixy="0.01" ixz="0.02" iyy="0.12" iyz="0.03" izz="0.15"/></inertial>'
+BODY = (
+    '<inertial><origin xyz="0.1 0.2 0.3"/><mass value="2"/><inertia ixx="0.1" ixy="0.01" ixz="0.02" '
+    'iyy="0.12" iyz="0.03" izz="0.15"/></inertial>'
+)
 LIMIT = '<limit lower="-1" upper="2" effort="30" velocity="1"/>'
 
 

@@ -1,7 +1,5 @@
 """What the model holds: frames, coordinates, forces, against numbers worked out by hand."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -11,7 +9,7 @@ from small_robots import BODY, LIMIT, gripper, joint, link, one_joint, robot
 
 import panda_description
 from urdf_to_osim import Conversion, Options, convert
-from urdf_to_osim.turns import body_xyz, turn
+from urdf_to_osim.transforms import body_xyz, rotation_onto
 
 
 def place(conversion: Conversion, name: str, **coordinates: float) -> np.ndarray:
@@ -39,20 +37,32 @@ def test_the_panda_keeps_the_names_of_its_joints_and_links() -> None:
 
 @pytest.mark.parametrize(("up", "tip"), [("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])])
 def test_z_of_the_description_points_along_the_axis_that_is_up_and_gravity_down(up: str, tip: list[float]) -> None:
-    conversion = convert(robot(link("base"), link("tip", ""), joint("j", "fixed", "base", "tip", '<origin xyz="0 0 1"/>')), Options(up=up))
+    conversion = convert(
+        robot(link("base"), link("tip", ""), joint("j", "fixed", "base", "tip", '<origin xyz="0 0 1"/>')),
+        Options(up=up),
+    )
     assert place(conversion, "tip")[:3, 3] == pytest.approx(tip, abs=1e-15)
     assert conversion.model.getGravity().to_numpy() == pytest.approx(-9.81 * np.array(tip), abs=1e-15)
 
 
 def test_y_up_turns_the_base_about_x_so_that_x_stays_x() -> None:
-    assert place(convert(robot(link("base"))), "base")[:3, :3] == pytest.approx(np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]), abs=1e-15)
+    assert place(convert(robot(link("base"))), "base")[:3, :3] == pytest.approx(
+        np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]), abs=1e-15
+    )
 
 
 @pytest.mark.parametrize(
     ("normal", "x_axis", "y_axis"),
-    [("0 0 1", [1, 0, 0], [0, 1, 0]), ("0 0 -1", [1, 0, 0], [0, -1, 0]), ("1 0 0", [0, 0, -1], [0, 1, 0]), ("0 1 0", [1, 0, 0], [0, 0, -1])],
+    [
+        ("0 0 1", [1, 0, 0], [0, 1, 0]),
+        ("0 0 -1", [1, 0, 0], [0, -1, 0]),
+        ("1 0 0", [0, 0, -1], [0, 1, 0]),
+        ("0 1 0", [1, 0, 0], [0, 0, -1]),
+    ],
 )
-def test_a_planar_joint_moves_at_right_angles_to_its_axis_in_the_stated_directions(normal: str, x_axis: list[int], y_axis: list[int]) -> None:
+def test_a_planar_joint_moves_at_right_angles_to_its_axis_in_the_stated_directions(
+    normal: str, x_axis: list[int], y_axis: list[int]
+) -> None:
     urdf_xml = robot(link("floor"), link("cart"), joint("drive", "planar", "floor", "cart", f'<axis xyz="{normal}"/>'))
     conversion = convert(urdf_xml, Options(up="z"))
     assert conversion.joints["drive"].coordinates == ("drive_theta", "drive_x", "drive_y")
@@ -62,11 +72,15 @@ def test_a_planar_joint_moves_at_right_angles_to_its_axis_in_the_stated_directio
     turned = place(conversion, "cart", drive_theta=0.3)[:3, :3]
     assert turned @ axis == pytest.approx(axis, abs=1e-15)
     assert np.trace(turned) == pytest.approx(1 + 2 * math.cos(0.3), abs=1e-14)
-    assert turned @ np.array(x_axis) == pytest.approx(math.cos(0.3) * np.array(x_axis) + math.sin(0.3) * np.array(y_axis), abs=1e-14)
+    assert turned @ np.array(x_axis) == pytest.approx(
+        math.cos(0.3) * np.array(x_axis) + math.sin(0.3) * np.array(y_axis), abs=1e-14
+    )
 
 
 def test_a_floating_joint_has_body_fixed_angles_and_a_position_in_the_joint_frame() -> None:
-    conversion = convert(robot(link("ship", ""), link("boat"), joint("free", "floating", "ship", "boat", "")), Options(up="z"))
+    conversion = convert(
+        robot(link("ship", ""), link("boat"), joint("free", "floating", "ship", "boat", "")), Options(up="z")
+    )
     assert conversion.joints["free"].coordinates == ("free_rx", "free_ry", "free_rz", "free_tx", "free_ty", "free_tz")
     T = place(conversion, "boat", free_rx=0.3, free_ry=-0.4, free_rz=0.5, free_tx=1.0, free_tz=3.0)
     assert T[:3, 3] == pytest.approx([1.0, 0.0, 3.0])
@@ -115,7 +129,10 @@ def test_coulomb_friction_is_full_at_speed_and_76_percent_at_its_velocity() -> N
 
 def test_sigmoid_friction_is_the_published_curve_and_zero_at_rest() -> None:
     phi1, phi2, phi3 = 0.54615, 5.1181, 0.039533
-    conversion = convert(one_joint(), Options(friction="sigmoid", friction_parameters={"swing": {"phi1": phi1, "phi2": phi2, "phi3": phi3}}))
+    conversion = convert(
+        one_joint(),
+        Options(friction="sigmoid", friction_parameters={"swing": {"phi1": phi1, "phi2": phi2, "phi3": phi3}}),
+    )
     curve = phi1 / (1 + math.exp(-phi2 * (0.4 + phi3))) - phi1 / (1 + math.exp(-phi2 * phi3))
     assert effort(conversion, "swing_friction", 0.0, 0.4) == pytest.approx(-curve)
     assert effort(conversion, "swing_friction", 0.0, 0.0) == pytest.approx(0.0, abs=1e-12)
@@ -138,12 +155,16 @@ def test_a_continuous_joint_has_no_stop_and_turns_all_round() -> None:
 
 
 def test_a_range_without_a_sensible_end_has_no_stop() -> None:
-    conversion = convert(one_joint(inside='<limit lower="-1e16" upper="1e16" effort="1" velocity="1"/>'), Options(actuators=False))
+    conversion = convert(
+        one_joint(inside='<limit lower="-1e16" upper="1e16" effort="1" velocity="1"/>'), Options(actuators=False)
+    )
     assert conversion.model.getForceSet().getSize() == 0
 
 
 def test_what_is_switched_off_is_not_in_the_model() -> None:
-    conversion = convert(one_joint(inside=LOSSES), Options(stops=False, damping=False, friction="none", actuators=False))
+    conversion = convert(
+        one_joint(inside=LOSSES), Options(stops=False, damping=False, friction="none", actuators=False)
+    )
     assert conversion.model.getForceSet().getSize() == 0
 
 
@@ -152,7 +173,7 @@ def test_a_joint_that_cannot_stand_at_zero_starts_at_the_nearer_end_of_its_range
     assert conversion.model.getCoordinateSet().get("swing").getDefaultValue() == 0.4
 
 
-def test_a_repaired_inertia_is_the_nearest_that_a_body_has_and_is_told() -> None:
+def test_a_repaired_inertia_is_the_nearest_that_a_body_has_and_is_reported() -> None:
     body = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="3"/></inertial>'
     conversion = convert(one_joint(child=body), Options(inertia="repair"))
     # Second moments 1.5, 1.5, -0.5; without the negative one the moments are 1.5, 1.5, 3.
@@ -160,15 +181,17 @@ def test_a_repaired_inertia_is_the_nearest_that_a_body_has_and_is_told() -> None
     assert "link arm: its inertia breaks the triangle inequality" in conversion.notes[0]
 
 
-def test_an_inertia_that_is_kept_stays_as_it_is_and_is_told() -> None:
+def test_an_inertia_that_is_kept_stays_as_it_is_and_is_reported() -> None:
     body = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="3"/></inertial>'
     conversion = convert(one_joint(child=body), Options(inertia="keep"))
     assert np.diag(conversion.plan.robot.links["arm"].mass.inertia) == pytest.approx([1.0, 1.0, 3.0])
     assert "kept as it is" in conversion.notes[0]
 
 
-def test_forbidden_names_are_changed_where_that_is_asked_for_and_told() -> None:
-    conversion = convert(robot(link("a b"), link("a_b"), joint("x/y", "revolute", "a b", "a_b")), Options(names="rename"))
+def test_forbidden_names_are_changed_where_that_is_requested_and_reported() -> None:
+    conversion = convert(
+        robot(link("a b"), link("a_b"), joint("x/y", "revolute", "a b", "a_b")), Options(names="rename")
+    )
     assert conversion.frames["a b"].path == "/bodyset/a_b_2"
     assert conversion.joints["x/y"].paths == ("/jointset/x_y/x_y",)
     assert len(conversion.notes) == 2 and "link 'a b': renamed to a_b_2" in conversion.notes[0]
@@ -176,7 +199,9 @@ def test_forbidden_names_are_changed_where_that_is_asked_for_and_told() -> None:
 
 def test_primitive_shapes_lie_where_the_description_puts_them() -> None:
     material = '<material name="m"><color rgba="1 0 0 0.5"/></material>'
-    visual = f'<visual><origin xyz="0 0 1"/><geometry><cylinder radius="0.1" length="0.4"/></geometry>{material}</visual>'
+    visual = (
+        f'<visual><origin xyz="0 0 1"/><geometry><cylinder radius="0.1" length="0.4"/></geometry>{material}</visual>'
+    )
     conversion = convert(robot(link("a", BODY + visual)), Options(up="z"))
     state = conversion.model.initSystem()
     frame = opensim.PhysicalFrame.safeDownCast(conversion.model.getComponent("/bodyset/a/a_visual_1"))
@@ -184,7 +209,9 @@ def test_primitive_shapes_lie_where_the_description_puts_them() -> None:
     cylinder = opensim.Cylinder.safeDownCast(frame.get_attached_geometry(0))
     assert (cylinder.get_radius(), cylinder.get_half_height(), cylinder.getOpacity()) == (0.1, 0.2, 0.5)
     # OpenSim's cylinder stands along y of its frame, the description's along z.
-    assert frame.expressVectorInGround(state, opensim.Vec3(0, 1, 0)).to_numpy() == pytest.approx([0.0, 0.0, 1.0], abs=1e-15)
+    assert frame.expressVectorInGround(state, opensim.Vec3(0, 1, 0)).to_numpy() == pytest.approx(
+        [0.0, 0.0, 1.0], abs=1e-15
+    )
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -201,17 +228,21 @@ def test_body_fixed_angles_give_the_rotation_back_also_beside_a_right_angle(seed
             @ np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
         )
 
-    wanted = rotation(a, tilt, c)
-    assert rotation(*body_xyz(wanted)) == pytest.approx(wanted, abs=1e-15)
+    expected = rotation(a, tilt, c)
+    assert rotation(*body_xyz(expected)) == pytest.approx(expected, abs=1e-15)
 
 
 @pytest.mark.parametrize("start", [0, 1, 2])
 def test_a_turn_takes_an_axis_onto_any_direction_also_nearly_opposite(start: int) -> None:
     random = np.random.default_rng(start)
     opposite = -np.eye(3)[start]
-    for end in [*random.normal(size=(50, 3)), opposite, *(opposite + 10.0 ** -random.uniform(1, 16, (20, 1)) * random.normal(size=(20, 3)))]:
+    for end in [
+        *random.normal(size=(50, 3)),
+        opposite,
+        *(opposite + 10.0 ** -random.uniform(1, 16, (20, 1)) * random.normal(size=(20, 3))),
+    ]:
         end = end / np.linalg.norm(end)
-        R = turn(start, end)
+        R = rotation_onto(start, end)
         assert R[:, start] == pytest.approx(end, abs=1e-15)
         assert np.max(np.abs(R @ R.T - np.eye(3))) < 2e-15
         assert np.linalg.det(R) == pytest.approx(1.0)
@@ -226,10 +257,14 @@ def test_a_turn_takes_an_axis_onto_any_direction_also_nearly_opposite(start: int
         ('<mesh filename="nowhere.stl" scale="0 0 0"/>', "a <mesh> of scale 0 0 0 shows nothing"),
     ],
 )
-def test_a_visual_of_size_zero_is_left_out_and_told(geometry: str, words: str) -> None:
+def test_a_visual_of_size_zero_is_left_out_and_reported(geometry: str, words: str) -> None:
     visual = f"<visual><geometry>{geometry}</geometry></visual>"
-    conversion = convert(robot(link("a", BODY + visual + '<visual><geometry><sphere radius="0.1"/></geometry></visual>')))
+    conversion = convert(
+        robot(link("a", BODY + visual + '<visual><geometry><sphere radius="0.1"/></geometry></visual>'))
+    )
     assert conversion.notes == [f"link a: <visual> number 1: left out, since {words}"]
     assert conversion.meshes == []
     conversion.model.initSystem()
-    assert conversion.model.hasComponent("/bodyset/a/a_visual_2") and not conversion.model.hasComponent("/bodyset/a/a_visual_1")
+    assert conversion.model.hasComponent("/bodyset/a/a_visual_2") and not conversion.model.hasComponent(
+        "/bodyset/a/a_visual_1"
+    )

@@ -1,7 +1,5 @@
 """Friction is as steep as can be integrated, and no steeper."""
 
-from __future__ import annotations
-
 import math
 import time
 
@@ -11,13 +9,17 @@ import pytest
 from random_robots import tree
 from small_robots import BODY, joint, link, one_joint, robot
 
-from hric_control.plants.spatial import FloatArray
-from urdf_to_osim import Options, convert, urdf
+from hric_control.geometry import FloatArray
+from hric_control.urdf import Joint, Limit, read
+from urdf_to_osim import Options, convert
 from urdf_to_osim.friction import transition_velocity
-from urdf_to_osim.mass_matrix import least_inertias, mass_matrix, poses
-from urdf_to_osim.oracle import Oracle
+from urdf_to_osim.mass_matrix import mass_matrix, min_inertias, poses
+from urdf_to_osim.proof.oracle import Oracle
 
-LIGHT = '<inertial><origin xyz="0.03 0 0"/><mass value="0.2"/><inertia ixx="3e-4" ixy="0" ixz="0" iyy="3e-4" iyz="0" izz="3e-4"/></inertial>'
+LIGHT = (
+    '<inertial><origin xyz="0.03 0 0"/><mass value="0.2"/><inertia ixx="3e-4" ixy="0" ixz="0" iyy="3e-4" '
+    'iyz="0" izz="3e-4"/></inertial>'
+)
 
 
 def limits(velocity: str = "3", dynamics: str = 'friction="1"') -> str:
@@ -49,23 +51,23 @@ def test_the_mass_matrix_is_that_of_a_rigid_body_library(seed: int) -> None:
 
 
 def test_what_resists_a_joint_is_what_an_effort_at_it_accelerates() -> None:
-    described = urdf.read(arm())
+    described = read(arm())
     found: list[FloatArray] = []
     for q in poses(described):
         M, _ = mass_matrix(described, q)
         found.append(np.array([1.0 / np.linalg.solve(M, effort)[i] for i, effort in enumerate(np.eye(3))]))
-    assert list(least_inertias(described).values()) == pytest.approx(np.min(found, axis=0))
+    assert list(min_inertias(described).values()) == pytest.approx(np.min(found, axis=0))
 
 
 def test_friction_brings_a_slow_free_joint_to_rest_within_a_stated_time() -> None:
-    heavy = urdf.Joint("a", "revolute", "b", "c", np.eye(4), np.array([0.0, 0.0, 1.0]), friction=2.0, velocity=3.0)
+    heavy = Joint("a", "revolute", "b", "c", np.eye(4), np.array([0.0, 0.0, 1.0]), Limit(velocity=3.0), friction=2.0)
     assert transition_velocity(heavy, 0.1) == pytest.approx(0.002 * 2.0 / 0.1)
     assert transition_velocity(heavy, 1e6) == pytest.approx(0.03), "a hundredth of the velocity limit"
     assert transition_velocity(heavy, math.inf) == pytest.approx(0.03)
 
 
-def test_friction_is_no_steeper_than_half_of_the_damping_that_the_description_asks_for_anyway() -> None:
-    light = urdf.Joint("a", "revolute", "b", "c", np.eye(4), np.array([0.0, 0.0, 1.0]), friction=1.0, damping=2.0)
+def test_friction_is_no_steeper_than_half_of_the_damping_that_the_description_has_anyway() -> None:
+    light = Joint("a", "revolute", "b", "c", np.eye(4), np.array([0.0, 0.0, 1.0]), friction=1.0, damping=2.0)
     assert transition_velocity(light, 1e-6) == pytest.approx(1.0)
 
 
@@ -75,7 +77,7 @@ def test_a_velocity_limit_that_says_nothing_is_taken_as_a_usual_one(velocity: st
     assert conversion.plan.friction_velocities == {"swing": pytest.approx(share)}
 
 
-def test_the_transition_of_each_joint_is_told() -> None:
+def test_the_transition_of_each_joint_is_reported() -> None:
     conversion = convert(arm())
     (note,) = conversion.notes
     assert note.startswith("friction is -f tanh(dq/v), v [rad/s or m/s]: shoulder 0.0")
@@ -103,11 +105,16 @@ def seconds(urdf_xml: str, options: Options) -> float:
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.5])
-def test_friction_at_a_light_wrist_costs_at_most_three_times_the_model_without_and_a_fixed_transition_ten_times_as_much(damping: float) -> None:
+def test_friction_at_a_light_wrist_costs_at_most_three_times_the_model_without_and_a_fixed_transition_ten_times_as_much(
+    damping: float,
+) -> None:
     urdf_xml = arm(f'friction="1" damping="{damping}"')
     without = seconds(urdf_xml, Options(friction="none"))
     with_friction = seconds(urdf_xml, Options())
     fixed = seconds(urdf_xml, Options(friction_velocity=0.01))
-    print(f"\ndamping {damping}: {with_friction / without:.1f} times, fixed transition {fixed / without:.1f} times the model without friction")
+    print(
+        f"\ndamping {damping}: {with_friction / without:.1f} times, fixed transition {fixed / without:.1f} "
+        "times the model without friction"
+    )
     assert with_friction < 3.0 * without
     assert fixed > 10.0 * with_friction

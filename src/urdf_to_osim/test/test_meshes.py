@@ -1,7 +1,5 @@
 """Meshes arrive in OpenSim with the shape that they have in their files."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -14,10 +12,9 @@ import pybullet_data
 import pytest
 
 from hric_control.errors import DescriptionError
-from hric_control.plants.spatial import FloatArray
+from hric_control.geometry import FloatArray
 from urdf_to_osim.mesh_files import Surface, read_surface
-from urdf_to_osim.meshes import MeshResult, convert_meshes, write_whole
-from urdf_to_osim.requests import MeshRequest
+from urdf_to_osim.meshes import MeshRequest, MeshResult, convert_meshes, write_whole
 
 DATA = Path(pybullet_data.getDataPath())
 SCALE = (1.0, 1.0, 1.0)
@@ -40,12 +37,14 @@ DAE = """<?xml version="1.0"?>
       <instance_geometry url="#g">{binding}</instance_geometry></node></node>
   </visual_scene></library_visual_scenes>
   <scene><instance_visual_scene url="#s"/></scene>
-</COLLADA>"""
+</COLLADA>"""  # noqa: E501
 MISSING_TEXTURE = """<library_effects><effect id="e"><profile_COMMON><newparam sid="x"><sampler2D><source>nothing</source></sampler2D></newparam>
   <technique sid="t"><lambert><diffuse><texture texture="x" texcoord="UV"/></diffuse></lambert></technique>
   </profile_COMMON></effect></library_effects>
-  <library_materials><material id="m0"><instance_effect url="#e"/></material></library_materials>"""
-BINDING = '<bind_material><technique_common><instance_material symbol="m" target="#m0"/></technique_common></bind_material>'
+  <library_materials><material id="m0"><instance_effect url="#e"/></material></library_materials>"""  # noqa: E501
+BINDING = (
+    '<bind_material><technique_common><instance_material symbol="m" target="#m0"/></technique_common></bind_material>'
+)
 
 
 def collada(unit: float = 1.0, up: str = "Z_UP", library: str = "", binding: str = "") -> bytes:
@@ -74,7 +73,9 @@ def rows(points: FloatArray) -> list[tuple[float, ...]]:
 
 @pytest.mark.parametrize("unit", [1.0, 0.0254, 0.001])
 @pytest.mark.parametrize("up", ["Z_UP", "Y_UP"])
-def test_a_collada_file_keeps_its_transforms_and_its_unit_and_is_not_turned_by_its_up_axis(unit: float, up: str) -> None:
+def test_a_collada_file_keeps_its_transforms_and_its_unit_and_is_not_turned_by_its_up_axis(
+    unit: float, up: str
+) -> None:
     surface = read_surface(Path("a.dae"), collada(unit, up), SCALE)
     assert rows(surface.vertices) == rows(moved(unit))
     assert volume(surface) == pytest.approx(1.0 * unit**3)
@@ -86,7 +87,9 @@ def test_a_collada_file_keeps_its_shape_when_a_texture_is_missing() -> None:
 
 
 @pytest.mark.parametrize("scale", [(2.0, 2.0, 2.0), (1.0, 0.5, 0.1), (-1.0, 1.0, 1.0), (-1.0, -2.0, -3.0)])
-def test_a_scale_acts_along_the_axes_and_a_mirrored_mesh_keeps_its_outside_outside(scale: tuple[float, float, float]) -> None:
+def test_a_scale_acts_along_the_axes_and_a_mirrored_mesh_keeps_its_outside_outside(
+    scale: tuple[float, float, float],
+) -> None:
     surface = read_surface(Path("a.obj"), OBJ.encode(), scale)
     assert rows(surface.vertices) == rows(TETRAHEDRON * scale)
     assert volume(surface) == pytest.approx(abs(np.prod(scale)))
@@ -99,7 +102,10 @@ def unit_of(path: Path) -> float:
 
 
 FILES = [
-    *(f"franka_panda/meshes/{name}.obj" for name in ("collision/link0", "visual/link1", "visual/link6", "visual/hand", "visual/finger")),
+    *(
+        f"franka_panda/meshes/{name}.obj"
+        for name in ("collision/link0", "visual/link1", "visual/link6", "visual/hand", "visual/finger")
+    ),
     *("duck.dae", "racecar/meshes/cone.dae", "racecar/meshes/chassis.dae", "racecar/meshes/hokuyo.dae"),
     *("kuka_iiwa/meshes/link_1.stl", "kuka_iiwa/meshes/link_7.stl"),
 ]
@@ -110,7 +116,14 @@ def test_a_shipped_mesh_has_the_bounds_that_another_library_reads_from_the_sourc
     source = DATA / name
     reference = np.array(coal.MeshLoader().load(str(source), np.ones(3)).vertices()) * unit_of(source)
     (result,) = convert_meshes([request(source)], tmp_path / "Geometry", tmp_path / "cache")
-    written = np.array([line.split()[1:] for line in (tmp_path / "Geometry" / result.file).read_text().splitlines() if line.startswith("v ")], float)
+    written = np.array(
+        [
+            line.split()[1:]
+            for line in (tmp_path / "Geometry" / result.file).read_text().splitlines()
+            if line.startswith("v ")
+        ],
+        float,
+    )
     size = np.ptp(reference, axis=0).max()
     assert np.allclose(written.min(axis=0), reference.min(axis=0), atol=1e-6 * size)
     assert np.allclose(written.max(axis=0), reference.max(axis=0), atol=1e-6 * size)
@@ -156,7 +169,9 @@ def test_files_with_one_name_in_different_folders_stay_apart(tmp_path: Path) -> 
     assert "v 0 0 5" in (tmp_path / "Geometry/link5.obj").read_text()
 
 
-def test_addresses_are_found_by_package_by_file_and_beside_the_description(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_addresses_are_found_by_package_by_file_and_beside_the_description(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     package = tmp_path / "some_robot"
     (package / "meshes").mkdir(parents=True)
     (package / "package.xml").write_text("<package><name>some_robot</name></package>")
@@ -195,7 +210,9 @@ def test_a_mesh_that_cannot_be_found_gives_one_error_with_link_and_address_and_n
 ) -> None:
     (tmp_path / "good.obj").write_text(OBJ)
     with pytest.raises(DescriptionError) as error:
-        convert_meshes([request(tmp_path / "good.obj"), request(address, scale)], tmp_path / "Geometry", tmp_path / "cache")
+        convert_meshes(
+            [request(tmp_path / "good.obj"), request(address, scale)], tmp_path / "Geometry", tmp_path / "cache"
+        )
     assert all(word in str(error.value) for word in ("'forearm'", repr(address), *words)), error.value
     assert not (tmp_path / "Geometry").exists()
 
@@ -222,11 +239,15 @@ def test_of_several_missing_meshes_the_first_is_named_and_the_others_are_counted
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 7\n"),
     ],
 )
-def test_a_file_that_is_no_mesh_gives_one_error_with_link_and_file_and_nothing_is_written(name: str, content: bytes, tmp_path: Path) -> None:
+def test_a_file_that_is_no_mesh_gives_one_error_with_link_and_file_and_nothing_is_written(
+    name: str, content: bytes, tmp_path: Path
+) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(DescriptionError) as error:
         convert_meshes([request(tmp_path / name)], tmp_path / "Geometry", tmp_path / "cache")
-    assert all(word in str(error.value) for word in ("'forearm'", str(tmp_path / name), "cannot be read", "leave meshes out"))
+    assert all(
+        word in str(error.value) for word in ("'forearm'", str(tmp_path / name), "cannot be read", "leave meshes out")
+    )
     assert "\n" not in str(error.value)
     assert list((tmp_path / "Geometry").iterdir()) == []
     assert not (tmp_path / "cache").exists()
@@ -254,19 +275,25 @@ def test_a_kept_conversion_that_was_damaged_is_made_again(tmp_path: Path) -> Non
 def test_processes_that_convert_the_same_meshes_at_once_all_get_them_whole(tmp_path: Path) -> None:
     paths = [DATA / f"franka_panda/meshes/visual/{name}.obj" for name in ("finger", "hand", "link1")]
     code = (
-        "import sys; from pathlib import Path; from urdf_to_osim.meshes import convert_meshes; from urdf_to_osim.requests import MeshRequest\n"
+        "import sys; from pathlib import Path; from urdf_to_osim.meshes import convert_meshes; from "
+        "urdf_to_osim.meshes import MeshRequest\n"
         "folder, cache, *files = map(Path, sys.argv[1:])\n"
         "convert_meshes([MeshRequest('hand', str(file), (1.0, 1.0, 1.0), file.stem) for file in files], folder, cache)"
     )
     command = [sys.executable, "-c", code]
     # Two of them into one folder, as two conversions beside each other do.
     folders = [tmp_path / name for name in ("one", "one", "two", "three")]
-    children = [subprocess.Popen([*command, str(folder), str(tmp_path / "cache"), *map(str, paths)]) for folder in folders]
+    children = [
+        subprocess.Popen([*command, str(folder), str(tmp_path / "cache"), *map(str, paths)]) for folder in folders
+    ]
     assert [child.wait(timeout=100) for child in children] == [0] * len(children)
     for path in paths:
         assert len({(folder / path.name).read_bytes() for folder in folders}) == 1
     assert len(list((tmp_path / "cache").iterdir())) == len(paths), "one file a mesh, and nothing that was begun"
-    assert all(result.cached for result in convert_meshes([request(path) for path in paths], tmp_path / "four", tmp_path / "cache"))
+    assert all(
+        result.cached
+        for result in convert_meshes([request(path) for path in paths], tmp_path / "four", tmp_path / "cache")
+    )
 
 
 def test_without_a_home_meshes_are_converted_and_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

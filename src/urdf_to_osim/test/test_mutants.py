@@ -1,6 +1,5 @@
-"""Fifty descriptions, each spoilt in one place: converted with proof, or refused with one clear error, and no file then."""
-
-from __future__ import annotations
+"""Fifty descriptions, each spoilt in one place: converted with proof, or refused with one clear error, and no file
+then."""
 
 from pathlib import Path
 
@@ -40,7 +39,9 @@ def outcome(urdf_xml: str, options: Options, path: Path) -> str:
 
 
 @pytest.mark.parametrize("seed", range(50))
-def test_a_spoilt_description_is_converted_with_proof_or_refused_with_one_clear_error(seed: int, tmp_path: Path) -> None:
+def test_a_spoilt_description_is_converted_with_proof_or_refused_with_one_clear_error(
+    seed: int, tmp_path: Path
+) -> None:
     panda = seed % 2 == 1
     options = Options(contact=not panda, meshes=not panda or seed % 8 == 1)
     outcome(spoilt(PANDA if panda else tree(seed, joints=8), seed // 2), options, tmp_path / "robot.osim")

@@ -1,7 +1,5 @@
 """Files appear whole or not at all, and what was there stays until then."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import opensim
@@ -21,8 +19,14 @@ FACES = "".join(
     )
 )
 TETRAHEDRON = f"solid part\n{FACES}endsolid part\n"
-SHOWN = '<visual><geometry><mesh filename="part.stl"/></geometry></visual><collision><geometry><mesh filename="part.stl"/></geometry></collision>'
-CONTACT = '<collision><geometry><sphere radius="0.1"/></geometry></collision><collision><geometry><box size="0.1 0.2 0.3"/></geometry></collision>'
+SHOWN = (
+    '<visual><geometry><mesh filename="part.stl"/></geometry></visual><collision><geometry><mesh '
+    'filename="part.stl"/></geometry></collision>'
+)
+CONTACT = (
+    '<collision><geometry><sphere radius="0.1"/></geometry></collision><collision><geometry><box '
+    'size="0.1 0.2 0.3"/></geometry></collision>'
+)
 
 
 def with_mesh(folder: Path) -> tuple[str, Options]:
@@ -65,7 +69,11 @@ def test_a_model_with_contact_geometry_is_found_again_from_its_file_and_in_memor
     for model in (read_back, conversion.model):
         model.initSystem()
         contacts = model.getContactGeometrySet()
-        assert [contacts.get(i).getConcreteClassName() for i in range(contacts.getSize())] == ["ContactSphere", "ContactMesh", "ContactMesh"]
+        assert [contacts.get(i).getConcreteClassName() for i in range(contacts.getSize())] == [
+            "ContactSphere",
+            "ContactMesh",
+            "ContactMesh",
+        ]
 
 
 def test_a_model_can_be_written_twice(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Pictures show what the model holds, where it is, and are made without a display."""
 
-from __future__ import annotations
-
 import io
 import os
 import subprocess
@@ -18,10 +16,10 @@ import pytest
 import panda_description
 import urdf_to_osim
 from hric_control.errors import DescriptionError, ParameterError
-from hric_control.plants.spatial import FloatArray
+from hric_control.geometry import FloatArray
 from urdf_to_osim.decorations import Decoration, load_scene
-from urdf_to_osim.drawing import Look, draw
-from urdf_to_osim.picture import main, picture
+from urdf_to_osim.drawing.drawing import Look, draw
+from urdf_to_osim.drawing.picture import main, picture
 
 NODE = Path(__file__).resolve().parents[1] / "nodes" / "picture"
 # R_ground_base: z of the description along y of OpenSim's ground.
@@ -32,7 +30,9 @@ FLOOR = 170
 """The lines of the floor, and the background, are brighter [of 255]."""
 
 
-def slider(tmp_path: Path, *geometry: opensim.Geometry, com: tuple[float, float, float] = (0.0, 0.0, 0.0), gravity: int = 1) -> Path:
+def slider(
+    tmp_path: Path, *geometry: opensim.Geometry, com: tuple[float, float, float] = (0.0, 0.0, 0.0), gravity: int = 1
+) -> Path:
     """A body of 1 kg that slides along x; gravity against axis number `gravity`."""
     model = opensim.Model()
     body = opensim.Body("cart", 1.0, opensim.Vec3(*com), opensim.Inertia(1.0))
@@ -61,7 +61,9 @@ def panda(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def pixels(png: bytes) -> FloatArray:
     """The brightest channel from 0 to 255, so that no colour counts as dark, shape (height, width)."""
-    return np.asarray(matplotlib.image.imread(io.BytesIO(png), format="png")[:, :, :3].max(axis=2) * 255.0, dtype=np.float64)
+    return np.asarray(
+        matplotlib.image.imread(io.BytesIO(png), format="png")[:, :, :3].max(axis=2) * 255.0, dtype=np.float64
+    )
 
 
 def by_kind(path: Path, pose: dict[str, float] | None = None) -> dict[str, Decoration]:
@@ -80,10 +82,13 @@ def test_each_form_is_found_with_its_size_colour_and_place(tmp_path: Path) -> No
     assert forms["sphere"].size == (0.05, 0.05, 0.05)
     assert forms["cylinder"].size == (0.1, 0.4, 0.1)
     assert forms["ellipsoid"].size == (0.1, 0.2, 0.3)
-    assert all(np.allclose(form.T_ground, [[1, 0, 0, 0.7], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) for form in forms.values())
+    assert all(
+        np.allclose(form.T_ground, [[1, 0, 0, 0.7], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+        for form in forms.values()
+    )
 
 
-def test_a_mesh_is_found_beside_the_model_and_a_missing_one_is_told(tmp_path: Path) -> None:
+def test_a_mesh_is_found_beside_the_model_and_a_missing_one_is_reported(tmp_path: Path) -> None:
     (tmp_path / "Geometry").mkdir()
     (tmp_path / "Geometry/there.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     scene = load_scene(slider(tmp_path, opensim.Mesh("there.obj"), opensim.Mesh("gone.obj")))
@@ -138,7 +143,9 @@ def test_a_ball_is_drawn_where_the_centre_of_mass_is_and_up_is_against_gravity(g
     assert not (bare < BALL_BLACK).any()
 
 
-@pytest.mark.parametrize(("size", "view"), [((200, 500), (0.0, 0.0)), ((500, 200), (120.0, 89.0)), ((300, 300), (-60.0, -90.0))])
+@pytest.mark.parametrize(
+    ("size", "view"), [((200, 500), (0.0, 0.0)), ((500, 200), (120.0, 89.0)), ((300, 300), (-60.0, -90.0))]
+)
 def test_the_whole_model_is_in_the_picture(size: tuple[int, int], view: tuple[float, float], panda: Path) -> None:
     image = pixels(draw(load_scene(panda), Look(*size, *view, centres=False)))
     assert image.shape == size[::-1]
@@ -156,13 +163,32 @@ def test_frames_are_drawn_on_request(panda: Path) -> None:
 
 def run(*words: object, **variables: str) -> subprocess.CompletedProcess[str]:
     """The node in a process of its own, without a display and without what a desktop sets."""
-    kept = {name: os.environ[name] for name in ("PATH", "PYTHONPATH", "VIRTUAL_ENV", "ROS_PACKAGE_PATH") if name in os.environ}
+    kept = {
+        name: os.environ[name]
+        for name in ("PATH", "PYTHONPATH", "VIRTUAL_ENV", "ROS_PACKAGE_PATH")
+        if name in os.environ
+    }
     environment = kept | {"PYTHONPATH": os.pathsep.join(sys.path), "HOME": "/nonexistent"} | variables
-    return subprocess.run([sys.executable, str(NODE), *map(str, words)], env=environment, capture_output=True, text=True, timeout=120)
+    return subprocess.run(
+        [sys.executable, str(NODE), *map(str, words)], env=environment, capture_output=True, text=True, timeout=120
+    )
 
 
 def test_the_command_draws_the_panda_without_a_display(panda: Path, tmp_path: Path) -> None:
-    result = run(panda, "-o", tmp_path / "a.png", "--pose", "panda_joint4=-1.5", "panda_joint6=1.5", "--size", 320, 240, "--view", 30, 20)
+    result = run(
+        panda,
+        "-o",
+        tmp_path / "a.png",
+        "--pose",
+        "panda_joint4=-1.5",
+        "panda_joint6=1.5",
+        "--size",
+        320,
+        240,
+        "--view",
+        30,
+        20,
+    )
     assert (result.returncode, result.stdout.strip(), result.stderr) == (0, str(tmp_path / "a.png"), "")
     image = pixels((tmp_path / "a.png").read_bytes())
     assert image.shape == (240, 320)
@@ -188,11 +214,13 @@ def test_without_the_library_that_draws_one_line_says_which_package_has_it(panda
         (["--pose", "x=nan"], "coordinate x: nan is not a finite number"),
         (["--size", "0", "100"], "width is 0"),
         (["--size", "100", "100000"], "height is 100000"),
-        (["--view", "0", "91"], "elevation from -90 to 90"),
+        (["--view", "0", "91"], "elevation is 91"),
         (["-o", "/no/such/folder/a.png"], "cannot write /no/such/folder/a.png"),
     ],
 )
-def test_a_mistake_gives_one_line_and_no_picture(words: list[str], error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_mistake_gives_one_line_and_no_picture(
+    words: list[str], error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = slider(tmp_path)
     assert main([str(path), *words]) == 1
     said = capsys.readouterr().err

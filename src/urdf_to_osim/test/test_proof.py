@@ -1,7 +1,5 @@
 """The proof fails when the file says something else than the description."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -11,7 +9,7 @@ from small_robots import LIMIT, gripper, joint, link, one_joint, robot
 import panda_description
 from hric_control.errors import DescriptionError
 from urdf_to_osim import Options, convert, prove, write
-from urdf_to_osim.forward import ENOUGH
+from urdf_to_osim.proof.forward import ENOUGH
 
 LOSSES = f'{LIMIT}<dynamics damping="0.7" friction="1.5"/><axis xyz="0 1 0"/>'
 
@@ -71,7 +69,10 @@ def test_a_force_that_is_missing_fails_the_proof(tmp_path: Path) -> None:
 
 
 def test_an_error_that_is_small_only_because_the_robot_is_small_fails_the_proof(tmp_path: Path) -> None:
-    body = '<inertial><mass value="1e-6"/><inertia ixx="1e-10" ixy="0" ixz="0" iyy="1e-10" iyz="0" izz="1e-10"/></inertial>'
+    body = (
+        '<inertial><mass value="1e-6"/><inertia ixx="1e-10" ixy="0" ixz="0" iyy="1e-10" iyz="0" '
+        'izz="1e-10"/></inertial>'
+    )
     urdf_xml = one_joint(child=body)
     path = write(convert(urdf_xml), tmp_path / "a.osim").path
     altered(path, r"<inertia>1\S* ", "<inertia>2e-10 ")
@@ -85,7 +86,9 @@ def test_a_robot_without_a_moving_joint_is_proved_by_its_frames(tmp_path: Path) 
 
 
 def test_joints_between_which_nothing_has_inertia_are_refused_by_name(tmp_path: Path) -> None:
-    urdf_xml = robot(link("a"), link("b", ""), link("c"), joint("first", "revolute", "a", "b"), joint("second", "revolute", "b", "c"))
+    urdf_xml = robot(
+        link("a"), link("b", ""), link("c"), joint("first", "revolute", "a", "b"), joint("second", "revolute", "b", "c")
+    )
     path = write(convert(urdf_xml), tmp_path / "a.osim").path
     with pytest.raises(DescriptionError, match="joints first, second can move together without moving any inertia"):
         prove(path, urdf_xml)
@@ -100,7 +103,13 @@ def test_ranges_without_an_end_and_without_a_width_are_proved(limits: str, tmp_p
 
 def test_links_without_mass_between_joints_are_proved_as_frames_that_move(tmp_path: Path) -> None:
     side = '<axis xyz="0 1 0"/><origin xyz="0.1 0.2 0.3"/>'
-    urdf_xml = robot(link("a"), link("b", ""), link("c"), joint("j", "revolute", "a", "b"), joint("k", "revolute", "b", "c", LIMIT + side))
+    urdf_xml = robot(
+        link("a"),
+        link("b", ""),
+        link("c"),
+        joint("j", "revolute", "a", "b"),
+        joint("k", "revolute", "b", "c", LIMIT + side),
+    )
     assert prove(write(convert(urdf_xml), tmp_path / "a.osim").path, urdf_xml, states=10).passed
 
 
@@ -118,9 +127,11 @@ def test_the_proof_runs_the_model_forward_and_measures_its_speed_in_processor_ti
     assert forward.real_time_factor == pytest.approx(forward.runs * 0.1 / forward.processor)
 
 
-def test_a_forward_run_that_is_slow_ends_early_and_tells_how_far_it_came(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("urdf_to_osim.forward.LIMIT", 0.0)
+def test_a_forward_run_that_is_slow_ends_early_and_reports_how_far_it_came(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("urdf_to_osim.proof.forward.LIMIT", 0.0)
     path = write(convert(one_joint()), tmp_path / "a.osim").path
     forward = prove(path, one_joint(), states=1, forward=0.1).forward
     assert forward is not None and forward.simulated == pytest.approx(0.01)
-    assert forward.told().startswith("forward 0.01 s: real-time factor ")
+    assert forward.summary().startswith("forward 0.01 s: real-time factor ")

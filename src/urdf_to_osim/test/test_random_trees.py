@@ -1,15 +1,13 @@
 """Random trees agree with a rigid-body library and closed forms, whatever their joints, axes and origins."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 from random_robots import TYPES, tree
 
+from hric_control.urdf import read
 from urdf_to_osim import Options, convert, prove, write
-from urdf_to_osim.urdf import read
 
 EVERYTHING = {
     "frames", "mass matrix", "mass matrix / inertia", "gravity", "inverse dynamics",
@@ -20,10 +18,18 @@ EVERYTHING = {
 def options(seed: int, urdf_xml: str) -> Options:
     random = np.random.default_rng(seed)
     single = [joint.name for joint in read(urdf_xml).joints.values() if joint.type in TYPES[:3]]
-    phi = {name: dict(zip(("phi1", "phi2", "phi3"), random.uniform([0.1, 1.0, -0.1], [2.0, 20.0, 0.1]).tolist(), strict=True)) for name in single}
+    phi = {
+        name: dict(
+            zip(("phi1", "phi2", "phi3"), random.uniform([0.1, 1.0, -0.1], [2.0, 20.0, 0.1]).tolist(), strict=True)
+        )
+        for name in single
+    }
     friction = "coulomb" if seed % 2 else "sigmoid"
     return Options(
-        up="yz"[seed % 2], friction=friction, friction_parameters=phi if friction == "sigmoid" else {}, gravity=tuple(random.uniform(-10.0, 10.0, 3))
+        up="yz"[seed % 2],
+        friction=friction,
+        friction_parameters=phi if friction == "sigmoid" else {},
+        gravity=tuple(random.uniform(-10.0, 10.0, 3)),
     )
 
 

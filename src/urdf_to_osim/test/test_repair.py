@@ -1,6 +1,4 @@
-"""What a repair of inertias changes is told, and a robot that is mostly invented is refused."""
-
-from __future__ import annotations
+"""What a repair of inertias changes is reported, and a robot that is mostly invented is refused."""
 
 from pathlib import Path
 
@@ -9,7 +7,7 @@ from small_robots import BODY, joint, link, one_joint, robot
 
 from hric_control.errors import DescriptionError
 from urdf_to_osim import Options, cli, convert, prove, write
-from urdf_to_osim.repair import invented_joints
+from urdf_to_osim.prepare import invented_joints
 
 
 def body(ixx: str, izz: str) -> str:
@@ -25,22 +23,35 @@ def hand(fingers: int, massless: int) -> str:
     return robot(*parts)
 
 
-def test_the_change_of_mass_matrix_and_inverse_dynamics_is_told_relative_to_the_largest_value(tmp_path: Path) -> None:
+def test_the_change_of_mass_matrix_and_inverse_dynamics_is_relative_to_the_largest_value(
+    tmp_path: Path,
+) -> None:
     urdf_xml, options = one_joint(child=body("1", "3")), Options(inertia="repair", gravity=(0.0, 0.0, 0.0))
     proof = prove(write(convert(urdf_xml, options), tmp_path / "a.osim").path, urdf_xml, options, states=5)
     # Second moments 1.5, 1.5, -0.5; without the negative one the moment about x, the joint's axis, is 1.5 instead of 1.
-    assert proof.repaired == {"mass matrix": pytest.approx(1.0 / 3.0, rel=1e-5), "inverse dynamics": pytest.approx(1.0 / 3.0, rel=1e-5)}
+    assert proof.repaired == {
+        "mass matrix": pytest.approx(1.0 / 3.0, rel=1e-5),
+        "inverse dynamics": pytest.approx(1.0 / 3.0, rel=1e-5),
+    }
 
 
 def test_a_robot_without_a_repair_has_no_changes(tmp_path: Path) -> None:
     options = Options(inertia="repair")
-    assert prove(write(convert(one_joint(), options), tmp_path / "a.osim").path, one_joint(), options, states=2).repaired == {}
+    assert (
+        prove(write(convert(one_joint(), options), tmp_path / "a.osim").path, one_joint(), options, states=2).repaired
+        == {}
+    )
 
 
-def test_the_command_prints_the_changes_the_forward_run_and_the_transitions_of_friction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_the_changes_the_forward_run_and_the_transitions_of_friction(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     limits = '<limit lower="-1" upper="2" effort="30" velocity="1"/><dynamics friction="0.5"/>'
     (tmp_path / "a.urdf").write_text(one_joint(child=body("1", "3"), inside=limits))
-    assert cli.main([str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim"), "--inertia", "repair", "--states", "2"]) == 0
+    assert (
+        cli.main([str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim"), "--inertia", "repair", "--states", "2"])
+        == 0
+    )
     out = capsys.readouterr().out
     assert "the repair of inertias changed the mass matrix by 3.3e-01 and the inverse dynamics by " in out
     assert "note: friction is -f tanh(dq/v), v [rad/s or m/s]: swing 0.01" in out
@@ -48,8 +59,11 @@ def test_the_command_prints_the_changes_the_forward_run_and_the_transitions_of_f
 
 
 @pytest.mark.parametrize(("fingers", "massless"), [(1, 1), (4, 3), (9, 9)])
-def test_a_robot_whose_mass_is_mostly_invented_is_refused_until_that_is_asked_for(fingers: int, massless: int) -> None:
-    with pytest.raises(DescriptionError, match=f"small would mostly be invented: {massless} of {fingers} joints .bend.*convert with inertia invent$"):
+def test_a_robot_whose_mass_is_mostly_invented_is_refused_until_that_is_requested(fingers: int, massless: int) -> None:
+    with pytest.raises(
+        DescriptionError,
+        match=f"small would mostly be invented: {massless} of {fingers} joints .bend.*convert with inertia invent$",
+    ):
         convert(hand(fingers, massless), Options(inertia="repair"))
     assert len(convert(hand(fingers, massless), Options(inertia="invent")).notes) == massless
 
@@ -64,12 +78,18 @@ def test_a_tensor_that_was_moved_to_the_nearest_of_a_body_is_not_invented_howeve
 
 
 def test_masses_without_inertia_far_from_the_axis_invent_little() -> None:
-    point = '<inertial><origin xyz="0 1 0"/><mass value="1"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
+    point = (
+        '<inertial><origin xyz="0 1 0"/><mass value="1"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" '
+        'izz="0"/></inertial>'
+    )
     assert "ball of water" in convert(one_joint(child=point), Options(inertia="repair")).notes[0]
 
 
 def test_what_is_left_of_a_zero_is_no_inertia() -> None:
-    rest = '<inertial><origin xyz="0 1 0"/><mass value="1"/><inertia ixx="2e-35" ixy="0" ixz="0" iyy="-2e-35" iyz="0" izz="0"/></inertial>'
+    rest = (
+        '<inertial><origin xyz="0 1 0"/><mass value="1"/><inertia ixx="2e-35" ixy="0" ixz="0" iyy="-2e-35" '
+        'iyz="0" izz="0"/></inertial>'
+    )
     with pytest.raises(DescriptionError, match=r"it has 1\.0 kg but no inertia"):
         convert(one_joint(child=rest))
     assert "it got the inertia of a ball of water" in convert(one_joint(child=rest), Options(inertia="repair")).notes[0]

@@ -1,7 +1,5 @@
 """The xacro command in a sourced shell, as users and launch files call it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path
@@ -19,8 +17,12 @@ def shell(words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """A command in a shell that sourced scripts/env, with the folder's packages beside the workspace's."""
     lines = f'. "{ROOT}/scripts/env" && export ROS_PACKAGE_PATH="{folder}:$ROS_PACKAGE_PATH" && {words}'
     # Nothing of the shell that runs the tests, which has sourced it already.
-    environment = {name: os.environ[name] for name in ("HOME", "LANG", "TERM") if name in os.environ} | {"PATH": "/usr/bin:/bin"}
-    return subprocess.run(["bash", "-c", lines], cwd=folder, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    environment = {name: os.environ[name] for name in ("HOME", "LANG", "TERM") if name in os.environ} | {
+        "PATH": "/usr/bin:/bin"
+    }
+    return subprocess.run(
+        ["bash", "-c", lines], cwd=folder, env=environment, capture_output=True, text=True, timeout=60, check=False
+    )
 
 
 @pytest.fixture
@@ -35,14 +37,16 @@ def robot(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("command", ["xacro", "rosrun xacro xacro", '"$(rospack find xacro)/nodes/xacro"'])
-def test_find_is_answered_by_the_packages_of_ros_1(command: str, robot: Path) -> None:
+def test_find_finds_the_packages_of_ros_1(command: str, robot: Path) -> None:
     done = shell(f"{command} r.urdf.xacro size:=3", robot)
     assert done.returncode == 0, done.stderr
     assert '<link name="part_6"/>' in done.stdout
 
 
-def test_a_launch_file_that_asks_for_xacro_gets_it(robot: Path) -> None:
-    (robot / "a.launch").write_text('<launch><param name="robot_description" command="$(find xacro)/xacro r.urdf.xacro size:=4"/></launch>')
+def test_a_launch_file_that_uses_xacro_gets_it(robot: Path) -> None:
+    (robot / "a.launch").write_text(
+        '<launch><param name="robot_description" command="$(find xacro)/xacro r.urdf.xacro size:=4"/></launch>'
+    )
     done = shell("roslaunch --dump-params a.launch", robot)
     assert done.returncode == 0, done.stderr
     assert "part_8" in done.stdout

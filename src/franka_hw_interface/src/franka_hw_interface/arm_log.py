@@ -1,6 +1,5 @@
-"""A log of an arm as arrays, and what makes it unusable: values that are not finite, time that does not increase, units that are not SI."""
-
-from __future__ import annotations
+"""A log of an arm as arrays, and what makes it unusable: values that are not finite, time that does not increase, units
+that are not SI."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,14 +13,17 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 FAR = 0.5
-"""A measured position farther outside its joint's range than this is not one in radians; default chosen by this project, unconfirmed [rad]."""
+"""A measured position farther outside its joint's range than this is not one in radians; default chosen by this
+project, unconfirmed [rad]."""
 MOVED = 0.05
-"""A joint whose position spans less than this says nothing about units; default chosen by this project, unconfirmed [rad]."""
+"""A joint whose position spans less than this says nothing about units; default chosen by this project, unconfirmed
+[rad]."""
 SPAN = 20
-"""Samples over which the change of the position is compared with the integral of the velocity: many enough for the noise of both."""
+"""Samples over which the change of the position is compared with the integral of the velocity: many enough for the
+noise of both."""
 SLOPE_TOLERANCE = 0.25
 """Relative error of that comparison which is accepted; default chosen by this project, unconfirmed [1]."""
-LEAST_CORRELATION = 0.5
+MIN_CORRELATION = 0.5
 """Below it a velocity has nothing to do with its position; default chosen by this project, unconfirmed [1]."""
 WRONG_UNITS = (
     (1e-3, "the time looks like milliseconds; seconds are needed"),
@@ -95,7 +97,10 @@ def _check_time(log: ArmLog) -> None:
     steps = np.diff(log.time)
     if (steps <= 0.0).any():
         k = int(np.argmax(steps <= 0.0)) + 1
-        raise LogError(f"time does not increase: {log.columns[0]} is {log.time[k]:.9g} in {log.at(k)} after {log.time[k - 1]:.9g} in {log.at(k - 1)}")
+        raise LogError(
+            f"time does not increase: {log.columns[0]} is {log.time[k]:.9g} in {log.at(k)} after "
+            f"{log.time[k - 1]:.9g} in {log.at(k - 1)}"
+        )
 
 
 def _check_range(log: ArmLog, lower: FloatArray, upper: FloatArray) -> None:
@@ -115,17 +120,20 @@ def _check_motion(log: ArmLog) -> None:
     steps = np.diff(log.time)[:, None]
     integral = np.vstack([np.zeros(log.q.shape[1]), np.cumsum(0.5 * (log.dq[1:] + log.dq[:-1]) * steps, axis=0)])
     span = min(SPAN, len(log.time) - 1)
-    change, told = log.q[span:] - log.q[:-span], integral[span:] - integral[:-span]
-    product, told_square = (change * told).sum(axis=0), (told * told).sum(axis=0)
-    moved = (np.ptp(log.q, axis=0) > MOVED) & (told_square > 0.0)
+    change, expected = log.q[span:] - log.q[:-span], integral[span:] - integral[:-span]
+    product, expected_square = (change * expected).sum(axis=0), (expected * expected).sum(axis=0)
+    moved = (np.ptp(log.q, axis=0) > MOVED) & (expected_square > 0.0)
     if not moved.any():
         return
-    slopes = product[moved] / told_square[moved]
+    slopes = product[moved] / expected_square[moved]
     for slope, guess in WRONG_UNITS:
         if abs(np.median(slopes) / slope - 1.0) < SLOPE_TOLERANCE:
             raise LogError(f"the positions change {np.median(slopes):.3g} times as fast as the velocities say: {guess}")
-    correlations = product[moved] / np.sqrt(told_square[moved] * (change * change).sum(axis=0)[moved])
+    correlations = product[moved] / np.sqrt(expected_square[moved] * (change * change).sum(axis=0)[moved])
     for j, slope, correlation in zip(np.flatnonzero(moved), slopes, correlations, strict=True):
-        if correlation < LEAST_CORRELATION or abs(slope - 1.0) > SLOPE_TOLERANCE:
+        if correlation < MIN_CORRELATION or abs(slope - 1.0) > SLOPE_TOLERANCE:
             q, dq = log.columns[1 + j], log.columns[1 + len(log.joint_names) + j]
-            raise LogError(f"{dq} is not the derivative of {q}: {q} changes {slope:.3g} times as fast as {dq} says (correlation {correlation:.2f})")
+            raise LogError(
+                f"{dq} is not the derivative of {q}: {q} changes {slope:.3g} times as fast as {dq} says (correlation "
+                f"{correlation:.2f})"
+            )

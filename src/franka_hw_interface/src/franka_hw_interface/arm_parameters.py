@@ -1,6 +1,4 @@
-"""Parameters that the simulated and the real arm share, read and checked."""
-
-from __future__ import annotations
+"""Parameters that the simulated and the real arm share."""
 
 import math
 from collections.abc import Sequence
@@ -8,46 +6,58 @@ from dataclasses import replace
 from typing import Any
 
 import panda_description
-from hric_control.errors import ParameterError
-from hric_control.joint_limits import KINDS, JointLimits, load_limits
-from hric_control.limit_loading import DEFAULT_KINDS
+from franka_hw_interface.arm_services import CollisionThresholds
+from hric_control import parameters
+from hric_control.limits import ENFORCE_LIMITS, JointLimits, load_limits
 from hric_control.node import Node
+from hric_control.parameters import Parameter, either, section, text
+
+ARM_ID: Any = text("panda", empty=False, name="arm_id", text="prefix of joints and links")
+
+
+def _false(value: Any, where: str, joints: Sequence[str]) -> None:
+    """False, or an empty text in its place."""
+    if value is not False and value != "":
+        raise ValueError
+
+
+def collision_config(default: Any, false_text: str, default_text: str = "") -> Any:
+    """The parameter `collision_config`: eight lists, or false, which is read as None; false_text: what false means."""
+    return either(
+        Parameter("bool", "false", _false),
+        section(CollisionThresholds),
+        default=default,
+        name="collision_config",
+        default_text=default_text,
+        unit="N m, N",
+        text=f"eight lists, as franka_ros names them; `false`: {false_text}",
+    )
 
 
 def numbers(value: Any, n: int, where: str) -> list[float]:
-    """A list of n finite numbers.
-
-    Raises:
-        ParameterError: it is not one.
-    """
-    valid = isinstance(value, list | tuple) and all(isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in value)
-    if not valid or len(value) != n:
-        raise ParameterError(f"{where} must be a list of {n} finite numbers; got {value!r}")
-    return [float(x) for x in value]
+    """A list of n finite numbers. Raises ParameterError: it is not one."""
+    return list(parameters.numbers(n).checked(value, where))
 
 
 def read_arm_id(node: Node) -> str:
     """Prefix of joints and links."""
-    value = node.param("arm_id", "panda")
-    if not isinstance(value, str) or not value:
-        raise ParameterError(f"{node.resolve('arm_id')} must be a non-empty string; got {value!r}")
-    return value
+    return str(ARM_ID.read(node, "arm_id"))
 
 
-def read_limits(urdf_xml: str, root_node: Node, node: Node, arm_id: str, joint_names: Sequence[str]) -> list[JointLimits]:
-    """Limits to enforce: description, over it `joint_limits/<joint>`, and Franka's own torque rate where neither gives one.
+def read_limits(
+    urdf_xml: str, root_node: Node, node: Node, arm_id: str, joint_names: Sequence[str]
+) -> list[JointLimits]:
+    """Limits to enforce: description, over it `joint_limits/<joint>`, and Franka's own torque rate where neither gives
+    one.
 
-    `enforce_limits`: true (all but acceleration and jerk), false, or a list of kinds.
+    The parameter `enforce_limits` of `node` says which.
     """
-    value, where = node.param("enforce_limits", True), node.resolve("enforce_limits")
-    if isinstance(value, bool):
-        kinds: Sequence[str] = DEFAULT_KINDS if value else ()
-    elif isinstance(value, list | tuple) and all(kind in KINDS for kind in value):
-        kinds = value
-    else:
-        raise ParameterError(f"{where} must be true, false or a list of {', '.join(KINDS)}; got {value!r}")
-    limits = load_limits(urdf_xml, root_node, joint_names, tuple(kinds))
+    kinds = ENFORCE_LIMITS.read(node, "enforce_limits")
+    limits = load_limits(urdf_xml, root_node, joint_names, kinds)
     if "effort_rate" not in kinds:
         return limits
     own = panda_description.joint_limits(arm_id)
-    return [replace(limit, effort_rate=own[limit.name].effort_rate) if math.isinf(limit.effort_rate) else limit for limit in limits]
+    return [
+        replace(limit, effort_rate=own[limit.name].effort_rate) if math.isinf(limit.effort_rate) else limit
+        for limit in limits
+    ]

@@ -1,6 +1,4 @@
-"""`franka_control/...`: what franka_ros lets a user tell the arm, offered alike by the simulated and the real one."""
-
-from __future__ import annotations
+"""`franka_control/...`: services and recovery action of franka_ros, alike for the simulated and the real arm."""
 
 import math
 import threading
@@ -21,30 +19,25 @@ from franka_msgs.srv import (
 )
 from hric_control.errors import CommandError, HricError
 from hric_control.node import GoalHandle, Node, Registration
+from hric_control.parameters import Settings, numbers
 
 
 @dataclass(frozen=True)
-class CollisionThresholds:
-    """From which external torques and wrenches on the arm speaks of contact (lower) and of collision (upper), libfranka's eight lists.
+class CollisionThresholds(Settings):
+    """From which external torques and wrenches on the arm speaks of contact (lower) and of collision (upper),
+    libfranka's eight lists.
 
-    Attributes:
-        *_torque_thresholds_*: one per joint, 7 floats [N m].
-        *_force_thresholds_*: on the stiffness frame, x y z [N], about them [N m], 6 floats.
+    Torques: one per joint. Forces: on the stiffness frame, x y z [N], about them [N m].
     """
 
-    lower_torque_thresholds_acceleration: tuple[float, ...]
-    upper_torque_thresholds_acceleration: tuple[float, ...]
-    lower_torque_thresholds_nominal: tuple[float, ...]
-    upper_torque_thresholds_nominal: tuple[float, ...]
-    lower_force_thresholds_acceleration: tuple[float, ...]
-    upper_force_thresholds_acceleration: tuple[float, ...]
-    lower_force_thresholds_nominal: tuple[float, ...]
-    upper_force_thresholds_nominal: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            object.__setattr__(self, item.name, tuple(positive(value, 7 if "torque" in item.name else 6, item.name)))
+    lower_torque_thresholds_acceleration: tuple[float, ...] = numbers(7, minimum=0.0, unit="N m")
+    upper_torque_thresholds_acceleration: tuple[float, ...] = numbers(7, minimum=0.0, unit="N m")
+    lower_torque_thresholds_nominal: tuple[float, ...] = numbers(7, minimum=0.0, unit="N m")
+    upper_torque_thresholds_nominal: tuple[float, ...] = numbers(7, minimum=0.0, unit="N m")
+    lower_force_thresholds_acceleration: tuple[float, ...] = numbers(6, minimum=0.0, unit="N, N m")
+    upper_force_thresholds_acceleration: tuple[float, ...] = numbers(6, minimum=0.0, unit="N, N m")
+    lower_force_thresholds_nominal: tuple[float, ...] = numbers(6, minimum=0.0, unit="N, N m")
+    upper_force_thresholds_nominal: tuple[float, ...] = numbers(6, minimum=0.0, unit="N, N m")
 
     def lists(self) -> list[list[float]]:
         """The eight lists in the order of libfranka's setCollisionBehavior."""
@@ -52,13 +45,15 @@ class CollisionThresholds:
 
 
 class Arm(Protocol):
-    """What an arm offers to these services. Each method refuses with a HricError that says why; all are called through `request`."""
+    """What an arm offers to these services. Each method refuses with a HricError that says why; all are called through
+    `request`."""
 
     def request(self, function: Callable[[], None]) -> None:
         """Call `function` between two cycles of the control loop and wait for it; its error is raised here."""
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> None:
-        """Payload [kg], centre of mass in the flange frame, 3 floats [m], inertia about it, 9 floats column-major [kg m^2]."""
+        """Payload [kg], centre of mass in the flange frame, 3 floats [m], inertia about it, 9 floats column-major [kg
+        m^2]."""
 
     def set_EE_frame(self, NE_T_EE: Sequence[float]) -> None:
         """End effector in the nominal end-effector frame, 16 floats column-major."""
@@ -92,8 +87,8 @@ def positive(values: Sequence[float], n: int, what: str) -> list[float]:
 
 
 class ArmServices:
-    """The services and the action `franka_control/error_recovery` on any Node. A refusal is success=False with the reason in `error`; a recovery
-    that fails is an aborted goal with the reason as its text.
+    """The services and the action `franka_control/error_recovery` on any Node. A refusal is success=False with the
+    reason in `error`; a recovery that fails is an aborted goal with the reason as its text.
 
     Args:
         arm: the arm.
@@ -103,7 +98,7 @@ class ArmServices:
     def __init__(self, arm: Arm, root_node: Node) -> None:
         self._arm = arm
         node = self._node = root_node.child("franka_control")
-        table: dict[str, tuple[Any, Callable[[Any], None]]] = {
+        services: dict[str, tuple[Any, Callable[[Any], None]]] = {
             "set_load": (SetLoad, self._load),
             "set_EE_frame": (SetEEFrame, self._ee_frame),
             "set_K_frame": (SetKFrame, self._k_frame),
@@ -112,7 +107,9 @@ class ArmServices:
             "set_force_torque_collision_behavior": (SetForceTorqueCollisionBehavior, self._collision),
             "set_full_collision_behavior": (SetFullCollisionBehavior, self._full_collision),
         }
-        self._open: list[Registration] = [node.service(name, kind, self._answer(kind, tell)) for name, (kind, tell) in table.items()]
+        self._open: list[Registration] = [
+            node.service(name, kind, self._handler(kind, apply)) for name, (kind, apply) in services.items()
+        ]
         self._open.append(node.action_server("error_recovery", ErrorRecoveryAction, self._on_goal, self._on_cancel))
 
     def unregister(self) -> None:
@@ -120,10 +117,10 @@ class ArmServices:
         while self._open:
             self._open.pop().unregister()
 
-    def _answer(self, kind: Any, tell: Callable[[Any], None]) -> Callable[[Any], Any]:
+    def _handler(self, kind: Any, apply: Callable[[Any], None]) -> Callable[[Any], Any]:
         def handler(request: Any) -> Any:
             try:
-                tell(request)
+                apply(request)
             except HricError as error:
                 return kind._response_class(success=False, error=str(error))
             return kind._response_class(success=True, error="")
@@ -153,18 +150,21 @@ class ArmServices:
     def _collision(self, request: Any) -> None:
         torques = request.lower_torque_thresholds_nominal, request.upper_torque_thresholds_nominal
         forces = request.lower_force_thresholds_nominal, request.upper_force_thresholds_nominal
-        thresholds = CollisionThresholds(*torques, *torques, *forces, *forces)  # while accelerating as at steady motion, as in franka_ros
+        # The same while accelerating as at steady motion, as in franka_ros.
+        thresholds = CollisionThresholds(*torques, *torques, *forces, *forces)
         self._arm.request(lambda: self._arm.set_collision_behavior(thresholds))
 
     def _full_collision(self, request: Any) -> None:
-        thresholds = CollisionThresholds(**{item.name: getattr(request, item.name) for item in fields(CollisionThresholds)})
+        thresholds = CollisionThresholds(
+            **{item.name: getattr(request, item.name) for item in fields(CollisionThresholds)}
+        )
         self._arm.request(lambda: self._arm.set_collision_behavior(thresholds))
 
-    # -- the action ----------------------------------------------------------------------------------------------------------------------
+    # -- the action ----------------------------------------------------------------------------------------------------
 
     def _on_goal(self, goal: GoalHandle) -> None:
         goal.accept()
-        if getattr(self._node, "publishes_inline", False):  # one thread only: now
+        if self._node.publishes_inline:  # one thread only: now
             self._recover(goal)
         else:  # a recovery takes seconds, and actionlib holds a lock here
             threading.Thread(target=self._recover, args=[goal], name="error_recovery", daemon=True).start()

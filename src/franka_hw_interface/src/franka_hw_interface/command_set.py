@@ -1,6 +1,5 @@
-"""The commands of all modes: storage for the interfaces, the joint limits over them, and the row for the control log."""
-
-from __future__ import annotations
+"""The commands of all modes: storage for the interfaces, the joint limits over them, and the row for the control
+log."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,7 +16,8 @@ from hric_control.hardware_interface import (
     PositionJointInterface,
     VelocityJointInterface,
 )
-from hric_control.joint_limits import EffortLimiter, JointLimits, LimitCounts, PositionLimiter, VelocityLimiter
+from hric_control.limits import EffortLimiter, JointLimits, LimitCounts, PositionLimiter, VelocityLimiter
+from hric_control.robot_hw import LogRow
 
 PERIOD = 1e-3
 """A command to a real arm is in force for this long, however many states were lost before it [s]."""
@@ -45,9 +45,6 @@ class ArmCommand:
     finished: bool = False
 
 
-Row = tuple[list[str], list[float], list[float]]
-
-
 class CommandSet:
     """Commands of the arm.
 
@@ -57,7 +54,8 @@ class CommandSet:
         state: the arm's state.
         limits: one per joint.
         period: of the commands [s].
-        smoothing: limits of rate for joint positions and velocities, for an arm that is commanded without libfranka; None: as they come.
+        smoothing: limits of rate for joint positions and velocities, for an arm that is commanded without libfranka;
+            None: as they come.
 
     Attributes:
         counts: what the limits did.
@@ -77,9 +75,14 @@ class CommandSet:
         self._smoothers = {}
         if smoothing is not None:
             kinds = (Kind.POSITION, Kind.VELOCITY)
-            self._smoothers = {kind: JointSmoother(smoothing, MAX_CUTOFF, kind is Kind.POSITION, period) for kind in kinds}
+            self._smoothers = {
+                kind: JointSmoother(smoothing, MAX_CUTOFF, kind is Kind.POSITION, period) for kind in kinds
+            }
         self._joint = {kind: JointCommands(states) for kind in (Kind.EFFORT, Kind.POSITION, Kind.VELOCITY)}
-        self._pose, self._twist = FrankaPoseCartesianInterface(arm_id, state), FrankaVelocityCartesianInterface(arm_id, state)
+        self._pose, self._twist = (
+            FrankaPoseCartesianInterface(arm_id, state),
+            FrankaVelocityCartesianInterface(arm_id, state),
+        )
         self.counts = LimitCounts(states.names, [limit.velocity for limit in limits])
         self._limiters: dict[Kind, EffortLimiter | PositionLimiter | VelocityLimiter] = {
             Kind.EFFORT: EffortLimiter(states, self._joint[Kind.EFFORT], limits, self.counts),
@@ -89,7 +92,7 @@ class CommandSet:
         self._n = len(states.names)
         self._zeros = [0.0] * self._n
         self._kinds = [HOLD.log_name] * self._n
-        self.row: Row = self._kinds, self._zeros, self._zeros
+        self.row: LogRow = self._kinds, self._zeros, self._zeros
         self._command = ArmCommand()
 
     def interfaces(self) -> list[HardwareInterface]:
@@ -104,7 +107,8 @@ class CommandSet:
         ]
 
     def enter(self, mode: Mode) -> None:
-        """Begin a mode: nothing changes until somebody commands. Positions and poses stand at the desired ones, torques and velocities at zero."""
+        """Begin a mode: nothing changes until somebody commands. Positions and poses stand at the desired ones, torques
+        and velocities at zero."""
         q_d = self._state.q_d
         for kind, start in ((Kind.EFFORT, self._zeros), (Kind.POSITION, q_d), (Kind.VELOCITY, self._zeros)):
             self._joint[kind].value[:] = start
@@ -120,23 +124,23 @@ class CommandSet:
             if isinstance(limiter, EffortLimiter):
                 limiter.check_start()
 
-    def take(self, mode: Mode) -> ArmCommand:
+    def limited_command(self, mode: Mode) -> ArmCommand:
         """The command of this cycle, within the joint limits; the object is the same each time."""
         command, generator = self._command, mode.generator
         command.elbow = None
         if generator is Kind.POSITION:
-            command.q = self._limited(generator)
+            command.q = self._limited_joints(generator)
         elif generator is Kind.VELOCITY:
-            command.dq = self._limited(generator)
+            command.dq = self._limited_joints(generator)
         elif generator is Kind.POSE:
             command.O_T_EE, command.elbow = self._pose.command.value, _pair(self._pose.command.elbow)
         elif generator is Kind.TWIST:
             command.O_dP_EE, command.elbow = self._twist.command.value, _pair(self._twist.command.elbow)
         if mode.torque:
-            command.tau = self._limited(Kind.EFFORT)
+            command.tau = self._limited_joints(Kind.EFFORT)
         return command
 
-    def _limited(self, kind: Kind) -> list[float]:
+    def _limited_joints(self, kind: Kind) -> list[float]:
         value = self._joint[kind].value
         raw = value[:]
         self._limiters[kind].enforce(self._period)

@@ -1,6 +1,5 @@
-"""What the simulated and the real arm have in common as a RobotHW: who commands it, how that changes, and the error state."""
-
-from __future__ import annotations
+"""What the simulated and the real arm have in common as a RobotHW: who commands it, how that changes, and the error
+state."""
 
 from collections.abc import Sequence
 
@@ -12,16 +11,18 @@ from franka_hw_interface.robot_state import RobotState
 from hric_control import realtime
 from hric_control.errors import HricError
 from hric_control.hardware_interface import JointStateInterface, JointStates
-from hric_control.joint_limits import LimitCounts
+from hric_control.limits import LimitCounts
 from hric_control.node import Node
-from hric_control.robot_hw import ControllerInfo, RobotHW
+from hric_control.robot_hw import ControllerInfo, LogRow, RobotHW
 
 
 class CommandedArm(RobotHW):
-    """Base of the Franka arms. The subclass sets the attributes, calls `_register`, and enters and leaves `_wanted` in its `run`.
+    """Base of the Franka arms. The subclass sets the attributes, calls `_register`, and enters and leaves the
+    `_requested` mode in its `run`.
 
-    When the arm ends a motion by itself (a reflex, a command that it refuses), it is in the error state: controllers go on being updated, their
-    commands go nowhere, and none that commands can be started. After its recovery the motion begins anew, and the controllers are restarted.
+    When the arm ends a motion by itself (a reflex, a command that it refuses), it is in the error state: controllers go
+    on being updated, their commands go nowhere, and none that commands can be started. After its recovery the motion
+    begins again, and the controllers are restarted.
 
     Attributes:
         arm_id: prefix of joints and links.
@@ -40,7 +41,7 @@ class CommandedArm(RobotHW):
     error: str
     _node: Node
     _commands: CommandSet
-    _wanted: Mode
+    _requested: Mode
 
     @property
     def _running(self) -> bool:
@@ -78,30 +79,31 @@ class CommandedArm(RobotHW):
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
         """Remember the mode; `run` enters it. Controllers of the same mode follow each other without leaving it."""
-        wanted = self._claimed(start)
-        if wanted:
-            self._wanted = wanted[0]
+        claimed = self._claimed(start)
+        if claimed:
+            if claimed[0] != self._requested:  # else the object stays, so that the loop may compare by identity
+                self._requested = claimed[0]
         elif self._claimed(stop):
-            self._wanted = HOLD
+            self._requested = HOLD
 
     def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
         """Whether the arm takes the commands of these controllers. Before `run` there is nothing to wait for."""
-        wanted = self._claimed(start)
-        if not wanted or not self._running:
+        claimed = self._claimed(start)
+        if not claimed or not self._running:
             return True
         self._refuse_in_error()
-        return self.mode == wanted[0]
+        return self.mode == claimed[0]
 
     def _fail(self, text: str) -> None:
         """Enter the error state; in the loop, so that the log is written outside of it."""
         self.error = text
-        said = f"{text} -- the arm is in the error state; franka_control/error_recovery ends it"
-        realtime.defer(self._node, lambda: self._node.log_error(said), "log")
+        message = f"{text} -- the arm is in the error state; franka_control/error_recovery ends it"
+        realtime.defer(self._node, lambda: self._node.log_error(message), "log")
 
     def limiter_counts(self) -> LimitCounts:
         """What the joint limits did since the start, over all interfaces."""
         return self._commands.counts
 
-    def log_row(self) -> tuple[list[str], list[float], list[float]]:
-        """(command interface per joint, commands before the limits, commands that were sent) of the last cycle."""
+    def log_row(self) -> LogRow:
+        """The commands of the last cycle."""
         return self._commands.row

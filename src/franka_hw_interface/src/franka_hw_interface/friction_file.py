@@ -2,56 +2,54 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import yaml
-
 from hric_control.errors import ParameterError
-from hric_control.plants.friction import PHI, Phi, sigmoid_parameters
+from hric_control.parameters import read_yaml
+from hric_control.plants import PHI, Phi, sigmoid_parameters
 
 if TYPE_CHECKING:
-    from franka_hw_interface.friction_fit import JointFriction  # scipy takes half a second, which a run without a fit does without
+    from franka_hw_interface.friction_fit import (
+        JointFriction,  # scipy takes half a second, which a run without a fit does without
+    )
 
 JOINTS = tuple(f"joint{i}" for i in range(1, 8))
 _NAME = re.compile(r"(?:.*_)?(joint[1-7])")
 _LAW = """\
 # tau_f = phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)), zero at rest. phi1 [N m], phi2 [s/rad], phi3 [rad/s].
-"""
+"""  # noqa: E501
 
 
 def read_friction(path: Path) -> list[Phi]:
     """phi1 [N m], phi2 [s/rad], phi3 [rad/s] of joints 1 to 7.
 
-    The joints may have the prefix of any arm (`panda_joint1`) or none; also the form {phi1: [7 values], phi2: [...], phi3: [...]} is read.
+    The joints may have the prefix of any arm (`panda_joint1`) or none; also the form {phi1: [7 values], phi2: [...],
+    phi3: [...]} is read.
 
     Raises:
         ParameterError: it cannot be read, or does not say this of seven joints.
     """
-    try:
-        content = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ParameterError(f"cannot read the friction file {path}: {' '.join(str(error).split())}") from error
+    content = read_yaml(path)
     if not isinstance(content, dict):
         raise ParameterError(f"the friction file {path} must map joints to phi1, phi2 and phi3")
     named = {str(match[1] if (match := _NAME.fullmatch(str(key))) else key): value for key, value in content.items()}
     unknown = sorted(set(named) - {*JOINTS, *PHI})
     if unknown or len(named) != len(content):
         raise ParameterError(
-            f"the friction file {path} has {', '.join(unknown) or 'a joint twice'}; valid: {', '.join(JOINTS)}, each once, with any prefix"
+            f"the friction file {path} has {', '.join(unknown) or 'a joint twice'}; valid: {', '.join(JOINTS)}, "
+            "each once, with any prefix"
         )
     try:
-        values = sigmoid_parameters(named, JOINTS)
+        return sigmoid_parameters(named, JOINTS)
     except ParameterError as error:
         missing = [joint for joint in JOINTS if joint not in named and not set(PHI) <= set(named)]
-        told = f"; missing: {', '.join(missing)}" if missing else ""
-        raise ParameterError(f"the friction file {path} must give numbers phi1, phi2 and phi3 of joint1 to joint7{told}") from error
-    if not all(math.isfinite(value) for phi in values for value in phi):
-        raise ParameterError(f"the friction file {path} has a value that is not finite")
-    return values
+        hint = f"; missing: {', '.join(missing)}" if missing else ""
+        raise ParameterError(
+            f"the friction file {path} must give finite numbers phi1, phi2 and phi3 of joint1 to joint7{hint}"
+        ) from error
 
 
 def friction_text(fits: Sequence[JointFriction], about: Iterable[str]) -> str:
@@ -59,5 +57,5 @@ def friction_text(fits: Sequence[JointFriction], about: Iterable[str]) -> str:
     rows = []
     for one in fits:
         values = ", ".join(f"{name}: {value:.6f}" for name, value in zip(PHI, one.phi, strict=True))
-        rows.append(f"{one.joint}: {{{values}}}  # {one.told()}\n")
+        rows.append(f"{one.joint}: {{{values}}}  # {one.summary()}\n")
     return "".join([*(f"# {line}\n" for line in about), _LAW, *rows])

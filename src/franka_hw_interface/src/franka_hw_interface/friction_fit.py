@@ -1,30 +1,29 @@
-"""Identifies joint friction from what a rigid-body model leaves of a log: the sigmoid of each joint by nonlinear least squares."""
-
-from __future__ import annotations
+"""Identifies joint friction from what a rigid-body model leaves of a log: the sigmoid of each joint by nonlinear least
+squares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from franka_hw_interface.model_check import ModelCheck, friction_torque, root_mean_square
-from hric_control.plants.friction import Phi, sigmoid_torque
-
-FloatArray = npt.NDArray[np.float64]
+from hric_control.geometry import FloatArray
+from hric_control.plants import Phi, sigmoid_torque
 
 MOVING = 0.1
-"""Speed beyond which a joint shows its friction: 1/phi2 of the published joints is 0.06 to 0.2 rad/s; default chosen by this project, unconfirmed
-[rad/s]."""
-LEAST_TIME = 0.5
+"""Speed beyond which a joint shows its friction: 1/phi2 of the published joints is 0.06 to 0.2 rad/s; default chosen by
+this project, unconfirmed [rad/s]."""
+MIN_TIME = 0.5
 """For how long it must be faster, in each direction; default chosen by this project, unconfirmed [s]."""
 LOOSE = 0.3
-"""Relative standard deviation beyond which a parameter is called loosely determined; default chosen by this project, unconfirmed [1]."""
+"""Relative standard deviation beyond which a parameter is called loosely determined; default chosen by this project,
+unconfirmed [1]."""
 BOUNDS = ((0.0, 0.1, -1.0), (50.0, 1000.0, 1.0))
 """Of phi1 [N m], phi2 [s/rad] and phi3 [rad/s]: far beyond what any joint has."""
 STARTS = ((1.0, 5.0, 0.0), (0.5, 30.0, 0.0))
-"""Where the search begins beside the values before: a soft and a steep sigmoid, since a steep one is flat far from its bend."""
+"""Where the search begins beside the values before: a soft and a steep sigmoid, since a steep one is flat far from its
+bend."""
 
 
 @dataclass(frozen=True)
@@ -49,23 +48,30 @@ class JointFriction:
     fitted: bool
 
     def loose(self) -> list[str]:
-        """Parameters that this log determines loosely: phi1 and phi2 by their relative deviation, phi3 by that of the curve's bend, 1/phi2."""
+        """Parameters that this log determines loosely: phi1 and phi2 by their relative deviation, phi3 by that of the
+        curve's bend, 1/phi2."""
         scales = (self.phi[0], self.phi[1], 1.0 / self.phi[1])
         return [f"phi{i + 1}" for i in range(3) if self.fitted and not self.deviation[i] <= LOOSE * scales[i]]
 
-    def told(self) -> str:
-        """What is to be known of it, for a report or a comment."""
+    def summary(self) -> str:
+        """How it was fitted, for a report or a comment."""
         low, high = self.speeds
         if not self.fitted:
-            return f"NOT FITTED: it moved from {low:.3f} to {high:.3f} rad/s, which does not determine friction; values as before"
+            return (
+                f"NOT FITTED: it moved from {low:.3f} to {high:.3f} rad/s, which does not determine friction; "
+                "values as before"
+            )
         loose = f"; loosely determined: {', '.join(self.loose())}" if self.loose() else ""
-        return f"fitted from {low:.3f} to {high:.3f} rad/s, residual {self.rms_before:.3g} to {self.rms:.3g} N m RMS{loose}"
+        return (
+            f"fitted from {low:.3f} to {high:.3f} rad/s, residual {self.rms_before:.3g} to {self.rms:.3g} N m "
+            f"RMS{loose}"
+        )
 
 
 def fit_friction(check: ModelCheck, before: Sequence[Phi]) -> list[JointFriction]:
     """Fit the sigmoid, and nothing else, to what M(q) ddq + C dq + g leaves of the measured torque.
 
-    A joint that was not faster than `MOVING` for `LEAST_TIME` in each direction keeps its values.
+    A joint that was not faster than `MOVING` for `MIN_TIME` in each direction keeps its values.
 
     Args:
         check: the log; the friction in it does not matter.
@@ -78,8 +84,7 @@ def fit_friction(check: ModelCheck, before: Sequence[Phi]) -> list[JointFriction
         velocity = check.velocity[:, j]
         speeds, rms = (float(velocity.min()), float(velocity.max())), float(root_mean_square(with_before[:, j]))
         kept = JointFriction(joint, before[j], (np.inf,) * 3, speeds, rms, rms, False)
-        least = LEAST_TIME * check.signals.rate
-        moved = min((velocity > MOVING).sum(), (velocity < -MOVING).sum()) >= least
+        moved = min((velocity > MOVING).sum(), (velocity < -MOVING).sum()) >= MIN_TIME * check.signals.rate
         found.append(_fitted(check, j, remaining[:, j], kept) if moved else kept)
     return found
 
@@ -92,8 +97,11 @@ def _fitted(check: ModelCheck, j: int, remaining: FloatArray, before: JointFrict
 
     low, high = np.array(BOUNDS)
     starts = [np.clip(start, low + 1e-6, high - 1e-6) for start in (before.phi, *STARTS)]
-    best = min((least_squares(residual, start, bounds=BOUNDS, x_scale=(1.0, 10.0, 0.1)) for start in starts), key=lambda result: result.cost)
-    # Neighbouring samples of a filtered residual tell the same: what counts is 2 cut-off duration independent ones.
+    best = min(
+        (least_squares(residual, start, bounds=BOUNDS, x_scale=(1.0, 10.0, 0.1)) for start in starts),
+        key=lambda result: result.cost,
+    )
+    # Neighbouring samples of a filtered residual are correlated: 2 cut-off duration of them are independent.
     independent = max(2.0 * signals.cutoff * signals.duration, 4.0)
     variance = float(np.mean(best.fun**2)) * independent / (independent - 3.0)
     _, singular, directions = np.linalg.svd(best.jac, full_matrices=False)
@@ -101,4 +109,10 @@ def _fitted(check: ModelCheck, j: int, remaining: FloatArray, before: JointFrict
         spread = np.sqrt(variance * (len(remaining) / independent) * ((directions.T / singular) ** 2).sum(axis=1))
     phi1, phi2, phi3 = map(float, best.x)
     rms = float(root_mean_square(best.fun))
-    return replace(before, phi=(phi1, phi2, phi3), deviation=(float(spread[0]), float(spread[1]), float(spread[2])), rms=rms, fitted=True)
+    return replace(
+        before,
+        phi=(phi1, phi2, phi3),
+        deviation=(float(spread[0]), float(spread[1]), float(spread[2])),
+        rms=rms,
+        fitted=True,
+    )

@@ -1,6 +1,4 @@
-"""The actions and joint states of franka_ros's franka_gripper, on any Node and any hand."""
-
-from __future__ import annotations
+"""The actions, joint states and parameters of franka_ros's franka_gripper, on any Node and any hand."""
 
 from collections import deque
 from collections.abc import Callable
@@ -20,12 +18,42 @@ from franka_gripper.msg import (
     StopAction,
     StopResult,
 )
-from franka_hw_interface.gripper_settings import GripperSettings
+from franka_hw_interface.arm_parameters import ARM_ID
 from franka_hw_interface.hand import Hand, HandMotion, HandOutcome
 from hric_control.node import GoalHandle, Node, Registration
+from hric_control.parameters import Settings, names, number, text
 
 SAME_WIDTH = 1e-4
-"""gripper_action: an opening so near is the wanted one already (franka_gripper 0.10.1) [m]."""
+"""gripper_action: an opening so near to the requested one counts as reached (franka_gripper 0.10.1) [m]."""
+
+
+@dataclass(frozen=True)
+class GripperSettings(Settings):
+    """Parameters of the gripper's node, with the names and defaults of franka_ros's franka_gripper 0.10.1."""
+
+    arm_id: str = ARM_ID
+    joint_names: tuple[str, ...] | None = names(
+        2, None, default_text="`[<arm_id>_finger_joint1, <arm_id>_finger_joint2]`", text="of the two fingers"
+    )
+    publish_rate: float = number(30.0, above=0.0, unit="Hz", text="of the joint states")
+    robot_joint_states: str = text(
+        "",
+        valid="a topic, or an empty text",
+        text="topic that gets the fingers' joint states as well, e.g. /joint_states; `bringup.launch` gives the "
+        "robot's `joint_states`, where they come in messages of their own",
+    )
+    default_speed: float = number(0.1, above=0.0, unit="m/s", text="of `gripper_action`")
+    epsilon_inner: float = number(
+        0.005, minimum=0.0, unit="m", name="default_grasp_epsilon/inner", text="of `gripper_action`: how much narrower"
+    )
+    epsilon_outer: float = number(
+        0.005, minimum=0.0, unit="m", name="default_grasp_epsilon/outer", text="of `gripper_action`: how much wider"
+    )
+
+    @property
+    def fingers(self) -> list[str]:
+        """Names of their joints."""
+        return list(self.joint_names or (f"{self.arm_id}_finger_joint{i}" for i in (1, 2)))
 
 
 @dataclass
@@ -52,10 +80,12 @@ class _Running:
 
 
 class GripperActions:
-    """`homing`, `move`, `grasp`, `stop`, `gripper_action` and `joint_states` below a node. Goals and cancels are taken in `update`, one thread.
+    """`homing`, `move`, `grasp`, `stop`, `gripper_action` and `joint_states` below a node. Goals and cancels are taken
+    in `update`, one thread.
 
-    A goal ends as in franka_ros: carried out, though in vain, it succeeds with `success: false`; refused by the hand, or stopped by the action
-    `stop`, it is aborted; cancelled, or replaced by a goal of any of the actions, it is preempted. A cancel stops the fingers.
+    A goal ends as in franka_ros: carried out, though in vain, it succeeds with `success: false`; refused by the hand,
+    or stopped by the action `stop`, it is aborted; cancelled, or replaced by a goal of any of the actions, it is
+    preempted. A cancel stops the fingers.
 
     Args:
         node: the gripper's namespace.
@@ -141,26 +171,35 @@ class GripperActions:
         elif outcome is HandOutcome.UNSUCCESSFUL and running.name != "gripper_action":
             running.goal.succeed(self._result(running, reason), reason)
         else:
-            text = f"{running.name}: {reason}" if reason else running.name
-            self._node.log_error(f"{text} ({outcome.value if outcome else ''})")
+            what = f"{running.name}: {reason}" if reason else running.name
+            self._node.log_error(f"{what} ({outcome.value if outcome else ''})")
             running.goal.abort(self._result(running, reason), reason)
 
     def _result(self, running: _Running, error: str) -> Any:
-        return self._kinds[running.name].result(success=not error and running.motion.outcome is HandOutcome.SUCCESS, error=error)
+        return self._kinds[running.name].result(
+            success=not error and running.motion.outcome is HandOutcome.SUCCESS, error=error
+        )
 
     def _grasp(self, goal: Any) -> HandMotion:
         return self._hand.grasp(goal.width, goal.epsilon.inner, goal.epsilon.outer, goal.speed, goal.force)
 
     def _command(self, goal: Any) -> HandMotion:
-        """gripper_action: `position` is that of one finger, half the opening; opening moves, closing grasps (franka_gripper 0.10.1)."""
+        """gripper_action: `position` is that of one finger, half the opening; opening moves, closing grasps
+        (franka_gripper 0.10.1)."""
         width, settings, hand = 2.0 * goal.command.position, self._settings, self._hand
         if not 0.0 <= width <= hand.max_width:
-            return HandMotion("gripper_action", HandOutcome.FAIL, f"position {goal.command.position} m; valid: 0 to {0.5 * hand.max_width:g} m")
+            return HandMotion(
+                "gripper_action",
+                HandOutcome.FAIL,
+                f"position {goal.command.position} m; valid: 0 to {0.5 * hand.max_width:g} m",
+            )
         if abs(width - hand.width) < SAME_WIDTH:
             return HandMotion("gripper_action", HandOutcome.SUCCESS)
         if width >= hand.width:
             return hand.move(width, settings.default_speed)
-        return hand.grasp(width, settings.epsilon_inner, settings.epsilon_outer, settings.default_speed, goal.command.max_effort)
+        return hand.grasp(
+            width, settings.epsilon_inner, settings.epsilon_outer, settings.default_speed, goal.command.max_effort
+        )
 
     def _command_result(self, success: bool, error: str) -> Any:
         """`position` is the opening, not that of a finger (franka_gripper 0.10.1)."""
@@ -169,7 +208,7 @@ class GripperActions:
     def _publish(self) -> None:
         message = JointState()
         message.header.stamp = self._node.now()
-        message.name = list(self._settings.joint_names)
+        message.name = self._settings.fingers
         message.position = [0.5 * self._hand.width] * 2
         message.velocity, message.effort = [0.0, 0.0], [0.0, 0.0]
         for publisher in self._joint_states:

@@ -1,56 +1,42 @@
-"""The process `franka_gripper`: a hand behind its actions, until it is told to end."""
+"""The process `franka_gripper`: a hand behind its actions, until its shutdown is requested."""
 
-from __future__ import annotations
-
-import logging
-import signal
-import sys
-import threading
 from collections.abc import Callable
+from functools import partial
 
-import rospy
-
-from franka_hw_interface.gripper_actions import GripperActions
-from franka_hw_interface.gripper_settings import read_settings
+from franka_hw_interface.gripper_actions import GripperActions, GripperSettings
 from franka_hw_interface.hand import Hand
-from hric_control.errors import HricError
 from hric_control.node import Node
-from hric_control.ros_logging import forward_to_ros
-from hric_control.ros_node import RosNode
+from hric_control.ros.process import NodeApp, run
 
-UPDATE_EVERY = 0.01
-"""[s of wall time]"""
+MakeHand = Callable[[Node], tuple[Hand, Callable[[], None]]]
+"""Private node -> the hand, and what closes it; may raise a HricError."""
 
 
-def main(make_hand: Callable[[Node], tuple[Hand, Callable[[], None]]], text: str) -> int:
-    """Run the node.
+class GripperApp(NodeApp):
+    """The actions of a hand."""
+
+    period = 0.01
+
+    def __init__(self, make_hand: MakeHand, node: Node) -> None:
+        settings = GripperSettings.read(node)
+        hand, self._close_hand = make_hand(node)
+        self._actions = GripperActions(node, hand, settings)
+
+    def tick(self) -> None:
+        """Follow the hand."""
+        self._actions.update()
+
+    def close(self) -> None:
+        """Take the actions back and close the hand."""
+        self._actions.shutdown()
+        self._close_hand()
+
+
+def main(make_hand: MakeHand, text: str) -> int:
+    """Run the node. Returns the exit code.
 
     Args:
-        make_hand: gets the private node; returns the hand and what closes it, or raises a HricError.
+        make_hand: makes the hand.
         text: for --help.
     """
-    if {"-h", "--help"} & set(sys.argv[1:]):
-        print(text)
-        return 0
-    # rospy's own handler asks the master from within the signal, and waits for ever where the signal met a question to the master.
-    told_to_end = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: told_to_end.set())
-    rospy.init_node("franka_gripper", disable_signals=True)
-    forward_to_ros(logging.getLogger("hric"))
-    try:
-        node = RosNode("~")
-        settings = read_settings(node)
-        hand, close = make_hand(node)
-    except HricError as error:
-        rospy.logfatal(str(error))
-        return 1
-    actions = GripperActions(node, hand, settings)
-    try:
-        while not rospy.is_shutdown() and not told_to_end.wait(UPDATE_EVERY):
-            actions.update()
-    finally:
-        actions.shutdown()
-        close()
-        rospy.signal_shutdown("the gripper has stopped")
-    return 0
+    return run("franka_gripper", text, partial(GripperApp, make_hand))

@@ -1,6 +1,5 @@
-"""The Franka hand as the gripper's actions see it: requests that return at once, and how they ended. Emulated or real."""
-
-from __future__ import annotations
+"""The Franka hand as the gripper's actions see it: requests that return at once, and how they ended. Emulated or
+real."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -65,4 +64,4 @@ class Hand(Protocol):
         """End what runs or holds."""
 
     def advance(self, time: float) -> None:
-        """Called again and again with run time [s]: an emulated hand goes on to it, a real one goes by itself."""
+        """Called again and again with robot time [s]: an emulated hand goes on to it, a real one goes by itself."""

@@ -1,7 +1,5 @@
 """Hardware interfaces of the Franka arm: its state, its model, and Cartesian commands."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import ClassVar
@@ -63,7 +61,7 @@ class FrankaStateInterface(_ArmInterface):
 
 
 class FrankaModelInterface(_ArmInterface):
-    """Offers "<arm_id>_model"; claims nothing. All who ask share one handle, and so what was computed in the tick."""
+    """Offers "<arm_id>_model"; claims nothing. All its users share one handle, and so what is computed in the tick."""
 
     cpp_name = "franka_hw::FrankaModelInterface"
     suffix = "model"
@@ -102,8 +100,8 @@ class CartesianCommand:
         self.value, self.elbow = list(value), None  # type: list[float], list[float] | None
 
 
-class FrankaCartesianPoseHandle(FrankaStateHandle):
-    """State and pose command; asking for it claims the arm."""
+class _CartesianHandle(FrankaStateHandle):
+    """State and Cartesian command; `handle` claims the arm for it."""
 
     __slots__ = ("_command",)
 
@@ -113,8 +111,14 @@ class FrankaCartesianPoseHandle(FrankaStateHandle):
 
     @property
     def command(self) -> tuple[list[float], list[float] | None]:
-        """(O_T_EE_c, elbow) now in force."""
+        """(O_T_EE_c or O_dP_EE_c, elbow) now in force."""
         return self._command.value[:], self._command.elbow
+
+
+class FrankaCartesianPoseHandle(_CartesianHandle):
+    """State and pose command."""
+
+    __slots__ = ()
 
     def set_command(self, O_T_EE: Sequence[float], elbow: Sequence[float] | None = None) -> None:
         """Command a pose of the end effector in the base frame, 16 column-major floats, with or without the elbow.
@@ -127,22 +131,14 @@ class FrankaCartesianPoseHandle(FrankaStateHandle):
         self._command.value[:], self._command.elbow = O_T_EE, checked
 
 
-class FrankaCartesianVelocityHandle(FrankaStateHandle):
-    """State and twist command; asking for it claims the arm."""
+class FrankaCartesianVelocityHandle(_CartesianHandle):
+    """State and twist command."""
 
-    __slots__ = ("_command",)
-
-    def __init__(self, name: str, state: RobotState, command: CartesianCommand) -> None:
-        super().__init__(name, state)
-        self._command = command
-
-    @property
-    def command(self) -> tuple[list[float], list[float] | None]:
-        """(O_dP_EE_c, elbow) now in force."""
-        return self._command.value[:], self._command.elbow
+    __slots__ = ()
 
     def set_command(self, O_dP_EE: Sequence[float], elbow: Sequence[float] | None = None) -> None:
-        """Command a twist of the end effector in the base frame, linear [m/s] then angular [rad/s], with or without the elbow.
+        """Command a twist of the end effector in the base frame, linear [m/s] then angular [rad/s], with or without the
+        elbow.
 
         Raises:
             CommandError: not six finite numbers, not an elbow; the command before stays.
@@ -153,15 +149,22 @@ class FrankaCartesianVelocityHandle(FrankaStateHandle):
         self._command.value[:], self._command.elbow = O_dP_EE, checked
 
 
-class FrankaPoseCartesianInterface(_ArmInterface):
-    """Pose commands for "<arm_id>_robot"; claims it."""
+class _CartesianInterface(_ArmInterface):
+    """Cartesian commands for "<arm_id>_robot"; claims it. `initial`: the command before the first one."""
 
-    cpp_name = "franka_hw::FrankaPoseCartesianInterface"
     claims_resources = True
+    initial: ClassVar[Sequence[float]]
 
     def __init__(self, arm_id: str, state: RobotState) -> None:
         super().__init__(arm_id, state)
-        self.command = CartesianCommand(identity16())
+        self.command = CartesianCommand(self.initial)
+
+
+class FrankaPoseCartesianInterface(_CartesianInterface):
+    """Pose commands for "<arm_id>_robot"; claims it."""
+
+    cpp_name = "franka_hw::FrankaPoseCartesianInterface"
+    initial = identity16()
 
     def handle(self, name: str) -> FrankaCartesianPoseHandle:
         """The command handle; claims the arm."""
@@ -169,15 +172,11 @@ class FrankaPoseCartesianInterface(_ArmInterface):
         return FrankaCartesianPoseHandle(name, self.state, self.command)
 
 
-class FrankaVelocityCartesianInterface(_ArmInterface):
+class FrankaVelocityCartesianInterface(_CartesianInterface):
     """Twist commands for "<arm_id>_robot"; claims it."""
 
     cpp_name = "franka_hw::FrankaVelocityCartesianInterface"
-    claims_resources = True
-
-    def __init__(self, arm_id: str, state: RobotState) -> None:
-        super().__init__(arm_id, state)
-        self.command = CartesianCommand([0.0] * 6)
+    initial = (0.0,) * 6
 
     def handle(self, name: str) -> FrankaCartesianVelocityHandle:
         """The command handle; claims the arm."""

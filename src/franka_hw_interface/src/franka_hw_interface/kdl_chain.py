@@ -1,21 +1,18 @@
 """Dynamics and kinematics of any serial arm by KDL, from its URDF.
 
-PyKDL has no bridge to numpy: reading and writing its containers element by element is most of the cost, so the containers are made once
-and kept, symmetric matrices are read by their upper half, and the gravity torque has a path on plain lists.
+PyKDL has no bridge to numpy: reading and writing its containers element by element is most of the cost, so the
+containers are made once and kept, symmetric matrices are read by their upper half, and the gravity torque has a path on
+plain lists.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import PyKDL
 
-from franka_hw_interface.urdf_chain import ChainSegment, Inertial, SerialChain, parse_chain
+from franka_hw_interface.urdf_chain import ChainSegment, SerialChain, parse_chain
 from hric_control.errors import CommandError, DescriptionError, HricError
-
-FloatArray = npt.NDArray[np.float64]
+from hric_control.geometry import FloatArray, MassProperties
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Standard acceleration of gravity as ROS, KDL and libfranka use it, world frame [m/s^2]."""
@@ -37,7 +34,8 @@ def _to_kdl_segment(segment: ChainSegment) -> PyKDL.Segment:
 
 
 class _Solvers:
-    """KDL's solvers for one chain, in one object: they refer to the chain, and a change of the load replaces all of them at once."""
+    """KDL's solvers for one chain, in one object: they refer to the chain, and a change of the load replaces all of
+    them at once."""
 
     def __init__(self, description: SerialChain, gravity_base: FloatArray) -> None:
         self.chain = PyKDL.Chain()
@@ -61,9 +59,9 @@ class _Solvers:
 class KdlChain:
     """Mass matrix, Coriolis and gravity torque, poses and Jacobians of the chain between two links.
 
-    Links and branches fixed to the chain count in full (see `urdf_chain.parse_chain`); movable joints of branches count as fixed at zero.
-    One instance serves one thread: its containers are reused. `set_load` may be called from another thread; calls that run meanwhile finish
-    with the load before.
+    Links and branches fixed to the chain count in full (see `urdf_chain.parse_chain`); movable joints of branches count
+    as fixed at zero. One instance serves one thread: its containers are reused. `set_load` may be called from another
+    thread; calls that run meanwhile finish with the load before.
 
     Args:
         urdf_xml: robot description (pure URDF).
@@ -78,7 +76,9 @@ class KdlChain:
         self.description = parse_chain(urdf_xml, root, tip)
         T_world_root = self.description.T_world_root
         if T_world_root is None:
-            raise DescriptionError(f"the robot description: {root} is moved by a joint, so the direction of gravity in it is not known")
+            raise DescriptionError(
+                f"the robot description: {root} is moved by a joint, so the direction of gravity in it is not known"
+            )
         self.joint_names = self.description.joint_names
         self.n = len(self.joint_names)
         self.gravity_base: FloatArray = T_world_root[:3, :3].T @ np.array(gravity_world, dtype=float)
@@ -99,8 +99,8 @@ class KdlChain:
         self.gravity_list: Callable[[Sequence[float]], list[float]] = _gravity_function(self._solvers, self.n)
         """q (n floats) [rad] -> gravity torque g(q), n floats [N m]: the fast path for control loops; no checks."""
 
-    def set_load(self, load: Inertial) -> None:
-        """Weld a payload to the tip (its frame), in place of the one before; `Inertial()` takes it off."""
+    def set_load(self, load: MassProperties) -> None:
+        """Weld a payload to the tip (its frame), in place of the one before; `MassProperties()` takes it off."""
         self._use(self.description.with_load(load))
 
     def _set(self, target: PyKDL.JntArray, values: Sequence[float] | FloatArray, what: str) -> PyKDL.JntArray:
@@ -122,13 +122,15 @@ class KdlChain:
         return np.array([upper[k] for k in self._upper_to_full]).reshape(self.n, self.n)
 
     def coriolis(self, q: Sequence[float] | FloatArray, dq: Sequence[float] | FloatArray) -> FloatArray:
-        """Coriolis and centrifugal torque C(q, dq) dq, a vector as in libfranka, shape (n,) [N m]; dq: shape (n,) [rad/s]."""
+        """Coriolis and centrifugal torque C(q, dq) dq, a vector as in libfranka, shape (n,) [N m]; dq: shape (n,)
+        [rad/s]."""
         velocity = self._set(self._dq, dq, "joint velocity")
         _done(self._solvers.dynamics.JntToCoriolis(self._position(q), velocity, self._tau), "Coriolis torque")
         return np.array([self._tau[i] for i in range(self.n)])
 
     def gravity(self, q: Sequence[float] | FloatArray, gravity_base: Sequence[float] | None = None) -> FloatArray:
-        """Torque g(q) that holds the arm against gravity, shape (n,) [N m]; gravity_base: other gravity in the root frame, 3 floats [m/s^2]."""
+        """Torque g(q) that holds the arm against gravity, shape (n,) [N m]; gravity_base: other gravity in the root
+        frame, 3 floats [m/s^2]."""
         solvers = self._solvers
         dynamics = solvers.dynamics if gravity_base is None else solvers.under_gravity(gravity_base)
         _done(dynamics.JntToGravity(self._position(q), self._tau), "gravity torque")
@@ -177,9 +179,11 @@ def _done(code: int, what: str) -> None:
 
 
 def _gravity_function(solvers: _Solvers, n: int) -> Callable[[Sequence[float]], list[float]]:
-    """Gravity torque on plain lists; it holds its own solvers, so that a later change of the load does not touch a call that runs."""
+    """Gravity torque on plain lists; it holds its own solvers, so that a later change of the load does not touch a call
+    that runs."""
     position, torque = PyKDL.JntArray(n), PyKDL.JntArray(n)
-    # The unbound method is a third faster than the bound one, and element access is most of what KDL's gravity costs from Python.
+    # The unbound method is a third faster than the bound one, and element access is most of what KDL's gravity costs
+    # from Python.
     put, take, compute = PyKDL.JntArray.__setitem__, torque.__getitem__, solvers.dynamics.JntToGravity
 
     def gravity(q: Sequence[float], _keep: _Solvers = solvers) -> list[float]:

@@ -1,20 +1,18 @@
 """The Franka model by KDL from the URDF."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import PyKDL
 
 from franka_hw_interface.kdl_chain import GRAVITY, KdlChain, from_kdl_frame, from_kdl_jacobian, to_kdl_frame
 from franka_hw_interface.model import Frame, Vector
 from franka_hw_interface.transforms import check_load, check_transform, column_major
-from franka_hw_interface.urdf_chain import Inertial, parse_chain
+from franka_hw_interface.urdf_chain import chain_of
 from hric_control.errors import DescriptionError, UnknownNameError
-
-FloatArray = npt.NDArray[np.float64]
+from hric_control.geometry import FloatArray, MassProperties
+from hric_control.geometry.transforms import inverse
+from hric_control.urdf import read
 
 JOINTS = 7
 _JOINT_FRAMES = {Frame(f"joint{i}"): i for i in range(1, JOINTS + 1)}
@@ -23,9 +21,10 @@ _JOINT_FRAMES = {Frame(f"joint{i}"): i for i in range(1, JOINTS + 1)}
 class KdlFrankaModel:
     """A `FrankaModel` whose kinematics, masses and mounting are those of the URDF.
 
-    The hand: libfranka learns the end effector's mass from the robot's own settings; here all that the URDF fixes to `<arm_id>_link8` is part of
-    the model from the start and is told back as `ee_inertial`. The payload of `set_load` comes on top of it. The nominal end effector F_T_NE
-    is the pose of `<arm_id>_hand_tcp` if the URDF has that link, else the flange; F_T_EE starts there.
+    The hand: libfranka gets the end effector's mass from the robot's own settings; here all that the URDF fixes to
+    `<arm_id>_link8` is part of the model from the start and is reported as `ee_inertial`. The payload of `set_load`
+    comes on top of it. The nominal end effector F_T_NE is the pose of `<arm_id>_hand_tcp` if the URDF has that link,
+    else the flange; F_T_EE starts there.
 
     Gravity points along `gravity_world` in the URDF's first link, so a tilted mounting turns it in the base frame.
 
@@ -41,27 +40,36 @@ class KdlFrankaModel:
         DescriptionError, UnknownNameError: the URDF does not hold such an arm.
     """
 
-    def __init__(self, urdf_xml: str, arm_id: str, root: str | None = None, gravity_world: Sequence[float] = GRAVITY) -> None:
+    def __init__(
+        self, urdf_xml: str, arm_id: str, root: str | None = None, gravity_world: Sequence[float] = GRAVITY
+    ) -> None:
         base, flange, tcp = root or f"{arm_id}_link0", f"{arm_id}_link8", f"{arm_id}_hand_tcp"
         self.chain = KdlChain(urdf_xml, base, flange, gravity_world)
         if self.chain.n != JOINTS:
-            raise DescriptionError(f"the robot description: {self.chain.n} moving joints between {base} and {flange}; a Franka arm has {JOINTS}")
+            raise DescriptionError(
+                f"the robot description: {self.chain.n} moving joints between {base} and {flange}; a Franka arm has "
+                f"{JOINTS}"
+            )
         self.arm_id, self.joint_names = arm_id, self.chain.joint_names
         self.revision = 0
         self.ee_inertial = self.chain.description.tip_inertial
         """What the URDF fixes to the flange, in the flange frame."""
-        self.load = Inertial()
-        """The payload told, in the flange frame."""
+        self.load = MassProperties()
+        """The payload of `set_load`, in the flange frame."""
         self.F_T_NE = _tip_pose(urdf_xml, base, flange, tcp)
         """Nominal end effector in the flange frame, shape (4, 4)."""
         self.F_T_EE, self.EE_T_K = self.F_T_NE.copy(), np.eye(4)
         self.gravity_list: Callable[[Sequence[float]], list[float]] = self.chain.gravity_list
-        self._place_frames()
+        self._update_frames()
 
-    def _place_frames(self) -> None:
+    def _update_frames(self) -> None:
         flange = self.chain.T_last_tip
         end_effector = flange * to_kdl_frame(self.F_T_EE)
-        offsets = {Frame.FLANGE: flange, Frame.END_EFFECTOR: end_effector, Frame.STIFFNESS: end_effector * to_kdl_frame(self.EE_T_K)}
+        offsets = {
+            Frame.FLANGE: flange,
+            Frame.END_EFFECTOR: end_effector,
+            Frame.STIFFNESS: end_effector * to_kdl_frame(self.EE_T_K),
+        }
         self._frames: dict[Frame, tuple[int, PyKDL.Frame | None]] = {
             **{frame: (i, None) for frame, i in _JOINT_FRAMES.items()},
             **{frame: (JOINTS, offset) for frame, offset in offsets.items()},
@@ -74,12 +82,12 @@ class KdlFrankaModel:
         return self.chain.gravity_base
 
     @property
-    def total_inertial(self) -> Inertial:
+    def total_inertial(self) -> MassProperties:
         """End effector and payload together, in the flange frame."""
         return self.ee_inertial + self.load
 
     def set_load(self, mass: float, com: Vector, inertia: Vector) -> None:
-        """Tell the payload.
+        """Set the payload.
 
         Args:
             mass: [kg].
@@ -97,12 +105,13 @@ class KdlFrankaModel:
     def set_ee(self, F_T_EE: FloatArray) -> None:
         """Place the end effector in the flange frame, shape (4, 4). Raises CommandError if it is not a pose."""
         self.F_T_EE = check_transform(column_major(np.asarray(F_T_EE)), "F_T_EE")
-        self._place_frames()
+        self._update_frames()
 
     def set_stiffness_frame(self, EE_T_K: FloatArray) -> None:
-        """Place the stiffness frame in the end-effector frame, shape (4, 4). Raises CommandError if it is not a pose."""
+        """Place the stiffness frame in the end-effector frame, shape (4, 4). Raises CommandError if it is not a
+        pose."""
         self.EE_T_K = check_transform(column_major(np.asarray(EE_T_K)), "EE_T_K")
-        self._place_frames()
+        self._update_frames()
 
     def mass(self, q: Vector) -> FloatArray:
         """Mass matrix without rotor inertia, shape (7, 7) [kg m^2]; q: shape (7,) [rad]."""
@@ -150,7 +159,7 @@ class KdlFrankaModel:
 
 def _tip_pose(urdf_xml: str, base: str, flange: str, tcp: str) -> FloatArray:
     """Pose of the link `tcp` in the flange frame, shape (4, 4); the identity if the URDF has no such link."""
-    if f'"{tcp}"' not in urdf_xml and f"'{tcp}'" not in urdf_xml:
+    robot = read(urdf_xml)
+    if tcp not in robot.links:
         return np.eye(4)
-    T_last_flange = parse_chain(urdf_xml, base, flange).T_last_tip
-    return np.linalg.inv(T_last_flange) @ parse_chain(urdf_xml, base, tcp).T_last_tip
+    return inverse(chain_of(robot, base, flange).T_last_tip) @ chain_of(robot, base, tcp).T_last_tip

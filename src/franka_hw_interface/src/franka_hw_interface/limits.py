@@ -1,6 +1,5 @@
-"""Franka's joint and Cartesian limits as vectors, read from panda_description, where each number stands with its source."""
-
-from __future__ import annotations
+"""Franka's joint and Cartesian limits as vectors, read from panda_description, which gives the
+source of each."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -38,10 +37,15 @@ class FrankaLimits:
     rotation: CartesianLimit
     elbow: CartesianLimit
 
-    def with_margins(self) -> FrankaLimits:
+    def with_margins(self) -> "FrankaLimits":
         """The limits with libfranka's margins, which a command must respect to pass its rate limiter unchanged."""
-        lowered: dict[str, Any] = {name: tuple(value - EPSILON for value in getattr(self, name)) for name in ("acceleration", "jerk", "effort_rate")}
-        velocity = tuple(v - EPSILON - LOST_PACKETS_TIME * a for v, a in zip(self.velocity, self.acceleration, strict=True))
+        lowered: dict[str, Any] = {
+            name: tuple(value - EPSILON for value in getattr(self, name))
+            for name in ("acceleration", "jerk", "effort_rate")
+        }
+        velocity = tuple(
+            v - EPSILON - LOST_PACKETS_TIME * a for v, a in zip(self.velocity, self.acceleration, strict=True)
+        )
         return replace(
             self,
             velocity=velocity,

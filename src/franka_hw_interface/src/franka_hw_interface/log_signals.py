@@ -1,31 +1,31 @@
-"""Motion and torque of a log as a model takes them: uniform in time, low-pass filtered without phase, with acceleration.
+"""Motion and torque of a log as a model takes them: uniform in time, low-pass filtered without phase, with
+acceleration.
 
-Position, velocity and torque of the log go through one filter, and what a model says of the filtered motion goes through it once more before it is
-compared: so friction, which is sharper than the motion, is smoothed alike on both sides.
+Position, velocity and torque of the log go through one filter, and what a model says of the filtered motion goes
+through it once more before it is compared: so friction, which is sharper than the motion, is smoothed alike on both
+sides.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy.signal
 
 from franka_hw_interface.arm_log import ArmLog, LogError
-
-FloatArray = npt.NDArray[np.float64]
+from hric_control.geometry import FloatArray
 
 CUTOFF = 10.0
 """Cut-off of the low-pass; default chosen by this project, unconfirmed [Hz]."""
 ORDER = 4
 """Of the Butterworth low-pass, which runs forwards and backwards; default chosen by this project, unconfirmed."""
 EDGE_PERIODS = 3.0
-"""Periods of the cut-off that are dropped at each end, where the filter has nothing beyond; default chosen by this project, unconfirmed."""
-LEAST_DURATION = 2.0
+"""Periods of the cut-off that are dropped at each end, where the filter has nothing beyond; default chosen by this
+project, unconfirmed."""
+MIN_DURATION = 2.0
 """What must be left after that; default chosen by this project, unconfirmed [s]."""
-LEAST_RATE = 5.0
-"""Samples per period of the cut-off that a log must have: its central differences are then right to 7 % at half the cut-off [1]."""
+MIN_RATE = 5.0
+"""Samples per period of the cut-off that a log must have: its central differences are then right to 7 % at half the
+cut-off [1]."""
 KEPT_RATE = 20.0
 """Samples per period of the cut-off that are kept of what is filtered: a model need not be evaluated more often [1]."""
 LONGEST_GAP = 0.5
@@ -64,16 +64,23 @@ class Signals:
         """Of what counts [s]."""
         return float(np.ptp(self.time[self.kept]))
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """The settings, for a report."""
-        low_pass = f"zero-phase Butterworth low-pass of order {ORDER}, forwards and backwards, cut-off {self.cutoff:g} Hz"
+        low_pass = (
+            f"zero-phase Butterworth low-pass of order {ORDER}, forwards and backwards, cut-off {self.cutoff:g} Hz"
+        )
         kept = f"{self.rate:.6g} instants a second kept, {EDGE_PERIODS / self.cutoff:g} s dropped at each end"
-        return f"{low_pass}, on q, dq, measured and modelled torque; ddq: central differences of dq at {self.log_rate:.6g} Hz; {kept}"
+        return (
+            f"{low_pass}, on q, dq, measured and modelled torque; ddq: central differences of dq at "
+            f"{self.log_rate:.6g} Hz; {kept}"
+        )
 
 
 def low_pass(values: FloatArray, rate: float, cutoff: float) -> FloatArray:
     """Zero-phase low-pass along the first axis; rate, cutoff: [Hz]."""
-    filtered: FloatArray = scipy.signal.sosfiltfilt(scipy.signal.butter(ORDER, cutoff, fs=rate, output="sos"), values, axis=0)
+    filtered: FloatArray = scipy.signal.sosfiltfilt(
+        scipy.signal.butter(ORDER, cutoff, fs=rate, output="sos"), values, axis=0
+    )
     return filtered
 
 
@@ -94,7 +101,9 @@ def condition(log: ArmLog, cutoff: float = CUTOFF) -> Signals:
     period = float(time[1] - time[0])
 
     def filtered(values: FloatArray) -> FloatArray:
-        return low_pass(np.column_stack([np.interp(time, log.time, column) for column in values.T]), 1.0 / period, cutoff)
+        return low_pass(
+            np.column_stack([np.interp(time, log.time, column) for column in values.T]), 1.0 / period, cutoff
+        )
 
     q, dq, tau = map(filtered, (log.q, log.dq, log.tau))
     ddq = np.gradient(dq, period, axis=0)
@@ -114,21 +123,24 @@ def condition(log: ArmLog, cutoff: float = CUTOFF) -> Signals:
 
 
 def _check_sampling(log: ArmLog, rate: float, cutoff: float) -> None:
-    if rate < LEAST_RATE * cutoff:
+    if rate < MIN_RATE * cutoff:
         raise LogError(
-            f"the log has {rate:.3g} samples per second; a cut-off of {cutoff:g} Hz needs {LEAST_RATE * cutoff:g} or more: record faster, or lower "
+            f"the log has {rate:.3g} samples per second; a cut-off of {cutoff:g} Hz needs {MIN_RATE * cutoff:g} "
+            "or more: record faster, or lower "
             "the cut-off (is the time in seconds?)"
         )
     edge = EDGE_PERIODS / cutoff
     span = float(log.time[-1] - log.time[0])
-    if span < LEAST_DURATION + 2.0 * edge:
+    if span < MIN_DURATION + 2.0 * edge:
         raise LogError(
-            f"the log is too short: {span:.3g} s; {LEAST_DURATION + 2.0 * edge:.3g} s are needed, of which the filter takes {edge:g} s at each end"
+            f"the log is too short: {span:.3g} s; {MIN_DURATION + 2.0 * edge:.3g} s are needed, of which the "
+            f"filter takes {edge:g} s at each end"
         )
     gaps = np.diff(log.time)
     k = int(np.argmax(gaps))
     if gaps[k] > LONGEST_GAP / cutoff:
         raise LogError(
-            f"{gaps[k]:.3g} s are missing between {log.at(k)} and {log.at(k + 1)}, at {log.time[k]:.9g} s; a cut-off of {cutoff:g} Hz allows "
+            f"{gaps[k]:.3g} s are missing between {log.at(k)} and {log.at(k + 1)}, at {log.time[k]:.9g} s; a "
+            f"cut-off of {cutoff:g} Hz allows "
             f"{LONGEST_GAP / cutoff:.3g} s: cut the log there, or lower the cut-off"
         )

@@ -1,22 +1,21 @@
-"""The model of the arm as controllers see it: one protocol, several implementations, and a handle that computes on demand."""
-
-from __future__ import annotations
+"""The model of the arm as controllers see it: one protocol, several implementations, and a handle that computes on
+demand."""
 
 from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 
 from franka_hw_interface.robot_state import RobotState
+from hric_control.geometry import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 Vector = Sequence[float] | FloatArray
 
 
 class Frame(Enum):
-    """Frames of libfranka: the seven joints, the flange, the end effector (flange * F_T_EE) and the stiffness frame (end effector * EE_T_K)."""
+    """Frames of libfranka: the seven joints, the flange, the end effector (flange * F_T_EE) and the stiffness frame
+    (end effector * EE_T_K)."""
 
     JOINT1 = "joint1"
     JOINT2 = "joint2"
@@ -32,9 +31,10 @@ class Frame(Enum):
 
 @runtime_checkable
 class FrankaModel(Protocol):
-    """Dynamics and kinematics of a Franka arm with the load and the frames it was told. Arrays are the caller's own.
+    """Dynamics and kinematics of a Franka arm with the load and the frames that were set. Arrays are the caller's own.
 
-    Base frame: O, `<arm_id>_link0`. What is mounted at the flange (the hand) counts; where it is known from depends on the implementation.
+    Base frame: O, `<arm_id>_link0`. What is mounted at the flange (the hand) counts; where it is known from depends on
+    the implementation.
 
     Attributes:
         gravity_list: q (7 floats) -> g(q), 7 floats [N m]; the fast path for control loops, without checks.
@@ -63,7 +63,8 @@ class FrankaModel(Protocol):
         """The same in the frame itself, shape (6, 7)."""
 
     def set_load(self, mass: float, com: Vector, inertia: Vector | FloatArray) -> None:
-        """Payload [kg], its centre of mass in the flange frame [m], its inertia about that [kg m^2]; in place of the one before."""
+        """Payload [kg], its centre of mass in the flange frame [m], its inertia about that [kg m^2]; in place of the
+        one before."""
 
     def set_ee(self, F_T_EE: FloatArray) -> None:
         """End effector in the flange frame, shape (4, 4)."""
@@ -73,7 +74,7 @@ class FrankaModel(Protocol):
 
 
 class FrankaModelHandle:
-    """The model at the robot's present state. Nothing is computed before it is asked for, and once per tick at most.
+    """The model at the robot's present state. Each value is computed when it is first read, once per tick.
 
     The arrays are shared within the tick and read-only.
     """
@@ -103,7 +104,7 @@ class FrankaModelHandle:
         return self._cached("coriolis", lambda: self._model.coriolis(self._state.q, self._state.dq))
 
     def gravity(self) -> FloatArray:
-        """Torque against gravity with the load that the robot was told, shape (7,) [N m]."""
+        """Torque against gravity with the load that was set, shape (7,) [N m]."""
         return self._cached("gravity", lambda: np.array(self._model.gravity_list(self._state.q)))
 
     def pose(self, frame: Frame) -> FloatArray:

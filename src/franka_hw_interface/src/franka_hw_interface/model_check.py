@@ -1,24 +1,23 @@
-"""A model of the arm against a log: the torque that the recorded motion needs by the model, beside the torque that the sensors measured."""
-
-from __future__ import annotations
+"""A model of the arm against a log: the torque that the recorded motion needs by the model, beside the torque that the
+sensors measured."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from franka_hw_interface.arm_log import LogError
 from franka_hw_interface.log_signals import Signals
 from franka_hw_interface.model import FrankaModel
-from hric_control.plants.friction import Phi, sigmoid_torque
+from hric_control.geometry import FloatArray
+from hric_control.plants import Phi, sigmoid_torque
 
-FloatArray = npt.NDArray[np.float64]
 Counting = Callable[[range], Iterable[int]]
 """Goes through a range, and may show how far it is."""
 
-PLAUSIBLE_SCALE = (0.2, 5.0)
-"""Measured torque as a multiple of the model's; beyond, it is something else. A forgotten load or another inertial set stays within."""
+VALID_SCALE = (0.2, 5.0)
+"""Measured torque as a multiple of the model's; beyond, it is something else. A forgotten load or another inertial set
+stays within."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,9 @@ def root_mean_square(values: FloatArray) -> FloatArray:
     return result
 
 
-def inverse_dynamics(model: FrankaModel, q: FloatArray, dq: FloatArray, ddq: FloatArray, counting: Counting = iter) -> FloatArray:
+def inverse_dynamics(
+    model: FrankaModel, q: FloatArray, dq: FloatArray, ddq: FloatArray, counting: Counting = iter
+) -> FloatArray:
     """M(q) ddq + C(q, dq) dq + g(q) of many instants, without friction and rotor inertia: the link side of the gears.
 
     Args:
@@ -99,11 +100,16 @@ def friction_torque(dq: FloatArray, friction: Sequence[Phi] | None) -> FloatArra
 
 
 def check(
-    model: FrankaModel, joint_names: Sequence[str], signals: Signals, friction: Sequence[Phi] | None = None, counting: Counting = iter
+    model: FrankaModel,
+    joint_names: Sequence[str],
+    signals: Signals,
+    friction: Sequence[Phi] | None = None,
+    counting: Counting = iter,
 ) -> ModelCheck:
     """Compare.
 
-    tau = M(q) ddq + C(q, dq) dq + g(q) + friction(dq). The torque sensors of the arm are behind its gears, so there is no rotor inertia in it.
+    tau = M(q) ddq + C(q, dq) dq + g(q) + friction(dq). The torque sensors of the arm are behind its gears, so there is
+    no rotor inertia in it.
 
     Args:
         model: with the load that the arm carried.
@@ -119,9 +125,10 @@ def check(
     checked = ModelCheck(tuple(joint_names), signals, rigid, signals.low_pass(friction_torque(signals.dq, friction)))
     expected = rigid[signals.kept]
     scale = float((checked.measured * expected).sum() / (expected * expected).sum())
-    if not PLAUSIBLE_SCALE[0] <= scale <= PLAUSIBLE_SCALE[1]:
-        hint = "is it a commanded torque, without gravity?" if abs(scale) < PLAUSIBLE_SCALE[0] else "is it in N m?"
+    if not VALID_SCALE[0] <= scale <= VALID_SCALE[1]:
+        hint = "is it a commanded torque, without gravity?" if abs(scale) < VALID_SCALE[0] else "is it in N m?"
         raise LogError(
-            f"the measured torque is {scale:.3g} times what the motion needs: the torque of the joints' sensors in N m (tau_J) is needed; {hint}"
+            f"the measured torque is {scale:.3g} times what the motion needs: the torque of the joints' sensors "
+            f"in N m (tau_J) is needed; {hint}"
         )
     return checked

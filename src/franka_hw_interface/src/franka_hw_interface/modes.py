@@ -1,6 +1,5 @@
-"""What a controller commands the arm by: torques, one motion generator, or both together, as libfranka's control loops take them."""
-
-from __future__ import annotations
+"""What a controller commands the arm by: torques, one motion generator, or both together, as libfranka's control loops
+take them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -52,7 +51,8 @@ class Mode:
 
     @property
     def log_name(self) -> str:
-        """What the control log calls the joints' command: torques go first; Cartesian commands are none of the joints'."""
+        """What the control log calls the joints' command: torques go first; Cartesian commands are none of the
+        joints'."""
         kind = Kind.EFFORT if self.torque else self.generator
         return kind.value if kind in (Kind.EFFORT, Kind.POSITION, Kind.VELOCITY) else "none"
 
@@ -68,7 +68,8 @@ def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[
     """The mode that a controller needs; HOLD if it claims nothing of the arm.
 
     Raises:
-        HricError: it claims some joints only, or a combination that libfranka does not have; the message says what would be valid.
+        HricError: it claims some joints only, or a combination that libfranka does not have; the message says what
+            would be valid.
     """
     own = {*joint_names, f"{arm_id}_robot"}
     kinds = []
@@ -76,16 +77,23 @@ def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[
         if not resources & own:
             continue
         if interface not in _BY_INTERFACE:
-            raise HricError(f"{controller.name} claims the arm through {interface}; valid: {', '.join(sorted(_BY_INTERFACE))}")
+            raise HricError(
+                f"{controller.name} claims the arm through {interface}; valid: {', '.join(sorted(_BY_INTERFACE))}"
+            )
         kinds.append(_BY_INTERFACE[interface])
-        missing = [name for name in joint_names if name not in resources] if kinds[-1] not in (Kind.POSE, Kind.TWIST) else []
+        missing = (
+            [name for name in joint_names if name not in resources] if kinds[-1] not in (Kind.POSE, Kind.TWIST) else []
+        )
         if missing:
             some = f"{len(joint_names) - len(missing)} of the arm's {len(joint_names)} joints"
             raise HricError(f"{controller.name} claims {some}; it must claim all of them: missing {', '.join(missing)}")
     generators = [kind for kind in kinds if kind in GENERATORS]
     if len(generators) > 1:
         both = " and ".join(kind.value for kind in generators)
-        raise HricError(f"{controller.name} claims {both}; the arm takes one motion generator at a time, alone or with joint torques")
+        raise HricError(
+            f"{controller.name} claims {both}; the arm takes one motion generator at a time, alone or with "
+            "joint torques"
+        )
     return Mode(Kind.EFFORT in kinds, generators[0] if generators else None)
 
 
@@ -105,4 +113,7 @@ def check_one_commander(controllers: Sequence[ControllerInfo], arm_id: str, join
     commanding = [(one.name, mode) for one in controllers if (mode := claimed_mode(one, arm_id, joint_names)).commanded]
     if len(commanding) > 1:
         (first, first_mode), (second, second_mode) = commanding[:2]
-        raise ResourceConflictError(f"{joint_names[0]} to {joint_names[-1]} are claimed by both {first} ({first_mode}) and {second} ({second_mode})")
+        raise ResourceConflictError(
+            f"{joint_names[0]} to {joint_names[-1]} are claimed by both {first} ({first_mode}) and {second} "
+            f"({second_mode})"
+        )

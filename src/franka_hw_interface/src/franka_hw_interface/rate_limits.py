@@ -1,7 +1,5 @@
 """What libfranka's control loops do to joint commands, for arms that are commanded without them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +11,8 @@ MAX_CUTOFF = 1000.0
 MARGIN = 1e-3
 """libfranka works with every limit of rate less this much (rate_limiting.h)."""
 ECHO_TOLERANCE = 1e-4
-"""The FR3 echoes in single precision: within this the value sent last counts as the one in force, which is more exact [N m], [rad], [rad/s]."""
+"""The FR3 echoes in single precision: within this the value sent last counts as the one in force, which is more exact
+[N m], [rad], [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -57,25 +56,29 @@ class TorqueSmoother:
         """The torque to send, 7 floats [N m].
 
         Args:
-            tau: wanted, 7 floats [N m].
+            tau: desired, 7 floats [N m].
             tau_J_d: in force, as the arm echoes it, 7 floats [N m].
         """
         g, last = self._gain, _in_force(self._sent, tau_J_d)
         filtered = tau if g == 1.0 else [g * u + (1.0 - g) * y for u, y in zip(tau, last, strict=True)]
-        self._sent = [min(max(u, y - change), y + change) for u, y, change in zip(filtered, last, self._change, strict=True)]
+        self._sent = [
+            min(max(u, y - change), y + change) for u, y, change in zip(filtered, last, self._change, strict=True)
+        ]
         return self._sent
 
 
-def limited_velocity(wanted: float, v: float, a: float, v_max: float, a_max: float, j_max: float, period: float = PERIOD) -> float:
+def limited_velocity(
+    desired: float, v: float, a: float, v_max: float, a_max: float, j_max: float, period: float = PERIOD
+) -> float:
     """Velocity within the limits of velocity, acceleration and jerk, as libfranka's limitRate for one joint.
 
     Args:
-        wanted: [rad/s].
+        desired: [rad/s].
         v, a: velocity and acceleration in force [rad/s], [rad/s^2].
         v_max, a_max, j_max: limits.
         period: of the commands [s].
     """
-    jerk = ((wanted - v) / period - a) / period
+    jerk = ((desired - v) / period - a) / period
     acceleration = a + min(max(jerk, -j_max), j_max) * period
     # Near the velocity limit the acceleration must fall, so that the jerk limit is not broken when it is reached.
     high = min(j_max / a_max * (v_max - v), a_max)
@@ -86,9 +89,9 @@ def limited_velocity(wanted: float, v: float, a: float, v_max: float, a_max: flo
 class JointSmoother:
     """The same for joint positions or velocities, with limits of velocity, acceleration and jerk.
 
-    What libfranka's own limiter would pass, passes unchanged. Positions that it would not (straight lines between way points, steps) it catches up
-    with at (wanted - q) / period, which overshoots and may circle around the goal for ever; here the distance is closed no faster than it can be
-    braked away, beside the velocity of the wanted motion.
+    What libfranka's own limiter would pass, passes unchanged. Positions that it would not (straight lines between way
+    points, steps) it catches up with at (desired - q) / period, which overshoots and may circle around the goal for
+    ever; here the distance is closed no faster than it can be braked away, beside the velocity of the desired motion.
 
     Args:
         limits: None: rates are not limited.
@@ -97,7 +100,9 @@ class JointSmoother:
         period: of the commands [s].
     """
 
-    def __init__(self, limits: RateLimits | None, cutoff_frequency: float, positions: bool, period: float = PERIOD) -> None:
+    def __init__(
+        self, limits: RateLimits | None, cutoff_frequency: float, positions: bool, period: float = PERIOD
+    ) -> None:
         self._gain, self._positions, self._period = gain(cutoff_frequency), positions, period
         self._rows: list[tuple[float, float, float]] = []
         if limits is not None:
@@ -106,16 +111,20 @@ class JointSmoother:
         self._q, self._dq, self._ddq = [0.0] * 7, [0.0] * 7, [0.0] * 7
         self._filtered = [0.0] * 7
 
-    def smooth(self, wanted: Sequence[float], q_d: Sequence[float], dq_d: Sequence[float], ddq_d: Sequence[float]) -> list[float]:
+    def smooth(
+        self, desired: Sequence[float], q_d: Sequence[float], dq_d: Sequence[float], ddq_d: Sequence[float]
+    ) -> list[float]:
         """What to send, 7 floats [rad] or [rad/s].
 
         Args:
-            wanted: 7 floats [rad] or [rad/s].
+            desired: 7 floats [rad] or [rad/s].
             q_d, dq_d, ddq_d: in force, as the arm echoes them, 7 floats each.
         """
         self._take_what_is_in_force(q_d, dq_d, ddq_d)
         g, before, period = self._gain, self._filtered, self._period
-        target = self._filtered = list(wanted) if g == 1.0 else [g * u + (1.0 - g) * y for u, y in zip(wanted, before, strict=True)]
+        target = self._filtered = (
+            list(desired) if g == 1.0 else [g * u + (1.0 - g) * y for u, y in zip(desired, before, strict=True)]
+        )
         velocity = self._velocity(target, before) if self._positions else target
         if self._rows:
             rows = zip(velocity, self._dq, self._ddq, self._rows, strict=True)
@@ -126,7 +135,7 @@ class JointSmoother:
         return self._q if self._positions else velocity
 
     def _velocity(self, target: list[float], before: list[float]) -> list[float]:
-        """Velocity of the wanted motion, and what closes the distance to it [rad/s]."""
+        """Velocity of the desired motion, and what closes the distance to it [rad/s]."""
         period = self._period
         if not self._rows:
             return [(u - x) / period for u, x in zip(target, self._q, strict=True)]
@@ -134,16 +143,19 @@ class JointSmoother:
         return [(u - y) / period + catching_up(y - x, row[1], period) for u, y, x, row in rows]
 
     def _take_what_is_in_force(self, q_d: Sequence[float], dq_d: Sequence[float], ddq_d: Sequence[float]) -> None:
-        """What was sent last, unless the arm tells of something else (a lost packet, a new motion)."""
-        told = zip(self._q if self._positions else self._dq, q_d if self._positions else dq_d, strict=True)
-        same = all(abs(a - b) < ECHO_TOLERANCE for a, b in told) and all(abs(a - b) < ECHO_TOLERANCE for a, b in zip(self._dq, dq_d, strict=True))
+        """What was sent last, unless the arm reports something else (a lost packet, a new motion)."""
+        positions = zip(self._q if self._positions else self._dq, q_d if self._positions else dq_d, strict=True)
+        same = all(abs(a - b) < ECHO_TOLERANCE for a, b in positions) and all(
+            abs(a - b) < ECHO_TOLERANCE for a, b in zip(self._dq, dq_d, strict=True)
+        )
         if not same:
             self._q, self._dq, self._ddq = list(q_d), list(dq_d), list(ddq_d)
             self._filtered = list(q_d if self._positions else dq_d)
 
 
 def catching_up(distance: float, a_max: float, period: float) -> float:
-    """Velocity towards a point that can be braked to nothing at a quarter of the limit of acceleration, which leaves room for the limit of jerk.
+    """Velocity towards a point that can be braked to nothing at a quarter of the limit of acceleration, which leaves
+    room for the limit of jerk.
 
     Args:
         distance: [rad].

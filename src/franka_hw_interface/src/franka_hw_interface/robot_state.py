@@ -1,7 +1,5 @@
 """State of the Franka arm, field by field as libfranka and franka_msgs/FrankaState name them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
@@ -97,24 +95,28 @@ def identity16() -> list[float]:
 class RobotState:
     """One state of the arm, owned and written in place by the robot; lists of plain floats, transforms column-major.
 
-    Frames: O base (`<arm_id>_link0`), F flange (`<arm_id>_link8`), NE nominal end effector, EE end effector, K stiffness frame.
-    `_d` desired, `_c` commanded, `_hat` estimated. Units: m, rad, N, N m, kg, kg m^2, s.
+    Frames: O base (`<arm_id>_link0`), F flange (`<arm_id>_link8`), NE nominal end effector, EE end effector, K
+    stiffness frame. `_d` desired, `_c` commanded, `_hat` estimated. Units: m, rad, N, N m, kg, kg m^2, s.
 
     Whoever keeps a state beyond its cycle, or hands it to another thread, takes a `snapshot()`.
 
     Attributes:
         q, dq: measured joint position [rad] and velocity [rad/s]; q_d, dq_d, ddq_d: desired.
         theta, dtheta: motor side.
-        tau_J: measured link-side torque, gravity included; tau_J_d: desired, without gravity; dtau_J: derivative of tau_J [N m/s].
-        tau_ext_hat_filtered: external torque; O_F_ext_hat_K, K_F_ext_hat_K: external wrench on K in the base and in the stiffness frame.
+        tau_J: measured link-side torque, gravity included; tau_J_d: desired, without gravity; dtau_J: derivative of
+            tau_J [N m/s].
+        tau_ext_hat_filtered: external torque; O_F_ext_hat_K, K_F_ext_hat_K: external wrench on K in the base and in the
+            stiffness frame.
         joint_contact, joint_collision, cartesian_contact, cartesian_collision: 0, or the level reached.
-        O_T_EE: measured pose; O_T_EE_d, O_T_EE_c, O_dP_EE_d, O_dP_EE_c, O_ddP_EE_c: desired and commanded pose, twist, acceleration.
+        O_T_EE: measured pose; O_T_EE_d, O_T_EE_c, O_dP_EE_d, O_dP_EE_c, O_ddP_EE_c: desired and commanded pose, twist,
+            acceleration.
         elbow: position of joint 3 [rad] and side of joint 4 (-1 or +1).
-        m_ee, F_x_Cee, I_ee: what is mounted at the flange; m_load, F_x_Cload, I_load: payload the robot was told; _total: both. Inertia about the
-            centre of mass, axes of the flange frame, column-major.
+        m_ee, F_x_Cee, I_ee: what is mounted at the flange; m_load, F_x_Cload, I_load: payload that was set;
+            _total: both. Inertia about the centre of mass, axes of the flange frame, column-major.
         O_ddP_O: gravity in the base frame [m/s^2].
-        time: run time [s].
-        tick: counts the readings of the robot; what is computed from the state is valid for one tick. Not part of the message.
+        time: robot time [s].
+        tick: counts the readings of the robot; what is computed from the state is valid for one tick. Not part of the
+            message.
     """
 
     tick: int = 0
@@ -166,7 +168,7 @@ class RobotState:
     current_errors: Errors = NO_ERRORS
     last_motion_errors: Errors = NO_ERRORS
 
-    def snapshot(self) -> RobotState:
+    def snapshot(self) -> "RobotState":
         """A copy that later cycles do not change; fields computed on demand are computed now."""
         values = {name: getattr(self, name) for name in FIELD_NAMES}
         kept: dict[str, Any] = {name: value[:] if isinstance(value, list) else value for name, value in values.items()}

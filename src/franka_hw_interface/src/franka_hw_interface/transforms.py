@@ -1,17 +1,13 @@
 """Column-major transforms and payloads as they stand in messages: checked and converted at the border."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from franka_hw_interface.urdf_chain import Inertial
 from hric_control.errors import CommandError
-
-FloatArray = npt.NDArray[np.float64]
+from hric_control.geometry import FloatArray, MassProperties
+from hric_control.geometry.quaternions import is_rotation
 
 ORTHONORMAL_TOLERANCE = 1e-5
 """How far a rotation matrix may be from orthonormal, as libfranka allows it."""
@@ -20,6 +16,11 @@ ORTHONORMAL_TOLERANCE = 1e-5
 def column_major(matrix: FloatArray) -> list[float]:
     """Elements of a matrix column by column, as libfranka and franka_msgs order them."""
     return list(map(float, matrix.T.ravel()))
+
+
+def from_column_major(values: Sequence[float], columns: int = 4) -> FloatArray:
+    """The matrix that `column_major` took apart; a pose by default."""
+    return np.array(values).reshape(columns, -1).T
 
 
 def _finite(values: Sequence[float] | FloatArray, n: int, what: str) -> FloatArray:
@@ -39,11 +40,16 @@ def check_transform(values: Sequence[float], what: str) -> FloatArray:
     """
     T = _finite(values, 16, what).reshape(4, 4).T
     if np.abs(T[3] - (0.0, 0.0, 0.0, 1.0)).max() > ORTHONORMAL_TOLERANCE:
-        raise CommandError(f"{what}: the last row must be 0 0 0 1 (elements 4, 8, 12, 16 of 16 column-major ones); got {T[3].tolist()}")
+        raise CommandError(
+            f"{what}: the last row must be 0 0 0 1 (elements 4, 8, 12, 16 of 16 column-major ones); got {T[3].tolist()}"
+        )
     R = T[:3, :3]
     error = float(np.abs(R.T @ R - np.eye(3)).max())
     if error > ORTHONORMAL_TOLERANCE or np.linalg.det(R) < 0.0:
-        raise CommandError(f"{what}: its rotation is not orthonormal and right-handed (error {error:.1e}, determinant {np.linalg.det(R):.3f})")
+        raise CommandError(
+            f"{what}: its rotation is not orthonormal and right-handed (error {error:.1e}, determinant "
+            f"{np.linalg.det(R):.3f})"
+        )
     return np.ascontiguousarray(T)
 
 
@@ -54,44 +60,41 @@ def check_pose(values: Sequence[float], what: str) -> None:
         CommandError: as `check_transform` says it.
     """
     try:
-        good = _is_pose(values)
+        good = is_pose(values)
     except TypeError:
         good = False
     if not good:
         check_transform(values, what)  # says what is wrong
 
 
-def _is_pose(values: Sequence[float]) -> bool:
-    """Whether `check_transform` has nothing to say; False also where it has to look itself. Written so that a NaN fails."""
+def is_pose(values: Sequence[float], tolerance: float = ORTHONORMAL_TOLERANCE) -> bool:
+    """Whether 16 column-major values are finite, with an orthonormal, right-handed rotation and the last row 0 0 0 1.
+
+    False also where `check_transform` has to look itself. Written so that a NaN fails.
+    """
     if len(values) != 16:
         return False
     a, b, c, row_1, d, e, f, row_2, g, h, i, row_3, x, y, z, one = values
-    most = ORTHONORMAL_TOLERANCE
     return (
-        abs(a * a + b * b + c * c - 1.0) <= most
-        and abs(d * d + e * e + f * f - 1.0) <= most
-        and abs(g * g + h * h + i * i - 1.0) <= most
-        and abs(a * d + b * e + c * f) <= most
-        and abs(d * g + e * h + f * i) <= most
-        and abs(g * a + h * b + i * c) <= most
-        and (b * f - c * e) * g + (c * d - a * f) * h + (a * e - b * d) * i > 0.0
-        and abs(row_1) <= most
-        and abs(row_2) <= most
-        and abs(row_3) <= most
-        and abs(one - 1.0) <= most
+        is_rotation((a, b, c), (d, e, f), (g, h, i), tolerance)
+        and abs(row_1) <= tolerance
+        and abs(row_2) <= tolerance
+        and abs(row_3) <= tolerance
+        and abs(one - 1.0) <= tolerance
         and math.isfinite(x)
         and math.isfinite(y)
         and math.isfinite(z)
     )
 
 
-def check_load(mass: float, com: Sequence[float] | FloatArray, inertia: Sequence[float] | FloatArray) -> Inertial:
+def check_load(mass: float, com: Sequence[float] | FloatArray, inertia: Sequence[float] | FloatArray) -> MassProperties:
     """A payload.
 
     Args:
         mass: not negative [kg].
         com: centre of mass in the flange frame, 3 values [m].
-        inertia: about the centre of mass, 9 values or shape (3, 3), symmetric without negative principal moments [kg m^2].
+        inertia: about the centre of mass, 9 values or shape (3, 3), symmetric without negative principal moments [kg
+            m^2].
 
     Raises:
         CommandError: one of these does not hold.
@@ -106,4 +109,4 @@ def check_load(mass: float, com: Sequence[float] | FloatArray, inertia: Sequence
     principal = np.linalg.eigvalsh(tensor)
     if principal[0] < -1e-9 * scale:
         raise CommandError(f"load inertia has a negative principal moment: {principal.tolist()} kg m^2")
-    return Inertial(m, _finite(com, 3, "load centre of mass"), tensor)
+    return MassProperties(m, _finite(com, 3, "load centre of mass"), tensor)

@@ -1,16 +1,14 @@
-"""The two ways into libfranka behind one face: the Panda's control callbacks and the FR3's read/write loop."""
-
-from __future__ import annotations
+"""One interface to both of libfranka's control loops: the Panda's callbacks and the FR3's read/write loop."""
 
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.command_set import ArmCommand
 from franka_hw_interface.modes import Mode
+from franka_real.settings import Settings
 from hric_control.errors import HricError
 
 
@@ -19,46 +17,56 @@ class RobotError(HricError):
 
 
 class ConnectionLostError(HricError):
-    """The arm does not answer any more."""
-
-
-@dataclass(frozen=True)
-class ControlSettings:
-    """How libfranka's loops are run.
-
-    Attributes:
-        rate_limiting: keep commands within libfranka's limits of rate.
-        cutoff_frequency: of the low-pass on commands [Hz]; 1000 or more: none.
-        cartesian_impedance: internal controller of motion generators; False: joint impedance.
-        enforce_realtime: refuse a kernel that is not a real-time one.
-    """
-
-    rate_limiting: bool
-    cutoff_frequency: float
-    cartesian_impedance: bool
-    enforce_realtime: bool
+    """The arm no longer responds."""
 
 
 Cycle = Callable[[Any], ArmCommand]
-"""libfranka's state -> command; called each millisecond while a motion runs. What it raises ends the motion and reaches the caller of `control`."""
+"""libfranka's state -> command; called each millisecond while a motion runs. What it raises ends the motion and reaches
+the caller of `control`."""
 
 
 class Backend(ABC):
-    """libfranka's Robot. All calls come from the control loop's thread, and block it, with the interpreter's lock held, until the arm has answered.
+    """libfranka's Robot. All calls come from the control loop's thread, and block it, with the interpreter's lock held,
+    until the arm has responded.
+
+    Args:
+        settings: of the robot node.
 
     Attributes:
-        address: of the arm.
-        settings: of the loops.
+        title: of the arm, for messages.
+        library: libfranka's binding.
+        network_errors: what the binding raises when the arm is gone, where these errors have types of their own.
+        settings: as given.
+
+    Raises:
+        ConnectionLostError: the arm cannot be used.
     """
 
-    name: str = ""
+    title: ClassVar[str]
+    library: ClassVar[Any]
+    network_errors: ClassVar[tuple[type[Exception], ...]] = ()
 
-    def __init__(self, address: str, settings: ControlSettings) -> None:
-        self.address, self.settings = address, settings
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        config = self.library.RealtimeConfig
+        realtime = config.kEnforce if settings.realtime_config == "enforce" else config.kIgnore
+        try:
+            self._robot = self.library.Robot(settings.robot_ip, realtime)
+        except RuntimeError as error:
+            raise ConnectionLostError(
+                f"the {self.title} at {settings.robot_ip} cannot be used: {clean(error)}"
+            ) from error
 
-    @abstractmethod
+    def _lost(self, error: Exception) -> ConnectionLostError:
+        return ConnectionLostError(f"the {self.title} at {self.settings.robot_ip} is lost: {clean(error)}")
+
     def read_once(self) -> Any:
-        """The newest state, waiting for it [ConnectionLostError]."""
+        """The newest state that was received, waiting for it; after a pause the FR3 needs a second call for one of now
+        [ConnectionLostError]."""
+        try:
+            return self._robot.read_once()
+        except RuntimeError as error:
+            raise self._lost(error) from error
 
     @abstractmethod
     def milliseconds(self, raw: Any) -> int:
@@ -77,41 +85,54 @@ class Backend(ABC):
             ConnectionLostError: the arm is gone.
         """
 
-    @abstractmethod
+    def _request(self, call: Callable[[], None]) -> None:
+        """Make a request of the arm [RobotError, ConnectionLostError]."""
+        try:
+            call()
+        except self.network_errors as error:
+            raise self._lost(error) from error
+        except RuntimeError as error:
+            raise RobotError(clean(error)) from error
+
     def set_load(self, mass: float, com: list[float], inertia: list[float]) -> None:
-        """Raises RobotError, as the setters below."""
+        """Payload. Raises RobotError, as the setters below."""
+        self._request(lambda: self._robot.set_load(mass, com, inertia))
 
     @abstractmethod
     def set_EE_frame(self, NE_T_EE: list[float]) -> None:
-        """Raises RobotError."""
+        """End effector. Raises RobotError."""
 
     @abstractmethod
     def set_K_frame(self, EE_T_K: list[float]) -> None:
-        """Raises RobotError."""
+        """Stiffness frame. Raises RobotError."""
 
-    @abstractmethod
     def set_joint_impedance(self, stiffness: list[float]) -> None:
-        """Raises RobotError."""
+        """Stiffness of the internal joint impedance. Raises RobotError."""
+        self._request(lambda: self._robot.set_joint_impedance(stiffness))
 
-    @abstractmethod
     def set_cartesian_impedance(self, stiffness: list[float]) -> None:
-        """Raises RobotError."""
+        """Stiffness of the internal Cartesian impedance. Raises RobotError."""
+        self._request(lambda: self._robot.set_cartesian_impedance(stiffness))
 
     @abstractmethod
     def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:
-        """Raises RobotError."""
+        """Contact and collision thresholds. Raises RobotError."""
 
-    @abstractmethod
     def recover(self) -> None:
         """Automatic error recovery; may take seconds. Raises RobotError."""
+        self._request(self._robot.automatic_error_recovery)
 
-    @abstractmethod
     def load_model(self) -> Any:
-        """libfranka's model of the arm. Raises RobotError."""
+        """libfranka's model: the Panda's is downloaded, the FR3's made from the URDF that the arm sends
+        [RobotError]."""
+        try:
+            return self._robot.load_model()
+        except RuntimeError as error:
+            raise RobotError(f"the arm's model cannot be loaded: {clean(error)}") from error
 
-    @abstractmethod
     def close(self) -> None:
-        """End the connection."""
+        """End the connection: libfranka does it with its object."""
+        self.__dict__.pop("_robot", None)
 
 
 def clean(error: BaseException) -> str:

@@ -1,25 +1,23 @@
-"""From an address to an arm: probe, watchdog, libfranka; and what is learnt from the first state."""
-
-from __future__ import annotations
+"""From an address to an arm: probe, watchdog, libfranka; and what the model takes from the first state."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
-import numpy as np
-
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import FrankaModel
 from franka_hw_interface.robot_state import RobotState
+from franka_hw_interface.transforms import from_column_major
 from franka_real import probe
-from franka_real.backend import Backend, ConnectionLostError, ControlSettings
+from franka_real.backend import Backend, ConnectionLostError
 from franka_real.realtime_setup import priority_kept
-from franka_real.settings import Settings, missing_wheel
+from franka_real.settings import Settings
 from franka_real.watchdog import Watchdog
-from hric_control.errors import CommandError
+from hric_control.errors import CommandError, HricError
 
 MASS_TOLERANCE = 0.1
-"""How far the end effector's mass in the description and in the arm may be apart without a word; our choice [kg]."""
+"""How far the end effector's mass in the description and in the arm may be apart without a word; project default,
+unconfirmed [kg]."""
 
 
 @dataclass
@@ -53,13 +51,15 @@ def open_connection(settings: Settings) -> Connection:
         HricError: nobody is there, the arm refuses, or its binding is missing.
     """
     probe.check(settings.robot_ip, settings.probe_timeout)
-    make = _binding(settings.robot)
+    backend = _backend(settings.robot)
     watchdog = None
     if settings.watchdog_timeout > 0.0:
-        watchdog = Watchdog(settings.watchdog_timeout, settings.watchdog_patience, f"the {settings.robot} at {settings.robot_ip}")
+        watchdog = Watchdog(
+            settings.watchdog_timeout, settings.watchdog_patience, f"the {settings.robot} at {settings.robot_ip}"
+        )
     try:
         with priority_kept(), nullcontext() if watchdog is None else watchdog.patiently(settings.connect_timeout):
-            return Connection(make(settings.robot_ip, settings.control), watchdog)
+            return Connection(backend(settings), watchdog)
     except BaseException as error:
         if watchdog is not None:
             watchdog.close()
@@ -68,7 +68,8 @@ def open_connection(settings: Settings) -> Connection:
         raise
 
 
-def _binding(robot: str) -> Callable[[str, ControlSettings], Backend]:
+def _backend(robot: str) -> Callable[[Settings], Backend]:
+    wheel = "pylibfranka" if robot == "fr3" else "panda-python"
     try:
         if robot == "fr3":
             from franka_real.fr3 import Fr3Backend
@@ -78,21 +79,27 @@ def _binding(robot: str) -> Callable[[str, ControlSettings], Backend]:
 
         return PandaBackend
     except ImportError as error:
-        raise missing_wheel(error, robot) from error
+        raise HricError(
+            f"libfranka's binding for robot {robot!r} cannot be imported ({error}); {wheel} is installed by "
+            "scripts/setup"
+        ) from error
 
 
 def learn(model: KdlFrankaModel, state: RobotState) -> list[str]:
-    """Give the model the load and the frames that the arm knows; answers what does not fit together."""
+    """Give the model the load and the frames that the arm knows; returns what does not fit together."""
     problems = []
     try:
         model.set_load(state.m_load, state.F_x_Cload, state.I_load)
     except CommandError as error:
-        problems.append(f"the load that the arm reckons with cannot be used: {error}")
-    model.set_ee(np.array(state.F_T_EE).reshape(4, 4).T)
-    model.set_stiffness_frame(np.array(state.EE_T_K).reshape(4, 4).T)
+        problems.append(f"the load that is set in the arm cannot be used: {error}")
+    model.set_ee(from_column_major(state.F_T_EE))
+    model.set_stiffness_frame(from_column_major(state.EE_T_K))
     described = model.ee_inertial.mass
     if abs(described - state.m_ee) > MASS_TOLERANCE:
-        problems.append(f"robot_description has {described:.2f} kg at the flange, the arm reckons with an end effector of {state.m_ee:.2f} kg (Desk)")
+        problems.append(
+            f"robot_description has {described:.2f} kg at the flange, the end effector set in the arm has "
+            f"{state.m_ee:.2f} kg (Desk)"
+        )
     return problems
 
 
@@ -104,5 +111,5 @@ def models(settings: Settings, arm: Backend, kdl: KdlFrankaModel, description: s
 
     if settings.robot == "fr3":
         return [LibfrankaModel.for_fr3(arm.load_model(), arm.read_once(), description, settings.arm_id), kdl]
-    # libfranka for the Panda does not tell how the base is mounted; the description does.
+    # The Panda's state has no direction of gravity; the description gives it.
     return [LibfrankaModel.for_panda(arm.load_model(), arm.read_once(), kdl.gravity_base.tolist()), kdl]

@@ -1,8 +1,7 @@
 """The Franka arm through libfranka as a RobotHW."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from typing import Any
 
 from franka_hw_interface.arm_parameters import read_limits
@@ -12,13 +11,13 @@ from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.modes import HOLD, Mode
 from franka_hw_interface.robot_state import RobotMode
-from franka_real import connection, settings
+from franka_real import connection
+from franka_real.arm_adapter import ArmAdapter, LoopCalls
 from franka_real.backend import RobotError
 from franka_real.realtime_setup import Measure, priority_kept, realtime, take_priority
-from franka_real.requests import LoopCalls
-from franka_real.run_time import RunTime
+from franka_real.robot_time import RobotTime
+from franka_real.settings import Settings
 from franka_real.state import LibfrankaState
-from franka_real.told import ToldArm
 from hric_control import realtime as messages
 from hric_control.errors import HricError
 from hric_control.hardware_interface import JointStates
@@ -32,14 +31,15 @@ STORED = 100
 
 
 class FrankaHW(CommandedArm):
-    """Panda or FR3. The arm owns the clock: `run` reads it while nobody commands, and runs one of libfranka's control loops, chosen by what the
-    controllers claim, while somebody does. A switch to another mode ends that loop and begins the next; the connection stays.
+    """Panda or FR3. The arm owns the clock: `run` reads it while nobody commands, and runs one of libfranka's control
+    loops, chosen by what the controllers claim, while somebody does. A switch to another mode ends that loop and begins
+    the next; the connection stays.
 
     Parameters, services and actions: INTERFACE.md.
 
     Attributes, beside those of `CommandedArm`:
         description: the URDF.
-        model: KDL model of the description, told the arm's load and frames.
+        model: KDL model of the description, with the arm's load and frames.
         rotor_inertia: for controllers that check their gains, 7 floats [kg m^2].
         losses: how many states never came, or came late, at a time, in the motion that runs.
         lost_states: their sum over the motions that ended.
@@ -50,17 +50,17 @@ class FrankaHW(CommandedArm):
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
         """Read the parameters, then connect."""
         node = self._node = robot_hw_node
-        self._settings = config = settings.read(node)
-        self.arm_id, self.rotor_inertia = config.arm_id, config.rotor_inertia
+        self._settings = config = Settings.read(node)
+        self.arm_id, self.rotor_inertia = config.arm_id, [config.rotor_inertia] * 7
         self.description = root_node.search_param("robot_description")
         self.model = KdlFrankaModel(self.description, self.arm_id)
         self.states = JointStates(self.model.joint_names)
         limits = read_limits(self.description, root_node, node, self.arm_id, self.states.names)
         self.mode, self.error, self.lost_states = HOLD, "", 0
         self.losses: list[int] = []
-        self._wanted, self._stop, self._in_run = HOLD, False, False
+        self._requested, self._stop, self._in_run = HOLD, False, False
         self._calls = LoopCalls()
-        self._run_time = RunTime([root_node, node])
+        self._robot_time = RobotTime([root_node, node])
         self._connection = connection.open_connection(config)
         try:
             self._start(limits, root_node)
@@ -70,17 +70,17 @@ class FrankaHW(CommandedArm):
 
     def _start(self, limits: Sequence[Any], root_node: Node) -> None:
         self._arm, self._watchdog = self._connection.arm, self._connection.watchdog
-        self._collision = self._settings.collision
+        self._collision = self._settings.collision_config
         with self._connection.patience():
             self.robot_state = state = LibfrankaState(self.states, self._arm.read_once())
             for text in connection.learn(self.model, state):
                 self._node.log_warn(text)
             models = connection.models(self._settings, self._arm, self.model, self.description)
-            self._told = ToldArm(self._connection, self._calls, state, models, self.recover)
-            self._tell_collision()
+            self._adapter = ArmAdapter(self._connection, self._calls, state, models, self.recover)
+            self._send_collision_behavior()
         self._commands = CommandSet(self.arm_id, self.states, state, limits)
         self._register(models[0])
-        self._services = ArmServices(self._told, root_node)
+        self._services = ArmServices(self._adapter, root_node)
 
     @property
     def _running(self) -> bool:
@@ -89,17 +89,17 @@ class FrankaHW(CommandedArm):
     def _check_mode(self, mode: Mode) -> None:
         self._arm.check(mode)
 
-    # -- the cycle -----------------------------------------------------------------------------------------------------------------------
+    # -- the cycle -----------------------------------------------------------------------------------------------------
 
     @property
     def time(self) -> float:
-        """Run time of the last state, from the arm's own clock [s]."""
-        return self._run_time.now
+        """Robot time of the last state, from the arm's own clock [s]."""
+        return self._robot_time.now
 
     @property
     def epoch(self) -> float:
-        """ROS time at which run time was 0 [s]; 0 where ROS time is run time."""
-        return self._run_time.epoch
+        """ROS time at which robot time was 0 [s]; 0 where ROS time is robot time."""
+        return self._robot_time.epoch
 
     def read(self, time: float, period: float) -> None:
         """The present state; before `run` only."""
@@ -110,50 +110,54 @@ class FrankaHW(CommandedArm):
         self._calls.open()
         self._in_run = True
         try:
-            with priority_kept(), realtime(self._settings.realtime) as measures:
-                self._report(measures)
+            with priority_kept(), self._realtime() as measures:
+                self._report_measures(measures)
                 if self._watchdog is not None:
                     self._watchdog.arm()
                 self._arm.read_once()  # may have waited in a buffer since somebody read last
                 while not self._stop:
-                    if self.error or not self._wanted.commanded:
+                    if self.error or not self._requested.commanded:
                         self._follow(on_cycle)
                     else:
-                        self._command(self._wanted, on_cycle)
+                        self._command(self._requested, on_cycle)
         finally:
             if self._watchdog is not None:
                 self._watchdog.disarm()
             self._in_run = self._stop = False
             self._calls.close()
 
-    def _report(self, measures: Sequence[Measure]) -> None:
+    def _realtime(self) -> AbstractContextManager[list[Measure]]:
+        config = self._settings
+        return realtime(config.realtime_priority, config.lock_memory, config.switch_interval)
+
+    def _report_measures(self, measures: Sequence[Measure]) -> None:
         self._node.log_info(f"real time: {'; '.join(measure.text for measure in measures if measure.done)}")
         for measure in measures:
             if not measure.done:
                 self._node.log_warn(f"real time: {measure.text}")
 
     def _take(self, raw: Any) -> float:
-        """A state of the arm; answers the time since the last one, 0 if it is not a newer one [s]."""
+        """A state of the arm; returns the time since the last one, 0 if it is not a newer one [s]."""
         if self._watchdog is not None:
             self._watchdog.beat()
-        period = self._run_time.advance(self._arm.milliseconds(raw))
-        self.robot_state.take(raw, self._run_time.now)
+        period = self._robot_time.advance(self._arm.milliseconds(raw))
+        self.robot_state.take(raw, self._robot_time.now)
         return period
 
     def _follow(self, on_cycle: OnCycle) -> None:
         """Nobody commands: read states. The arm holds by itself."""
         self._commands.enter(HOLD)
-        while not self._stop and (self.error or not self._wanted.commanded):
+        while not self._stop and (self.error or not self._requested.commanded):
             period = self._take(self._arm.read_once())
             if period > 0.0:
                 self._calls.serve()
                 on_cycle(self.time, period, False)
 
     def _command(self, mode: Mode, on_cycle: OnCycle) -> None:
-        """One of libfranka's loops, until another mode is wanted."""
+        """One of libfranka's loops, until another mode is requested."""
 
         def first(raw: Any) -> None:
-            take_priority(self._settings.realtime.priority)
+            take_priority(self._settings.realtime_priority)
             self._take(raw)
             self._commands.enter(mode)
             self.mode = mode
@@ -168,8 +172,8 @@ class FrankaHW(CommandedArm):
                     self.losses.append(round(period / PERIOD) - 1)
                 self._calls.serve()
                 on_cycle(self.time, period or PERIOD, False)
-            command = self._commands.take(mode)
-            command.finished = self._stop or self._wanted != mode
+            command = self._commands.limited_command(mode)
+            command.finished = self._stop or self._requested is not mode
             return command
 
         try:
@@ -178,10 +182,11 @@ class FrankaHW(CommandedArm):
             self._fail(self._with_names(str(error)))
         finally:
             self.mode = HOLD
-            self._tell_losses(mode)
+            self._report_losses(mode)
 
     def _with_names(self, text: str) -> str:
-        """libfranka leaves the names out where the arm ended the motion before its first state; the states that follow have them."""
+        """libfranka leaves the names out where the arm ended the motion before its first state; the states that follow
+        have them."""
         if "aborted by reflex" not in text or "[" in text:
             return text
         for _ in range(STORED):
@@ -190,7 +195,7 @@ class FrankaHW(CommandedArm):
                 break
         return f"{text} [{', '.join(sorted(self.robot_state.current_errors))}]"
 
-    def _tell_losses(self, mode: Mode) -> None:
+    def _report_losses(self, mode: Mode) -> None:
         if self.losses:
             text = f"{mode}: {sum(self.losses)} states lost, at most {max(self.losses)} in a row"
             messages.defer(self._node, lambda: self._node.log_warn(text), "log")
@@ -206,24 +211,25 @@ class FrankaHW(CommandedArm):
         self._services.unregister()
         self._connection.close()
 
-    # -- the error state -----------------------------------------------------------------------------------------------------------------
+    # -- the error state -----------------------------------------------------------------------------------------------
 
     def recover(self) -> None:
-        """Automatic error recovery, in the loop. The motion that was ended begins anew, and its controllers restart."""
+        """Automatic error recovery, in the loop. The motion that was ended begins again, and its controllers
+        restart."""
         if self.mode.commanded:
             raise HricError("the arm is moving: there is nothing to recover from")
         if self.robot_state.robot_mode is not RobotMode.IDLE:
             with self._connection.patience():
                 self._arm.recover()
         self.error = ""
-        self._tell_collision()
+        self._send_collision_behavior()
 
-    def _tell_collision(self) -> None:
+    def _send_collision_behavior(self) -> None:
         """The thresholds of the parameters; an arm in the error state takes them after its recovery."""
         if self._collision is None:
             return
         try:
-            self._told.set_collision_behavior(self._collision)
+            self._adapter.set_collision_behavior(self._collision)
             self._collision = None
         except RobotError as error:
-            self._node.log_warn(f"the collision thresholds are told after the next recovery: {error}")
+            self._node.log_warn(f"the collision thresholds are set after the next recovery: {error}")

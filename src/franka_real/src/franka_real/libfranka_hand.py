@@ -1,27 +1,30 @@
-"""The Franka hand through libfranka's Python bindings, whose calls last as long as the motion, without waiting for them."""
-
-from __future__ import annotations
+"""The Franka hand through libfranka's Python bindings, whose calls last as long as the motion, without waiting for
+them."""
 
 import importlib
 import threading
 import time as wall
 from collections.abc import Callable
+from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Any
 
 from franka_hw_interface.hand import HandMotion, HandOutcome
 from franka_real import probe
-from hric_control.errors import HricError, ParameterError
+from franka_real.settings import ROBOT_IP
+from hric_control.errors import HricError
 from hric_control.node import Node
+from hric_control.parameters import Settings, choice
 
 PORT = 1338
 """TCP port of the hand's service; fixed in libfranka."""
 PROBE_TIMEOUT = 2.0
-"""How long a hand may take to answer at all [s of wall time]: our choice; libfranka's own connect waits a minute."""
+"""How long a hand may take to accept a connection [s of wall time]: project default, unconfirmed; libfranka's own
+connect waits a minute."""
 READ_PAUSE = 0.02
 """Between two readings of the state, so that other threads run even where reading holds the interpreter's lock [s]."""
-RECONNECT_EVERY = 1.0
-"""[s of wall time]"""
+RECONNECT_PERIOD = 1.0
+"""Between attempts [s of wall time]."""
 STOP_AGAIN = 0.1
 """After this a stop is sent again if the motion goes on: it may have come before the motion did [s]."""
 LIBRARIES = {"panda_py": "panda_py.libfranka", "pylibfranka": "pylibfranka"}
@@ -30,18 +33,19 @@ Call = Callable[[Any], bool]
 
 
 class LibfrankaHand:
-    """A hand. One thread carries out the motions one after another, a second reads the state, a stop has one of its own.
+    """A hand. One thread carries out the motions one after another, a second reads the state, a stop has one of its
+    own.
 
-    A new motion stops the one before first. The panda_py binding lets other threads run during a motion; pylibfranka's holds the interpreter's
-    lock until it has ended, so that a stop comes too late there.
+    A new motion stops the one before first. The panda_py binding lets other threads run during a motion; pylibfranka's
+    holds the interpreter's lock until it has ended, so that a stop comes too late there.
 
     Args:
         connect: makes libfranka's Gripper; raises when it cannot.
         report: takes one line of text when the connection is lost or is back.
 
     Attributes:
-        width: opening between the fingers, as last heard [m].
-        is_grasped: whether an object is held, as last heard.
+        width: opening between the fingers, as last read [m].
+        is_grasped: whether an object is held, as last read.
         temperature: [degrees Celsius].
     """
 
@@ -55,7 +59,10 @@ class LibfrankaHand:
         self._stops = 0  # on their way
         self._closed = False
         self._read_state()
-        self._threads = [threading.Thread(target=run, name=f"hand_{run.__name__}", daemon=True) for run in (self._carry_out, self._read)]
+        self._threads = [
+            threading.Thread(target=run, name=f"hand_{run.__name__}", daemon=True)
+            for run in (self._carry_out, self._read)
+        ]
         for thread in self._threads:
             thread.start()
 
@@ -122,7 +129,9 @@ class LibfrankaHand:
     def _send_stop(self, stop: HandMotion, busy: HandMotion | None) -> None:
         try:
             _end(stop, lambda: self._gripper.stop())
-            while busy is not None and busy.outcome is None and stop.outcome is HandOutcome.SUCCESS and not self._closed:
+            while (
+                busy is not None and busy.outcome is None and stop.outcome is HandOutcome.SUCCESS and not self._closed
+            ):
                 with self._lock:
                     self._lock.wait_for(lambda: busy.outcome is not None, STOP_AGAIN)
                 if busy.outcome is None:
@@ -147,7 +156,7 @@ class LibfrankaHand:
                 self._lock.notify_all()
 
     def _done(self, good: bool) -> bool:
-        """Who hears of the end of a motion shall see where it ended."""
+        """A motion has ended: read where, before anyone sees the end."""
         self._read_state()
         return good
 
@@ -160,12 +169,12 @@ class LibfrankaHand:
                 self._read_state()
             except Exception as error:  # the bindings have errors of their own, and none of them may end the thread
                 if not lost:
-                    self._report(f"the hand does not answer: {error}")
+                    self._report(f"the hand does not respond: {error}")
                 lost = True
-                wall.sleep(RECONNECT_EVERY)
+                wall.sleep(RECONNECT_PERIOD)
                 continue
             if lost:
-                self._report("the hand answers again")
+                self._report("the hand responds again")
                 lost = False
             wall.sleep(READ_PAUSE)
 
@@ -178,23 +187,24 @@ def _end(motion: HandMotion, call: Callable[[], bool]) -> None:
         text = str(error)
         motion.end(HandOutcome.ABORTED if "aborted" in text.lower() else HandOutcome.FAIL, text)
         return
-    motion.end(HandOutcome.SUCCESS if good else HandOutcome.UNSUCCESSFUL, "" if good else f"the hand did not reach the aim of the {motion.name}")
+    motion.end(
+        HandOutcome.SUCCESS if good else HandOutcome.UNSUCCESSFUL,
+        "" if good else f"the hand did not reach the aim of the {motion.name}",
+    )
 
 
 def connector(address: str, library: str = "auto") -> Callable[[], Any]:
     """A function that connects to the hand at an address.
 
     Args:
-        library: "panda_py", "pylibfranka", or "auto": the first that is installed; the hand's protocol is the same for Panda and FR3.
+        library: "panda_py", "pylibfranka", or "auto": the first that is installed; the hand's protocol is the same for
+            Panda and FR3.
 
     Raises:
         HricError: no such library installed.
     """
-    wanted = list(LIBRARIES) if library == "auto" else [library]
     problems = []
-    for name in wanted:
-        if name not in LIBRARIES:
-            raise ParameterError(f"library is {library!r}; valid: auto, {', '.join(LIBRARIES)}")
+    for name in LIBRARIES if library == "auto" else [library]:
         try:
             module = importlib.import_module(LIBRARIES[name])
         except ImportError as error:
@@ -212,15 +222,23 @@ def _connect(module: Any, address: str) -> Any:
         raise HricError(f"no Franka hand at {address}: {error}") from error
 
 
+@dataclass(frozen=True)
+class HandSettings(Settings):
+    """Parameters of the hand's node beside those of its actions."""
+
+    robot_ip: str = ROBOT_IP
+    library: str = choice(
+        "auto", *LIBRARIES, text="binding of libfranka (franka_real); `auto`: the first of them that is installed"
+    )
+
+
 def hand_of_node(node: Node) -> tuple[LibfrankaHand, Callable[[], None]]:
     """The hand that the parameters `robot_ip` and `library` name, and what closes it.
 
     Raises:
         HricError: no hand there, or no such library.
     """
-    address = node.param("robot_ip")
-    if not isinstance(address, str) or not address:
-        raise ParameterError(f"{node.resolve('robot_ip')} is {address!r}; valid: address of the arm's control box, e.g. 172.16.0.2")
-    hand = LibfrankaHand(connector(address, node.param("library", "auto")), node.log_warn)
-    node.log_info(f"connected to the hand at {address}")
+    settings = HandSettings.read(node)
+    hand = LibfrankaHand(connector(settings.robot_ip, settings.library), node.log_warn)
+    node.log_info(f"connected to the hand at {settings.robot_ip}")
     return hand, hand.close

@@ -1,85 +1,85 @@
-"""The Franka model asked of libfranka: what the connected arm itself tells of its kinematics and masses."""
-
-from __future__ import annotations
+"""The Franka model of libfranka: kinematics and masses as the connected arm reports them."""
 
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from franka_hw_interface.kdl_chain import GRAVITY
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame, Vector
-from franka_hw_interface.transforms import check_load, check_transform, column_major
-from franka_hw_interface.urdf_chain import Inertial
+from franka_hw_interface.transforms import check_load, check_transform, column_major, from_column_major
 from franka_real.model_functions import Fr3Functions, ModelFunctions, PandaFunctions, Total
 from hric_control.errors import CommandError, UnknownNameError
-
-FloatArray = npt.NDArray[np.float64]
+from hric_control.geometry import FloatArray, MassProperties
 
 JOINTS = 7
-TOLD = ("m_ee", "F_x_Cee", "I_ee", "m_load", "F_x_Cload", "I_load", "F_T_EE", "EE_T_K")
+STATE_FIELDS = ("m_ee", "F_x_Cee", "I_ee", "m_load", "F_x_Cload", "I_load", "F_T_EE", "EE_T_K")
 """Fields of the arm's state that belong to the model."""
 
 
 class LibfrankaModel:
     """A `FrankaModel` that libfranka computes.
 
-    End effector, payload and frames are those that the arm's state tells (`follow`), until a setter says otherwise. The setters change what this
-    model reckons with and tell the arm nothing.
+    End effector, payload and frames are those of the arm's state (`follow`), until a setter replaces them. The setters
+    change this model alone, not the arm.
 
     One instance serves one thread; the setters may be called from another.
 
     Args:
         functions: of the binding.
-        told: a state of the arm (libfranka's or a RobotState), for `follow`.
-        gravity_base: gravity in the base frame, 3 floats [m/s^2]. libfranka for the Panda does not tell how the base is mounted; the FR3's
-            state does (O_ddP_O).
+        state: of the arm (libfranka's or a RobotState), for `follow`.
+        gravity_base: gravity in the base frame, 3 floats [m/s^2]. It is in the FR3's state (O_ddP_O), not in the
+            Panda's.
     """
 
-    def __init__(self, functions: ModelFunctions, told: Any, gravity_base: Sequence[float] = GRAVITY) -> None:
+    def __init__(self, functions: ModelFunctions, state: Any, gravity_base: Sequence[float] = GRAVITY) -> None:
         self._functions = functions
         self.revision = 0
         self.gravity_base: FloatArray = np.array(_gravity(gravity_base))
         """Gravity in the base frame, shape (3,) [m/s^2]."""
-        self.ee_inertial, self.load = Inertial(), Inertial()
+        self.ee_inertial, self.load = MassProperties(), MassProperties()
         """What is mounted at the flange, and the payload, in the flange frame."""
         self.F_T_EE, self.EE_T_K = np.eye(4), np.eye(4)
         self.gravity_list: Callable[[Sequence[float]], list[float]]
-        self._told: dict[str, Any] = {}
-        self.follow(told)
+        self._followed: dict[str, Any] = {}
+        self.follow(state)
 
     @classmethod
-    def for_panda(cls, model: Any, told: Any, gravity_base: Sequence[float] = GRAVITY) -> LibfrankaModel:
+    def for_panda(cls, model: Any, state: Any, gravity_base: Sequence[float] = GRAVITY) -> "LibfrankaModel":
         """The model of a Panda.
 
         Args:
-            model: what `panda_py.libfranka.Robot.load_model` answered.
-            told, gravity_base: as for the class.
+            model: of `panda_py.libfranka.Robot.load_model`.
+            state, gravity_base: as for the class.
         """
-        return cls(PandaFunctions(model), told, gravity_base)
+        return cls(PandaFunctions(model), state, gravity_base)
 
     @classmethod
-    def for_fr3(cls, model: Any, state: Any, urdf_xml: str, arm_id: str, gravity_base: Sequence[float] | None = None) -> LibfrankaModel:
+    def for_fr3(
+        cls, model: Any, state: Any, urdf_xml: str, arm_id: str, gravity_base: Sequence[float] | None = None
+    ) -> "LibfrankaModel":
         """The model of an FR3.
 
         Args:
-            model: what `pylibfranka.Robot.load_model` answered.
-            state: what its `read_once` answered, for this model alone: it is written to.
+            model: of `pylibfranka.Robot.load_model`.
+            state: of its `read_once`, for this model alone: it is written to.
             urdf_xml, arm_id: robot description, for what pylibfranka lacks.
-            gravity_base: as for the class; None: what the state tells (O_ddP_O).
+            gravity_base: as for the class; None: that of the state (O_ddP_O).
 
         Raises:
             DescriptionError, UnknownNameError: the description is not that of such an arm.
         """
-        told = {name: getattr(state, name) for name in (*TOLD, "O_ddP_O")}
+        reported = {name: getattr(state, name) for name in (*STATE_FIELDS, "O_ddP_O")}
         functions = Fr3Functions(model, state, KdlFrankaModel(urdf_xml, arm_id))
-        return cls(functions, SimpleNamespace(**told), told["O_ddP_O"] if gravity_base is None else gravity_base)
+        return cls(
+            functions, SimpleNamespace(**reported), reported["O_ddP_O"] if gravity_base is None else gravity_base
+        )
 
     def follow(self, state: Any) -> bool:
-        """Take over what the arm tells of end effector, payload and frames; nothing happens while it tells the same as before.
+        """Take end effector, payload and frames from a state of the arm; nothing happens while they are the same as
+        before.
 
         Args:
             state: libfranka's state or a RobotState.
@@ -88,19 +88,24 @@ class LibfrankaModel:
             Whether something changed.
 
         Raises:
-            CommandError: what is told is no payload or no pose; the model stays as it is.
+            CommandError: not a payload or not a pose; the model stays as it is.
         """
-        told = {name: getattr(state, name) for name in TOLD}
-        if told == self._told:
+        reported = {name: getattr(state, name) for name in STATE_FIELDS}
+        if reported == self._followed:
             return False
-        ee, load = (_told_body(told[f"m_{name}"], told[f"F_x_C{name}"], told[f"I_{name}"], name) for name in ("ee", "load"))
-        F_T_EE, EE_T_K = (check_transform(told[name], name) for name in ("F_T_EE", "EE_T_K"))
-        self._told = {name: list(value) if isinstance(value, Sequence) else value for name, value in told.items()}
+        ee, load = (
+            _reported_body(reported[f"m_{name}"], reported[f"F_x_C{name}"], reported[f"I_{name}"], name)
+            for name in ("ee", "load")
+        )
+        F_T_EE, EE_T_K = (check_transform(reported[name], name) for name in ("F_T_EE", "EE_T_K"))
+        self._followed = {
+            name: list(value) if isinstance(value, Sequence) else value for name, value in reported.items()
+        }
         self.ee_inertial, self.F_T_EE, self.EE_T_K = ee, F_T_EE, EE_T_K
         self._use(load)
         return True
 
-    def _use(self, load: Inertial) -> None:
+    def _use(self, load: MassProperties) -> None:
         self.load = load
         self._total = total = Total.of(self.total_inertial)
         gravity, down = self._functions.gravity, self.gravity_base.tolist()
@@ -109,12 +114,12 @@ class LibfrankaModel:
         self.revision += 1
 
     @property
-    def total_inertial(self) -> Inertial:
+    def total_inertial(self) -> MassProperties:
         """End effector and payload together, in the flange frame."""
         return self.ee_inertial + self.load
 
     def set_load(self, mass: float, com: Vector, inertia: Vector) -> None:
-        """Reckon with a payload.
+        """Set the payload.
 
         Args:
             mass: [kg].
@@ -132,17 +137,20 @@ class LibfrankaModel:
         self._use(self.load)
 
     def set_stiffness_frame(self, EE_T_K: FloatArray) -> None:
-        """Place the stiffness frame in the end-effector frame, shape (4, 4). Raises CommandError if it is not a pose."""
+        """Place the stiffness frame in the end-effector frame, shape (4, 4). Raises CommandError if it is not a
+        pose."""
         self.EE_T_K = check_transform(column_major(np.asarray(EE_T_K)), "EE_T_K")
         self._use(self.load)
 
     def mass(self, q: Vector) -> FloatArray:
         """Mass matrix without rotor inertia, shape (7, 7) [kg m^2]; q: shape (7,) [rad]."""
-        return _matrix(self._functions.mass(_joints(q, "joint position"), self._total), JOINTS)
+        return from_column_major(self._functions.mass(_joints(q, "joint position"), self._total), JOINTS)
 
     def coriolis(self, q: Vector, dq: Vector) -> FloatArray:
         """The vector C(q, dq) dq, shape (7,) [N m]; dq: shape (7,) [rad/s]."""
-        return np.array(self._functions.coriolis(_joints(q, "joint position"), _joints(dq, "joint velocity"), self._total))
+        return np.array(
+            self._functions.coriolis(_joints(q, "joint position"), _joints(dq, "joint velocity"), self._total)
+        )
 
     def gravity(self, q: Vector, gravity_base: Sequence[float] | None = None) -> FloatArray:
         """Torque against gravity, shape (7,) [N m]; gravity_base: other gravity in the base frame, 3 floats [m/s^2]."""
@@ -151,20 +159,23 @@ class LibfrankaModel:
 
     def pose(self, frame: Frame, q: Vector) -> FloatArray:
         """T_base_frame, shape (4, 4)."""
-        return _matrix(self._functions.pose(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K), 4)
+        return from_column_major(
+            self._functions.pose(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K)
+        )
 
     def zero_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
         """Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
-        return _matrix(self._functions.zero_jacobian(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K), JOINTS)
+        return from_column_major(
+            self._functions.zero_jacobian(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K),
+            JOINTS,
+        )
 
     def body_jacobian(self, frame: Frame, q: Vector) -> FloatArray:
         """The same in the frame itself, shape (6, 7)."""
-        return _matrix(self._functions.body_jacobian(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K), JOINTS)
-
-
-def _matrix(values: list[float], columns: int) -> FloatArray:
-    """From column-major values."""
-    return np.array(values).reshape(columns, -1).T
+        return from_column_major(
+            self._functions.body_jacobian(_frame(frame), _joints(q, "joint position"), self._F_T_EE, self._EE_T_K),
+            JOINTS,
+        )
 
 
 def _joints(values: Vector, what: str) -> list[float]:
@@ -187,10 +198,15 @@ def _frame(frame: Frame) -> Frame:
     return frame
 
 
-def _told_body(mass: float, com: Sequence[float], inertia: Sequence[float], name: str) -> Inertial:
-    """A body as the arm tells it. Single precision may have rounded its inertia, so that a principal moment of zero may come out negative."""
+def _reported_body(mass: float, com: Sequence[float], inertia: Sequence[float], name: str) -> MassProperties:
+    """A body as the arm reports it. Single precision may have rounded its inertia, so that a principal moment of zero
+    may come out negative."""
     tensor = np.array(inertia, dtype=float).reshape(3, 3)
-    body = Inertial(float(mass), np.array(com, dtype=float), 0.5 * (tensor + tensor.T))
-    if not (np.isfinite(body.mass) and np.isfinite(body.com).all() and np.isfinite(body.inertia).all() and body.mass >= 0.0):
-        raise CommandError(f"the arm tells an impossible m_{name} {mass}, F_x_C{name} {list(com)} or I_{name} {list(inertia)}")
+    body = MassProperties(float(mass), np.array(com, dtype=float), 0.5 * (tensor + tensor.T))
+    if not (
+        np.isfinite(body.mass) and np.isfinite(body.com).all() and np.isfinite(body.inertia).all() and body.mass >= 0.0
+    ):
+        raise CommandError(
+            f"the arm reports an impossible m_{name} {mass}, F_x_C{name} {list(com)} or I_{name} {list(inertia)}"
+        )
     return body

@@ -1,25 +1,23 @@
-"""What the two bindings of libfranka offer of its model, behind one face; vectors and matrices are column-major lists, as libfranka has them."""
+"""libfranka's model through its two bindings, with one interface; vectors and matrices are column-major lists,
+as libfranka has them."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame
-from franka_hw_interface.transforms import column_major
-from franka_hw_interface.urdf_chain import Inertial
+from franka_hw_interface.transforms import column_major, from_column_major
 from hric_control.errors import DescriptionError
+from hric_control.geometry import FloatArray, MassProperties
 
-FloatArray = npt.NDArray[np.float64]
 Floats = Sequence[float]
 
 SAME_KINEMATICS = 1e-4
-"""How far the flange's Jacobian by the description may be from libfranka's [m; 1]. Our choice: above the rounding of a URDF, below any link."""
+"""How far the flange's Jacobian by the description may be from libfranka's [m; 1]. Project default, unconfirmed: above
+the rounding of a URDF, below any link."""
 _PROBES = ((0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854), (0.5, 0.3, -0.8, -1.2, 0.9, 2.0, -0.4))
 """Poses at which this is looked at [rad]."""
 
@@ -39,7 +37,7 @@ class Total:
     com: list[float]
 
     @classmethod
-    def of(cls, body: Inertial) -> Total:
+    def of(cls, body: MassProperties) -> "Total":
         """From a body in the flange frame."""
         return cls(column_major(body.inertia), float(body.mass), [float(value) for value in body.com])
 
@@ -66,6 +64,17 @@ class ModelFunctions(Protocol):
         """Jacobian in the frame's own axes."""
 
 
+class _Model(Protocol):
+    """The functions of a binding's model, in which the two agree by name only."""
+
+    mass: Callable[..., list[float]]
+    coriolis: Callable[..., list[float]]
+    gravity: Callable[..., list[float]]
+    pose: Callable[..., list[float]]
+    zero_jacobian: Callable[..., list[float]]
+    body_jacobian: Callable[..., list[float]]
+
+
 class PandaFunctions:
     """libfranka 0.9.2 through panda_py: everything is there, computed by the library that the arm sends.
 
@@ -73,7 +82,7 @@ class PandaFunctions:
         model: panda_py.libfranka.Model.
     """
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, model: _Model) -> None:
         from panda_py.libfranka import Frame as Name  # a binary wheel that only this class needs
 
         self._model = model
@@ -81,33 +90,27 @@ class PandaFunctions:
 
     def mass(self, q: Floats, total: Total) -> list[float]:
         """M(q)."""
-        found: list[float] = self._model.mass(q, total.inertia, total.mass, total.com)
-        return found
+        return self._model.mass(q, total.inertia, total.mass, total.com)
 
     def coriolis(self, q: Floats, dq: Floats, total: Total) -> list[float]:
         """C(q, dq) dq."""
-        found: list[float] = self._model.coriolis(q, dq, total.inertia, total.mass, total.com)
-        return found
+        return self._model.coriolis(q, dq, total.inertia, total.mass, total.com)
 
     def gravity(self, q: Floats, total: Total, gravity_base: Floats) -> list[float]:
         """g(q)."""
-        found: list[float] = self._model.gravity(q, total.mass, total.com, gravity_base)
-        return found
+        return self._model.gravity(q, total.mass, total.com, gravity_base)
 
     def pose(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
         """T_base_frame."""
-        found: list[float] = self._model.pose(self._names[frame], q, F_T_EE, EE_T_K)
-        return found
+        return self._model.pose(self._names[frame], q, F_T_EE, EE_T_K)
 
     def zero_jacobian(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
         """Jacobian in base axes."""
-        found: list[float] = self._model.zero_jacobian(self._names[frame], q, F_T_EE, EE_T_K)
-        return found
+        return self._model.zero_jacobian(self._names[frame], q, F_T_EE, EE_T_K)
 
     def body_jacobian(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
         """Jacobian in the frame's own axes."""
-        found: list[float] = self._model.body_jacobian(self._names[frame], q, F_T_EE, EE_T_K)
-        return found
+        return self._model.body_jacobian(self._names[frame], q, F_T_EE, EE_T_K)
 
 
 _NAMES = (*(f"kJoint{i}" for i in range(1, 8)), "kFlange", "kEndEffector", "kStiffness")
@@ -115,10 +118,12 @@ _NAMES = (*(f"kJoint{i}" for i in range(1, 8)), "kFlange", "kEndEffector", "kSti
 
 
 class Fr3Functions:
-    """libfranka 0.18 or later through pylibfranka, whose functions take a whole state and know no frame but the end effector.
+    """libfranka 0.18 or later through pylibfranka, whose functions take a whole state and know no frame but the end
+    effector.
 
-    Dynamics and the Jacobian of what is fixed to the flange are libfranka's; a state of our own carries the arguments. Poses, the joints'
-    Jacobians and the axes of body Jacobians come from the robot description, which must have the kinematics that the arm told libfranka.
+    Dynamics and the Jacobian of what is fixed to the flange are libfranka's; a state of our own carries the arguments.
+    Poses, the joints' Jacobians and the axes of body Jacobians come from the robot description, which must have the
+    kinematics that libfranka got from the arm.
 
     Args:
         model: pylibfranka.Model.
@@ -129,15 +134,16 @@ class Fr3Functions:
         DescriptionError: the description is that of another arm.
     """
 
-    def __init__(self, model: Any, state: Any, kinematics: KdlFrankaModel) -> None:
+    def __init__(self, model: _Model, state: Any, kinematics: KdlFrankaModel) -> None:
         self._model, self._state, self._kinematics = model, state, kinematics
         for q in _PROBES:
-            there = _matrix(self._flange_jacobian(q, _IDENTITY), 7)
+            there = from_column_major(self._flange_jacobian(q, _IDENTITY), 7)
             apart = float(np.abs(there - kinematics.zero_jacobian(Frame.FLANGE, q)).max())
             if not apart < SAME_KINEMATICS:
                 flange = f"{kinematics.arm_id}_link8"
                 raise DescriptionError(
-                    f"the robot description is not that of the connected arm: its Jacobian of {flange} differs from libfranka's by {apart:.3g}"
+                    f"the robot description is not that of the connected arm: its Jacobian of {flange} differs from "
+                    f"libfranka's by {apart:.3g}"
                 )
 
     def _put(self, q: Floats, total: Total) -> Any:
@@ -147,29 +153,25 @@ class Fr3Functions:
 
     def mass(self, q: Floats, total: Total) -> list[float]:
         """M(q)."""
-        found: list[float] = self._model.mass(self._put(q, total))
-        return found
+        return self._model.mass(self._put(q, total))
 
     def coriolis(self, q: Floats, dq: Floats, total: Total) -> list[float]:
         """C(q, dq) dq."""
         state = self._put(q, total)
         state.dq = dq
-        found: list[float] = self._model.coriolis(state)
-        return found
+        return self._model.coriolis(state)
 
     def gravity(self, q: Floats, total: Total, gravity_base: Floats) -> list[float]:
         """g(q)."""
         state = self._put(q, total)
         state.O_ddP_O = gravity_base
-        found: list[float] = self._model.gravity(state)
-        return found
+        return self._model.gravity(state)
 
     def _flange_jacobian(self, q: Floats, F_T_X: list[float]) -> list[float]:
-        """Of a frame fixed to the flange: libfranka is told that it is the end effector."""
+        """Of a frame fixed to the flange, which the state names as its end effector."""
         state = self._state
         state.q, state.F_T_EE = q, F_T_X
-        found: list[float] = self._model.zero_jacobian(state)
-        return found
+        return self._model.zero_jacobian(state)
 
     def _pose(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> FloatArray:
         F_T_X = _beyond_flange(frame, F_T_EE, EE_T_K)
@@ -179,7 +181,7 @@ class Fr3Functions:
         F_T_X = _beyond_flange(frame, F_T_EE, EE_T_K)
         if F_T_X is None:
             return self._kinematics.zero_jacobian(frame, q)
-        return _matrix(self._flange_jacobian(q, column_major(F_T_X)), 7)
+        return from_column_major(self._flange_jacobian(q, column_major(F_T_X)), 7)
 
     def pose(self, frame: Frame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
         """T_base_frame."""
@@ -199,14 +201,10 @@ class Fr3Functions:
 _IDENTITY = column_major(np.eye(4))
 
 
-def _matrix(values: list[float], columns: int) -> FloatArray:
-    return np.array(values).reshape(columns, -1).T
-
-
 def _beyond_flange(frame: Frame, F_T_EE: list[float], EE_T_K: list[float]) -> FloatArray | None:
-    """Pose in the flange frame of a frame that is fixed to it, shape (4, 4); None for the joints."""
+    """Pose in the flange frame of a frame that is fixed to it, shape (4); None for the joints."""
     if frame is Frame.FLANGE:
         return np.eye(4)
     if frame is Frame.END_EFFECTOR:
-        return _matrix(F_T_EE, 4)
-    return _matrix(F_T_EE, 4) @ _matrix(EE_T_K, 4) if frame is Frame.STIFFNESS else None
+        return from_column_major(F_T_EE)
+    return from_column_major(F_T_EE) @ from_column_major(EE_T_K) if frame is Frame.STIFFNESS else None

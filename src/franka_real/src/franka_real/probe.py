@@ -1,6 +1,5 @@
-"""Asks whether an arm answers at an address before libfranka is: its own connect waits a minute, with the interpreter's lock held."""
-
-from __future__ import annotations
+"""Checks that an arm responds at an address before libfranka connects, which waits a minute with the interpreter's lock
+held."""
 
 import socket
 import threading
@@ -43,7 +42,12 @@ def _reason(error: OSError, address: str, port: int, timeout: float) -> str:
     if isinstance(error, socket.gaierror):
         return f"{address!r} is neither an IP address nor a host name that this machine knows"
     if isinstance(error, TimeoutError):
-        return f"no answer within {timeout:g} s. Is robot_ip right, the control box on, and this machine on its network?"
+        return (
+            f"no response within {timeout:g} s. Is robot_ip right, the control box on, and this machine on its network?"
+        )
     if isinstance(error, ConnectionRefusedError):
-        return f"the machine there refuses TCP port {port}. Is the FCI activated in Desk? (Emulated: rosrun franka_sim control_box --ip {address})"
+        return (
+            f"the machine there refuses TCP port {port}. Is the FCI activated in Desk? (Emulated: rosrun "
+            f"franka_sim control_box --ip {address})"
+        )
     return f"{error.strerror or error}"

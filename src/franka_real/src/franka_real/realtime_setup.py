@@ -1,6 +1,4 @@
-"""What Python can do for a loop that must not be late; each measure says what became of it."""
-
-from __future__ import annotations
+"""What Python can do for a loop that must not be late; each measure reports its result."""
 
 import ctypes
 import gc
@@ -15,21 +13,6 @@ MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 
 
 @dataclass(frozen=True)
-class RealtimeSettings:
-    """Measures.
-
-    Attributes:
-        priority: SCHED_FIFO priority of the loop's thread, 1 to 98; 0: ordinary scheduling.
-        lock_memory: keep the process from being paged out.
-        switch_interval: how long another thread may keep the interpreter [s].
-    """
-
-    priority: int
-    lock_memory: bool
-    switch_interval: float
-
-
-@dataclass(frozen=True)
 class Measure:
     """One measure: what was done, or why it could not be."""
 
@@ -38,15 +21,19 @@ class Measure:
 
 
 def take_priority(priority: int) -> Measure:
-    """Set the calling thread's scheduling; also after libfranka did, which takes SCHED_FIFO 99 by itself wherever it may."""
+    """Set the calling thread's scheduling; also after libfranka did, which takes SCHED_FIFO 99 by itself wherever it
+    may."""
     try:
         if priority == 0:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-            return Measure(True, "ordinary scheduling, as asked for")
+            return Measure(True, "ordinary scheduling, as requested")
         # Threads and processes that the loop's thread starts shall not inherit it.
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except PermissionError:
-        return Measure(False, "no real-time priority: the limit rtprio forbids it (rosrun franka_real check_workstation tells more)")
+        return Measure(
+            False,
+            "no real-time priority: the limit rtprio forbids it (see rosrun franka_real check_workstation)",
+        )
     return Measure(True, f"SCHED_FIFO {priority}")
 
 
@@ -70,18 +57,23 @@ def _lock() -> Measure:
 
 
 @contextmanager
-def realtime(settings: RealtimeSettings) -> Iterator[list[Measure]]:
+def realtime(priority: int, lock_memory: bool, switch_interval: float) -> Iterator[list[Measure]]:
     """The measures for the calling thread and its process, taken back at the end.
+
+    Args:
+        priority: SCHED_FIFO priority of the thread, 1 to 98; 0: ordinary scheduling.
+        lock_memory: keep the process from being paged out.
+        switch_interval: how long another thread may keep the interpreter [s].
 
     Yields:
         what was done.
     """
     interval = sys.getswitchinterval()
-    measures = [take_priority(settings.priority)]
-    if settings.lock_memory:
+    measures = [take_priority(priority)]
+    if lock_memory:
         measures.append(_lock())
-    sys.setswitchinterval(settings.switch_interval)
-    measures.append(Measure(True, f"switch interval {1e3 * settings.switch_interval:g} ms"))
+    sys.setswitchinterval(switch_interval)
+    measures.append(Measure(True, f"switch interval {1e3 * switch_interval:g} ms"))
     gc.collect()
     gc.freeze()
     measures.append(Measure(True, f"{gc.get_freeze_count()} objects out of the garbage collector's sight"))
@@ -90,5 +82,5 @@ def realtime(settings: RealtimeSettings) -> Iterator[list[Measure]]:
     finally:
         gc.unfreeze()
         sys.setswitchinterval(interval)
-        if settings.lock_memory:
+        if lock_memory:
             ctypes.CDLL(None).munlockall()

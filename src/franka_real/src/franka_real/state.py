@@ -1,21 +1,30 @@
-"""libfranka's robot state as a RobotState: what a cycle needs is copied, the rest is taken from libfranka's object when somebody reads it."""
-
-from __future__ import annotations
+"""libfranka's robot state as a RobotState: what a cycle needs is copied, the rest is taken from libfranka's object when
+somebody reads it."""
 
 import json
 from typing import Any
 
-import numpy as np
-
-from franka_hw_interface.robot_state import ERROR_NAMES, FIELD_NAMES, NO_ERRORS, Errors, RobotMode, RobotState, identity16, lazy_field
-from franka_hw_interface.transforms import column_major
+from franka_hw_interface.robot_state import (
+    ERROR_NAMES,
+    FIELD_NAMES,
+    NO_ERRORS,
+    Errors,
+    RobotMode,
+    RobotState,
+    identity16,
+    lazy_field,
+)
+from franka_hw_interface.transforms import column_major, from_column_major
+from hric_control.geometry.transforms import inverse
 from hric_control.hardware_interface import JointStates
 
-OWN_FIELDS = frozenset({"time", "q", "dq", "tau_J", "robot_mode", "current_errors", "last_motion_errors", "F_T_NE", "NE_T_EE", "O_ddP_O"})
+OWN_FIELDS = frozenset(
+    {"time", "q", "dq", "tau_J", "robot_mode", "current_errors", "last_motion_errors", "F_T_NE", "NE_T_EE", "O_ddP_O"}
+)
 """Fields that are not simply libfranka's attribute of the same name."""
 
 GRAVITY = [0.0, 0.0, -9.81]
-"""O_ddP_O of a base on the floor [m/s^2]; the binding for the Panda does not tell it."""
+"""O_ddP_O of a base on the floor [m/s^2]; not in the state of the Panda's binding."""
 
 
 def read_errors(flags: Any) -> Errors:
@@ -38,44 +47,43 @@ def _taken(name: str) -> Any:
 
 
 def _F_T_NE(state: Any) -> list[float]:
-    told = getattr(state.raw, "F_T_NE", None)
-    if told is not None:
-        return list(told)
-    F_T_EE, NE_T_EE = (np.array(T).reshape(4, 4).T for T in (state.raw.F_T_EE, state.told_NE_T_EE))
-    return column_major(F_T_EE @ np.linalg.inv(NE_T_EE))
+    if hasattr(state.raw, "F_T_NE"):
+        return list(state.raw.F_T_NE)
+    F_T_EE, NE_T_EE = map(from_column_major, (state.raw.F_T_EE, state.set_NE_T_EE))
+    return column_major(F_T_EE @ inverse(NE_T_EE))
 
 
 class LibfrankaState(RobotState):
     """State of the arm; q, dq and tau_J are the lists of the joint states themselves.
 
-    The Panda's binding lacks F_T_NE, NE_T_EE and O_ddP_O: NE_T_EE is what was told last (the identity before), F_T_NE follows from F_T_EE,
-    and gravity is that of a base on the floor.
+    The Panda's binding lacks F_T_NE, NE_T_EE and O_ddP_O: NE_T_EE is the last one set (the identity before), F_T_NE
+    follows from F_T_EE, and gravity is that of a base on the floor.
 
     Attributes:
         raw: libfranka's state of this tick.
-        told_NE_T_EE: what `set_EE_frame` told, 16 floats column-major.
+        set_NE_T_EE: of the last `set_EE_frame`, 16 floats column-major.
     """
 
-    __slots__ = ("computed_at", "raw", "told_NE_T_EE")
+    __slots__ = ("computed_at", "raw", "set_NE_T_EE")
 
     robot_mode = lazy_field("robot_mode", lambda state: read_mode(state.raw.robot_mode))
     current_errors = lazy_field("current_errors", lambda state: read_errors(state.raw.current_errors))
     last_motion_errors = lazy_field("last_motion_errors", lambda state: read_errors(state.raw.last_motion_errors))
     F_T_NE = lazy_field("F_T_NE", _F_T_NE)
-    NE_T_EE = lazy_field("NE_T_EE", lambda state: list(getattr(state.raw, "NE_T_EE", state.told_NE_T_EE)))
+    NE_T_EE = lazy_field("NE_T_EE", lambda state: list(getattr(state.raw, "NE_T_EE", state.set_NE_T_EE)))
     O_ddP_O = lazy_field("O_ddP_O", lambda state: list(getattr(state.raw, "O_ddP_O", GRAVITY)))
 
     def __init__(self, states: JointStates, raw: Any) -> None:
         self.computed_at: dict[str, int] = {}
         self.raw = raw
         super().__init__()
-        self.told_NE_T_EE = identity16()
+        self.set_NE_T_EE = identity16()
         self.q, self.dq, self.tau_J = states.position, states.velocity, states.effort
         self.computed_at.clear()
         self.take(raw, 0.0)
 
     def take(self, raw: Any, time: float) -> None:
-        """A new state of the arm; time: run time at which it measured [s]."""
+        """A new state of the arm; time: robot time at which it measured [s]."""
         self.raw = raw
         self.q[:], self.dq[:], self.tau_J[:] = raw.q, raw.dq, raw.tau_J
         self.time = time

@@ -1,11 +1,10 @@
 """Ends this process when its control loop is stuck inside libfranka.
 
-libfranka waits without limit for answers on TCP, and its bindings hold the interpreter's lock meanwhile: when a control box freezes, no thread of
-this process runs again, nor does a signal handler. So a child process watches a counter in shared memory, and kills its parent with a word of
-why. The counter costs the loop one store per cycle.
+libfranka waits without limit for responses on TCP, and its bindings hold the interpreter's lock meanwhile: when a
+control box freezes, no thread of this process runs again, nor does a signal handler. So a child process watches a
+counter in shared memory, and kills its parent with a message that says why. The counter costs the loop one store per
+cycle.
 """
-
-from __future__ import annotations
 
 import mmap
 import os
@@ -13,7 +12,8 @@ import signal
 import subprocess
 import sys
 import time
-from types import TracebackType
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 SIZE = mmap.PAGESIZE
 POLL = 0.05
@@ -26,7 +26,7 @@ class Watchdog:
     Args:
         timeout: silence after which the process is ended [s].
         patience: the same within `patiently` [s].
-        what: who does not answer, for the message.
+        what: the name of the arm, for the message.
     """
 
     def __init__(self, timeout: float, patience: float, what: str) -> None:
@@ -36,7 +36,9 @@ class Watchdog:
             self._memory = mmap.mmap(descriptor, SIZE)
             command = [sys.executable, "-S", "-E", __file__, str(descriptor), str(os.getpid()), what]
             # A session of its own: a Ctrl-C on the terminal is not for it. It ends with its parent.
-            self._child = subprocess.Popen(command, pass_fds=[descriptor], stdin=subprocess.DEVNULL, start_new_session=True)
+            self._child = subprocess.Popen(
+                command, pass_fds=[descriptor], stdin=subprocess.DEVNULL, start_new_session=True
+            )
         finally:
             os.close(descriptor)
         self._words = memoryview(self._memory).cast("Q")  # counter, allowed silence [ms] (0: not watched)
@@ -57,12 +59,20 @@ class Watchdog:
         self._words[1] = self._limits[0]
 
     def disarm(self) -> None:
-        """Do not watch: the loop stands for a good reason."""
+        """Do not watch: the loop is at rest for a good reason."""
         self._words[1] = 0
 
-    def patiently(self, limit: float | None = None) -> Patience:
+    @contextmanager
+    def patiently(self, limit: float | None = None) -> Iterator[None]:
         """`with watchdog.patiently():` around a call that may take long: up to `limit` [s], the patience by default."""
-        return Patience(self._words, self._limits[1] if limit is None else round(1e3 * limit))
+        words, before = self._words, self._words[1]
+        words[0] += 1
+        words[1] = self._limits[1] if limit is None else round(1e3 * limit)
+        try:
+            yield
+        finally:
+            words[0] += 1
+            words[1] = before
 
     def close(self) -> None:
         """End the child."""
@@ -71,33 +81,20 @@ class Watchdog:
         self._child.wait()
 
 
-class Patience:
-    """Allows a longer silence for a while."""
-
-    def __init__(self, words: memoryview[int], limit: int) -> None:
-        self._words, self._limit = words, limit
-
-    def __enter__(self) -> None:
-        self._before = self._words[1]
-        self._words[0] += 1
-        self._words[1] = self._limit
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._words[0] += 1
-        self._words[1] = self._before
-
-
 def watch(descriptor: int, parent: int, what: str) -> None:
     """The child: look, until the parent has ended or must be ended."""
     words = memoryview(mmap.mmap(descriptor, SIZE)).cast("Q")
-    seen, since = (words[0], words[1]), time.monotonic()
+    last, since = (words[0], words[1]), time.monotonic()
     while os.getppid() == parent:
         time.sleep(POLL)
         now = (words[0], words[1])
-        if now != seen or now[1] == 0:
-            seen, since = now, time.monotonic()
+        if now != last or now[1] == 0:
+            last, since = now, time.monotonic()
         elif time.monotonic() - since > 1e-3 * now[1]:
-            text = f"{what} has not answered for {1e-3 * now[1]:g} s and libfranka cannot be interrupted: this process (pid {parent}) is ended."
+            text = (
+                f"{what} has not responded for {1e-3 * now[1]:g} s and libfranka cannot be interrupted: this "
+                f"process (pid {parent}) is ended."
+            )
             print(f"[FATAL] {text}", file=sys.stderr, flush=True)
             os.kill(parent, signal.SIGKILL)
             return

@@ -1,26 +1,28 @@
-"""Looks at what this machine offers to a 1 kHz loop: kernel, governor, limits, network. Reads only; `fix` changes what can be changed at run time."""
+"""Looks at what this machine offers to a 1 kHz loop: kernel, governor, limits, network. Reads only; `fix` changes what
+can be changed while it runs."""
 
-from __future__ import annotations
-
+import argparse
 import os
 import re
 import resource
 import statistics
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-WANTED_PRIORITY = 80
-"""Real-time priority that franka_real asks for by default."""
-WANTED_MEMLOCK = 512 * 2**20
-"""Memory that may be locked; the robot process with all its libraries takes about a third of it; our choice [bytes]."""
+REQUIRED_PRIORITY = 80
+"""Real-time priority that franka_real takes by default."""
+REQUIRED_MEMLOCK = 512 * 2**20
+"""Memory that may be locked; the robot process with all its libraries takes about a third of it; project default,
+unconfirmed [bytes]."""
 PINGS, INTERVAL = 200, 0.01
 """How often and how far apart [s]."""
 ROUND_TRIP_LIMIT = 0.3
-"""Franka's requirement: network round trip, computation and the arm's own processing within 1 ms, which leaves about this much [ms]."""
+"""Franka's requirement: network round trip, computation and the arm's own processing within 1 ms, which leaves about
+this much [ms]."""
 LIMITS_FILE = Path("/etc/security/limits.d/90-franka-real.conf")
-LIMITS_TEXT = f"@realtime - rtprio 98\n@realtime - memlock {WANTED_MEMLOCK // 1024}\n"
+LIMITS_TEXT = f"@realtime - rtprio 98\n@realtime - memlock {REQUIRED_MEMLOCK // 1024}\n"
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Finding:
         good: whether it serves a 1 kHz loop; None: not known.
         found: what was found.
         advice: what to do about it; empty where it is good.
-        fix: changes it, answering what was done; None: not at run time.
+        fix: changes it and returns what was done; None: not while it runs.
     """
 
     what: str
@@ -48,15 +50,22 @@ def kernel(root: Path = Path("/")) -> Finding:
     if _read(root / "sys/kernel/realtime") == "1" or "PREEMPT_RT" in os.uname().version:
         return Finding("kernel", True, f"{release}, PREEMPT_RT")
     model = re.search(r"\bPREEMPT(?:_DYNAMIC)?\b", os.uname().version)
-    found = f"{release}, {model.group() if model else 'no preemption told'}"
-    return Finding("kernel", False, found, "install a PREEMPT_RT kernel (Debian: linux-image-rt-amd64); without it single cycles come 10 ms late")
+    found = f"{release}, {model.group() if model else 'preemption not known'}"
+    return Finding(
+        "kernel",
+        False,
+        found,
+        "install a PREEMPT_RT kernel (Debian: linux-image-rt-amd64); without it single cycles come 10 ms late",
+    )
 
 
 def governor(root: Path = Path("/")) -> Finding:
     """Whether the processors keep their frequency."""
     files = sorted(root.glob("sys/devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"))
     if not files:
-        return Finding("governor", None, "the frequency of the processors is not under this system's control (a virtual machine?)")
+        return Finding(
+            "governor", None, "the frequency of the processors is not under this system's control (a virtual machine?)"
+        )
     others = {_read(file) for file in files} - {"performance"}
     if not others:
         return Finding("governor", True, f"performance on {len(files)} processors")
@@ -66,30 +75,42 @@ def governor(root: Path = Path("/")) -> Finding:
             file.write_text("performance")
         return f"performance on {len(files)} processors, until the next start"
 
-    return Finding("governor", False, f"{', '.join(sorted(others))}", "set the governor performance: cpupower frequency-set -g performance", fix)
+    return Finding(
+        "governor",
+        False,
+        f"{', '.join(sorted(others))}",
+        "set the governor performance: cpupower frequency-set -g performance",
+        fix,
+    )
 
 
 def priority() -> Finding:
     """Whether this account may take a real-time priority."""
     soft, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
-    if os.geteuid() == 0 or soft == resource.RLIM_INFINITY or soft >= WANTED_PRIORITY:
+    if os.geteuid() == 0 or soft == resource.RLIM_INFINITY or soft >= REQUIRED_PRIORITY:
         return Finding("rtprio", True, "root" if os.geteuid() == 0 else f"up to {soft}")
-    advice = f"allow {WANTED_PRIORITY} or more to the group realtime and join it: {_limits_advice()}"
+    advice = f"allow {REQUIRED_PRIORITY} or more to the group realtime and join it: {_limits_advice()}"
     return Finding("rtprio", False, f"up to {soft}", advice, _fix_limits)
 
 
 def memlock() -> Finding:
     """Whether this account may lock its memory."""
     soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
-    if os.geteuid() == 0 or soft == resource.RLIM_INFINITY or soft >= WANTED_MEMLOCK:
+    if os.geteuid() == 0 or soft == resource.RLIM_INFINITY or soft >= REQUIRED_MEMLOCK:
         return Finding("memlock", True, "root" if os.geteuid() == 0 else f"{soft // 2**20} MiB")
-    return Finding("memlock", False, f"{soft // 1024} KiB", f"allow {WANTED_MEMLOCK // 2**20} MiB: {_limits_advice()}", _fix_limits)
+    return Finding(
+        "memlock",
+        False,
+        f"{soft // 1024} KiB",
+        f"allow {REQUIRED_MEMLOCK // 2**20} MiB: {_limits_advice()}",
+        _fix_limits,
+    )
 
 
 def throttling(root: Path = Path("/")) -> Finding:
     """How much of a second real-time threads may take."""
     value = _read(root / "proc/sys/kernel/sched_rt_runtime_us")
-    return Finding("real-time share", None if not value else True, f"{value or 'not told'} us of each second (-1: all)")
+    return Finding("real-time share", None if not value else True, f"{value or 'unknown'} us of each second (-1: all)")
 
 
 def network(address: str) -> Finding:
@@ -100,14 +121,21 @@ def network(address: str) -> Finding:
     except FileNotFoundError:
         return Finding("network", None, "ping is not installed", "install iputils-ping")
     except subprocess.TimeoutExpired:
-        return Finding("network", False, f"no answer from {address}", "check address, cable, and the control box")
+        return Finding("network", False, f"no response from {address}", "check address, cable, and the control box")
     times = sorted(float(value) for value in re.findall(r"time=([\d.]+) ms", done.stdout))
     if not times:
-        return Finding("network", False, f"no answer from {address}", "check address, cable, and the control box")
+        return Finding("network", False, f"no response from {address}", "check address, cable, and the control box")
     spread = statistics.pstdev(times)
-    found = f"{address}: {len(times)} of {PINGS} pings, median {statistics.median(times):.3f} ms, largest {times[-1]:.3f} ms, jitter {spread:.3f} ms"
+    found = (
+        f"{address}: {len(times)} of {PINGS} pings, median {statistics.median(times):.3f} ms, largest "
+        f"{times[-1]:.3f} ms, jitter {spread:.3f} ms"
+    )
     good = len(times) == PINGS and times[-1] <= ROUND_TRIP_LIMIT
-    advice = "" if good else f"no ping should take above {ROUND_TRIP_LIMIT} ms: a cable of its own, no switch, no power saving"
+    advice = (
+        ""
+        if good
+        else f"no ping should take above {ROUND_TRIP_LIMIT} ms: a cable of its own, no switch, no power saving"
+    )
     return Finding("network", good, found, advice)
 
 
@@ -130,9 +158,52 @@ def _read(file: Path) -> str:
 
 
 def _limits_advice() -> str:
-    return f"{LIMITS_FILE} with {' and '.join(LIMITS_TEXT.strip().splitlines())!r}, then log in anew"
+    return f"{LIMITS_FILE} with {' and '.join(LIMITS_TEXT.strip().splitlines())!r}, then log in again"
 
 
 def _fix_limits() -> str:
     LIMITS_FILE.write_text(LIMITS_TEXT, encoding="ascii")
-    return f"wrote {LIMITS_FILE}; add your account to the group realtime and log in anew"
+    return f"wrote {LIMITS_FILE}; add your account to the group realtime and log in again"
+
+
+_MARK = {True: "ok  ", False: "BAD ", None: "?   "}
+
+
+def line(finding: Finding) -> str:
+    """One finding as text."""
+    return f"{_MARK[finding.good]} {finding.what}: {finding.found}" + (
+        f"\n       {finding.advice}" if finding.advice else ""
+    )
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Look, report, and with --fix change what can be changed; returns 0 when all is well."""
+    parser = argparse.ArgumentParser(
+        "rosrun franka_real check_workstation",
+        description="Look whether this machine serves a 1 kHz loop: kernel, processor frequency, limits of this "
+        "account, network. Changes nothing.",
+    )
+    parser.add_argument(
+        "robot_ip", nargs="?", default="", help="address of the arm, for the network check; the arm is only pinged"
+    )
+    parser.add_argument(
+        "--fix",
+        action="store_true",
+        help="change what can be changed while it runs (governor, limits file); needs root",
+    )
+    given = parser.parse_args(list(arguments))
+    findings = []
+    for finding in look(given.robot_ip):
+        print(line(finding), flush=True)
+        findings.append(finding)
+    if given.fix:
+        _fix(findings)
+    return 0 if all(finding.good is not False for finding in findings) else 1
+
+
+def _fix(findings: Sequence[Finding]) -> None:
+    for fix in dict.fromkeys(finding.fix for finding in findings if finding.good is False and finding.fix is not None):
+        try:
+            print(f"fixed: {fix()}")
+        except OSError as error:
+            print(f"not fixed: {error}")

@@ -1,106 +1,101 @@
 """The simulated Franka arm as a RobotHW: any plant, and the emulated control box."""
 
-from __future__ import annotations
+from collections.abc import Sequence
 
-import math
-from collections.abc import Callable, Sequence
-
+from franka_hw_interface.arm_parameters import read_limits
 from franka_hw_interface.arm_services import ArmServices
 from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
-from franka_hw_interface.modes import HOLD
+from franka_hw_interface.modes import HOLD, Kind, Mode
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim import sensors, settings
-from franka_sim.box.compiled_arm import compiled_arm
+from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
-from franka_sim.box.requests import Outcome
-from franka_sim.move_requests import move_request
-from franka_sim.told_box import ToldBox
-from hric_control import plugins, realtime
-from hric_control.errors import CommandError, HricError
-from hric_control.hardware_interface import JointStates
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
+from franka_sim.box_adapter import BoxAdapter
+from hric_control import realtime
+from hric_control.errors import HricError
 from hric_control.node import Node
-from hric_control.plant import Plant
 from hric_control.robot_hw import OnCycle
-from hric_control.sim_loop import SimLoop
+from hric_control.sim.simulated_robot import SimulatedRobot
 
-DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
+_GENERATORS = {
+    None: GeneratorMode.NONE,
+    Kind.POSITION: GeneratorMode.JOINT_POSITION,
+    Kind.VELOCITY: GeneratorMode.JOINT_VELOCITY,
+    Kind.POSE: GeneratorMode.CARTESIAN_POSITION,
+    Kind.TWIST: GeneratorMode.CARTESIAN_VELOCITY,
+}
 
 
-class FrankaHWSim(CommandedArm):
-    """Seven joints on a plant behind the control box that `env:=real` finds behind the network, with the same modes, reflexes and recovery.
+def _move_request(mode: Mode) -> MoveRequest:
+    """The motion of the box that carries a mode, as libfranka's control loops request it: torques from outside, or the
+    internal joint impedance behind a motion generator, or a generator beside torques from outside."""
+    controller = ControllerMode.EXTERNAL if mode.torque else ControllerMode.JOINT_IMPEDANCE
+    return MoveRequest(controller, _GENERATORS[mode.generator])
 
-    The arm compensates gravity of itself and of the load it was TOLD, and friction as far as it knows it. The physical payload is the plant's;
-    where it differs from what was told, the arm sags as the real one does.
 
-    A switch to another kind of command takes the way it takes on the arm: the motion ends, the arm holds itself, the next motion begins in the
-    following cycle.
+class FrankaHWSim(SimulatedRobot, CommandedArm):
+    """Seven joints on a plant behind the control box that `env:=real` finds behind the network, with the same modes,
+    reflexes and recovery.
+
+    The arm compensates gravity of itself and of the load it was set, and friction as far as it knows it. The physical
+    payload is the plant's; where it differs from what was set, the arm sags as the real one does.
+
+    A switch to another kind of command goes as on the arm: the motion ends, the arm holds itself, the next motion
+    begins in the following cycle.
 
     Parameters, services and actions: INTERFACE.md.
 
-    Attributes, beside those of `CommandedArm`:
-        description: the URDF.
-        q_start: pose of the start and of `reset`, 7 floats [rad].
-        plant, box, loop: physics, firmware and clock.
+    Attributes, beside those of `SimulatedRobot` and `CommandedArm`:
+        box: the firmware.
         model: what the arm knows of itself.
-        rotor_inertia: of the plant, for controllers that check their gains, 7 floats [kg m^2].
     """
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
         """Read the parameters, build plant, model and box, put the arm at its start pose."""
         node = self._node = robot_hw_node
         self.description = root_node.search_param("robot_description")
-        self.arm_id = settings.read_arm_id(node)
-        realism = settings.read_realism(node)
-        plant_config = settings.read_plant(node, self.arm_id, realism)
+        given, realism = settings.read(node)
+        self.arm_id, self.q_start = given.arm_id, list(given.q_start)
+        plant_config = realism.with_friction(given.plant, self.arm_id)
         self.model = settings.make_model(node, self.description, self.arm_id, plant_config)
-        names = self.joint_names = self.model.joint_names
-        self.q_start = settings.read_q_start(node, names)
-        limits = settings.read_limits(self.description, root_node, node, self.arm_id, names)
-        make_plant = plugins.find(plugins.PLANT, node.param("plant_type", DEFAULT_PLANT))
-        self.plant: Plant = make_plant(realism.body(self.description, self.arm_id), names, plant_config)
-        try:
-            self.loop = SimLoop(self.plant.time_step, node.param("real_time_factor", 1.0))
-            self.rotor_inertia = settings.read_rotor_inertia(plant_config, names)
-            config = settings.read_box(node, plant_config, names, self.plant.time_step, realism)
-            compiled = compiled_arm(self.description, self.arm_id, config.least_singular_value, node.log_info)
-            self.box = ControlBox(self.model, config, self._hear, compiled)
-            self._read_state = sensors.attach(self.plant, self.box, realism, plant_config.get("seed", 0))
-            settings.read_internal_impedance(node, self.box.joint_impedance)
-            self.states = JointStates(names)
+        names = self.model.joint_names
+        limits = read_limits(self.description, root_node, node, self.arm_id, names)
+        with self._new_plant(node, realism.body(self.description, self.arm_id), names, plant_config):
+            period, states = self.plant.time_step, self.states
+            config = given.box(plant_config, names, period, realism)
+            compiled = CompiledArm(self.description, self.arm_id, config.min_singular_value)
+            self.box = ControlBox(self.model, compiled, config, self._report)
             self.robot_state = self.box.state
-            self._commands = CommandSet(self.arm_id, self.states, self.robot_state, limits, self.plant.time_step, settings.read_rate_limits(node))
-            self.mode, self._wanted, self.error, self._restart = HOLD, HOLD, "", False
+            self._read_state = sensors.attach(self.plant, self.box, realism, plant_config.get("seed", 0))
+            settings.set_internal_impedance(node, given.internal_impedance.stiffness, self.box.joint_impedance)
+            self._commands = CommandSet(self.arm_id, states, self.robot_state, limits, period, given.rate_limits)
+            self.mode, self._requested, self._restart = HOLD, HOLD, False
             self._register(self.model)
-            self._place(self.q_start, self.plant.reset)
-            self._services = ArmServices(ToldBox(self.loop, self.box, self.recover), root_node)
-        except BaseException:
-            self.plant.close()
-            raise
+            self._put(self.q_start, self.plant.reset)
+            self._services = ArmServices(BoxAdapter(self.loop, self.box, self.recover), root_node)
 
-    def _hear(self, text: str) -> None:
-        """The box speaks, in the loop: a log line is written outside of it."""
+    def _report(self, text: str) -> None:
+        """A report of the box, from the loop: the log line is written outside of it."""
         realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
 
     @property
     def _running(self) -> bool:
         return self.loop.running
 
-    # -- the cycle -----------------------------------------------------------------------------------------------------------------------
+    # -- the cycle -----------------------------------------------------------------------------------------------------
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Read, controllers, write, step; what `on_cycle` answers does not matter to an arm that changes its mode within the cycle."""
+        """Read, controllers, write, step. The result of `on_cycle` does not matter: the mode changes within the
+        cycle."""
 
-        def cycle(time: float, period: float, reset_controllers: bool) -> bool:
-            self.read(time, period)
-            if self._wanted.commanded and self.mode is HOLD and not self.error:
+        def begin_and_go_on(time: float, period: float, reset_controllers: bool) -> bool:
+            if self.mode is HOLD and self._requested.commanded and not self.error:
                 reset_controllers = self._begin() or reset_controllers
-            on_cycle(time, period, reset_controllers)
-            self.write(time, period)
-            self.plant.step()
-            return True
+            return on_cycle(time, period, reset_controllers)
 
-        self.loop.run(cycle)
+        super().run(begin_and_go_on)
 
     def read(self, time: float, period: float) -> None:
         """State of the plant at the measuring instant as the sensors report it, and what the box makes of it."""
@@ -109,12 +104,12 @@ class FrankaHWSim(CommandedArm):
         self.box.read(states.position, states.velocity, states.effort, time)
 
     def _begin(self) -> bool:
-        """The motion that the controllers want; whether controllers that run already have to restart."""
-        outcome = self.box.move(move_request(self._wanted))
+        """The requested motion; returns whether controllers that run already have to restart."""
+        outcome = self.box.move(_move_request(self._requested))
         if outcome is not Outcome.STARTED:
-            self._fail(f"a motion by {self._wanted} is refused: {outcome.value}")
+            self._fail(f"a motion by {self._requested} is refused: {outcome.value}")
             return False
-        self.mode = self._wanted
+        self.mode = self._requested
         self._commands.enter(self.mode)
         restart, self._restart = self._restart, False
         return restart
@@ -125,14 +120,14 @@ class FrankaHWSim(CommandedArm):
         if mode is HOLD:
             self.plant.apply(box.write(None))
             return
-        command = self._commands.take(mode)
-        command.finished = self._wanted != mode
+        command = self._commands.limited_command(mode)
+        command.finished = self._requested is not mode
         self.plant.apply(box.write(command))
         if self.robot_state.robot_mode is not RobotMode.MOVE:
             self._end()
 
     def _end(self) -> None:
-        """The motion is over, asked for or not."""
+        """The motion is over, as requested or not."""
         self.mode = HOLD
         self._commands.enter(HOLD)
         if self.box.take_finished() is not Outcome.SUCCESS:
@@ -140,7 +135,8 @@ class FrankaHWSim(CommandedArm):
             self._fail(f"the motion was aborted: {names}")
 
     def recover(self) -> None:
-        """Automatic error recovery, in the loop. The motion that was ended begins anew, and its controllers restart."""
+        """Automatic error recovery, in the loop. The motion that was ended begins again, and its controllers
+        restart."""
         if self.mode.commanded:
             raise HricError("the arm is moving: there is nothing to recover from")
         outcome = self.box.recover()
@@ -148,26 +144,7 @@ class FrankaHWSim(CommandedArm):
             raise HricError(f"recovery is refused: {outcome.value} ({self.robot_state.robot_mode.name.lower()})")
         self.error, self._restart = "", True
 
-    def stop(self) -> None:
-        """Let `run` return after this cycle; from any thread or a signal handler."""
-        self.loop.stop()
-
-    # -- from outside, inside the loop ---------------------------------------------------------------------------------------------------
-
-    def reset(self, q: Sequence[float] | None = None) -> None:
-        """Robot to q (its start pose by default) at rest, errors cleared, the world to its start; run time goes on, controllers restart."""
-        self._place(self.q_start if q is None else q, self.plant.reset)
-        self.loop.restart_controllers()
-
-    def set_configuration(self, q: Sequence[float]) -> None:
-        """Robot to q at rest, errors cleared, the world left as it is, controllers restart. Inside the loop."""
-        self._place(q, self.plant.set_configuration)
-        self.loop.restart_controllers()
-
-    def _place(self, q: Sequence[float], put: Callable[[Sequence[float]], None]) -> None:
-        if len(q) != len(self.joint_names) or not all(map(math.isfinite, q)):
-            raise CommandError(f"a pose is {len(self.joint_names)} finite numbers [rad]; got {list(q)}")
-        put(q)
+    def _settle(self, q: Sequence[float]) -> None:
         self.box.reset(list(q))
         self.box.take_finished()
         self.mode, self.error = HOLD, ""
@@ -178,4 +155,4 @@ class FrankaHWSim(CommandedArm):
     def shutdown(self) -> None:
         """Take the services back and close the plant."""
         self._services.unregister()
-        self.plant.close()
+        super().shutdown()

@@ -1,31 +1,29 @@
-"""The emulated Franka hand: two fingers that travel at constant speed, and what may lie between them. No ROS, no engine."""
-
-from __future__ import annotations
+"""The emulated Franka hand: two fingers that travel at constant speed, and what may lie between them. No ROS, no
+engine."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
-import yaml
-
 from franka_hw_interface.hand import HandMotion, HandOutcome
-from hric_control.errors import CommandError, HricError
+from hric_control.errors import CommandError
+from hric_control.node import LiveParameter, Node
+from hric_control.parameters import Settings, number, package_yaml, whole
 
 __all__ = ["Gripper", "HandConfig", "HandMotion", "HandOutcome", "defaults"]
 
 
 @dataclass(frozen=True)
-class HandConfig:
-    """Values of config/hand.yaml; widths [m], speeds [m/s], force [N], temperature [degrees Celsius]."""
+class HandConfig(Settings):
+    """Values of config/hand.yaml."""
 
-    max_width: float
-    max_speed: float
-    max_force: float
-    homing_speed: float
-    temperature: int
+    max_width: float = number(above=0.0, unit="m")
+    max_speed: float = number(above=0.0, unit="m/s")
+    max_force: float = number(above=0.0, unit="N")
+    homing_speed: float = number(above=0.0, unit="m/s")
+    temperature: int = whole(unit="degrees Celsius")
 
 
 @dataclass(slots=True)
@@ -38,11 +36,12 @@ class _Task:
 
 
 class Gripper:
-    """The hand. Requests return at once with a `HandMotion`, which `step` carries out; a new request aborts the one that runs.
+    """The hand. Requests return at once with a `HandMotion`, which `step` carries out; a new request aborts the one
+    that runs.
 
-    Speeds are rates of the opening. A move stops at an object; a grasp travels towards the expected width and on until something stops the
-    fingers: an object, each other, or the end of their way. While it holds, the fingers go on pressing: where the object is taken away they
-    close, and `is_grasped` falls. One instance serves one thread.
+    Speeds are rates of the opening. A move stops at an object; a grasp travels towards the expected width and on until
+    something stops the fingers: an object, each other, or the end of their way. While it holds, the fingers go on
+    pressing: where the object is taken away they close, and `is_grasped` falls. One instance serves one thread.
 
     Args:
         config: config/hand.yaml by default.
@@ -61,7 +60,9 @@ class Gripper:
         self._object: float | None = None
         self._time: float | None = None
         self._task: _Task | None = None
-        self._hold: tuple[float, float, float, float] | None = None  # (opening pressed towards, speed, narrowest, widest object)
+        self._hold: tuple[float, float, float, float] | None = (
+            None  # (opening pressed towards, speed, narrowest, widest object)
+        )
 
     @property
     def max_width(self) -> float:
@@ -90,22 +91,25 @@ class Gripper:
     @object_width.setter
     def object_width(self, width: float | None) -> None:
         if width is not None and not 0.0 < width <= self.max_width:
-            raise CommandError(f"an object {width} m wide does not fit between the fingers; valid: above 0, to {self.max_width:g} m")
+            raise CommandError(
+                f"an object {width} m wide does not fit between the fingers; valid: above 0, to {self.max_width:g} m"
+            )
         self._object = width
 
     def homing(self) -> HandMotion:
         """Close, then open fully; unsuccessful if an object keeps the fingers from closing."""
         speed = self.config.homing_speed
-        return self._begin("homing", "", [(0.0, speed), (self.max_width, speed)], self._free_way)
+        return self._begin("homing", "", [(0.0, speed), (self.max_width, speed)], self._unblocked)
 
     def move(self, width: float, speed: float) -> HandMotion:
         """Go to an opening [m] at a speed [m/s]; unsuccessful if an object is in the way."""
-        return self._begin("move", self._wrong(width, speed), [(width, speed)], self._free_way)
+        return self._begin("move", self._wrong(width, speed), [(width, speed)], self._unblocked)
 
     def grasp(self, width: float, epsilon_inner: float, epsilon_outer: float, speed: float, force: float) -> HandMotion:
         """Grasp an object of an expected width.
 
-        Success if at rest `width - epsilon_inner < opening < width + epsilon_outer` (libfranka, Gripper::grasp); the fingers then go on pressing.
+        Success if at rest `width - epsilon_inner < opening < width + epsilon_outer` (libfranka, Gripper::grasp); the
+        fingers then go on pressing.
 
         Args:
             width: expected [m].
@@ -119,7 +123,7 @@ class Gripper:
 
         def judge(_: bool) -> str:
             if not narrowest < self.width < widest:
-                return f"the fingers stand at {self.width:.4f} m; expected between {narrowest:.4f} and {widest:.4f} m"
+                return f"the fingers are at {self.width:.4f} m; expected between {narrowest:.4f} and {widest:.4f} m"
             self._hold = (target, min(speed, self.config.max_speed), narrowest, widest)
             self.is_grasped, self.force = True, force
             return ""
@@ -127,8 +131,8 @@ class Gripper:
         return self._begin("grasp", wrong, [(target, speed)], judge)
 
     def stop(self) -> HandMotion:
-        """End what runs or holds; the fingers stand without force."""
-        motion = self._begin("stop", "", [], self._free_way)
+        """End what runs or holds; the fingers are at rest without force."""
+        motion = self._begin("stop", "", [], self._unblocked)
         self._task = None
         motion.end(HandOutcome.SUCCESS)
         return motion
@@ -143,12 +147,14 @@ class Gripper:
             self.is_grasped = narrowest < self.width < widest
 
     def advance(self, time: float) -> None:
-        """Step on to run time `time` [s]; the first call only sets the clock, and so does a time that goes back."""
+        """Step on to robot time `time` [s]; the first call only sets the clock, and so does a time that goes back."""
         before, self._time = self._time, time
         if before is not None and time > before:
             self.step(time - before)
 
-    def _begin(self, name: str, wrong: str, legs: list[tuple[float, float]], judge: Callable[[bool], str]) -> HandMotion:
+    def _begin(
+        self, name: str, wrong: str, legs: list[tuple[float, float]], judge: Callable[[bool], str]
+    ) -> HandMotion:
         """Take a request; a wrong one changes nothing."""
         motion = HandMotion(name)
         if wrong:
@@ -179,7 +185,7 @@ class Gripper:
         self.width = max(stop, self.width - distance)
         return self.width == stop > target
 
-    def _free_way(self, blocked: bool) -> str:
+    def _unblocked(self, blocked: bool) -> str:
         return f"an object stopped the fingers at {self.width:.4f} m" if blocked else ""
 
     def _wrong(self, width: float, speed: float) -> str:
@@ -190,8 +196,8 @@ class Gripper:
         return ""
 
     def _wrong_force(self, force: float) -> str:
-        most = self.config.max_force
-        return "" if 0.0 <= force <= most else f"force {force} N; valid: 0 to {most:g} N"
+        maximum = self.config.max_force
+        return "" if 0.0 <= force <= maximum else f"force {force} N; valid: 0 to {maximum:g} N"
 
 
 def _wrong_tolerance(inner: float, outer: float) -> str:
@@ -203,18 +209,19 @@ def _wrong_tolerance(inner: float, outer: float) -> str:
 @cache
 def defaults() -> HandConfig:
     """What config/hand.yaml says."""
-    for folder in (Path(__file__).resolve().parents[2], *_installed()):
-        path = folder / "config" / "hand.yaml"
-        if path.is_file():
-            values: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
-            return HandConfig(**values)
-    raise HricError("franka_sim: config/hand.yaml is not found")
+    return HandConfig.of(package_yaml(__file__, "hand"), "franka_sim/config/hand.yaml:")
 
 
-def _installed() -> list[Path]:
-    import rospkg
+def emulated_hand(node: Node) -> tuple[Gripper, Callable[[], None]]:
+    """A hand with the live parameter `object_width` on the node, and what takes that back."""
+    hand = Gripper()
+    parameter = LiveParameter(
+        "object_width", 0.0, 0.0, hand.max_width, "width of what lies between the fingers [m]; 0: nothing"
+    )
 
-    try:
-        return [Path(rospkg.RosPack().get_path("franka_sim"))]
-    except rospkg.ResourceNotFound:
-        return []
+    def change(values: dict[str, Any]) -> dict[str, Any]:
+        hand.object_width = values["object_width"] or None
+        return values
+
+    registration = node.live_parameters([parameter], change)
+    return hand, registration.unregister

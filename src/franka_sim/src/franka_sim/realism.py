@@ -1,10 +1,8 @@
-"""How far the simulated arm is from what its control box believes: noise of the sensors, another body, friction that the box does not know."""
+"""How far the simulated arm is from what its control box believes: noise of the sensors, another body, friction that
+the box does not know."""
 
-from __future__ import annotations
-
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
 
@@ -12,30 +10,31 @@ import numpy as np
 
 import panda_description
 from franka_sim.box.config import Vector, read_config
-from hric_control.errors import ParameterError, UnknownNameError
+from hric_control.errors import UnknownNameError
+from hric_control.node import REQUIRED
+from hric_control.parameters import Settings, choice, declared, number, numbers, per_joint, whole
 
 JOINTS = 7
-MOST_MASS_ERROR = 0.3
+MAX_MASS_ERROR = 0.3
 """Standard deviation as a share of the mass; three of them leave a tenth of the link."""
 CUT_OFF = 3.0
 """Largest draw of mass and centre of mass [standard deviations]."""
-FRICTIONS = ("none", "identified")
 IDEAL = "ideal"
 
 
 @dataclass(frozen=True)
-class Realism:
+class Realism(Settings):
     """The keys of a preset in config/realism.yaml, which explains them; numbers per joint as 7 floats."""
 
-    q_noise: Vector
-    dq_noise: Vector
-    tau_J_noise: Vector
-    wrench_noise: Vector
-    mass_error: Vector
-    com_error: Vector
-    body_seed: int
-    friction: str
-    friction_known: Vector
+    q_noise: Vector = per_joint(number(minimum=0.0, unit="rad"))
+    dq_noise: Vector = per_joint(number(minimum=0.0, unit="rad/s"))
+    tau_J_noise: Vector = per_joint(number(minimum=0.0, unit="N m"))
+    wrench_noise: Vector = numbers(6, minimum=0.0, unit="N, N m")
+    mass_error: Vector = per_joint(number(minimum=0.0, maximum=MAX_MASS_ERROR))
+    com_error: Vector = per_joint(number(minimum=0.0, unit="m"))
+    body_seed: int = whole(minimum=0)
+    friction: str = choice("none", "identified", default=REQUIRED)
+    friction_known: Vector = per_joint(number(minimum=0.0))
 
     @property
     def noisy(self) -> bool:
@@ -55,14 +54,17 @@ class Realism:
         draws = np.clip(rng.standard_normal((JOINTS, 4)), -CUT_OFF, CUT_OFF)
         root = ElementTree.fromstring(urdf_xml)
         links = {link.get("name"): link for link in root.iterfind("link")}
-        for i, (mass_error, com_error, draw) in enumerate(zip(self.mass_error, self.com_error, draws, strict=True), start=1):
+        for i, (mass_error, com_error, draw) in enumerate(
+            zip(self.mass_error, self.com_error, draws, strict=True), start=1
+        ):
             inertial = links[f"{arm_id}_link{i}"].find("inertial")
             if inertial is not None:
                 _change(inertial, 1.0 + mass_error * draw[0], com_error * draw[1:])
         return ElementTree.tostring(root, encoding="unicode")
 
     def with_friction(self, plant: Mapping[str, Any], arm_id: str) -> dict[str, Any]:
-        """Parameters of the plant with the friction of this arm where they name none; "identified" gets the published values if none are given.
+        """Parameters of the plant with the friction of this arm where they name none; "identified" gets the published
+        values if none are given.
 
         Args:
             plant: its parameters.
@@ -75,7 +77,9 @@ class Realism:
             config["friction_parameters"] = panda_description.friction_parameters(arm_id)
         return config
 
-    def known_friction(self, plant: Mapping[str, Any], joint_names: Sequence[str]) -> Mapping[str, Mapping[str, float]] | None:
+    def known_friction(
+        self, plant: Mapping[str, Any], joint_names: Sequence[str]
+    ) -> Mapping[str, Mapping[str, float]] | None:
         """What the box knows of the plant's friction, phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint; None: nothing.
 
         Args:
@@ -112,7 +116,7 @@ def presets() -> tuple[str, ...]:
 
 
 def parse(value: Any, where: str) -> Realism:
-    """The realism that a parameter asks for.
+    """The realism of a parameter.
 
     Args:
         value: name of a preset, or a mapping of `preset` (ideal if absent) and the values that differ from it.
@@ -125,31 +129,9 @@ def parse(value: Any, where: str) -> Realism:
     name = given.pop("preset", IDEAL)
     if not isinstance(name, str) or name not in presets():
         raise UnknownNameError("preset", name, presets(), where)
-    valid = [item.name for item in fields(Realism)]
+    valid = list(declared(Realism))
     for key in given:
         if key not in valid:
             raise UnknownNameError("value", key, ["preset", *valid], where)
-    values = {**read_config("realism")[name], **given}
-    return Realism(**{key: _checked(key, values[key], f"{where}/{key}") for key in valid})
-
-
-def _checked(key: str, value: Any, where: str) -> Any:
-    if key == "friction":
-        if value not in FRICTIONS:
-            raise ParameterError(f"{where} must be one of {', '.join(FRICTIONS)}; got {value!r}")
-        return value
-    if key == "body_seed":
-        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            raise ParameterError(f"{where} must be a whole number of 0 or more; got {value!r}")
-        return value
-    n = 6 if key == "wrench_noise" else JOINTS
-    highest = MOST_MASS_ERROR if key == "mass_error" else math.inf
-    row = list(value) if isinstance(value, list | tuple) else [value] * n
-    if (n == 6 and not isinstance(value, list | tuple)) or len(row) != n or not all(_amount(x, highest) for x in row):
-        form = "6 numbers" if n == 6 else "one number or 7"
-        raise ParameterError(f"{where} must be {form}, each {'from 0 to 0.3' if highest == MOST_MASS_ERROR else '0 or more'}; got {value!r}")
-    return tuple(float(x) for x in row)
-
-
-def _amount(x: Any, highest: float) -> bool:
-    return isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) and 0.0 <= x <= highest
+    joints = [f"joint{number}" for number in range(1, JOINTS + 1)]
+    return Realism.of({**read_config("realism")[name], **given}, f"{where}/", joints)

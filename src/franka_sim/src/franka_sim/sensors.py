@@ -1,7 +1,5 @@
 """What the arm's sensors report of the plant: the only way by which the control box, and all behind it, see the arm."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 
@@ -10,8 +8,8 @@ import numpy.typing as npt
 
 from franka_sim.box.control_box import ControlBox
 from franka_sim.realism import JOINTS, Realism
+from hric_control.native.vectors import add
 from hric_control.plant import Plant
-from hric_control.vectors import add
 
 ReadState = Callable[[list[float], list[float], list[float]], None]
 """See `Plant.read_state`."""

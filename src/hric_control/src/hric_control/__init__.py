@@ -1,1 +1,2 @@
-"""The vocabulary and life cycle of ros_control, in Python: interfaces, limits, transmissions, controllers, manager, loop."""
+"""The vocabulary and life cycle of ros_control, in Python: interfaces, limits, transmissions, controllers, manager,
+loop."""

@@ -1,33 +1,36 @@
-"""Every cycle of the control loop, in batches: what was read, what was asked for, what was sent."""
-
-from __future__ import annotations
+"""Every cycle of the control loop, in batches: what was read, commanded and sent."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from hric_control.hardware_interface import JointStates
+from hric_control.robot_hw import LogRow
 
 BATCH = 20
 """Cycles per message: 50 Hz at 1 kHz."""
 
-LogRow = Callable[[], tuple[Sequence[str], Sequence[float], Sequence[float]]]
-"""() -> (command interface per joint: "effort", "velocity", "position" or "none"; commands before the limits; commands that were sent)."""
-
 
 class ControlLog:
-    """Collects one row per cycle and hands over a message per batch. Plain floats in the loop; the message is built elsewhere.
+    """Collects one row per cycle and hands over a message per batch. Plain floats in the loop; the message is built
+    elsewhere.
 
-    A row is begun when the controllers have been updated and completed at the start of the next cycle, by when the robot has written; so it works the
-    same on a robot that drives its own loop.
+    A row is begun when the controllers have been updated and completed at the start of the next cycle, by when the
+    robot has written; so it works the same on a robot that drives its own loop.
 
     Args:
         states: measured states; copied by `begin`.
         row: the robot's `log_row`.
         publish: takes a function that builds the message, and its arguments (`RealtimePublisher.publish`).
-        stamp: run time [s] -> stamp of the message.
+        stamp: robot time [s] -> stamp of the message.
     """
 
-    def __init__(self, states: JointStates, row: LogRow, publish: Callable[..., None], stamp: Callable[[float], Any]) -> None:
+    def __init__(
+        self,
+        states: JointStates,
+        row: Callable[[], LogRow],
+        publish: Callable[..., None],
+        stamp: Callable[[float], Any],
+    ) -> None:
         self._states, self._row, self._publish, self._stamp = states, row, publish, stamp
         self._names = list(states.names)
         self._first = 0
@@ -48,7 +51,7 @@ class ControlLog:
         """Take what was read in this cycle, after the controllers' update.
 
         Args:
-            time: run time of the cycle [s].
+            time: robot time of the cycle [s].
         """
         states = self._states
         self._time.append(time)
@@ -63,7 +66,8 @@ class ControlLog:
             return
         self._open = False
         kinds, raw, sent = self._row()
-        # The robot hands out the same list while nothing is switched: looking at its identity spares the comparison of seven names.
+        # The robot hands out the same list while nothing is switched: looking at its identity spares the comparison of
+        # seven names.
         if kinds is not self._last_kinds and self._change_kinds(kinds):
             self._split(raw, sent)
             return
@@ -80,7 +84,8 @@ class ControlLog:
         return True
 
     def _split(self, raw: Sequence[float], sent: Sequence[float]) -> None:
-        """The row at hand is the first one under other interfaces: what stands before it goes out, it begins a new message."""
+        """The row at hand is the first one under other interfaces: the rows before it go out, it begins a new
+        message."""
         n, states = len(self._names), (self._position, self._velocity, self._effort)
         time, last = self._time.pop(), [values[-n:] for values in states]
         for values in states:
@@ -107,8 +112,16 @@ def _message(names: list[str], kinds: list[str], first: int, stamp: Any, values:
 
     time, position, velocity, effort, raw, sent = values
     message = Message(
-        joint_names=names, command_interface=kinds, first_cycle=first, n_cycles=len(time), time=time, position=position, velocity=velocity,
-        effort=effort, command_raw=raw, command=sent,
-    )  # fmt: skip
+        joint_names=names,
+        command_interface=kinds,
+        first_cycle=first,
+        n_cycles=len(time),
+        time=time,
+        position=position,
+        velocity=velocity,
+        effort=effort,
+        command_raw=raw,
+        command=sent,
+    )
     message.header.stamp = stamp
     return message

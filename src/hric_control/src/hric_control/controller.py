@@ -1,7 +1,5 @@
 """The controller base class: four methods, called by the manager in the order of ros_control's life cycle."""
 
-from __future__ import annotations
-
 from hric_control.node import Node
 from hric_control.robot_hw import RobotHW
 
@@ -9,15 +7,15 @@ from hric_control.robot_hw import RobotHW
 class Controller:
     """A control law.
 
-    A controller class is found by its type string through the package.xml plugin export, is constructed without arguments, and gets everything else
-    in `init`. States: constructed -> initialized -> running <-> stopped.
+    A controller class is found by its type string through the package.xml plugin export, is constructed without
+    arguments, and gets everything else in `init`. States: constructed -> initialized -> running <-> stopped.
     """
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read parameters, take handles, advertise and subscribe. Called once, outside the loop; may take its time.
 
         Args:
-            robot_hw: interfaces; asking a command interface for handles claims the joints.
+            robot_hw: interfaces; a handle of a command interface claims its joints.
             root_node: the robot's namespace (robot_description, other topics).
             controller_node: the controller's own namespace (its parameters, `command`, `state`).
 
@@ -29,14 +27,15 @@ class Controller:
         """First call in the loop after a start or restart; `update` follows in the same cycle. Must not block.
 
         Args:
-            time: run time, never backwards [s].
+            time: robot time, never backwards [s].
         """
 
     def update(self, time: float, period: float) -> None:
-        """Read the state, write the command. Called every cycle in the loop's thread; must not block on ROS, disk or locks.
+        """Read the state, write the command. Called every cycle in the loop's thread; must not block on ROS, disk or
+        locks.
 
         Args:
-            time: run time [s].
+            time: robot time [s].
             period: time since the last cycle [s].
 
         Raises:

@@ -1,21 +1,19 @@
 """Health of the robot process as diagnostic_msgs, once a second of wall time (REP 107)."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from hric_control.limit_counts import LimitCounts
+from hric_control.limits import LimitCounts
 from hric_control.node import Node
-from hric_control.sim_loop import SimLoop
+from hric_control.sim.sim_loop import SimLoop
 
 PERIOD = 1.0
 """[s of wall time]."""
 SLOW = 0.95
-"""Below this part of the wanted real-time factor the loop counts as too slow."""
+"""Below this part of the requested real-time factor the loop counts as too slow."""
 
 
 class Diagnostics:
@@ -28,7 +26,9 @@ class Diagnostics:
         counts: snapshot of the limit counts, or None.
     """
 
-    def __init__(self, node: Node, hardware: str, loop: SimLoop | None, counts: Callable[[], LimitCounts] | None) -> None:
+    def __init__(
+        self, node: Node, hardware: str, loop: SimLoop | None, counts: Callable[[], LimitCounts] | None
+    ) -> None:
         self._node, self._hardware, self._loop, self._counts = node, hardware, loop, counts
         self._publisher = node.advertise("/diagnostics", DiagnosticArray, queue_size=10)
         self._end = threading.Event()
@@ -64,38 +64,51 @@ class Diagnostics:
     def _status(self, what: str, level: int, text: str, values: dict[str, object]) -> Any:
         name = f"{self._node.namespace.strip('/') or 'robot'}: {what}"
         return DiagnosticStatus(
-            level=level, name=name, message=text, hardware_id=self._hardware, values=[KeyValue(key, str(value)) for key, value in values.items()]
+            level=level,
+            name=name,
+            message=text,
+            hardware_id=self._hardware,
+            values=[KeyValue(key, str(value)) for key, value in values.items()],
         )
 
     def _loop_status(self, loop: SimLoop) -> Any:
-        stats, wanted = loop.stats, loop.real_time_factor
+        stats, requested = loop.stats, loop.real_time_factor
         missed, self._missed = stats.missed_deadlines - self._missed, stats.missed_deadlines
         level, text = DiagnosticStatus.OK, "running"
         if not loop.running:
             text = "not running"
         elif loop.paused:
             text = "paused"
-        elif wanted and stats.rtf < SLOW * wanted:
-            level, text = DiagnosticStatus.WARN, f"too slow: real-time factor {stats.rtf:.3f} of {wanted:g}"
+        elif requested and stats.rtf < SLOW * requested:
+            level, text = DiagnosticStatus.WARN, f"too slow: real-time factor {stats.rtf:.3f} of {requested:g}"
         return self._status("control loop", level, text, {
             "real-time factor": f"{stats.rtf:.4f}",
-            "real-time factor wanted": f"{wanted:g}" if wanted else "as fast as possible",
+            "real-time factor wanted": f"{requested:g}" if requested else "as fast as possible",
             "cycle time mean [us]": f"{1e6 * stats.cycle_time_mean:.1f}",
             "cycle time max [us]": f"{1e6 * stats.cycle_time_max:.1f}",
             "missed deadlines": stats.missed_deadlines,
             "missed deadlines, last second": missed,
             "time base restarted": stats.reanchored,
             "cycles": loop.cycles,
-            "run time [s]": f"{loop.time:.3f}",
+            "robot time [s]": f"{loop.time:.3f}",
         })  # fmt: skip
 
     def _limit_status(self, counts: LimitCounts) -> Any:
         touched, self._touched = counts.total - self._touched, counts.total
         values: dict[str, object] = {"cycles": counts.cycles}
         for kind in ("position", "velocity", "effort", "effort_rate"):
-            values[kind] = ", ".join(f"{name}: {count}" for name, count in zip(counts.names, getattr(counts, kind), strict=True) if count) or "0"
+            values[kind] = (
+                ", ".join(
+                    f"{name}: {count}" for name, count in zip(counts.names, getattr(counts, kind), strict=True) if count
+                )
+                or "0"
+            )
         values["velocity ratio max"] = f"{max(counts.velocity_ratio_max, default=0.0):.3f}"
         values["position excess max"] = f"{max(counts.position_excess_max, default=0.0):.4g}"
-        values["started outside"] = ", ".join(name for name, out in zip(counts.names, counts.started_outside, strict=True) if out) or "none"
-        text = f"{touched} commands limited in the last second" if touched > 0 else "no command limited in the last second"
+        values["started outside"] = (
+            ", ".join(name for name, out in zip(counts.names, counts.started_outside, strict=True) if out) or "none"
+        )
+        text = (
+            f"{touched} commands limited in the last second" if touched > 0 else "no command limited in the last second"
+        )
         return self._status("joint limits", DiagnosticStatus.WARN if touched > 0 else DiagnosticStatus.OK, text, values)

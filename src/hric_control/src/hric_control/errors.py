@@ -1,37 +1,51 @@
 """Errors of the framework: each message says what was wrong, where, and what would be valid."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from difflib import get_close_matches
 
 
 class HricError(Exception):
-    """A mistake of the user or a state that forbids the request. The message stands alone; a node prints it without a traceback."""
+    """A mistake of the user or a state that forbids the request. The message is complete; a node prints it without a
+    traceback."""
 
 
 class UnknownNameError(HricError):
     """A name that does not exist.
 
     Args:
-        kind: what was looked for, e.g. "joint".
-        name: what was asked for.
+        kind: of the name, e.g. "joint".
+        name: the unknown one.
         valid: the names that exist.
-        where: who was asked, e.g. "EffortJointInterface".
+        where: where it was looked up, e.g. "EffortJointInterface".
     """
 
     def __init__(self, kind: str, name: object, valid: Iterable[str], where: str = "") -> None:
         self.kind, self.name, self.valid = kind, name, sorted(valid)
-        place = f" in {where}" if where else ""
+        scope = f" in {where}" if where else ""
         choices = ", ".join(self.valid) if self.valid else "none"
-        super().__init__(f"no {kind} {name!r}{place}; valid: {choices}")
+        hint = "".join(f" (did you mean {near}?)" for near in get_close_matches(str(name), self.valid, 1))
+        super().__init__(f"no {kind} {name!r}{scope}; valid: {choices}{hint}")
+
+
+def check_known(kind: str, names: Iterable[object], valid: Collection[str], where: str = "") -> None:
+    """Raises UnknownNameError, with its arguments, for the first name that does not exist."""
+    for name in names:
+        if name not in valid:
+            raise UnknownNameError(kind, name, valid, where)
 
 
 class ParameterError(HricError):
-    """A parameter that is missing, of the wrong type or out of range; the message gives its full name and the valid values."""
+    """A parameter that is missing, of the wrong type or out of range; the message gives its full name and the valid
+    values."""
+
+
+class UnknownParameterError(UnknownNameError, ParameterError):
+    """A parameter, or a name within one, that does not exist."""
 
 
 class CommandError(HricError):
-    """A command that cannot be carried out: wrong length, not finite, wrong joints. The command before it stays in force."""
+    """A command that cannot be carried out: wrong length, not finite, wrong joints. The command before it stays in
+    force."""
 
 
 class ResourceConflictError(HricError):

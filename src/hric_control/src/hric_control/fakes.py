@@ -1,6 +1,4 @@
-"""A robot and a controller without physics, for tests of what stands around them."""
-
-from __future__ import annotations
+"""A robot and a controller without physics, for tests of their surroundings."""
 
 from collections.abc import Sequence
 
@@ -21,8 +19,8 @@ class FakeRobotHW(RobotHW):
 
     Attributes:
         states, effort, position: the storage.
-        calls: what the manager asked for, e.g. ("do_switch", ["a"], ["b"]).
-        ready: what `switch_done` answers, or an error that it raises.
+        calls: what the manager called, e.g. ("do_switch", ["a"], ["b"]).
+        ready: what `switch_done` returns, or an error that it raises.
         refuse: an error that `prepare_switch` raises.
     """
 
@@ -38,7 +36,7 @@ class FakeRobotHW(RobotHW):
         self.register_interface(PositionJointInterface(self.position))
 
     def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Refuse if told to."""
+        """Raise `refuse` where it is set."""
         self._note("prepare_switch", start, stop)
         if self.refuse is not None:
             raise self.refuse

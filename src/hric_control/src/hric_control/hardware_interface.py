@@ -1,11 +1,10 @@
 """Hardware interfaces: typed access to the state and the commands of joints.
 
-A `RobotHW` owns the storage (`JointStates`, `JointCommands`: plain Python floats, which for seven joints are twice as fast as arrays) and
-registers interfaces on it. A controller asks an interface for a group of joints, or for one joint; both are views of the same storage.
-Asking a command interface for a handle claims the joint; the manager collects the claims and refuses conflicts.
+A `RobotHW` owns the storage (`JointStates`, `JointCommands`: plain Python floats, which for seven joints are twice as
+fast as arrays) and registers interfaces on it. A controller gets a group of joints, or one joint, from an interface;
+both are views of the same storage. Getting a handle from a command interface claims the joint; the manager collects the
+claims and refuses conflicts.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
@@ -14,7 +13,7 @@ from typing import ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.errors import CommandError, HricError, UnknownNameError
+from hric_control.errors import CommandError, HricError, UnknownNameError, check_known
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -67,8 +66,7 @@ class JointStateHandle:
     __slots__ = ("_i", "_states", "name")
 
     def __init__(self, states: JointStates, name: str) -> None:
-        if name not in states.index:
-            raise UnknownNameError("joint", name, states.names)
+        check_known("joint", [name], states.names)
         self._states, self._i, self.name = states, states.index[name], name
 
     @property
@@ -109,15 +107,13 @@ class JointHandle(JointStateHandle):
 
 
 class JointStateGroup:
-    """States of several joints, in the order asked for. Arrays are built on access: take them once per cycle."""
+    """States of several joints, in the requested order. Arrays are built on access: take them once per cycle."""
 
     __slots__ = ("_indices", "_states", "_whole", "names")
 
     def __init__(self, states: JointStates, names: Iterable[str]) -> None:
         self.names = _unique_names(names)
-        for name in self.names:
-            if name not in states.index:
-                raise UnknownNameError("joint", name, states.names)
+        check_known("joint", self.names, states.names)
         self._states = states
         self._indices = [states.index[name] for name in self.names]
         self._whole = self.names == states.names
@@ -195,7 +191,9 @@ class JointGroup(JointStateGroup):
 
     def _refuse(self, values: Sequence[float]) -> None:
         if len(values) != len(self.names):
-            raise CommandError(f"command has {len(values)} values for {len(self.names)} joints ({', '.join(self.names)})")
+            raise CommandError(
+                f"command has {len(values)} values for {len(self.names)} joints ({', '.join(self.names)})"
+            )
         bad = [f"{name}={value}" for name, value in zip(self.names, values, strict=True) if not math.isfinite(value)]
         raise CommandError(f"command is not finite: {', '.join(bad) or 'the sum overflows'}")
 
@@ -205,7 +203,7 @@ class HardwareInterface:
 
     Attributes:
         cpp_name: the name that ros_control's messages and transmissions use.
-        claims_resources: whether asking for a handle makes it exclusive.
+        claims_resources: whether a handle is exclusive.
     """
 
     cpp_name: ClassVar[str] = ""
@@ -216,7 +214,7 @@ class HardwareInterface:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the resources that can be asked for."""
+        """Names of the resources."""
         raise NotImplementedError(f"{type(self).__name__} does not say its resources")
 
     @property
@@ -233,9 +231,7 @@ class HardwareInterface:
             self._claims.update(names)
 
     def _check(self, names: Iterable[str]) -> None:
-        for name in names:
-            if name not in self.names:
-                raise UnknownNameError("joint", name, self.names, type(self).__name__)
+        check_known("joint", names, self.names, type(self).__name__)
 
 
 class JointStateInterface(HardwareInterface):
@@ -259,13 +255,13 @@ class JointStateInterface(HardwareInterface):
 
     def group(self, names: Iterable[str] | None = None) -> JointStateGroup:
         """States of the named joints, in that order; all of them when none are named."""
-        wanted = _unique_names(self.names if names is None else names)
-        self._check(wanted)
-        return JointStateGroup(self.states, wanted)
+        requested = _unique_names(self.names if names is None else names)
+        self._check(requested)
+        return JointStateGroup(self.states, requested)
 
 
 class JointCommandInterface(HardwareInterface):
-    """Joint states plus commands; asking for a handle claims the joints."""
+    """Joint states plus commands; a handle claims its joints."""
 
     claims_resources = True
 
@@ -273,9 +269,7 @@ class JointCommandInterface(HardwareInterface):
         super().__init__()
         self.commands = commands
         self._names = commands.states.names if names is None else _unique_names(names)
-        for name in self._names:
-            if name not in commands.states.index:
-                raise UnknownNameError("joint", name, commands.states.names, type(self).__name__)
+        check_known("joint", self._names, commands.states.names, type(self).__name__)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -290,10 +284,10 @@ class JointCommandInterface(HardwareInterface):
 
     def group(self, names: Iterable[str] | None = None) -> JointGroup:
         """States and commands of the named joints, in that order (all of them when none are named); claims them."""
-        wanted = _unique_names(self.names if names is None else names)
-        self._check(wanted)
-        self._claim(wanted)
-        return JointGroup(self.commands, wanted)
+        requested = _unique_names(self.names if names is None else names)
+        self._check(requested)
+        self._claim(requested)
+        return JointGroup(self.commands, requested)
 
 
 class EffortJointInterface(JointCommandInterface):

@@ -1,15 +1,26 @@
-"""Parameters that change while running, without ROS: checking a change, asking the owner, putting back what is refused."""
+"""Parameters that change while running, without ROS: checking a change, handing it to the owner, putting back
+what is refused."""
 
-from __future__ import annotations
-
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from hric_control.errors import ParameterError, UnknownNameError
+from hric_control.errors import check_known
 from hric_control.node import LiveParameter
+from hric_control.parameters import Settings, declared, flag, number, text, whole
 
+_KINDS: dict[type, Callable[..., Any]] = {bool: flag, int: whole, float: number, str: text}
 OnChange = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+def live_parameters(settings: Settings) -> list[LiveParameter]:
+    """What to offer of declared parameters that are live, with their present values as defaults."""
+    return [
+        LiveParameter(
+            parameter.name, getattr(settings, key), parameter.minimum, parameter.maximum, parameter.text_with_unit
+        )
+        for key, parameter in declared(type(settings)).items()
+        if parameter.live
+    ]
 
 
 class LiveValues:
@@ -26,7 +37,9 @@ class LiveValues:
         HricError: whatever `on_change` raises for the initial values.
     """
 
-    def __init__(self, namespace: str, parameters: Sequence[LiveParameter], on_change: OnChange, initial: Mapping[str, Any]) -> None:
+    def __init__(
+        self, namespace: str, parameters: Sequence[LiveParameter], on_change: OnChange, initial: Mapping[str, Any]
+    ) -> None:
         self._namespace = namespace
         self._parameters = {parameter.name: parameter for parameter in parameters}
         self._on_change = on_change
@@ -44,29 +57,15 @@ class LiveValues:
         return dict(self.values)
 
     def _apply(self, changes: Mapping[str, Any]) -> None:
-        wanted = dict(self.values)
-        for name, value in changes.items():
-            if name not in self._parameters:
-                raise UnknownNameError("live parameter", name, self._parameters, self._namespace)
-            wanted[name] = self._checked(self._parameters[name], value)
-        in_force = self._on_change(dict(wanted))
-        self.values = {name: in_force.get(name, wanted[name]) for name in self._parameters}
+        check_known("live parameter", changes, self._parameters, self._namespace)
+        checked = {name: self._checked(self._parameters[name], value) for name, value in changes.items()}
+        requested = self.values | checked
+        in_force = self._on_change(dict(requested))
+        self.values = {name: in_force.get(name, requested[name]) for name in self._parameters}
 
     def _checked(self, parameter: LiveParameter, value: Any) -> Any:
-        kind = type(parameter.default)
-        name = f"{self._namespace.rstrip('/')}/{parameter.name}"
-        # An int is a fair float; a bool is an int to Python but not to a user.
-        if kind is float and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
-        if type(value) is not kind:
-            raise ParameterError(f"{name} must be of type {kind.__name__}, not {type(value).__name__} ({value!r})")
-        if kind in (int, float):
-            _check_range(name, parameter, value)
-        return value
-
-
-def _check_range(name: str, parameter: LiveParameter, value: Any) -> None:
-    if not math.isfinite(value):
-        raise ParameterError(f"{name} must be finite, not {value}")
-    if parameter.minimum < parameter.maximum and not parameter.minimum <= value <= parameter.maximum:
-        raise ParameterError(f"{name} must be within {parameter.minimum:g} to {parameter.maximum:g}, not {value:g}")
+        bounded = parameter.minimum < parameter.maximum
+        bounds = {"minimum": parameter.minimum, "maximum": parameter.maximum} if bounded else {}
+        return _KINDS[type(parameter.default)](**bounds).checked(
+            value, f"{self._namespace.rstrip('/')}/{parameter.name}"
+        )

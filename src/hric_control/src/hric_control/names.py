@@ -1,7 +1,5 @@
 """Graph names: resolving them in a namespace, and checking that messages are of the type their topic carries."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from hric_control.errors import HricError
@@ -19,7 +17,10 @@ def resolve(namespace: str, name: str) -> str:
         HricError: the name is empty or private ("~x"); a private name belongs to a process, not to a namespace.
     """
     if not name or name.startswith("~"):
-        raise HricError(f"{name!r} is not a name that can be resolved in {namespace}: give a relative name or one beginning with '/'")
+        raise HricError(
+            f"{name!r} is not a name that can be resolved in {namespace}: give a relative name or one beginning "
+            "with '/'"
+        )
     return normalize(name) if name.startswith("/") else normalize(f"{namespace}/{name}")
 
 

@@ -1,14 +1,15 @@
 """The small face of ROS that controllers and robots see.
 
-Two implementations: `ros_node.RosNode` (rospy, a master) and `local_node.LocalNode` (one process, no master: topics and services are calls).
-A controller that uses nothing else runs unchanged in the lab and in ten thousand headless runs.
+Two implementations: `ros.node.RosNode` (rospy, a master) and `local.node.LocalNode` (one process, no master: topics and
+services are calls). A controller that uses nothing else runs unchanged in the lab and in ten thousand headless runs.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
+
+from hric_control import names
+from hric_control.errors import ParameterError
 
 
 class _Required:
@@ -28,7 +29,7 @@ class Publisher(Protocol):
         """Send now, in the caller's thread. The control loop uses `realtime.RealtimePublisher` instead."""
 
     def subscribers(self) -> int:
-        """Number of listeners: what nobody hears need not be made."""
+        """Number of subscribers: without one, nothing need be built."""
 
     def unregister(self) -> None:
         """Stop advertising."""
@@ -39,6 +40,24 @@ class Registration(Protocol):
 
     def unregister(self) -> None:
         """Take it back; no callback starts afterwards."""
+
+
+class Undoable:
+    """A registration that `undo` takes back, once."""
+
+    def __init__(self, undo: Callable[[], Any]) -> None:
+        self._undo: Callable[[], Any] | None = undo
+
+    @property
+    def open(self) -> bool:
+        """Whether it was not taken back yet."""
+        return self._undo is not None
+
+    def unregister(self) -> None:
+        """Take it back; a second call does nothing."""
+        undo, self._undo = self._undo, None
+        if undo is not None:
+            undo()
 
 
 class GoalHandle(Protocol):
@@ -91,13 +110,18 @@ class LiveParameter:
 
 @runtime_checkable
 class Node(Protocol):
-    """Parameters, topics, services, actions, log and time below one namespace. Relative names resolve in it, names with a leading "/" are global."""
+    """Parameters, topics, services, actions, log and time below one namespace. Relative names resolve in it, names with
+    a leading "/" are global."""
 
     @property
     def namespace(self) -> str:
         """Absolute namespace, e.g. "/panda/joint_pd_controller"."""
 
-    def child(self, name: str) -> Node:
+    @property
+    def publishes_inline(self) -> bool:
+        """Whether all happens within the call, in the caller's one thread, so that a run is the same each time."""
+
+    def child(self, name: str) -> "Node":
         """The same connection, one namespace deeper."""
 
     def resolve(self, name: str) -> str:
@@ -122,25 +146,33 @@ class Node(Protocol):
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> Publisher:
         """Advertise a topic. `queue_size=0` publishes in the calling thread until the transport took the message."""
 
-    def subscribe(self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10) -> Registration:
+    def subscribe(
+        self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
+    ) -> Registration:
         """Call `callback(message)` for each message; on RosNode in another thread, on LocalNode inside publish()."""
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Registration:
         """Serve: `handler(request)` returns the response. A HricError it raises becomes the service error text."""
 
     def action_server(
-        self, name: str, action_type: type, on_goal: Callable[[GoalHandle], None], on_cancel: Callable[[GoalHandle], None]
+        self,
+        name: str,
+        action_type: type,
+        on_goal: Callable[[GoalHandle], None],
+        on_cancel: Callable[[GoalHandle], None],
     ) -> Registration:
         """Serve an action with actionlib's wire interface."""
 
-    def live_parameters(self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]) -> Registration:
+    def live_parameters(
+        self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
+    ) -> Registration:
         """Offer parameters that change while running (dynamic_reconfigure's services and topics in this namespace).
 
         `on_change` gets all values and returns those that are in force after it (a refused value is put back there).
         """
 
     def now(self) -> Any:
-        """Stamp for messages (genpy.Time): run time in simulation, ROS time otherwise."""
+        """Stamp for messages (genpy.Time): robot time in simulation, ROS time otherwise."""
 
     def log_info(self, text: str) -> None:
         """Log for the user."""
@@ -150,3 +182,24 @@ class Node(Protocol):
 
     def log_error(self, text: str) -> None:
         """Log an error."""
+
+
+class Namespaced:
+    """What all nodes derive from their namespace and their own `has_param` and `param`."""
+
+    _namespace: str
+
+    @property
+    def namespace(self) -> str:
+        """Absolute namespace."""
+        return self._namespace
+
+    def search_param(self: Any, name: str, default: Any = REQUIRED) -> Any:
+        """Value of the parameter in this namespace or the nearest one above it."""
+        # On rospy not by the master's searchParam, which cannot begin at the root.
+        for namespace in names.upwards(self._namespace):
+            if self.has_param(full := names.resolve(namespace, name)):
+                return self.param(full, default)
+        if default is REQUIRED:
+            raise ParameterError(f"parameter {name} is set neither in {self._namespace} nor above it")
+        return default

@@ -1,16 +1,13 @@
-"""What a physics engine must offer to carry a simulated robot. Engines are plugins found by name at run time; nothing here imports one."""
-
-from __future__ import annotations
+"""What a physics engine must offer to carry a simulated robot. Engines are plugins, found by name while it starts;
+nothing here imports one."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from enum import Enum
 
 import numpy as np
 import numpy.typing as npt
-
-from hric_control.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -39,8 +36,10 @@ class Contact:
         position: world frame, 3 floats [m].
         normal: from b to a, world frame, unit vector of 3 floats.
         depth: penetration, positive when inside [m].
-        force: normal force on a, along `normal`, at the end of the step or, where it had its maximum within the step, this maximum [N].
-        kind: "penalty": of a spring, as a sensor would read it; "rigid": what stops the bodies within a step, an impact far above the elastic one.
+        force: normal force on a, along `normal`, at the end of the step or, where it had its maximum within the step,
+            this maximum [N].
+        kind: "penalty": of a spring, as a sensor would read it; "rigid": what stops the bodies within a step, an impact
+            far above the elastic one.
         impulse: of the normal force over the step [N s]; that of a spring differs from step times `force`.
     """
 
@@ -54,13 +53,44 @@ class Contact:
     impulse: float = 0.0
 
 
+@dataclass(frozen=True)
+class JointReaction:
+    """What the parent link does to the child link through a joint, its drive included.
+
+    Attributes:
+        joint: of the description.
+        link: the child.
+        position: origin of the child link, where the torque is meant, world frame, 3 floats [m].
+        force, torque: on the child, world frame, 3 floats each [N], [N m].
+    """
+
+    joint: str
+    link: str
+    position: tuple[float, float, float]
+    force: tuple[float, float, float]
+    torque: tuple[float, float, float]
+
+
+class Mode(Enum):
+    """What the value given to a joint means."""
+
+    EFFORT = "effort"
+    VELOCITY = "velocity"
+    POSITION = "position"
+    BRAKE = "brake"
+
+
 class Plant(ABC):
-    """The physical side of a robot: joints, friction, rotor inertia, contact. No control, no limits on commands, no ROS.
+    """The physical side of a robot: joints, friction, rotor inertia, contact. No control, no limits on commands, no
+    ROS.
+
+    What only some engines offer are the types `DrivenPlant` and `ReactingPlant` below: their plants derive from these.
 
     Constructed by the RobotHW as `PlantClass(urdf_xml, joint_names, config)`:
         urdf_xml: robot description (pure URDF).
         joint_names: the actuated joints, in the order of all vectors here.
-        config: the `plant` parameters (time_step, rotor_inertia, friction, world, gui, ...); unknown keys are refused by name.
+        config: the `plant` parameters (time_step, rotor_inertia, friction, world, gui, ...); unknown keys are refused
+            by name.
     """
 
     joint_names: tuple[str, ...]
@@ -80,7 +110,8 @@ class Plant(ABC):
         """Write the state at the measuring instant into the lists in place.
 
         q: joint position at the measuring instant (a semi-implicit engine gives q - dt*dq/2) [rad]; dq [rad/s];
-        tau: joint effort in the last step as an arm's sensors measure it, on the link's side of the rotor: effort of the motor, less rotor inertia
+        tau: joint effort in the last step as an arm's sensors measure it, on the link's side of the rotor: effort of
+        the motor, less rotor inertia
             times acceleration; joint friction, which acts behind the sensor, is still in it [N m].
         """
 
@@ -106,10 +137,13 @@ class Plant(ABC):
 
     @abstractmethod
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Fix a physical payload to `link` (the last link of the chain by default), keeping q and dq; None takes it off."""
+        """Fix a physical payload to `link` (the last link of the chain by default), keeping q and dq; None takes it
+        off."""
 
     @abstractmethod
-    def apply_wrench(self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float) -> None:
+    def apply_wrench(
+        self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
+    ) -> None:
         """Act on "link" or "model::link" for `duration` seconds (negative: until cleared).
 
         force [N], torque [N m]: world frame. point: where it acts, link frame [m].
@@ -137,31 +171,38 @@ class Plant(ABC):
 
     @abstractmethod
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape (6,))."""
+        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
+        (6,))."""
 
     def base_link(self, model: str) -> str:
         """Name of the link that carries a model; that of a plain shape is "link"."""
         return "link"
 
     def take_contact_peaks(self) -> dict[tuple[str, str], float]:
-        """Largest force of each pair of bodies that met by a spring, as `contacts` would have had it in any step since this was last asked [N]."""
+        """Largest force of each pair of bodies that met by a spring, as `contacts` would have had it in any step since
+        the last call [N]."""
         return {}
 
     @abstractmethod
     def mass_matrix(self) -> FloatArray:
-        """The engine's own joint-space mass matrix at the present q, without rotor inertia, shape (n, n) [kg m^2]; for checks."""
+        """The engine's own joint-space mass matrix at the present q, without rotor inertia, shape (n, n) [kg m^2]; for
+        checks."""
 
     def close(self) -> None:  # noqa: B027  (an engine that holds nothing need not say so)
         """Release the engine."""
 
 
-def check_config(config: Mapping[str, Any], valid: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Defaults overlaid with `config`; an unknown key is refused with the valid ones.
+class DrivenPlant(Plant):
+    """A plant whose joints have stiff drives of their own, beside efforts."""
 
-    Raises:
-        HricError: unknown key.
-    """
-    unknown = sorted(set(config) - set(valid))
-    if unknown:
-        raise HricError(f"{where}: unknown parameter {', '.join(unknown)}; valid: {', '.join(sorted(valid))}")
-    return {**valid, **config}
+    @abstractmethod
+    def set_modes(self, modes: Sequence[Mode]) -> None:
+        """What `apply` means for each joint from now on."""
+
+
+class ReactingPlant(Plant):
+    """A plant that measures the loads in its joints."""
+
+    @abstractmethod
+    def joint_reactions(self) -> list[JointReaction]:
+        """Loads of the robot's moving joints in the last step; empty before the first."""

@@ -1,6 +1,5 @@
-"""Plugins: classes found by name through the `<hric_control plugin="..."/>` export in package.xml, as pluginlib does for C++."""
-
-from __future__ import annotations
+"""Plugins: classes found by name through the `<hric_control plugin="..."/>` export in package.xml, as pluginlib does
+for C++."""
 
 import functools
 import importlib
@@ -13,12 +12,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 
-from hric_control.errors import HricError, UnknownNameError
+from hric_control.errors import HricError, UnknownNameError, check_known
 
 CONTROLLER = "hric_control::Controller"
 ROBOT_HW = "hric_control::RobotHW"
 PLANT = "hric_control::Plant"
-_BASES = {CONTROLLER: "hric_control.controller:Controller", ROBOT_HW: "hric_control.robot_hw:RobotHW", PLANT: "hric_control.plant:Plant"}
+_BASES = {
+    CONTROLLER: "hric_control.controller:Controller",
+    ROBOT_HW: "hric_control.robot_hw:RobotHW",
+    PLANT: "hric_control.plant:Plant",
+}
 
 
 @dataclass(frozen=True)
@@ -31,8 +34,9 @@ class PluginInfo:
         base: base class string, e.g. "hric_control::Controller".
         description: one sentence.
         package: exporting package.
-        source: the plugins.xml it stands in.
-        library: folder of the library, relative paths being taken from the package ("." adds nothing to the import path).
+        source: its plugins.xml.
+        library: folder of the library, relative paths being taken from the package ("." adds nothing to the import
+            path).
     """
 
     name: str
@@ -52,8 +56,7 @@ class _Index:
 
 def names(base: str) -> dict[str, PluginInfo]:
     """All plugins of a base ("hric_control::Controller", "::RobotHW", "::Plant") by name."""
-    if base not in _BASES:
-        raise UnknownNameError("plugin base", base, _BASES)
+    check_known("plugin base", [base], _BASES)
     return dict(_index(_search_path()).plugins[base])
 
 
@@ -90,7 +93,9 @@ def reload(base: str = CONTROLLER) -> list[str]:
         try:
             importlib.reload(sys.modules[name])
         except Exception as error:
-            raise HricError(f"cannot reload module {name} of package {modules[name].package}: {_reason(error)}") from error
+            raise HricError(
+                f"cannot reload module {name} of package {modules[name].package}: {_reason(error)}"
+            ) from error
     return reloaded
 
 
@@ -106,7 +111,8 @@ def _base_class(base: str) -> type:
 
 
 _importing = threading.RLock()
-"""Two threads that import from one package may each find the other's module half made (a controller that is loaded while the robot still starts)."""
+"""Two threads that import from one package may each find the other's module half made (a controller that is loaded
+while the robot still starts)."""
 
 
 def _import(info: PluginInfo, module_name: str) -> ModuleType:
@@ -117,7 +123,9 @@ def _import(info: PluginInfo, module_name: str) -> ModuleType:
         with _importing:
             return importlib.import_module(module_name)
     except Exception as error:
-        raise HricError(f"plugin {info.name}: cannot import module {module_name} of package {info.package}: {_reason(error)}") from error
+        raise HricError(
+            f"plugin {info.name}: cannot import module {module_name} of package {info.package}: {_reason(error)}"
+        ) from error
 
 
 def _reason(error: Exception) -> str:
@@ -201,6 +209,8 @@ def _plugin(entry: ET.Element, package: str, source: Path, folder: Path) -> Plug
     kind, base = entry.get("type", ""), entry.get("base_class_type", "")
     name = entry.get("name", kind)
     if ":" not in kind or base not in _BASES:
-        raise HricError(f'{source}: class {name!r} needs type="module:Class" and base_class_type, one of {", ".join(_BASES)}')
+        raise HricError(
+            f'{source}: class {name!r} needs type="module:Class" and base_class_type, one of {", ".join(_BASES)}'
+        )
     description = " ".join((entry.findtext("description") or "").split())
     return PluginInfo(name, kind, base, description, package, source, folder)

@@ -1,12 +1,10 @@
 """Between callbacks and the control loop, without the loop ever waiting: newest values in, messages out.
 
-In: `LatestValue`. Out: `publisher(...)` gives a `RealtimePublisher`; the loop hands it a function that builds the message and its arguments, and
-the process's one `PublishThread` builds and sends it while the loop sleeps. After `use_process` a process beside this one does, so that no publisher
-competes with the loop for the interpreter. `defer(...)` has any other call on ROS made by the thread (the result of an action, a log line).
+In: `LatestValue`. Out: `publisher(...)` gives a `RealtimePublisher`; the loop hands it a function that builds the
+message and its arguments, and the process's one `PublishThread` builds and sends it while the loop sleeps. `defer(...)`
+has any other call on ROS made by the thread (the result of an action, a log line).
 On a LocalNode all this happens within the call, so that a headless run is deterministic.
 """
-
-from __future__ import annotations
 
 import threading
 from collections import deque
@@ -14,21 +12,22 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from hric_control.node import Node, Publisher
-from hric_control.publish_process import PublishProcess
-from hric_control.publish_thread import Outbox, PublishThread
-from hric_control.remote_publisher import RemotePublisher
+from hric_control.publishing import Outbox, PublishThread
 from hric_control.scoped_node import ScopedNode
 
 T = TypeVar("T")
 
 LAGGING_LIMIT = 100
-"""Messages of one topic that may wait when it is not lossless, a second's worth of most topics; beyond it the newest win."""
+"""Messages of one topic that may wait when it is not lossless, a second's worth of most topics; beyond it the newest
+win."""
 LOSSLESS_LIMIT = 100_000
-"""Messages that may wait on a lossless topic: half an hour of a 50 Hz log behind a subscriber that hangs. Beyond it the oldest are dropped."""
+"""Messages that may wait on a lossless topic: half an hour of a 50 Hz log behind a subscriber that hangs. Beyond it the
+oldest are dropped."""
 
 
 class LatestValue(Generic[T]):
-    """The newest value from callbacks, for one reader in the loop. No locks: a deque's append and popleft are atomic."""
+    """The newest value from callbacks, for one reader in the loop. No locks: a deque's append and popleft are
+    atomic."""
 
     __slots__ = ("_new", "_value")
 
@@ -54,7 +53,7 @@ class RealtimePublisher:
     """Publishes from the loop without blocking it. `publisher` below makes one for a topic of a node.
 
     Args:
-        publisher: sends in the calling thread (advertised with `queue_size=0`), or hands over to the publishing process.
+        publisher: sends in the calling thread (advertised with `queue_size=0`).
         name: topic, for messages.
         limit: how many messages may wait; the oldest give way.
         report: takes one line of text when something fails; from the publishing thread.
@@ -65,7 +64,7 @@ class RealtimePublisher:
 
     def __init__(
         self,
-        publisher: Publisher | RemotePublisher,
+        publisher: Publisher,
         name: str = "",
         *,
         limit: int = LAGGING_LIMIT,
@@ -73,10 +72,7 @@ class RealtimePublisher:
         thread: PublishThread | None = None,
     ) -> None:
         self._publisher = publisher
-        if isinstance(publisher, RemotePublisher):
-            self._outbox = Outbox(publisher.send, name, limit, report, publisher.process)
-        else:
-            self._outbox = Outbox(lambda build, args: publisher.publish(build(*args)), name, limit, report)
+        self._outbox = Outbox(lambda build, args: publisher.publish(build(*args)), name, limit, report)
         self._thread, self._inline = thread, thread is None
         self._append = self._outbox.append
         if thread is not None:
@@ -85,8 +81,8 @@ class RealtimePublisher:
     def publish(self, build: Callable[..., Any], *args: Any) -> None:
         """Have `build(*args)` called and its message sent. Never blocks.
 
-        It is called later, and in another process where `build` is a function or class of a module (a closure or method is called in another
-        thread of this one, which costs the loop more): it must get plain snapshots (lists of floats, the stamp), not live storage.
+        It is called later, in another thread: it must get plain snapshots (lists of floats, the stamp), not live
+        storage.
         """
         self._append(build, args)
         if self._inline:
@@ -110,7 +106,6 @@ class RealtimePublisher:
 
 
 _lock = threading.Lock()
-_process: PublishProcess | None = None
 _thread: PublishThread | None = None
 _deferred: Outbox | None = None
 
@@ -126,36 +121,27 @@ def publisher(
         message_type: message class.
         latch: give the last message to subscribers that come later.
         lossless: keep all messages when the thread lags (otherwise the newest ones).
-        newest_only: a message that was not sent yet gives way to the next, without a word: for what only matters now, as /clock.
+        newest_only: a message that was not sent yet gives way to the next, without a word: for what only matters now,
+            as /clock.
     """
     limit = LOSSLESS_LIMIT if lossless else 1 if newest_only else LAGGING_LIMIT
-    name, thread = node.resolve(topic), None if _inline(node) else _the_thread()
-    raw: Publisher | RemotePublisher
-    if thread is not None and _process is not None:
-        raw = RemotePublisher(_process, name, message_type, latch, lambda text: node.log_error(f"{name}: {text} (told once)"))
-    else:
-        raw = node.advertise(topic, message_type, queue_size=0, latch=latch)
+    name, thread = node.resolve(topic), None if node.publishes_inline else _the_thread()
+    raw = node.advertise(topic, message_type, queue_size=0, latch=latch)
     made = RealtimePublisher(raw, name, limit=limit, report=node.log_error, thread=thread)
     if isinstance(node, ScopedNode):
         node.keep(made)
     return made
 
 
-def use_process(process: PublishProcess) -> None:
-    """From now on, publishers of rospy nodes send from this process; until `shutdown`, which ends it."""
-    global _process
-    with _lock:
-        _process = process
-
-
 def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
-    """Have `call()` done by the publishing thread: for what the loop may not do itself, e.g. finishing an action goal or logging.
+    """Have `call()` done by the publishing thread: for what the loop may not do itself, e.g. finishing an action goal
+    or logging.
 
     Args:
         node: whose; on a LocalNode the call is done at once.
         call: no arguments; an error is logged with `what`.
     """
-    if _inline(node):
+    if node.publishes_inline:
         call()
         return
 
@@ -169,41 +155,33 @@ def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
 
 
 def set_polling(on: bool) -> None:
-    """Whether messages are sent as they come (paced loops), or only in `drain` (loops that run as fast as they can, and drain by themselves)."""
+    """Whether messages are sent as they come (paced loops), or only in `drain` (loops that run as fast as they can, and
+    drain by themselves)."""
     if _thread is not None:
         _thread.polling = on
 
 
 def drain(timeout: float) -> bool:
-    """Wait until everything handed over so far was sent. For loops that are not paced, every 20 ms of run time.
+    """Wait until everything handed over so far was sent. For loops that are not paced, every 20 ms of robot time.
 
     Args:
         timeout: longest wait [s of wall time].
 
     Returns:
-        False when it took longer. While the same message hangs, further calls return False without waiting, so that nothing hangs with it.
+        False when it took longer. While the same message hangs, further calls return False without waiting, so that
+        nothing hangs with it.
     """
     return _thread.drain(timeout) if _thread is not None else True
 
 
 def shutdown(timeout: float = 1.0) -> None:
-    """Send what waits, end the thread, and the process if there is one; a later publisher starts a new thread."""
-    global _process, _thread, _deferred
+    """Send what waits, end the thread; a later publisher starts a new one."""
+    global _thread, _deferred
     with _lock:
-        process, thread, _process, _thread, _deferred = _process, _thread, None, None, None
+        thread, _thread, _deferred = _thread, None, None
     if thread is not None:
         thread.drain(timeout)
         thread.stop()
-    if process is not None:
-        process.close(timeout)
-
-
-def _run(call: Callable[[], None], _: tuple[()]) -> None:
-    call()
-
-
-def _inline(node: Node) -> bool:
-    return bool(getattr(node, "publishes_inline", False))
 
 
 def _the_thread() -> PublishThread:
@@ -219,6 +197,6 @@ def _deferred_calls() -> Outbox:
     thread = _the_thread()
     with _lock:
         if _deferred is None:
-            _deferred = Outbox(_run, "deferred calls", LOSSLESS_LIMIT)
+            _deferred = Outbox(lambda call, _: call(), "deferred calls", LOSSLESS_LIMIT)
             thread.add(_deferred)
         return _deferred

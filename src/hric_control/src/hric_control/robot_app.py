@@ -1,37 +1,55 @@
 """One robot with its controllers: what the robot node and the headless runner share."""
 
-from __future__ import annotations
-
 import gc
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from time import perf_counter, sleep
 from typing import Any
 
-from rosgraph_msgs.msg import Clock
-
-from hric_control import manager_services, plugins, realtime, sim_services, stamps, transmission
-from hric_control.clock_pairs import ClockPairs
+from hric_control import plugins, realtime, transmission
 from hric_control.control_log import ControlLog
-from hric_control.controller_manager import ControllerManager
 from hric_control.diagnostics import Diagnostics
-from hric_control.errors import DescriptionError, HricError, ParameterError
+from hric_control.errors import DescriptionError, HricError
 from hric_control.hardware_interface import JointStateInterface
-from hric_control.limit_counts import LimitCounts, merged
+from hric_control.limits import LimitCounts
+from hric_control.manager import services as manager_services
+from hric_control.manager.controller_manager import ControllerManager
 from hric_control.node import Node
+from hric_control.parameters import Settings, flag, number, text
 from hric_control.robot_hw import RobotHW
-from hric_control.sim_loop import SimLoop
+from hric_control.robot_time import stamps
+from hric_control.robot_time.clock_pairs import RobotClock
+from hric_control.sim import services as sim_services
+from hric_control.sim.sim_loop import REAL_TIME_FACTOR
+from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_msgs.msg import ControlLog as ControlLogMessage
 from hric_msgs.msg import JointLimitCounts
 
-CLOCK_EVERY = 0.01
-"""[s of run time]"""
-COUNTS_EVERY = 1.0
-"""[s of run time]"""
+CLOCK_PERIOD = 0.01
+"""[s of robot time]"""
+COUNTS_PERIOD = 1.0
+"""[s of robot time]"""
 LISTENER_POLL = 0.01
 """[s of wall time]"""
 DRAIN_TIMEOUT = 0.5
 """Longest wait of an unpaced loop for queued messages [s of wall time]."""
+
+
+@dataclass(frozen=True)
+class RobotSettings(Settings):
+    """Parameters of any robot; a backend adds its own."""
+
+    robot_hw: str = text("", valid="a type", text="RobotHW type; empty: the `robotSimType` of the description")
+    real_time_factor: float = REAL_TIME_FACTOR
+    control_log: bool = flag(True, text="publish `control_log`")
+    wait_for_log_listener: float = number(
+        0.0,
+        minimum=0.0,
+        unit="s of wall time",
+        text="hold robot time at 0 until `control_log` has a listener, at most so long: a recording then has every "
+        "cycle from the first one on",
+    )
 
 
 def robot_hw_type(root_node: Node, robot_hw_node: Node) -> str:
@@ -40,33 +58,29 @@ def robot_hw_type(root_node: Node, robot_hw_node: Node) -> str:
     Raises:
         HricError: neither says it; the message lists the types.
     """
-    name = robot_hw_node.param("robot_hw", "")
-    if not isinstance(name, str):
-        raise ParameterError(f"{robot_hw_node.resolve('robot_hw')} must be a type name; got {name!r}")
-    found = name or transmission.robot_sim_type(root_node.search_param("robot_description", "<robot/>"))
+    found = RobotSettings.read(robot_hw_node).robot_hw or transmission.robot_sim_type(
+        root_node.search_param("robot_description", "<robot/>")
+    )
     if not found:
         valid = ", ".join(sorted(plugins.names(plugins.ROBOT_HW))) or "none"
-        raise DescriptionError(f"{robot_hw_node.resolve('robot_hw')} is not set and robot_description has no robotSimType; valid: {valid}")
+        raise DescriptionError(
+            f"{robot_hw_node.resolve('robot_hw')} is not set and robot_description has no robotSimType; valid: {valid}"
+        )
     return found
 
 
-def import_controllers(root_node: Node) -> list[str]:
-    """Import the module of every controller that is configured below the robot's namespace, so that loading one later does not hold the loop.
-
-    Returns:
-        the type names imported. One that cannot be imported is logged and left for `load` to refuse.
-    """
-    everything = root_node.param(root_node.namespace, {})
-    exported = plugins.names(plugins.CONTROLLER)
-    wanted = {value.get("type") for value in everything.values() if isinstance(value, dict)} if isinstance(everything, dict) else set()
-    done = []
-    for name in sorted(kind for kind in wanted if isinstance(kind, str) and kind in exported):
-        try:
-            plugins.find(plugins.CONTROLLER, name)
-            done.append(name)
-        except HricError as error:
-            root_node.log_error(str(error))
-    return done
+@contextmanager
+def _quiet_collector() -> Iterator[None]:
+    """Keep the garbage collector from walking over everything that was loaded, in the middle of a cycle."""
+    thresholds = gc.get_threshold()
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*thresholds)
+        gc.unfreeze()
 
 
 class RobotApp:
@@ -74,10 +88,12 @@ class RobotApp:
 
     Args:
         root_node: the robot's namespace.
-        robot_hw_node: where the RobotHW and this class find their parameters (`robot_hw`, `control_log`, and the robot's own).
+        robot_hw_node: where the RobotHW and this class find their parameters (`robot_hw`, `control_log`, and the
+            robot's own).
         hw: a robot that is made already (not yet initialised); None: the plugin that the parameters name.
-        live: a process with a master: `/diagnostics` come at 1 Hz of wall time from a thread, drivers are told the time on `/hric/clock`, and a
-            switch always waits for the loop. Otherwise nothing happens but in the caller's thread, and a switch between two runs acts at once.
+        live: a process with a master: `/diagnostics` come at 1 Hz of wall time from a thread, drivers receive the
+            time on `/hric/clock`, and a switch always waits for the loop. Otherwise nothing happens but in the caller's
+            thread, and a switch between two runs acts at once.
         on_clock: called with each stamp that goes out on /clock, in the loop.
 
     Attributes:
@@ -105,7 +121,7 @@ class RobotApp:
         self.name = type(hw).__name__ if hw is not None else robot_hw_type(root_node, robot_hw_node)
         self.hw: RobotHW = hw if hw is not None else plugins.find(plugins.ROBOT_HW, self.name)()
         self.cycles = 0
-        self._live, self._on_clock = live, on_clock
+        self._live = live
         self._end: float | None = None
         self._log_publisher: realtime.RealtimePublisher | None = None
         self._stopping = False
@@ -114,60 +130,57 @@ class RobotApp:
         self.hw.init(root_node, robot_hw_node)
         self._closers.append(self.hw.shutdown)
         try:
-            self._wire()
+            self._wire(on_clock)
         except BaseException:
             self.shutdown()
             raise
 
-    def _wire(self) -> None:
-        root = self.root_node
-        self.loop: SimLoop | None = getattr(self.hw, "loop", None)
+    def _wire(self, on_clock: Callable[[Any], None] | None) -> None:
+        self._settings = RobotSettings.read(self.robot_hw_node)
+        root, self.loop = self.root_node, self.hw.loop
         if self.loop is not None:
-            loop = self.loop
-            for node in (root, self.robot_hw_node):  # their children share it
-                node.clock = lambda: loop.time  # type: ignore[attr-defined]  # LocalNode and RosNode have it
-            loop.on_idle = self._drain
-        self.simulated = self.loop is not None and hasattr(self.hw, "plant")
-        self._clock = realtime.publisher(root, "/clock", Clock, newest_only=True) if self.simulated else None
-        self._pairs = ClockPairs(root, self._stamp, self._factor) if self._live else None
-        if self.loop is not None:
-            self.loop.on_pause = self._tell_time
-        counted = hasattr(self.hw, "limiter_counts")
+            self.loop.on_idle = self._drain
+        self._clock = RobotClock(self.hw, (root, self.robot_hw_node), self._live, on_clock)
+        self._pairs = self._clock.pairs
+        counted = self.hw.limiter_counts() is not None
         self._counts = realtime.publisher(root, "limit_counts", JointLimitCounts) if counted else None
         self.log = self._make_log()
-        period = self.loop.time_step if self.loop is not None else 0.001
-        self._clock_cycles, self._counts_cycles = max(1, round(CLOCK_EVERY / period)), max(1, round(COUNTS_EVERY / period))
+        period = self.hw.period
+        self._clock_cycles, self._counts_cycles = (
+            max(1, round(CLOCK_PERIOD / period)),
+            max(1, round(COUNTS_PERIOD / period)),
+        )
         self.manager = ControllerManager(self.hw, root)
         self.manager.loop_running = self._live
         self._closers.append(self.manager.shutdown)
         self._closers.append(manager_services.serve(self.manager, root).unregister)
-        if self.simulated:
-            self._closers.append(sim_services.serve(self.hw, root).unregister)  # type: ignore[arg-type]  # has a loop and a plant
+        self.simulated = isinstance(self.hw, SimulatedRobot)
+        if isinstance(self.hw, SimulatedRobot):
+            self._closers.append(sim_services.serve(self.hw, root).unregister)
         if self._live:
             status = Diagnostics(root, self.name, self.loop, self.limit_counts if counted else None)
             status.start()
             self._closers.append(status.stop)
 
     def _make_log(self) -> ControlLog | None:
-        wanted = self.robot_hw_node.param("control_log", True)
-        if not isinstance(wanted, bool):
-            raise ParameterError(f"{self.robot_hw_node.resolve('control_log')} must be true or false; got {wanted!r}")
-        if not (wanted and hasattr(self.hw, "log_row")):
+        if not (self._settings.control_log and self.hw.log_row()[0]):
             return None
-        publisher = self._log_publisher = realtime.publisher(self.root_node, "control_log", ControlLogMessage, lossless=True)
+        publisher = self._log_publisher = realtime.publisher(
+            self.root_node, "control_log", ControlLogMessage, lossless=True
+        )
         states = self.hw.get(JointStateInterface).states
-        return ControlLog(states, self.hw.log_row, publisher.publish, self._stamp)
+        return ControlLog(states, self.hw.log_row, publisher.publish, self._clock.stamp)
 
     def limit_counts(self) -> LimitCounts:
-        """Snapshot of what the limits did since the start, over all interfaces of the robot."""
-        counts: Any = self.hw.limiter_counts()  # type: ignore[attr-defined]  # asked for before
-        return merged(counts if isinstance(counts, list | tuple) else [counts])
+        """Snapshot of what the limits did since the start, over all interfaces; of no joint if nothing counts."""
+        counts = self.hw.limiter_counts()
+        return LimitCounts((), ()) if counts is None else counts.copy()
 
     def on_cycle(self, time: float, period: float, reset_controllers: bool) -> bool:
         """One cycle between the robot's `read` and `write`: the controllers, and a row of the log.
 
         Args:
-            time: run time at the measuring instant [s].
+            time: robot time at the measuring instant [s].
             period: time since the last cycle [s].
             reset_controllers: restart the running controllers.
 
@@ -178,7 +191,7 @@ class RobotApp:
         if log is not None:
             log.complete()
         if self._pairs is not None:
-            self._pairs.tell(time)
+            self._pairs.send_due(time)
         if self._hook is not None:
             self._hook(time)
         self.manager.update(time, period, reset_controllers)
@@ -187,115 +200,78 @@ class RobotApp:
         cycle = self.cycles
         self.cycles = cycle + 1
         if cycle % self._clock_cycles == 0:
-            self._tick(time, cycle)
+            self._clock.publish(stamps.to_time(time))
+            if cycle % self._counts_cycles == 0:
+                self._publish_counts(time)
         if self._end is not None and time + 1.5 * period > self._end:
             self.hw.stop()
         return self.loop is not None or not self.manager.switch_pending
 
-    def _tick(self, time: float, cycle: int) -> None:
-        if time > 0.0:  # 0 would mean that there is no time yet
-            self._publish_clock(stamps.to_time(time))
-        if self._counts is not None and cycle % self._counts_cycles == 0:
-            self._publish_counts(time)
-
-    def _publish_clock(self, stamp: Any) -> None:
-        if self._clock is None:
-            return
-
-        if self._on_clock is not None:
-            self._on_clock(stamp)
-        self._clock.publish(Clock, stamp)
-
     def _publish_counts(self, time: float) -> None:
         if self._counts is not None:
-            self._counts.publish(LimitCounts.message, self.limit_counts(), self._stamp(time))
+            self._counts.publish(LimitCounts.message, self.limit_counts(), self._clock.stamp(time))
 
     def wait_for_log_listener(self) -> None:
-        """Hold run time at its start until somebody listens to the control log, so that a recording has every cycle from the first one on.
+        """Hold robot time at its start until somebody listens to the control log, so that a recording has every cycle
+        from the first one on.
 
-        Before `run`. The parameter `wait_for_log_listener` is the longest wait [s of wall time], 0 by default. Without a log, or when `stop` was
-        called, returns at once; when nobody came in time, warns and goes on.
+        Before `run`. The parameter `wait_for_log_listener` is the longest wait [s of wall time], 0 by default. Without
+        a log, or when `stop` was called, returns at once; when nobody came in time, warns and goes on.
         """
-        timeout = self.robot_hw_node.param("wait_for_log_listener", 0.0)
-        if isinstance(timeout, bool) or not isinstance(timeout, int | float) or not 0.0 <= timeout < math.inf:
-            raise ParameterError(f"{self.robot_hw_node.resolve('wait_for_log_listener')} must be a time of 0 s or more; got {timeout!r}")
+        timeout = self._settings.wait_for_log_listener
         if timeout == 0.0 or self._log_publisher is None:
             return
-        # A switch that is asked for meanwhile waits for the loop as well.
+        # A switch that is requested meanwhile waits for the loop as well.
         patience, self.manager.loop_timeout = self.manager.loop_timeout, self.manager.loop_timeout + timeout
         deadline = perf_counter() + timeout
         try:
             while not self._log_publisher.subscribers() and not self._stopping:
                 if perf_counter() > deadline:
-                    self.root_node.log_warn(f"nobody listens to control_log after {timeout:g} s: run time begins without a recording of it")
+                    self.root_node.log_warn(
+                        f"nobody listens to control_log after {timeout:g} s: the run begins without a recording of it"
+                    )
                     return
-                self._publish_clock(stamps.FIRST)
+                self._clock.publish(stamps.FIRST)
                 if self.simulated:
-                    self._tell_time()
+                    self._clock.pair_now()
                 sleep(LISTENER_POLL)
         finally:
             self.manager.loop_timeout = patience
 
     def run(self, duration: float | None = None, on_cycle_hook: Callable[[float], None] | None = None) -> None:
-        """Run the robot until `stop`, or for `duration`. What is left of the log and the last limit counts are published at the end.
+        """Run the robot until `stop`, or for `duration`. What is left of the log and the last limit counts are
+        published at the end.
 
         Args:
-            duration: run time to cover, a whole number of cycles [s]; None: until stopped. For simulated robots.
-            on_cycle_hook: called in the loop with the run time, after `read` and before the controllers; must not block.
+            duration: robot time to cover, a whole number of cycles [s]; None: until stopped. For simulated robots.
+            on_cycle_hook: called in the loop with robot time, after `read` and before the controllers; must not
+                block.
         """
-        if duration is not None and self.loop is None and not hasattr(self.hw, "time"):
-            raise HricError(f"a duration cannot be given for {self.name}, which does not tell its run time; call stop() instead")
-        start = self._run_time()
-        if duration is not None and round(duration / self._period()) < 1:
+        if duration is not None and self.hw.time is None:
+            raise HricError(
+                f"a duration cannot be given for {self.name}, whose robot time is not known; call stop() instead"
+            )
+        if duration is not None and round(duration / self.hw.period) < 1:
             return
-        self._end, self._hook = None if duration is None else start + duration, on_cycle_hook
+        self._end, self._hook = None if duration is None else self._clock.time + duration, on_cycle_hook
         self.manager.loop_running = True
         paced = self.loop is None or self.loop.real_time_factor > 0.0
-        thresholds = gc.get_threshold()
         realtime.set_polling(paced)
-        if paced:
-            self._quiet_collector()
         try:
-            self.hw.run(self.on_cycle)
+            with _quiet_collector() if paced else nullcontext():
+                self.hw.run(self.on_cycle)
         finally:
             self.manager.loop_running = self._live
             self._end = self._hook = None
             realtime.set_polling(True)
-            if paced:
-                gc.set_threshold(*thresholds)
-                gc.unfreeze()
             self._finish_log()
-
-    def _run_time(self) -> float:
-        return self.loop.time if self.loop is not None else getattr(self.hw, "time", 0.0)
-
-    def _stamp(self, time: float) -> Any:
-        """Stamp of a run time; a robot with a clock of its own tells at which ROS time that was 0."""
-        return stamps.to_time(time + getattr(self.hw, "epoch", 0.0))
-
-    def _period(self) -> float:
-        return self.loop.time_step if self.loop is not None else 0.001
-
-    def _factor(self) -> float:
-        return self.loop.real_time_factor if self.loop is not None else 1.0
-
-    def _tell_time(self) -> None:
-        if self._pairs is not None:
-            self._pairs.tell(self._run_time())
-
-    @staticmethod
-    def _quiet_collector() -> None:
-        """Keep the garbage collector from walking over everything that was loaded, in the middle of a cycle."""
-        gc.collect()
-        gc.freeze()
-        gc.set_threshold(50_000, 20, 20)
 
     def _finish_log(self) -> None:
         if self.log is not None:
             self.log.complete()
             self.log.flush()
         if self.cycles:
-            self._publish_counts(self._run_time())
+            self._publish_counts(self._clock.time)
         self._drain()
 
     def _drain(self) -> None:
@@ -307,7 +283,8 @@ class RobotApp:
         self.hw.stop()
 
     def shutdown(self) -> None:
-        """Take everything back and release the robot; after `run` returned. The first failure is raised when all have been tried."""
+        """Take everything back and release the robot; after `run` returned. The first failure is raised when all have
+        been tried."""
         failure: Exception | None = None
         while self._closers:
             try:

@@ -1,16 +1,21 @@
 """The robot as the manager sees it: interfaces, and whoever owns the clock drives the cycle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from hric_control.errors import ResourceConflictError
 from hric_control.hardware_interface import InterfaceManager
+from hric_control.limits import LimitCounts
 from hric_control.node import Node
+from hric_control.plant import Plant
+from hric_control.sim.sim_loop import SimLoop
 
 OnCycle = Callable[[float, float, bool], bool]
-"""(time [s], period [s], reset_controllers) -> True to go on, False to leave the mode (a switch is waiting, or the end)."""
+"""(time [s], period [s], reset_controllers) -> True to go on, False to leave the mode (a switch waits, or the end)."""
+
+LogRow = tuple[Sequence[str], Sequence[float], Sequence[float]]
+"""Of one cycle: (command interface per joint: "effort", "velocity", "position" or "none"; commands before the limits;
+commands that were sent)."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +25,8 @@ class ControllerInfo:
     Attributes:
         name: instance name.
         type: plugin type string.
-        claims: claimed joints by the ros_control name of the interface, e.g. {"hardware_interface::EffortJointInterface": {"panda_joint1"}}.
+        claims: claimed joints by the ros_control name of the interface, such as
+            {"hardware_interface::EffortJointInterface": {"panda_joint1"}}.
     """
 
     name: str
@@ -29,10 +35,53 @@ class ControllerInfo:
 
 
 class RobotHW(InterfaceManager):
-    """Base of all robots, simulated or real; found by its type string through the package.xml plugin export and constructed without arguments."""
+    """Base of all robots, simulated or real; found by its type string through the package.xml plugin export and
+    constructed without arguments.
+
+    A robot implements `init`, `read`, `write`, `run` and `stop`; all else has a default. What is optional comes first.
+    """
+
+    # -- what a robot may have -----------------------------------------------------------------------------------------
 
     compensates_gravity: bool = False
     """Whether the robot adds g(q) to effort commands by itself; a controller that adds it too is refused by name."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        # Of the instance, not of the class: the loop reads them in each cycle, which Python does faster so.
+        self.loop: SimLoop | None = None
+        """The clock of a simulated robot, to pause, step and pace it; None: the robot brings its own clock."""
+        self.plant: Plant | None = None
+        """The physics of a simulated robot in this process; None: it has none."""
+        self.rotor_inertia: Sequence[float] | None = None
+        """Seen at each joint, n floats [kg m^2]; controllers check their gains by it. None: unknown."""
+        self.error = ""
+        """Why the robot ended the last motion by itself, until it has recovered; empty otherwise."""
+
+    @property
+    def time(self) -> float | None:
+        """Robot time of the last state [s], from 0, never backwards; None: unknown, and no run can have a duration."""
+        return None if self.loop is None else self.loop.time
+
+    @property
+    def epoch(self) -> float:
+        """ROS time at which robot time was 0 [s]; 0 where ROS time is robot time."""
+        return 0.0
+
+    @property
+    def period(self) -> float:
+        """Period of the control loop [s]; 1 ms where there is no simulated clock, as Franka's arms have it."""
+        return 0.001 if self.loop is None else self.loop.time_step
+
+    def limiter_counts(self) -> LimitCounts | None:
+        """What the joint limits did since the start, over all interfaces (the live object); None: nothing counts."""
+        return None
+
+    def log_row(self) -> LogRow:
+        """The commands of the last cycle for the control log, from `init` on; of no joint: there is no log."""
+        return (), (), ()
+
+    # -- the life of a robot -------------------------------------------------------------------------------------------
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
         """Read parameters, connect, register the interfaces. Called once, outside the loop.
@@ -42,7 +91,7 @@ class RobotHW(InterfaceManager):
         """
 
     def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:
-        """Refuse a set of controllers that would run together. The default lets each joint be claimed once, over all interfaces.
+        """Refuse controllers that would run together. The default lets each joint be claimed once, over all interfaces.
 
         Raises:
             ResourceConflictError: names the joint and both claimants.
@@ -58,12 +107,12 @@ class RobotHW(InterfaceManager):
         """Check that the switch can be made; outside the loop. Raises HricError if not."""
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Make the switch; inside the loop, between two cycles. A simulated robot changes its mode at once; one whose mode needs a new
-        control call remembers it, and its `run` enters it after `on_cycle` answered False."""
+        """Make the switch; inside the loop, between two cycles. A simulated robot changes its mode at once; one whose
+        mode needs a new control call remembers it, and its `run` enters it after `on_cycle` returned False."""
 
     def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
-        """Whether the hardware is ready for the commands of these controllers; inside the loop, asked each cycle after `do_switch` until it is.
-        Until then they wait. Raises HricError if the change failed; they are aborted then."""
+        """Whether the hardware is ready for the commands of these controllers; inside the loop, called each cycle after
+        `do_switch` until it is. Until then they wait. Raises HricError if the change failed; they are aborted then."""
         return True
 
     def read(self, time: float, period: float) -> None:
@@ -73,11 +122,12 @@ class RobotHW(InterfaceManager):
         """Enforce the limits, then send the commands to the robot."""
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Own the clock: each cycle `read`, `on_cycle`, `write`, until `stop` was called. Raises HricError on a failure of the robot."""
+        """Own the clock: each cycle `read`, `on_cycle`, `write`, until `stop` was called. Raises HricError if the robot
+        fails."""
         raise NotImplementedError(f"{type(self).__name__} has no run")
 
     def stop(self) -> None:
-        """Ask `run` to return after this cycle; from any thread or a signal handler."""
+        """Let `run` return after this cycle; from any thread or a signal handler."""
         raise NotImplementedError(f"{type(self).__name__} has no stop")
 
     def shutdown(self) -> None:

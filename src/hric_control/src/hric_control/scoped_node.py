@@ -1,27 +1,29 @@
-"""A node that remembers what was made through it, so that all of it can be taken back: no topic or service of a controller outlives it."""
-
-from __future__ import annotations
+"""A node that remembers what was made through it, so that all of it can be taken back: no topic or service of a
+controller outlives it."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Node, Publisher, Registration
 
+MadeT = TypeVar("MadeT", bound=Publisher | Registration)
+
 
 class ScopedNode:
-    """Passes everything on to `node`; `close` takes back what was advertised, subscribed and served through it and its children."""
+    """Passes everything on to `node`; `close` takes back what was advertised, subscribed and served through it and its
+    children."""
 
     def __init__(self, node: Node, made: list[Publisher | Registration] | None = None) -> None:
         self._node = node
         self._made: list[Publisher | Registration] = [] if made is None else made
-        self.publishes_inline = bool(getattr(node, "publishes_inline", False))
+        self.publishes_inline = node.publishes_inline
 
     def close(self) -> None:
         """Take back everything, the newest first; what its owner took back already stays so."""
         while self._made:
             self._made.pop().unregister()
 
-    def keep(self, made: Any) -> Any:
+    def keep(self, made: MadeT) -> MadeT:
         """Have `made.unregister()` called at the end; returns `made`."""
         self._made.append(made)
         return made
@@ -31,11 +33,11 @@ class ScopedNode:
         """Absolute namespace."""
         return self._node.namespace
 
-    def child(self, name: str) -> ScopedNode:
+    def child(self, name: str) -> "ScopedNode":
         """One namespace deeper; what is made there belongs to the same scope."""
         return ScopedNode(self._node.child(name), self._made)
 
-    def also(self, node: Node) -> ScopedNode:
+    def also(self, node: Node) -> "ScopedNode":
         """Another node whose makings belong to the same scope."""
         return ScopedNode(node, self._made)
 
@@ -61,30 +63,33 @@ class ScopedNode:
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> Publisher:
         """Advertise a topic."""
-        made: Publisher = self.keep(self._node.advertise(topic, message_type, queue_size=queue_size, latch=latch))
-        return made
+        return self.keep(self._node.advertise(topic, message_type, queue_size=queue_size, latch=latch))
 
-    def subscribe(self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10) -> Registration:
+    def subscribe(
+        self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
+    ) -> Registration:
         """Subscribe to a topic."""
-        made: Registration = self.keep(self._node.subscribe(topic, message_type, callback, queue_size=queue_size))
-        return made
+        return self.keep(self._node.subscribe(topic, message_type, callback, queue_size=queue_size))
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Registration:
         """Serve."""
-        made: Registration = self.keep(self._node.service(name, service_type, handler))
-        return made
+        return self.keep(self._node.service(name, service_type, handler))
 
     def action_server(
-        self, name: str, action_type: type, on_goal: Callable[[GoalHandle], None], on_cancel: Callable[[GoalHandle], None]
+        self,
+        name: str,
+        action_type: type,
+        on_goal: Callable[[GoalHandle], None],
+        on_cancel: Callable[[GoalHandle], None],
     ) -> Registration:
         """Serve an action."""
-        made: Registration = self.keep(self._node.action_server(name, action_type, on_goal, on_cancel))
-        return made
+        return self.keep(self._node.action_server(name, action_type, on_goal, on_cancel))
 
-    def live_parameters(self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]) -> Registration:
+    def live_parameters(
+        self, parameters: Sequence[LiveParameter], on_change: Callable[[dict[str, Any]], dict[str, Any]]
+    ) -> Registration:
         """Offer live parameters."""
-        made: Registration = self.keep(self._node.live_parameters(parameters, on_change))
-        return made
+        return self.keep(self._node.live_parameters(parameters, on_change))
 
     def now(self) -> Any:
         """Stamp for messages."""

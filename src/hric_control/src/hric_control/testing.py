@@ -1,13 +1,10 @@
 """Fixtures for tests that need a real master. In a conftest.py: `from hric_control.testing import ros, roscore`."""
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import functools
 import os
 import shutil
-import signal
 import socket
 import subprocess
 import tempfile
@@ -16,8 +13,10 @@ from collections.abc import Iterator
 
 import pytest
 
+from hric_control.processes import end_process
+
 START_TIMEOUT = 20.0
-"""How long a roscore may take to answer on a busy machine [s]."""
+"""How long a roscore may take to respond on a busy machine [s]."""
 
 
 def free_port() -> int:
@@ -41,24 +40,17 @@ def start_roscore() -> str:
     logs = tempfile.mkdtemp(prefix="hric_test_ros_")
     os.environ.update(ROS_MASTER_URI=f"http://127.0.0.1:{port}", ROS_IP="127.0.0.1", ROS_LOG_DIR=logs, ROS_HOME=logs)
     os.environ.pop("ROS_HOSTNAME", None)
-    process = subprocess.Popen(["roscore", "-p", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
-    atexit.register(_end, process, logs)
+    process = subprocess.Popen(
+        ["roscore", "-p", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    atexit.register(shutil.rmtree, logs, ignore_errors=True)
+    atexit.register(end_process, process, 5.0)  # before, as what is registered last runs first
     deadline = time.monotonic() + START_TIMEOUT
     while not rosgraph.is_master_online():
         if process.poll() is not None or time.monotonic() > deadline:
             raise RuntimeError(f"roscore on port {port} did not start (exit code {process.poll()})")
         time.sleep(0.05)
     return os.environ["ROS_MASTER_URI"]
-
-
-def _end(process: subprocess.Popen[bytes], logs: str) -> None:
-    process.send_signal(signal.SIGINT)
-    try:
-        process.wait(5.0)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-    shutil.rmtree(logs, ignore_errors=True)
 
 
 @pytest.fixture(scope="session")

@@ -1,12 +1,12 @@
 """Transmissions: what lies between an actuator and a joint, read from the robot description."""
 
-from __future__ import annotations
-
+from collections.abc import Collection
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
-from hric_control import urdf
 from hric_control.errors import DescriptionError
+from hric_control.urdf import read
+from hric_control.urdf.elements import as_number, parse
 
 INTERFACES = ("EffortJointInterface", "VelocityJointInterface", "PositionJointInterface", "JointStateInterface")
 """Hardware interfaces that a transmission may name, with or without "hardware_interface/" in front."""
@@ -16,7 +16,8 @@ INTERFACES = ("EffortJointInterface", "VelocityJointInterface", "PositionJointIn
 class SimpleTransmission:
     """A gear of constant ratio between one actuator and one joint.
 
-    With reduction n and offset x0: x_actuator = n (x_joint - x0), v_actuator = n v_joint, tau_actuator = tau_joint / n. A negative n turns the sense.
+    With reduction n and offset x0: x_actuator = n (x_joint - x0), v_actuator = n v_joint, tau_actuator = tau_joint / n.
+    A negative n turns the sense.
 
     Attributes:
         reduction: n = actuator turns per joint turn [1], not 0.
@@ -55,8 +56,8 @@ class SimpleTransmission:
         return position / self.reduction + self.offset
 
 
-@dataclass(frozen=True)
-class Transmission:
+@dataclass(frozen=True, kw_only=True)
+class Transmission(SimpleTransmission):
     """One `<transmission>` of the description.
 
     Attributes:
@@ -65,8 +66,6 @@ class Transmission:
         joint: joint name.
         interfaces: hardware interfaces of the joint, short names, e.g. ("EffortJointInterface",).
         actuator: actuator name.
-        reduction: mechanicalReduction [1].
-        offset: joint position when the actuator reads zero [rad].
     """
 
     name: str
@@ -74,24 +73,17 @@ class Transmission:
     joint: str
     interfaces: tuple[str, ...]
     actuator: str
-    reduction: float = 1.0
-    offset: float = 0.0
-
-    def mapping(self) -> SimpleTransmission:
-        """The formulas between joint and actuator."""
-        return SimpleTransmission(self.reduction, self.offset)
 
 
 def parse_transmissions(urdf_xml: str) -> list[Transmission]:
     """All transmissions, in the order of the description.
 
     Raises:
-        DescriptionError: another type than SimpleTransmission, an unknown interface, an unknown joint or one with two transmissions,
-            a reduction of 0.
+        DescriptionError: another type than SimpleTransmission, an unknown interface, an unknown joint or one with two
+            transmissions, a reduction of 0.
     """
-    root = urdf.parse(urdf_xml)
-    joints = set(urdf.joints(root))
-    result = [_transmission(element, joints) for element in root.findall("transmission")]
+    robot = read(urdf_xml)
+    result = [_transmission(element, robot.joints) for element in robot.element.findall("transmission")]
     seen: dict[str, str] = {}
     for one in result:
         if one.joint in seen:
@@ -102,7 +94,7 @@ def parse_transmissions(urdf_xml: str) -> list[Transmission]:
 
 def robot_sim_type(urdf_xml: str) -> str | None:
     """The type in `<gazebo><plugin><robotSimType>`, or None: which RobotHW simulates this robot."""
-    for plugin in urdf.parse(urdf_xml).findall("gazebo/plugin"):
+    for plugin in parse(urdf_xml).findall("gazebo/plugin"):
         if plugin.get("name") == "gazebo_ros_control" or "gazebo_ros_control" in plugin.get("filename", ""):
             text = (plugin.findtext("robotSimType") or "").strip()
             if text:
@@ -114,12 +106,14 @@ def _short(name: str) -> str:
     return name.strip().replace("::", "/").rpartition("/")[2]
 
 
-def _transmission(element: ElementTree.Element, joints: set[str]) -> Transmission:
+def _transmission(element: ElementTree.Element, joints: Collection[str]) -> Transmission:
     name = element.get("name", "")
     where = f"transmission {name or '(without a name)'}"
     kind = _short(element.findtext("type") or element.get("type") or "")
     if kind != "SimpleTransmission":
-        raise DescriptionError(f"{where}: type {kind or 'missing'!r} is not known; valid: transmission_interface/SimpleTransmission")
+        raise DescriptionError(
+            f"{where}: type {kind or 'missing'!r} is not known; valid: transmission_interface/SimpleTransmission"
+        )
     joint, actuator = _only(element, "joint", where), _only(element, "actuator", where)
     joint_name = joint.get("name", "")
     if joint_name not in joints:
@@ -127,8 +121,15 @@ def _transmission(element: ElementTree.Element, joints: set[str]) -> Transmissio
     reduction = _number(actuator, joint, "mechanicalReduction", 1.0, where)
     if reduction == 0.0:
         raise DescriptionError(f"{where}: mechanicalReduction must not be 0")
-    offset = _number(joint, actuator, "offset", 0.0, where)
-    return Transmission(name, kind, joint_name, _interfaces(joint, actuator, where), actuator.get("name", ""), reduction, offset)
+    return Transmission(
+        reduction,
+        _number(joint, actuator, "offset", 0.0, where),
+        name=name,
+        type=kind,
+        joint=joint_name,
+        interfaces=_interfaces(joint, actuator, where),
+        actuator=actuator.get("name", ""),
+    )
 
 
 def _only(element: ElementTree.Element, tag: str, where: str) -> ElementTree.Element:
@@ -155,5 +156,5 @@ def _number(first: ElementTree.Element, second: ElementTree.Element, tag: str, d
     for element in (first, second):
         text = element.findtext(tag)
         if text is not None:
-            return urdf.as_number(text.strip(), f"{where}: {tag}")
+            return as_number(text.strip(), f"{where}: {tag}")
     return default

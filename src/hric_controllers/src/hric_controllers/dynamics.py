@@ -1,8 +1,14 @@
-"""Gravity torque and mass matrix of a controller's joints: from the robot's own model if it offers one, else by KDL from robot_description."""
+"""Gravity torque and mass matrix of a controller's joints, and the largest derivative gain that a sampled torque loop
+tolerates.
 
-from __future__ import annotations
+Gravity comes from the robot's own model if it offers one, else by KDL from robot_description.
 
-from collections.abc import Sequence
+A torque -Kd_i dq_i, held over one period dt, changes the velocity of joint i by dt ((M + B)^-1)_ii Kd_i dq_i; beyond
+twice the velocity itself the loop diverges:  Kd_i <= 2 / (dt ((M + B)^-1)_ii), with M the mass matrix at the present
+pose and B the rotor inertia.
+"""
+
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,19 +16,19 @@ import numpy.typing as npt
 
 from franka_hw_interface.interfaces import FrankaModelInterface
 from franka_hw_interface.kdl_chain import KdlChain
-from hric_control import urdf
-from hric_control.errors import DescriptionError, HricError
+from hric_control.errors import DescriptionError, HricError, ParameterError
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.node import Node
 from hric_control.robot_hw import RobotHW
-from hric_controllers.parameters import flag
-from hric_controllers.pd_law import Gravity
+from hric_control.urdf import read
+from hric_controllers.joint.pd_law import Gravity
 
 FloatArray = npt.NDArray[np.float64]
 
 
 class ChainDynamics:
-    """A KDL chain of the description; joints of the chain that the controller does not have count with their measured positions.
+    """A KDL chain of the description; joints of the chain that the controller does not have count with their measured
+    positions.
 
     One instance for one thread.
     """
@@ -44,14 +50,12 @@ class ChainDynamics:
         return full[np.ix_(self._order, self._order)]
 
 
-def wanted_gravity(robot_hw: RobotHW, root_node: Node, node: Node, joints: Sequence[str]) -> Gravity | None:
-    """The gravity torque that a controller with the parameter `gravity` adds; None if it does not.
+def added_gravity(robot_hw: RobotHW, root_node: Node, node: Node, joints: Sequence[str]) -> Gravity:
+    """The gravity torque that a controller with `gravity: true` adds.
 
     Raises:
-        HricError: wanted, but the arm adds it itself; or where it should come from is missing.
+        HricError: the arm adds it itself; or where it should come from is missing.
     """
-    if not flag(node, "gravity", False):
-        return None
     if robot_hw.compensates_gravity:
         raise HricError(
             f"{node.resolve('gravity')} is true, but both the arm {type(robot_hw).__name__} and the controller "
@@ -65,7 +69,7 @@ def wanted_gravity(robot_hw: RobotHW, root_node: Node, node: Node, joints: Seque
 def gravity_source(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) -> tuple[Gravity, str]:
     """Gravity torque of these joints, to be called in the loop, and where it comes from, for the user.
 
-    The robot's model interface goes first: it knows the end effector and the load that the robot was told of.
+    The robot's model interface has priority: it knows the configured end effector and load.
 
     Raises:
         HricError: neither a model interface for them nor a description with one serial chain through them.
@@ -75,7 +79,9 @@ def gravity_source(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) ->
         for name in interface.names:
             arm = [f"{name.removesuffix('_model')}_joint{i}" for i in range(1, 8)]
             if set(joints) <= set(arm):
-                return _model_gravity(interface.handle(name), [arm.index(joint) for joint in joints]), "the robot's model interface"
+                return _model_gravity(
+                    interface.handle(name), [arm.index(joint) for joint in joints]
+                ), "the robot's model interface"
     return chain_dynamics(robot_hw, root_node, joints).gravity, "robot_description, by KDL"
 
 
@@ -100,16 +106,87 @@ def chain_dynamics(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) ->
 
 def _chain(urdf_xml: str, joints: Sequence[str]) -> KdlChain:
     """The chain from the root link of the description to the outermost of the joints."""
-    root = urdf.parse(urdf_xml)
-    elements, start = urdf.joints(root), urdf.root_link(root)
+    robot = read(urdf_xml)
     problem = f"no joint of {', '.join(joints)} is in robot_description"
     for joint in reversed(joints):
-        child = elements[joint].find("child") if joint in elements else None
-        if child is None:
+        if joint not in robot.joints:
             continue
-        chain = KdlChain(urdf_xml, start, child.get("link", ""))
+        tip = robot.joints[joint].child
+        chain = KdlChain(urdf_xml, robot.root, tip)
         missing = [name for name in joints if name not in chain.joint_names]
         if not missing:
             return chain
-        problem = f"{', '.join(missing)} not on the chain from {start} to {child.get('link')} ({', '.join(chain.joint_names)})"
+        problem = f"{', '.join(missing)} not on the chain from {robot.root} to {tip} ({', '.join(chain.joint_names)})"
     raise DescriptionError(f"dynamics need one serial chain through all joints: {problem}")
+
+
+def largest_kd(mass: FloatArray, rotor_inertia: Sequence[float], period: float) -> list[float]:
+    """Bound of each derivative gain, n floats [N m s/rad].
+
+    Args:
+        mass: joint-space mass matrix, shape (n, n) [kg m^2].
+        rotor_inertia: reflected to the joints, n floats [kg m^2].
+        period: of the control loop [s].
+    """
+    inverse = np.linalg.inv(mass + np.diag(rotor_inertia))
+    return [2.0 / (period * float(value)) for value in np.diagonal(inverse)]
+
+
+def rotor_inertia(robot_hw: RobotHW, given: Sequence[float] | None, joints: Sequence[str]) -> tuple[list[float], str]:
+    """Rotor inertia of the joints [kg m^2] and where it comes from: the parameter, if it is given, else the robot, else
+    zero."""
+    if given is not None:
+        return list(given), "parameter rotor_inertia"
+    if robot_hw.rotor_inertia is None:
+        return [0.0] * len(joints), "taken as 0, since neither the parameter rotor_inertia nor the robot gives it"
+    index = robot_hw.get(JointStateInterface).states.index
+    return [float(robot_hw.rotor_inertia[index[joint]]) for joint in joints], "from the robot"
+
+
+def kd_check(
+    robot_hw: RobotHW,
+    root_node: Node,
+    node: Node,
+    joints: Sequence[str],
+    rotors: Sequence[float] | None,
+    strict: bool,
+) -> Callable[[Sequence[float]], None]:
+    """A function that checks derivative gains, n floats [N m s/rad], against their bounds at the present pose and logs
+    a warning; strict, it raises ParameterError instead. Any thread but the loop's.
+
+    Args:
+        rotors: the parameter `rotor_inertia`, if it is given, n floats [kg m^2].
+        strict: the parameter `strict_gains`.
+
+    Raises:
+        HricError: strict, and the dynamics of these joints cannot be had. (Not strict: that is logged, and nothing is
+            checked.)
+    """
+    inertia, source = rotor_inertia(robot_hw, rotors, joints)
+    period = robot_hw.period
+    try:
+        dynamics = chain_dynamics(robot_hw, root_node, joints)
+    except HricError as error:
+        if strict:
+            raise
+        node.log_info(f"derivative gains are not checked: {error}")
+        return lambda kd: None
+
+    def check(kd: Sequence[float]) -> None:
+        unstable = _unstable(joints, kd, largest_kd(dynamics.mass(), inertia, period))
+        text = (
+            f"derivative gain too large for a {1e3 * period:g} ms loop at this pose: {unstable}; "
+            f"bound 2 / (dt ((M+B)^-1)_ii), rotor inertia B {source}"
+        )
+        if unstable and strict:
+            raise ParameterError(f"{text}; strict_gains refuses it")
+        if unstable:
+            node.log_warn(f"{text}: expect chatter")
+
+    return check
+
+
+def _unstable(joints: Sequence[str], kd: Sequence[float], bounds: Sequence[float]) -> str:
+    """The joints whose gain exceeds its bound, as text; empty if none does."""
+    pairs = zip(joints, kd, bounds, strict=True)
+    return ", ".join(f"{joint} {gain:.4g} (at most {bound:.3g})" for joint, gain, bound in pairs if gain > bound)

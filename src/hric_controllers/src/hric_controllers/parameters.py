@@ -1,111 +1,98 @@
-"""Reading a controller's parameters: every refusal gives the full name and what would be valid. And the rhythm of what it publishes."""
-
-from __future__ import annotations
+"""Parameters that several controllers have, checks of joint setpoints, and the rate of what they publish."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from hric_control.errors import ParameterError
-from hric_control.joint_limits import load_limits
-from hric_control.node import REQUIRED, Node
+from hric_control.errors import CommandError, ParameterError
+from hric_control.limits import load_limits
+from hric_control.node import Node
+from hric_control.parameters import Settings, flag, number, per_joint, text
 
 
-def is_number(value: Any) -> bool:
-    """Whether the value is a finite int or float (and not a bool)."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+@dataclass(frozen=True)
+class ArmSettings(Settings):
+    """Of a controller of a Franka arm."""
+
+    arm_id: str = text(valid="the arm's name, e.g. panda,", empty=False, text="the arm's name")
 
 
-def joint_names(node: Node, parameter: str = "joints") -> list[str]:
-    """The names in `parameter`: at least one, all different.
+@dataclass(frozen=True)
+class LawSettings(Settings):
+    """Of a controller that commands efforts."""
 
-    Raises:
-        ParameterError: missing or not such a list.
-    """
-    value = node.param(parameter)
-    if isinstance(value, str):
-        value = [value]
-    good = isinstance(value, list) and value and all(isinstance(name, str) and name for name in value) and len(set(value)) == len(value)
-    if not good:
-        raise ParameterError(f"{node.resolve(parameter)} is {value!r}; valid: a list of joint names, all different")
-    return list(value)
-
-
-def number(node: Node, parameter: str, default: float | Any = REQUIRED, *, minimum: float = -math.inf, above: float = -math.inf) -> float:
-    """A finite number.
-
-    Args:
-        minimum: smallest valid value.
-        above: the value must be greater than this.
-
-    Raises:
-        ParameterError: missing, not a finite number, or too small.
-    """
-    value = node.param(parameter, default)
-    if not is_number(value) or value < minimum or value <= above:
-        bound = f", not below {minimum:g}" if minimum > -math.inf else f", above {above:g}" if above > -math.inf else ""
-        raise ParameterError(f"{node.resolve(parameter)} is {value!r}; valid: a finite number{bound}")
-    return float(value)
+    gravity: bool = flag(
+        False,
+        text="add g(q): from the robot's model interface if it has one, else by KDL from `robot_description`; "
+        "refused on an arm that adds it itself",
+    )
+    rotor_inertia: tuple[float, ...] | None = per_joint(
+        number(minimum=0.0, unit="kg m^2"),
+        None,
+        default_text="the robot's, else 0",
+        text="seen at the joint; for the bounds of the gains",
+    )
 
 
-def flag(node: Node, parameter: str, default: bool) -> bool:
-    """True or false.
-
-    Raises:
-        ParameterError: something else.
-    """
-    value = node.param(parameter, default)
-    if not isinstance(value, bool):
-        raise ParameterError(f"{node.resolve(parameter)} is {value!r}; valid: true, false")
-    return value
+STRICT_GAINS: Any = flag(
+    False, name="strict_gains", text="refuse, instead of warn of, gains that the sampled loop cannot carry"
+)
 
 
-def per_joint(
-    node: Node, parameter: str, joints: Sequence[str], default: float | Any = REQUIRED, *, minimum: float = -math.inf, above: float = -math.inf
-) -> list[float]:
-    """One number for all joints, a list in the order of the joints, or a dict joint -> number.
-
-    Args:
-        minimum: smallest valid value.
-        above: the values must be greater than this.
-
-    Raises:
-        ParameterError: missing, wrong length or joint names, or a value that is not a finite number in range; names the joint.
-    """
-    value = node.param(parameter, default)
-    where = node.resolve(parameter)
-    values = _spread(value, joints, where)
-    bound = f", not below {minimum:g}" if minimum > -math.inf else f", above {above:g}" if above > -math.inf else ""
-    for joint, item in zip(joints, values, strict=True):
-        if not is_number(item) or item < minimum or item <= above:
-            raise ParameterError(f"{where} of {joint} is {item!r}; valid: a finite number{bound}")
-    return [float(item) for item in values]
-
-
-def _spread(value: Any, joints: Sequence[str], where: str) -> list[Any]:
-    if isinstance(value, Mapping):
-        missing, unknown = [j for j in joints if j not in value], [str(k) for k in value if k not in joints]
-        if missing or unknown:
-            wrong = "; ".join(filter(None, [f"missing {', '.join(missing)}" * bool(missing), f"unknown {', '.join(unknown)}" * bool(unknown)]))
-            raise ParameterError(f"{where} has {wrong}; valid: one value for each of {', '.join(joints)}")
-        return [value[joint] for joint in joints]
-    if isinstance(value, list | tuple):
-        if len(value) != len(joints):
-            raise ParameterError(f"{where} has {len(value)} values; valid: {len(joints)}, for {', '.join(joints)}")
-        return list(value)
-    return [value] * len(joints)
+def state_rate(default: float) -> Any:
+    """The parameter `state_publish_rate`."""
+    return number(default, minimum=0.0, unit="Hz", name="state_publish_rate", text="0: never")
 
 
 def position_ranges(root_node: Node, joints: Sequence[str]) -> list[tuple[float, float]]:
-    """(lower, upper) of each joint from the description and the parameters `joint_limits`; infinite without a description [rad or m]."""
+    """(lower, upper) of each joint from the description and the parameters `joint_limits`; infinite without a
+    description [rad or m]."""
     urdf_xml = root_node.search_param("robot_description", "")
     if not urdf_xml:
         return [(-math.inf, math.inf)] * len(joints)
     return [(limits.lower, limits.upper) for limits in load_limits(urdf_xml, root_node, joints, use=("position",))]
 
 
-class Every:
-    """True at a fixed rate of run time, without drift.
+def check_setpoint(
+    values: Sequence[float], joints: Sequence[str], ranges: Sequence[tuple[float, float]]
+) -> list[float]:
+    """The setpoint as n floats [rad or m].
+
+    Args:
+        values: one per joint.
+        joints: names, for messages.
+        ranges: (lower, upper) of each joint [rad or m].
+
+    Raises:
+        CommandError: wrong length, not finite, or outside a joint's range; says what would be valid.
+    """
+    if len(values) != len(joints):
+        raise CommandError(f"{len(values)} values; valid: {len(joints)}, for {', '.join(joints)}")
+    wrong = []
+    for joint, value, (low, high) in zip(joints, values, ranges, strict=True):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            wrong.append(f"{joint} {value!r} is not a finite number")
+        elif not low <= value <= high:
+            wrong.append(f"{joint} {value:.6g} is outside {low:.6g} to {high:.6g}")
+    if wrong:
+        raise CommandError("; ".join(wrong))
+    return [float(value) for value in values]
+
+
+def initial_setpoint(
+    values: Sequence[float] | None, joints: Sequence[str], ranges: Sequence[tuple[float, float]], where: str
+) -> list[float] | None:
+    """A setpoint that a parameter gives, if it does; arguments as above, where: its full name. Raises
+    ParameterError."""
+    try:
+        return None if values is None else check_setpoint(values, joints, ranges)
+    except CommandError as error:
+        raise ParameterError(f"{where}: {error}") from None
+
+
+class Throttle:
+    """True at a fixed rate of robot time, without drift.
 
     Args:
         rate: [Hz]; 0 means never.
@@ -123,7 +110,7 @@ class Every:
             self._next = -math.inf
 
     def due(self, time: float) -> bool:
-        """Whether a period has passed; `time`: run time [s]."""
+        """Whether a period has passed; `time`: robot time [s]."""
         if time < self._next - 1e-9:
             return False
         self._next += self._period

@@ -1,7 +1,5 @@
 """Command line: run, list, report, compare and describe."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import logging
@@ -12,53 +10,47 @@ from typing import Any
 
 import yaml
 
+from hric_bags.run_folder import RunFolder, runs_root
 from hric_control.errors import HricError
-from hric_experiments import experiment, overrides, study
-from hric_experiments.run_folder import RunFolder, runs_root
+from hric_control.parameters import read_yaml
+from hric_experiments.definition import experiment, overrides, study
 
 INTERRUPTED_CODE = 130
 DESCRIBED = {"robot": "robot", "limits": "joint_limits", "controllers": "controllers", "mocap": "mocap"}
-"""What `describe` prints as YAML, and the function of `parameters` that tells it."""
-MOCAP_NODES = ("natnet_client", "emulated_human")
-"""Parts of `mocap` that it prints by themselves: private parameters of these nodes."""
-SENSOR_NODES = ("emg", "emulated_emg", "force_plate", "emulated_plate", "synchronizer")
-"""Nodes of the sections `emg`, `force_plate` and `sync`, likewise."""
+"""What `describe` prints as YAML, and the function of `parameters` that returns it."""
+NODES = ("natnet_client", "emulated_human", "emg", "emulated_emg", "force_plate", "emulated_plate", "synchronizer")
+"""Nodes of motion capture and sensors whose private parameters it prints."""
 
 
 def run(arguments: Sequence[str]) -> int:
     """Run an experiment headless."""
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments run",
-        description="Run an experiment without a ROS master, as fast as the machine allows, and leave a run folder.",
-        epilog="overrides (or the dotted path of any key of the experiment file, e.g. robot.plant.friction:=identified):\n" + overrides.help_text(),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "experiment", help=f"one of: {', '.join(experiment.names())}; a study: {', '.join(study.names())}; or the path of a YAML file"
-    )
-    parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes to the experiment file")
-    parser.add_argument("--form", action="append", default=[], metavar="NAME", help="of a study: only this form, may be repeated")
-    parser.add_argument("--seed", type=int, default=0, help="seed of everything random (0)")
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/ of the workspace)")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar and no report, only errors and the run folder")
-    parser.add_argument("--no-figures", action="store_true", help="do not draw")
-    parser.add_argument("--html", action="store_true", help="leave report.html, too: one file with plots, tables and a replay")
-    given = _in_any_order(parser, arguments)
+    given = _in_any_order(_run_parser(), arguments)
     _log_to_terminal(given.quiet)
     if given.experiment in study.names():
         return _run_study(given)
     if given.form:
-        raise experiment.ExperimentError(f"{given.experiment} is no study, so it has no form {given.form[0]}; studies: {', '.join(study.names())}")
-    from hric_experiments import headless
+        raise experiment.ExperimentError(
+            f"{given.experiment} is no study, so it has no form {given.form[0]}; studies: {', '.join(study.names())}"
+        )
+    from hric_experiments.headless import runner as headless
 
     definition = experiment.load(given.experiment, given.overrides)
     result = headless.run(
-        definition, given.overrides, seed=given.seed, root=runs_root(given.runs), progress=not given.quiet, figures=not given.no_figures
+        definition,
+        given.overrides,
+        seed=given.seed,
+        root=runs_root(given.runs),
+        progress=not given.quiet,
+        figures=not given.no_figures,
     )
     if not given.quiet:
         print(f"\n{result.metrics['report']}")
     else:
-        print("".join(f"unstable: {reason}\n" for reason in result.metrics["stability"]["reasons"]), end="", file=sys.stderr)
+        print(
+            "".join(f"unstable: {reason}\n" for reason in result.metrics["stability"]["reasons"]),
+            end="",
+            file=sys.stderr,
+        )
     print(f"state_sha256: {result.metrics['state_sha256']}\nrun folder: {result.folder.path}")
     if given.html:
         _html(result.folder, progress=not given.quiet)
@@ -66,6 +58,37 @@ def run(arguments: Sequence[str]) -> int:
         print("interrupted; the bag holds what ran until then", file=sys.stderr)
         return INTERRUPTED_CODE
     return 0
+
+
+def _run_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "rosrun hric_experiments run",
+        description="Run an experiment without a ROS master, as fast as the machine allows, and leave a run folder.",
+        epilog="overrides (or the dotted path of any key of the experiment file, e.g. "
+        "robot.plant.friction:=identified):\n" + overrides.help_text(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "experiment",
+        help=f"one of: {', '.join(experiment.names())}; a study: {', '.join(study.names())}; or the path of a "
+        "YAML file",
+    )
+    parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes to the experiment file")
+    parser.add_argument(
+        "--form", action="append", default=[], metavar="NAME", help="of a study: only this form, may be repeated"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of everything random (0)")
+    parser.add_argument(
+        "--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/ of the workspace)"
+    )
+    parser.add_argument(
+        "--quiet", action="store_true", help="no progress bar and no report, only errors and the run folder"
+    )
+    parser.add_argument("--no-figures", action="store_true", help="do not draw")
+    parser.add_argument(
+        "--html", action="store_true", help="leave report.html, too: one file with plots, tables and a replay"
+    )
+    return parser
 
 
 def _in_any_order(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> argparse.Namespace:
@@ -81,12 +104,12 @@ def _in_any_order(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> 
 
 
 def _run_study(given: argparse.Namespace) -> int:
-    from hric_experiments import study_run
+    from hric_experiments.headless import study_run
 
-    wanted = study.load(given.experiment)
+    definition = study.load(given.experiment)
     result = study_run.run(
-        wanted,
-        wanted.chosen(given.form),
+        definition,
+        definition.chosen(given.form),
         given.overrides,
         seed=given.seed,
         root=runs_root(given.runs),
@@ -103,7 +126,7 @@ def _run_study(given: argparse.Namespace) -> int:
 
 
 def _study_pages(metrics: Mapping[str, Any], folder: Path) -> None:
-    """One page per form, with its runs laid over each other."""
+    """One page per form, with its runs overlaid on each other."""
     from hric_experiments import report_html
 
     for form, values in metrics["forms"].items():
@@ -114,7 +137,9 @@ def _study_pages(metrics: Mapping[str, Any], folder: Path) -> None:
 
 def list_experiments(arguments: Sequence[str]) -> int:
     """List the experiments."""
-    argparse.ArgumentParser("rosrun hric_experiments list", description="List the experiments of the workspace.").parse_args(list(arguments))
+    argparse.ArgumentParser(
+        "rosrun hric_experiments list", description="List the experiments of the workspace."
+    ).parse_args(list(arguments))
     names = experiment.names()
     width = max(map(len, names + study.names()), default=0)
     for name in names:
@@ -131,10 +156,14 @@ def report(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser("rosrun hric_experiments report", description=what)
     parser.add_argument("run", nargs="?", default="latest", help="run folder, its name, or latest (default)")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
-    parser.add_argument("--html", action="store_true", help="leave report.html, too: one file with plots, tables and a replay, for any browser")
+    parser.add_argument(
+        "--html",
+        action="store_true",
+        help="leave report.html, too: one file with plots, tables and a replay, for any browser",
+    )
     parser.add_argument("--no-figures", action="store_true", help="do not draw the PNG files")
     given = parser.parse_args(list(arguments))
-    from hric_experiments.analysis import analyse
+    from hric_experiments.analysis.run import analyse
 
     folder = RunFolder.open(given.run, runs_root(given.runs))
     print(analyse(folder, figures=not given.no_figures)["report"] + f"\nrun folder: {folder.path}")
@@ -151,35 +180,63 @@ def _html(folder: RunFolder, *, progress: bool = True) -> None:
 
 def compare(arguments: Sequence[str]) -> int:
     """Compare two runs of the same motion."""
-    parser = argparse.ArgumentParser(
-        "rosrun hric_experiments compare",
-        description="Compare two runs of the same motion, such as simulated and real: peak and steady difference per joint, and figures.",
-    )
-    parser.add_argument("run_a", help="run folder, its name, or latest")
-    parser.add_argument("others", nargs="+", metavar="run_b", help="the other one; with --html also more, each compared with run_a")
-    parser.add_argument("--labels", nargs="+", metavar="NAME", help="what to call them, e.g. simulated real (default: the names of their folders)")
-    parser.add_argument("--joint", help="joint shown large, by its name in run A (default: the sixth)")
-    parser.add_argument("--fit", action="store_true", help="lay the runs over each other by their positions, not by the set points' time")
-    parser.add_argument("--output", metavar="DIR", help="where to write (default: sim_vs_real_A_B in the folder of all runs)")
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
-    parser.add_argument("--no-figures", action="store_true", help="do not draw")
-    parser.add_argument("--html", action="store_true", help="leave report.html, too: one file with plots, tables and a replay of all runs")
-    given = parser.parse_args(list(arguments))
+    given = _compare_parser().parse_args(list(arguments))
     root = runs_root(given.runs)
     runs = [RunFolder.open(name, root) for name in (given.run_a, *given.others)]
     names = given.labels or [run.path.name for run in runs]
     if len(names) != len(runs):
-        raise experiment.ExperimentError(f"--labels names {len(names)} runs ({', '.join(names)}), but {len(runs)} are compared")
+        raise experiment.ExperimentError(
+            f"--labels names {len(names)} runs ({', '.join(names)}), but {len(runs)} are compared"
+        )
     if len(runs) > 2 and not given.html:
         raise experiment.ExperimentError(f"{len(runs)} runs are compared on a page only: add --html, or name two runs")
-    folder = Path(given.output).expanduser() if given.output else root / f"sim_vs_real_{'_'.join(run.path.name for run in runs)}"
+    folder = (
+        Path(given.output).expanduser()
+        if given.output
+        else root / f"sim_vs_real_{'_'.join(run.path.name for run in runs)}"
+    )
     _compare(runs, names, folder, given)
     return 0
 
 
+def _compare_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "rosrun hric_experiments compare",
+        description="Compare two runs of the same motion, such as simulated and real: peak and steady difference per "
+        "joint, and figures.",
+    )
+    parser.add_argument("run_a", help="run folder, its name, or latest")
+    parser.add_argument(
+        "others", nargs="+", metavar="run_b", help="the other one; with --html also more, each compared with run_a"
+    )
+    parser.add_argument(
+        "--labels",
+        nargs="+",
+        metavar="NAME",
+        help="what to call them, e.g. simulated real (default: the names of their folders)",
+    )
+    parser.add_argument("--joint", help="joint shown large, by its name in run A (default: the sixth)")
+    parser.add_argument(
+        "--fit",
+        action="store_true",
+        help="lay the runs over each other by their positions, not by the setpoints' time",
+    )
+    parser.add_argument(
+        "--output", metavar="DIR", help="where to write (default: sim_vs_real_A_B in the folder of all runs)"
+    )
+    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
+    parser.add_argument("--no-figures", action="store_true", help="do not draw")
+    parser.add_argument(
+        "--html",
+        action="store_true",
+        help="leave report.html, too: one file with plots, tables and a replay of all runs",
+    )
+    return parser
+
+
 def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, given: argparse.Namespace) -> None:
     """Each run with the first one."""
-    from hric_experiments.compare import compare as compare_runs
+    from hric_experiments.analysis.compare import compare as compare_runs
 
     for other, name in zip(runs[1:], names[1:], strict=True):
         pair = folder if len(runs) == 2 else folder / other.path.name
@@ -189,33 +246,35 @@ def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, give
     if given.html:
         from hric_experiments import report_html
 
-        print(f"page: {report_html.write_comparison(runs, names, folder, fit=given.fit, progress=sys.stderr.isatty()).absolute()}")
+        page = report_html.write_comparison(runs, names, folder, fit=given.fit, progress=sys.stderr.isatty())
+        print(f"page: {page.absolute()}")
 
 
 def describe(arguments: Sequence[str]) -> int:
     """Print what an experiment puts on the parameter server; launch files read it."""
-    parser = argparse.ArgumentParser("rosrun hric_experiments describe", description="Print what an experiment puts on the parameter server.")
-    parser.add_argument("what", choices=["urdf", *DESCRIBED, *MOCAP_NODES, *SENSOR_NODES], help="robot_description; parameters (YAML)")
-    parser.add_argument("experiment", help=f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or a YAML file")
+    parser = argparse.ArgumentParser(
+        "rosrun hric_experiments describe", description="Print what an experiment puts on the parameter server."
+    )
+    parser.add_argument("what", choices=["urdf", *DESCRIBED, *NODES], help="robot_description; parameters (YAML)")
+    parser.add_argument(
+        "experiment",
+        help=f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or a YAML file",
+    )
     parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes, as for run")
-    parser.add_argument("--also", action="append", default=[], metavar="KEY:=VALUE", help="print this parameter, too; may be repeated")
+    parser.add_argument(
+        "--also", action="append", default=[], metavar="KEY:=VALUE", help="print this parameter, too; may be repeated"
+    )
     parser.add_argument("--also-file", type=Path, metavar="FILE", help="print the parameters of this YAML file, too")
     given = _in_any_order(parser, arguments)
     _log_to_terminal(quiet=False)
     definition = experiment.load(given.experiment, given.overrides)
+    from hric_experiments.definition import parameters
+
     if given.what == "urdf":
-        from hric_experiments import description
-
-        print(description.load(definition.robot))
+        print(parameters.description(definition.robot))
         return 0
-    from hric_experiments import parameters
-
-    if given.what in MOCAP_NODES:
-        printed = parameters.mocap(definition).get(given.what, {})
-    elif given.what in SENSOR_NODES:
-        from hric_experiments import sensor_parameters
-
-        printed = sensor_parameters.nodes(definition).get(given.what, {})
+    if given.what in NODES:
+        printed = (parameters.mocap(definition) | parameters.sensors(definition)).get(given.what, {})
     else:
         printed = getattr(parameters, DESCRIBED[given.what])(definition)
     print(yaml.safe_dump({**printed, **_also(given.also_file, given.also)}, sort_keys=False), end="")
@@ -224,24 +283,15 @@ def describe(arguments: Sequence[str]) -> int:
 
 def _also(path: Path | None, given: Sequence[str]) -> dict[str, object]:
     """Parameters of a YAML file and of the command line."""
-    content: object = {}
-    try:
-        content = yaml.safe_load(path.read_text()) if path is not None else {}
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise experiment.ExperimentError(f"{path} cannot be read: {error}") from error
+    content: object = {} if path is None else read_yaml(path)
     if not isinstance(content, dict):
         raise experiment.ExperimentError(f"{path} must be a mapping of parameters to values")
     return content | dict(map(overrides.split, given))
 
 
-def _of(module: str) -> Callable[[Sequence[str]], int]:
-    """The command that a module of this package has as its `main`."""
-
-    def command(arguments: Sequence[str]) -> int:
-        main_of: Callable[[Sequence[str]], int] = importlib.import_module(f"hric_experiments.{module}").main
-        return main_of(arguments)
-
-    return command
+def _of(module: str, name: str = "main") -> Callable[[Sequence[str]], int]:
+    """The command that a module has under a name."""
+    return lambda arguments: int(getattr(importlib.import_module(module), name)(arguments))
 
 
 COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
@@ -250,16 +300,16 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "report": report,
     "compare": compare,
     "describe": describe,
-    "health": _of("health.command"),
-    "export": _of("export.command"),
-    "inverse_kinematics": _of("export.kinematics_command"),
-    "inverse_dynamics": _of("export.dynamics_command"),
-    "check_model": _of("check_model.command"),
+    "health": _of("hric_bags.health.command"),
+    "export": _of("hric_bags.export.command"),
+    "inverse_kinematics": _of("hric_bags.export.command", "inverse_kinematics"),
+    "inverse_dynamics": _of("hric_bags.export.command", "inverse_dynamics"),
+    "check_model": _of("hric_experiments.check_model.command"),
 }
 
 
 def main(arguments: Sequence[str]) -> int:
-    """First argument: the command. Answers the exit code; a user's mistake is one line, not a traceback."""
+    """First argument: the command. Returns the exit code; a user's mistake is one line, not a traceback."""
     try:
         return COMMANDS[arguments[0]](arguments[1:])
     except HricError as error:

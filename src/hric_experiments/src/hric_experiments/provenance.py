@@ -1,22 +1,35 @@
 """What ran: versions, revision and arguments, without names of the machine, its user or his folders."""
 
-from __future__ import annotations
-
 import contextlib
+import math
 import os
 import platform
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from hric_experiments import config
-from mocap_natnet.trial import PROGRAM as RECORDED
+from hric_bags import run_folder
+from hric_control.limits import load_limits
+from hric_control.node import Node
+from hric_control.trial.c3d import PROGRAM as RECORDED
+from hric_control.urdf import ONE_COORDINATE, read
+from hric_experiments.definition.experiment import Experiment, package_path, to_dict
 
-DISTRIBUTIONS = ("numpy", "pybullet", "opensim", "panda-python", "pylibfranka", "scipy", "xacro", "rosbags", "matplotlib")
+DISTRIBUTIONS = (
+    "numpy",
+    "pybullet",
+    "opensim",
+    "panda-python",
+    "pylibfranka",
+    "scipy",
+    "xacro",
+    "rosbags",
+    "matplotlib",
+)
 ROS_PACKAGES = ("rospy", "rosbag", "roslaunch", "kdl_parser")
 HRIC_PACKAGES = (
     "hric_control",
@@ -37,22 +50,42 @@ NOT_RECORDED = ("robot_description", "roslaunch", "run_id", "rosdistro", "rosver
 """Parameters of the master that are no settings of the run, or that name the machine."""
 
 
+def head(
+    folder: run_folder.RunFolder, definition: Experiment, overrides: Sequence[str], tree: Mapping[str, Any], **own: Any
+) -> dict[str, Any]:
+    """Contents of run.yaml when a run begins.
+
+    Args:
+        folder: of the run.
+        definition, overrides: what is run, and its overrides.
+        tree: all parameters.
+        own: further keys of live or of headless runs.
+    """
+    return {
+        "experiment": definition.name,
+        "description": definition.description,
+        **own,
+        "status": run_folder.RUNNING,
+        "started": run_folder.iso_now(),
+        "finished": None,
+        "arguments": neutral(list(overrides)),
+        "bag": folder.bag_path.name,
+        "definition": neutral(to_dict(definition)),
+        "parameters": parameters(tree),
+        "versions": versions(),
+        "revision": revision(),
+        "platform": platform_info(),
+    }
+
+
 def versions() -> dict[str, str]:
     """Versions of what a result depends on; a package that is not installed is left out."""
-    result = {"python": platform.python_version()}
-    for name in DISTRIBUTIONS:
-        try:
-            result[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return {**result, **_ros_versions()}
-
-
-def _ros_versions() -> dict[str, str]:
     import rospkg
 
-    pack = rospkg.RosPack()
-    result = {}
+    result, pack = {"python": platform.python_version()}, rospkg.RosPack()
+    for name in DISTRIBUTIONS:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            result[name] = metadata.version(name)
     for name in (*ROS_PACKAGES, *HRIC_PACKAGES):
         with contextlib.suppress(rospkg.ResourceNotFound):
             result[name] = ElementTree.parse(Path(pack.get_path(name)) / "package.xml").findtext("version", "").strip()
@@ -61,17 +94,17 @@ def _ros_versions() -> dict[str, str]:
 
 def revision(folder: Path | None = None) -> dict[str, Any] | None:
     """Git commit of the workspace and whether files differ from it; None when it is not under git."""
-    folder = folder or config.package_path()
-    commit = _git(folder, "rev-parse", "HEAD")
-    if commit is None:
+    folder = folder or package_path()
+    if (commit := _git(folder, "rev-parse", "HEAD")) is None:
         return None
-    changes = _git(folder, "status", "--porcelain", "--untracked-files=no")
-    return {"commit": commit, "dirty": bool(changes)}
+    return {"commit": commit, "dirty": bool(_git(folder, "status", "--porcelain", "--untracked-files=no"))}
 
 
 def _git(folder: Path, *arguments: str) -> str | None:
     try:
-        done = subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=False)
+        done = subprocess.run(
+            ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=False
+        )
     except (FileNotFoundError, subprocess.TimeoutExpired):
         return None
     return done.stdout.strip() if done.returncode == 0 else None
@@ -79,11 +112,17 @@ def _git(folder: Path, *arguments: str) -> str | None:
 
 def platform_info() -> dict[str, Any]:
     """Kind of machine, without its name."""
-    return {"system": platform.system(), "machine": platform.machine(), "cores": os.cpu_count(), "byte_order": sys.byteorder}
+    return {
+        "system": platform.system(),
+        "machine": platform.machine(),
+        "cores": os.cpu_count(),
+        "byte_order": sys.byteorder,
+    }
 
 
 def neutral(value: Any) -> Any:
-    """The same data with the workspace's folder written as $HRIC_WS and the home folder as ~; of a recorded trial the file's name alone."""
+    """The same data with the workspace's folder written as $HRIC_WS and the home folder as ~; of a recorded trial the
+    file's name alone."""
     if isinstance(value, str):
         for folder, name in _folders():
             value = value.replace(folder, name)
@@ -96,7 +135,7 @@ def neutral(value: Any) -> Any:
 
 
 def _folders() -> list[tuple[str, str]]:
-    workspace = os.environ.get("HRIC_WS") or str(config.package_path().parents[1])
+    workspace = str(run_folder.workspace())
     home = os.path.expanduser("~")
     return [(workspace, "$HRIC_WS")] + ([(home, "~")] if home not in ("/", "~") else [])
 
@@ -104,11 +143,40 @@ def _folders() -> list[tuple[str, str]]:
 def _without_folder(values: Mapping[str, Any]) -> dict[str, Any]:
     """A program that replays a trial, without the folder of its file."""
     path = values.get("path")
-    return {**values, "path": Path(path).name} if values.get("program") == RECORDED and isinstance(path, str) else dict(values)
+    return (
+        {**values, "path": Path(path).name}
+        if values.get("program") == RECORDED and isinstance(path, str)
+        else dict(values)
+    )
 
 
 def parameters(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """A parameter tree without descriptions, bookkeeping of ROS and names of the machine; of a recorded trial the file's name alone."""
-    kept = {key: value for key, value in tree.items() if key not in NOT_RECORDED}
-    kept = _without_folder(kept)
+    """A parameter tree without descriptions, bookkeeping of ROS and names of the machine; of a recorded trial the
+    file's name alone."""
+    kept = _without_folder({key: value for key, value in tree.items() if key not in NOT_RECORDED})
     return {key: parameters(value) if isinstance(value, Mapping) else neutral(value) for key, value in kept.items()}
+
+
+FIELDS = ("lower", "upper", "velocity", "effort", "effort_rate")
+
+
+def joint_limits(
+    urdf_xml: str, node: Node | None, joint_names: Sequence[str] | None = None
+) -> dict[str, dict[str, float]]:
+    """Limits per joint, from the description and the `joint_limits` parameters of the robot.
+
+    Args:
+        urdf_xml: robot description.
+        node: the robot's namespace; None: the description alone.
+        joint_names: which joints; None: all that move by themselves.
+
+    Returns:
+        Per joint any of lower, upper [rad], velocity [rad/s], effort [N m], effort_rate [N m/s].
+    """
+    if joint_names is None:
+        joints = read(urdf_xml).joints.values()
+        joint_names = [joint.name for joint in joints if joint.type in ONE_COORDINATE and joint.mimic is None]
+    return {
+        limits.name: {field: value for field in FIELDS if math.isfinite(value := float(getattr(limits, field)))}
+        for limits in (load_limits(urdf_xml, node, joint_names) if joint_names else ())
+    }

@@ -1,12 +1,13 @@
-"""Consecutive samples of a source that samples evenly: between drivers, filters and messages (chunk_messages). No ROS."""
-
-from __future__ import annotations
+"""Consecutive samples of a source that samples evenly, between drivers, filters and messages. No node."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from hric_control.errors import CommandError
 
 FloatArray = NDArray[np.float64]
 
@@ -42,7 +43,7 @@ class Chunk:
 
     Args:
         layout: what is sampled.
-        start: run time of the first sample [s].
+        start: robot time of the first sample [s].
         first: its running number.
         data: shape (samples, channels).
         pace: rate over that of the layout: above 1 where the run lost time, which the source did not know.
@@ -56,12 +57,12 @@ class Chunk:
 
     @property
     def rate(self) -> float:
-        """Samples per second of run time [Hz]."""
+        """Samples per second of robot time [Hz]."""
         return self.layout.rate * self.pace
 
     @property
     def times(self) -> FloatArray:
-        """Run time of each sample [s]."""
+        """Robot time of each sample [s]."""
         return self.start + np.arange(len(self.data)) / self.rate
 
     @property
@@ -101,14 +102,16 @@ class Merger:
         if self._parts:
             first = self._parts[0]
             parts, self._parts, self._count = self._parts, [], 0
-            self._on_chunk(Chunk(first.layout, first.start, first.first, np.concatenate([part.data for part in parts]), first.pace))
+            self._on_chunk(
+                Chunk(first.layout, first.start, first.first, np.concatenate([part.data for part in parts]), first.pace)
+            )
 
     def _differs(self, chunk: Chunk) -> bool:
         first = self._parts[0]
         return chunk.layout is not first.layout or chunk.pace != first.pace
 
     def _strays(self, chunk: Chunk) -> bool:
-        """Whether its time is not that which the first part foretells, by more than half a sample."""
+        """Whether its time differs from that which follows from the first part by more than half a sample."""
         rate = chunk.rate
         return abs(self._parts[0].start + self._count / rate - chunk.start) > 0.5 / rate
 
@@ -117,3 +120,45 @@ def cut(chunk: Chunk, count: int) -> tuple[Chunk, Chunk]:
     """The first `count` samples, and the others."""
     rest = replace(chunk, start=chunk.start + count / chunk.rate, first=chunk.first + count, data=chunk.data[count:])
     return replace(chunk, data=chunk.data[:count]), rest
+
+
+def chunk_message(chunk: Chunk) -> Any:
+    """hric_msgs/SampleChunk. The start must not lie before the time 0."""
+    # Here, as exports use chunks where there is no ROS.
+    from std_msgs.msg import Header
+
+    from hric_control.robot_time import stamps
+    from hric_msgs.msg import SampleChunk
+
+    layout = chunk.layout
+    return SampleChunk(
+        header=Header(stamp=stamps.to_time(chunk.start), frame_id=layout.frame),
+        source=layout.source,
+        channels=list(layout.channels),
+        unit=layout.unit,
+        rate=chunk.rate,
+        first_sample=chunk.first,
+        data=chunk.data.ravel().tolist(),
+    )
+
+
+def read_chunk(message: Any) -> Chunk:
+    """The other direction of `chunk_message`.
+
+    Raises:
+        CommandError: no rate, or the data are no whole number of samples.
+    """
+    channels = tuple(message.channels)
+    if not channels or len(message.data) % len(channels) or not message.rate > 0:
+        raise CommandError(
+            f"{len(message.data)} values of {len(channels)} channels at {message.rate:g} Hz; valid: whole samples "
+            "at a rate above 0"
+        )
+    words = message.unit.split() or ["-"]
+    units = tuple(
+        "" if word == "-" else word.replace("*", " ")
+        for word in (words if len(words) == len(channels) else [words[0]] * len(channels))
+    )
+    layout = Layout(message.source, channels, units, message.rate, message.header.frame_id)
+    data = np.asarray(message.data, dtype=float).reshape(-1, len(channels))
+    return Chunk(layout, message.header.stamp.to_sec(), message.first_sample, data)

@@ -1,71 +1,56 @@
-"""An emulated sensor that samples evenly: which samples are due, and what goes wrong with them. No ROS, no transport."""
-
-from __future__ import annotations
+"""An emulated sensor that samples evenly: which samples are due, what goes wrong with them, and the thread that sends
+them. No ROS, no transport."""
 
 import math
+import threading
+import time
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hric_control.errors import ParameterError
+from hric_control.parameters import Settings, flag, listing, number, numbers
+from hric_control.robot_time.stream_time import Clock
 from hric_perception.chunk import FloatArray
-from hric_perception.section import Section
 
 BLOCK = 256
 """Samples per block of random numbers, so that they do not depend on when samples are fetched."""
 LATE = 1.0
-"""A sensor that is this far behind goes on from now [s] (our choice)."""
-FAULT_KEYS = ("noise", "bias", "delay", "dropouts", "dropout_rate", "dropout_length", "no_numbers", "time_code")
+"""A sensor that is this far behind goes on from now [s] (project default, unconfirmed)."""
+NS = 1e-9
+PERIOD = 0.01
+"""Between sendings [s of wall time] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
-class Faults:
-    """What is wrong with the samples; all of it repeats with the seed.
+class Faults(Settings):
+    """What is wrong with the samples; all of it repeats with the seed. seed: of all that is random."""
 
-    Args:
-        noise: white, standard deviation [unit of the channel].
-        bias: added [unit of the channel].
-        delay: from a sample to its sending, beside the time stamp [s].
-        dropouts: (begin, duration) [s of run time] in which nothing is sent; the numbers of the samples go on.
-        dropout_rate: random ones per second [1/s].
-        dropout_length: their mean duration [s].
-        no_numbers: (begin, duration) [s of run time] in which the first channel is NaN.
-        time_code: whether one channel tells the run time of its sample [s].
-        seed: of all that is random.
-    """
-
-    noise: float = 0.0
-    bias: float = 0.0
-    delay: float = 0.0
-    dropouts: tuple[tuple[float, float], ...] = ()
-    dropout_rate: float = 0.0
-    dropout_length: float = 0.05
-    no_numbers: tuple[tuple[float, float], ...] = ()
-    time_code: bool = False
-    seed: int = 0
-
-
-def read_faults(section: Section, seed: int) -> Faults:
-    """The faults of a mapping. Raises HricError."""
-    section.only(*FAULT_KEYS)
-    time_code = section.content.get("time_code", False)
-    if not isinstance(time_code, bool):
-        raise ParameterError(f"{section.where}.time_code is {time_code!r}; valid: true or false")
-    return Faults(
-        noise=section.number("noise", 0.0, 0.0),
-        bias=section.number("bias", 0.0),
-        delay=section.number("delay", 0.0, 0.0, 5.0),
-        dropouts=tuple((row[0], row[1]) for row in section.rows("dropouts", 2)),
-        dropout_rate=section.number("dropout_rate", 0.0, 0.0, 100.0),
-        dropout_length=section.number("dropout_length", 0.05, 0.0, 60.0),
-        no_numbers=tuple((row[0], row[1]) for row in section.rows("no_numbers", 2)),
-        time_code=time_code,
-        seed=seed,
+    noise: float = number(0.0, minimum=0.0, unit="unit of the channel", text="white, standard deviation")
+    bias: float = number(0.0, unit="unit of the channel", text="added")
+    delay: float = number(
+        0.0, minimum=0.0, maximum=5.0, unit="s", text="from a sample to its sending, beside the time stamp"
     )
+    dropouts: tuple[tuple[float, float], ...] = listing(
+        numbers(2),
+        default=(),
+        unit="s of robot time",
+        text="begin and duration of times in which nothing is sent; the numbers of the samples go on",
+    )
+    dropout_rate: float = number(0.0, minimum=0.0, maximum=100.0, unit="1/s", text="of random ones")
+    dropout_length: float = number(0.05, minimum=0.0, maximum=60.0, unit="s", text="their mean duration")
+    not_finite: tuple[tuple[float, float], ...] = listing(
+        numbers(2),
+        default=(),
+        name="no_numbers",
+        unit="s of robot time",
+        text="begin and duration of times in which the first channel is NaN",
+    )
+    time_code: bool = flag(False, text="whether one channel is robot time of its sample [s]")
+    seed: int = 0
 
 
 class Samples(NamedTuple):
@@ -85,7 +70,7 @@ Signal = Callable[[int, FloatArray], FloatArray]
 
 
 class EvenSensor:
-    """Sample k is taken at the run time k / rate.
+    """Sample k is taken at robot time k / rate.
 
     Args:
         rate: [Hz].
@@ -110,9 +95,9 @@ class EvenSensor:
         return self._next or 0
 
     def due(self, now: float) -> list[Samples]:
-        """What is to be sent at a run time [s]: consecutive samples, a drop-out between them.
+        """What is to be sent at a robot time [s]: consecutive samples, a drop-out between them.
 
-        The first call begins; one that is earlier by LATE, in a run that began anew, begins again.
+        The first call begins; one that is earlier by LATE, in a run that began again, begins again.
         """
         last = math.floor((now - self.faults.delay) * self.rate + 1e-6)
         if self._next is None or abs(last - self._next) > LATE * self.rate:
@@ -134,7 +119,7 @@ class EvenSensor:
         data = self._signal(int(numbers[0]), times) + faults.bias
         if faults.noise:
             data += faults.noise * self._noise.values(int(numbers[0]), len(numbers))
-        data[_within(times, faults.no_numbers), 0] = np.nan
+        data[_within(times, faults.not_finite), 0] = np.nan
         return np.column_stack([data, times]) if faults.time_code else data
 
     def _out(self, times: FloatArray) -> NDArray[np.bool_]:
@@ -147,10 +132,12 @@ class BlockNoise:
     Args:
         channels: columns.
         seed: and which of its streams.
-        shape_block: what becomes of a block, called in their order from wherever the first one asked for lies; None: nothing.
+        shape_block: filters a block; called in the order of the blocks, from the first one requested; None: no filter.
     """
 
-    def __init__(self, channels: int, seed: int, stream: int = 1, shape_block: Callable[[FloatArray], FloatArray] | None = None) -> None:
+    def __init__(
+        self, channels: int, seed: int, stream: int = 1, shape_block: Callable[[FloatArray], FloatArray] | None = None
+    ) -> None:
         self._channels, self._key, self._shape = channels, (seed, stream), shape_block
         self._blocks: dict[int, FloatArray] = {}
 
@@ -197,3 +184,72 @@ def _within(times: FloatArray, spans: tuple[tuple[float, float], ...] | list[tup
     for begin, duration in spans:
         inside |= (times >= begin) & (times < begin + duration)
     return inside
+
+
+class Outlet(Protocol):
+    """Where the samples go."""
+
+    def push(self, times: FloatArray, data: FloatArray) -> None:
+        """Send: monotonic times, shape (n,) [s]; data, shape (n, channels)."""
+
+    def close(self) -> None:
+        """No more."""
+
+
+class Emulator:
+    """Runs from `start` to `close`.
+
+    Args:
+        sensor: what is sampled.
+        outlet: where it goes.
+        clock: by which it goes: a `RobotTime`, or a wall clock.
+        period: between sendings [s of wall time].
+        on_error: called once with the reason when sending ends.
+        on_sent: called after each sending with (number of the next sample, samples sent so far, robot time of the last
+            one [s]).
+    """
+
+    def __init__(
+        self,
+        sensor: EvenSensor,
+        outlet: Outlet,
+        clock: Clock,
+        period: float = PERIOD,
+        on_error: Callable[[str], None] = lambda text: None,
+        on_sent: Callable[[int, int, float], None] = lambda following, sent, last: None,
+    ) -> None:
+        self._sensor, self._outlet, self._clock, self._period, self._on_error = sensor, outlet, clock, period, on_error
+        self._on_sent = on_sent
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="emulated sensor", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End."""
+        self._stop.set()
+        self._thread.join(2.0)
+        self._outlet.close()
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._stop.wait(max(0.0, due - time.monotonic())):
+            due = max(due + self._period, time.monotonic())
+            now = self._clock.now()
+            if now is None:
+                continue
+            try:
+                self._send(now)
+            except OSError as error:
+                self._on_error(str(error))
+                return
+
+    def _send(self, now: float) -> None:
+        for samples in self._sensor.due(now):
+            first, last = (self._clock.monotonic(float(samples.times[index])) for index in (0, -1))
+            if first is not None and last is not None:
+                self._outlet.push(np.linspace(first * NS, last * NS, len(samples.times)), samples.data)
+        sensor = self._sensor
+        self._on_sent(sensor.following, sensor.sent, (sensor.following - 1) / sensor.rate)

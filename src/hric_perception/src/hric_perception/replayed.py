@@ -1,38 +1,74 @@
-"""Samples of a recorded trial as what an emulated sensor measures. No ROS."""
-
-from __future__ import annotations
+"""What an emulated sensor measures: values received until now, or the samples of a recorded trial. No ROS."""
 
 import math
+import threading
+from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from hric_control.errors import HricError, ParameterError
+from hric_control.parameters import Settings, names, number, refused, text, whole
+from hric_control.trial.c3d import Trial, read_trial, resolve
+from hric_control.trial.plates import interpolated
 from hric_perception.chunk import FloatArray
-from hric_perception.section import Section
-from mocap_natnet.trial import Trial, read_trial, resolve
-from mocap_natnet.trial_plates import interpolated
 
+HISTORY = 5.0
+"""Span of the values that a track keeps [s] (project default, unconfirmed)."""
 START_TOPIC = "/hric/human/start"
-"""Tells by its stamp the run time at which the emulated human's program begins."""
+"""Its stamp is the robot time at which the emulated human's program begins."""
 START_DELAY = 0.2
-"""So long after a sample was taken it is known whether the human had begun [s] (default chosen by this project, unconfirmed)."""
-KEYS = ("program", "path", "begin")
-"""Of each mapping that replays a trial."""
+"""So long after a sample was taken it is known whether the human had begun [s] (default chosen by this project,
+unconfirmed)."""
+
+
+class Track:
+    """Values at rising times, straight lines between them; before the first and after the last they are constant.
+    From any thread.
+
+    Args:
+        count: of columns; all 0 before the first values.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count, self._lock = count, threading.Lock()
+        self._rows: deque[tuple[float, FloatArray]] = deque()
+
+    def add(self, time: float, values: FloatArray) -> None:
+        """One more [s], shape (columns,); an earlier time begins again, the same one replaces."""
+        with self._lock:
+            if self._rows and time < self._rows[-1][0]:
+                self._rows.clear()
+            elif self._rows and time == self._rows[-1][0]:
+                self._rows.pop()
+            self._rows.append((time, values))
+            while self._rows[0][0] < time - HISTORY:
+                self._rows.popleft()
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Shape (n, columns)."""
+        with self._lock:
+            rows = list(self._rows)
+        if not rows:
+            return np.zeros((len(times), self._count))
+        known = np.array([time for time, _ in rows])
+        values = np.array([row for _, row in rows])
+        return np.column_stack([np.interp(times, known, values[:, column]) for column in range(self._count)])
 
 
 class Replayed:
-    """Samples of a trial, replayed from a run time on, on straight lines between them.
+    """Samples of a trial, replayed from a robot time on, on straight lines between them.
 
     Args:
         samples: taken at k / rate, shape (n, channels).
         rate: [Hz].
-        begin: run time of the trial's first sample [s]; None: not known yet, see `start`.
+        begin: robot time of the trial's first sample [s]; None: not known yet, see `start`.
         holds: whether the first and the last sample stay before and after the trial; else nothing is there but zeros.
     """
 
     def __init__(self, samples: FloatArray, rate: float, begin: float | None, holds: bool) -> None:
-        self._samples, self._rate, self._holds = samples, rate, holds
+        self._samples, self._rate, self._constant_ends = samples, rate, holds
         self._begin = math.inf if begin is None else begin
 
     @property
@@ -41,7 +77,7 @@ class Replayed:
         return self._begin == math.inf
 
     def start(self, begin: float) -> None:
-        """The trial begins at a run time [s]."""
+        """The trial begins at a robot time [s]."""
         self._begin = begin
 
     def __call__(self, first: int, times: FloatArray) -> FloatArray:
@@ -49,62 +85,64 @@ class Replayed:
         return self.at(times)
 
     def at(self, times: FloatArray) -> FloatArray:
-        """Shape (channels,) for each run time, shape (n,) [s]."""
+        """Shape (channels,) for each robot time, shape (n,) [s]."""
         since = np.asarray(times) - self._begin
         found = interpolated(since, self._rate, self._samples)
-        if not self._holds:
+        if not self._constant_ends:
             found[(since < 0) | (since * self._rate > len(self._samples) - 1)] = 0.0
         return found
 
 
-def read_file(section: Section) -> Trial:
-    """The trial that a mapping names: `path`, `up`. Raises HricError."""
-    if not section.text("path"):
-        raise ParameterError(f"{section.where}.path is not given; valid: a c3d file, path or package:// address")
-    try:
-        return read_trial(resolve(section.text("path")), section.text("up"))
-    except HricError as error:
-        raise ParameterError(f"{section.where}: {error}") from error
+@dataclass(frozen=True)
+class TrialSettings(Settings):
+    """Which trial."""
+
+    path: str = text(valid="a c3d file, path or package:// address,", empty=False)
+    up: str = text("")
+
+    def trial(self) -> Trial:
+        """The trial. Raises ParameterError."""
+        try:
+            return read_trial(resolve(self.path), self.up)
+        except HricError as error:
+            raise ParameterError(f"{self.prefix}path: {error}") from error
 
 
-def read_emg(section: Section, names: Sequence[str]) -> Replayed:
-    """Channels of EMG [V], silent before and after the trial.
+@dataclass(frozen=True)
+class RecordedEmg(TrialSettings):
+    """The program c3d of emulated muscles."""
 
-    Args:
-        section: `path`, `channels`: of the file, one for each of `names`; not given: those of the same names; `begin`: run time [s].
-        names: of the muscles.
+    channels: tuple[str, ...] | None = names(None, None)
+    begin: float | None = number(None, minimum=0.0, unit="s")
 
-    Raises:
-        HricError: a value that cannot be.
-    """
-    section.only(*KEYS, "channels")
-    trial = read_file(section)
-    channels = section.texts("channels") if "channels" in section.content else list(names)
-    if len(channels) != len(names):
-        raise ParameterError(f"{section.where}.channels has {len(channels)} names; valid: {len(names)}, one for each of {', '.join(names)}")
-    try:
-        return Replayed(np.nan_to_num(trial.volts(channels)), trial.analog_rate, _begin(section), holds=False)
-    except HricError as error:
-        raise ParameterError(f"{section.where}.channels: {error}") from error
-
-
-def read_load(section: Section) -> Replayed:
-    """What pressed on a plate of a trial, in its frame with z up [N, N m]; the first and last load stay.
-
-    Args:
-        section: `path`, `plate`: its number in the file (1), `up`, `begin`: run time [s].
-
-    Raises:
-        HricError: a value that cannot be.
-    """
-    section.only(*KEYS, "plate", "up")
-    trial, number = read_file(section), section.whole("plate", 1, 0, 1000)
-    try:
-        plate = trial.plate(number)
-    except HricError as error:
-        raise ParameterError(f"{section.where}.plate: {error}") from error
-    return Replayed(np.nan_to_num(plate.load), plate.rate, _begin(section), holds=True)
+    def replayed(self, muscles: Sequence[str]) -> Replayed:
+        """Channels of EMG [V], silent before and after the trial, one for each of the muscles. Raises
+        ParameterError."""
+        channels = self.channels or tuple(muscles)
+        if len(channels) != len(muscles):
+            raise refused(
+                f"{self.prefix}channels", list(channels), f"{len(muscles)} names, one for each of {', '.join(muscles)}"
+            )
+        trial = self.trial()
+        try:
+            return Replayed(np.nan_to_num(trial.volts(channels)), trial.analog_rate, self.begin, holds=False)
+        except HricError as error:
+            raise ParameterError(f"{self.prefix}channels: {error}") from error
 
 
-def _begin(section: Section) -> float | None:
-    return section.number("begin", 0.0, 0.0) if "begin" in section.content else None
+@dataclass(frozen=True)
+class RecordedLoad(TrialSettings):
+    """The program c3d of an emulated plate."""
+
+    plate: int = whole(1, minimum=0, maximum=1000)
+    begin: float | None = number(None, minimum=0.0, unit="s")
+
+    def replayed(self) -> Replayed:
+        """What pressed on a plate of a trial, in its frame with z up [N, N m]; the first and last load stay. Raises
+        ParameterError."""
+        trial = self.trial()
+        try:
+            plate = trial.plate(self.plate)
+        except HricError as error:
+            raise ParameterError(f"{self.prefix}plate: {error}") from error
+        return Replayed(np.nan_to_num(plate.load), plate.rate, self.begin, holds=True)

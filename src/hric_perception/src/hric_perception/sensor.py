@@ -1,111 +1,174 @@
 """What the nodes of all sensors that stream samples share: parameters, the time of the run, a driver, diagnostics."""
 
-from __future__ import annotations
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, Protocol
 
-from collections.abc import Callable
-from typing import Protocol
-
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
-from hric_control.errors import ParameterError
-from hric_control.ros_node import RosNode
-from hric_perception.chunk import Chunk, Layout
-from hric_perception.diagnostics import Reporter
-from hric_perception.health import OK, WARN, Health, StreamHealth
+from hric_control.node import Node
+from hric_control.parameters import number, whole
+from hric_control.robot_time.follower import RobotTime
+from hric_control.ros import RosNode
+from hric_control.ros.process import NodeApp
+from hric_perception.chunk import Chunk
+from hric_perception.emulation import PERIOD, Emulator, EvenSensor, Faults, Outlet
 from hric_perception.replayed import START_DELAY, START_TOPIC, Replayed
-from hric_perception.section import Section
-from hric_perception.stream import SampleStream
-from mocap_natnet.run_time import RunTime
+from hric_perception.sent import SentCounts
+from hric_perception.stream import ERROR, OK, WARN, Driver, Health, SampleStream, StreamHealth
 
-CHUNK = 0.01
-"""Duration of a message [s] (our choice)."""
+CHUNK: Any = number(0.01, minimum=0.0, maximum=1.0, unit="s", name="chunk", text="duration of a message")
+"""Project default, unconfirmed."""
+SEED: Any = whole(0, minimum=0, name="seed", text="of all that is random")
+BLOCK: Any = number(PERIOD, minimum=0.001, maximum=1.0, unit="s", name="block", text="of wall time between sendings")
 
 
-class Driver(Protocol):
-    """Reads a device in a thread of its own."""
-
-    def start(self) -> None:
-        """Begin."""
+class Closable(Protocol):
+    """What sends the samples of an emulated sensor."""
 
     def close(self) -> None:
         """End."""
 
 
-MakeDriver = Callable[[Section, SampleStream, StreamHealth, Callable[[Layout], Layout]], Driver]
-"""(its parameters, gets the samples, is told of trouble, may refuse or change a layout) -> a driver that has not begun."""
+MakeDriver = Callable[[SampleStream, StreamHealth], Driver]
+"""(gets the samples, is informed of trouble) -> a driver that has not begun."""
 
 
-class Sensor:
-    """From the parameters of a node to chunks.
+class SensorNode(NodeApp):
+    """From a driver to chunks, from the construction on; a subclass overrides `_on_chunk`.
 
     Args:
         node: private node.
-        sources: drivers by the value of the parameter `source`.
-        on_chunk: gets the chunks, in the driver's thread.
-        choose: may change or refuse the layout of a source.
+        source: what the driver is called.
+        chunk: duration of a message [s].
+        make_driver: makes it.
 
     Raises:
-        HricError: a parameter is not valid.
+        HricError: the driver cannot be had.
     """
 
-    def __init__(self, node: RosNode, sources: dict[str, MakeDriver], on_chunk: Callable[[Chunk], None], choose: Callable[[Layout], Layout]) -> None:
+    def __init__(self, node: RosNode, source: str, chunk: float, make_driver: MakeDriver) -> None:
         self._reporter = Reporter(node, "stream")
-        whole = section_of(node, "source", "chunk", *sources)
-        source = whole.text("source", next(iter(sources)), tuple(sources))
-        self.health = StreamHealth(f"a stream by {source}")
-        self.run_time = RunTime(node)
-        self._stream = SampleStream(self.run_time.run_time, self.health, on_chunk, whole.number("chunk", CHUNK, 0.0, 1.0))
+        self._health = StreamHealth(f"a stream by {source}")
+        self._robot_time = RobotTime(node)
+        self._stream = SampleStream(self._robot_time.robot_time, self._health, self._on_chunk, chunk)
         try:
-            self._driver = sources[source](whole.section(source), self._stream, self.health, choose)
+            self._driver = make_driver(self._stream, self._health)
         except Exception:
-            self.run_time.close()
+            self._robot_time.close()
             raise
-
-    def start(self) -> None:
-        """Begin."""
         self._driver.start()
 
     def tick(self) -> None:
-        """Once a second.
-
-        Raises:
-            HricError: the run is not paced.
-        """
-        self.run_time.tick()
-        health = self.health.report(self.run_time.standing)
-        health.values.update({"time of the run from": self.run_time.source, "before the run's time was known": str(self._stream.untimed)})
+        """Report. Raises HricError in a run that is not paced."""
+        self._robot_time.tick()
+        health = self._health.report(self._robot_time.standing)
+        health.values.update(
+            {
+                "time of the run from": self._robot_time.source,
+                "before the run's time was known": str(self._stream.untimed),
+            }
+        )
         self._reporter.report(health)
 
     def close(self) -> None:
         """End."""
         self._driver.close()
-        self.run_time.close()
+        self._robot_time.close()
+
+    def _on_chunk(self, chunk: Chunk) -> None:
+        """Publish a chunk; called in the driver's thread."""
+        raise NotImplementedError
 
 
-def follow_human(node: RosNode, replayed: Replayed, faults: Section) -> None:
-    """Let a trial whose beginning is not given begin with the emulated human; its samples are held back until it is certain that he had not begun."""
-    if replayed.waits:
-        faults.content.setdefault("delay", START_DELAY)
-        node.subscribe(START_TOPIC, Header, lambda message: replayed.start(message.stamp.to_sec()))
+class EmulatedNode(NodeApp):
+    """An emulated sensor; a subclass starts what sends, in its constructor.
+
+    Args:
+        node: private node.
+        replayed: trial that the sensor replays, if any.
+
+    Attributes:
+        robot_time: by which it goes.
+    """
+
+    def __init__(self, node: RosNode, replayed: Replayed | None) -> None:
+        self._node, self._replayed = node, replayed
+        self.robot_time, self._reporter = RobotTime(node), Reporter(node, "stream")
+        self._sensor: EvenSensor | None = None
+        self._source: Closable
+
+    def tick(self) -> None:
+        """Report. Raises HricError in a run that is not paced."""
+        self.robot_time.tick()
+        sensor, replayed = self._sensor, self._replayed
+        values = {} if sensor is None else {"samples sent": str(sensor.sent), "samples dropped": str(sensor.dropped)}
+        if self.robot_time.standing:
+            health = Health(WARN, "the run is paused or has not begun", values)
+        elif replayed is not None and replayed.waits:
+            health = Health(OK, f"streams; the trial begins with the emulated human, {START_TOPIC}", values)
+        else:
+            health = Health(OK, "streams", values)
+        self._reporter.report(health)
+
+    def close(self) -> None:
+        """End."""
+        self._source.close()
+        self.robot_time.close()
+
+    def _send(self, sensor: EvenSensor, outlet: Outlet, source: str, block: float) -> None:
+        """Send samples from now on.
+
+        Args:
+            sensor: what is sampled.
+            outlet: where the samples go.
+            source: what the driver's messages call it.
+            block: of wall time between sendings [s].
+        """
+        counts = SentCounts(self._node, source, "samples", sensor.rate)
+        emulator = Emulator(sensor, outlet, self.robot_time, block, self._node.log_error, counts.publish)
+        self._sensor, self._source = sensor, emulator
+        emulator.start()
 
 
-def emulated_health(standing: bool, replayed: Replayed | None, values: dict[str, str]) -> Health:
-    """What an emulated device tells: standing: whether the run's time does; replayed: the trial that it replays, if any."""
-    if standing:
-        return Health(WARN, "the run is paused or has not begun", values)
-    waits = replayed is not None and replayed.waits
-    return Health(OK, f"streams; the trial begins with the emulated human, {START_TOPIC}" if waits else "streams", values)
+def faults_of(given: Mapping[str, Any], where: str, seed: int, delay: float = 0.0) -> Faults:
+    """The faults of an emulated device; delay: where they give none [s]. Raises ParameterError."""
+    return replace(Faults.of({"delay": delay, **given}, where), seed=seed)
 
 
-def section_of(node: RosNode, *names: str) -> Section:
-    """Private parameters as a mapping; those that are not set are not in it."""
-    given = {name: node.param(name, None) for name in names}
-    return Section(node.namespace, {name: value for name, value in given.items() if value is not None})
+def follow_human(node: RosNode, replayed: Replayed) -> float:
+    """Let a trial whose beginning is not given begin with the emulated human.
+
+    Returns:
+        how long its samples are held back, until it is certain that he had not begun [s].
+    """
+    if not replayed.waits:
+        return 0.0
+    node.subscribe(START_TOPIC, Header, lambda message: replayed.start(message.stamp.to_sec()))
+    return START_DELAY
 
 
-def seed_of(node: RosNode) -> int:
-    """The parameter `seed`. Raises ParameterError."""
-    seed = node.param("seed", 0)
-    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
-        raise ParameterError(f"{node.resolve('seed')} is {seed!r}; valid: a whole number, 0 or more")
-    return seed
+class Reporter:
+    """Of one stream.
+
+    Args:
+        node: private node; names the status.
+        what: what the status is about, e.g. "stream".
+    """
+
+    def __init__(self, node: Node, what: str) -> None:
+        self._node, self._name = node, f"{node.namespace.strip('/')}: {what}"
+        self._publisher = node.advertise("/diagnostics", DiagnosticArray)
+        self._level = OK
+
+    def report(self, health: Health) -> None:
+        """Publish; log where the level changed."""
+        if health.level != self._level:
+            self._level = health.level
+            {OK: self._node.log_info, WARN: self._node.log_warn, ERROR: self._node.log_error}[health.level](health.text)
+        message = DiagnosticArray()
+        message.header.stamp = self._node.now()
+        pairs = [KeyValue(key, value) for key, value in health.values.items()]
+        message.status.append(DiagnosticStatus(health.level, self._name, health.text, "", pairs))
+        self._publisher.publish(message)

@@ -1,16 +1,14 @@
-"""Tells what an emulated source has sent, so that a recording can be held against it."""
-
-from __future__ import annotations
+"""Publishes what an emulated source has sent, so that a recording can be compared with it."""
 
 import time
 
-from hric_control import stamps
 from hric_control.node import Node
+from hric_control.robot_time import stamps
 from hric_msgs.msg import SourceCount
 
 TOPIC = "/hric/perception/sent"
 PERIOD = 0.1
-"""Between messages [s of wall time] (our choice)."""
+"""Between messages [s of wall time] (project default, unconfirmed)."""
 
 
 class SentCounts:
@@ -20,26 +18,26 @@ class SentCounts:
         node: publishes.
         source: as in the driver's messages; "": the frames of the motion capture.
         counts: what is numbered: samples or frames.
-        rate: per second of run time [Hz].
+        rate: per second of robot time [Hz].
     """
 
     def __init__(self, node: Node, source: str, counts: str, rate: float) -> None:
         self._publisher = node.advertise(TOPIC, SourceCount, queue_size=100)
         self._source, self._counts, self._rate = source, counts, rate
-        self._told = 0.0
+        self._published = 0.0
 
-    def tell(self, following: int, sent: int, last: float) -> None:
+    def publish(self, following: int, sent: int, last: float) -> None:
         """Publish, where the last time is long enough ago.
 
         Args:
             following: number of the next sample.
             sent: samples sent so far; all of them are on the wire.
-            last: run time of the last one [s].
+            last: robot time of the last one [s].
         """
         now = time.monotonic()
-        if now - self._told < PERIOD or last < 0.0:
+        if now - self._published < PERIOD or last < 0.0:
             return
-        self._told = now
+        self._published = now
         message = SourceCount(source=self._source, counts=self._counts, next=following, sent=sent, rate=self._rate)
         message.header.stamp = stamps.to_time(last)
         self._publisher.publish(message)

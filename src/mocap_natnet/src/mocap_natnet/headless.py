@@ -1,26 +1,26 @@
-"""The emulated Motive and the publisher in one process, without sockets: through the same encoder and decoder, the same for each seed."""
-
-from __future__ import annotations
+"""The emulated Motive and the publisher in one process, without sockets: through the same encoder and decoder, the same
+for each seed."""
 
 from collections import deque
 
 from hric_control.errors import ParameterError
 from mocap_natnet.client import Received
 from mocap_natnet.codec import Codec
-from mocap_natnet.publisher import MocapPublisher
+from mocap_natnet.node.publisher import MocapPublisher
 from mocap_natnet.server import Motive
 
 NS = 1_000_000_000
 
 
 class HeadlessMocap:
-    """Publishes each frame when its latency is over, at the time of the run. The publisher's `run_time` is `headless.run_time`.
+    """Publishes each frame when its latency is over, at the time of the run. The publisher's `robot_time` is
+    `headless.robot_time`.
 
-    A source that looks at a simulation is asked at the first `advance` that reaches the middle of the exposure.
+    A source that looks at a simulation is called at the first `advance` that reaches the middle of the exposure.
 
     Args:
         motive: what is seen.
-        publisher: what is told.
+        publisher: publishes what is seen.
         begin: time of the run at which the stream begins [s].
 
     Raises:
@@ -51,6 +51,6 @@ class HeadlessMocap:
             self._publisher.publish(Received(frame, round(due * NS), round(exposed * NS), "mid-exposure"))
 
 
-def run_time(monotonic: int) -> float:
+def robot_time(monotonic: int) -> float:
     """Headless, both clocks are one [ns] -> [s]."""
     return monotonic / NS

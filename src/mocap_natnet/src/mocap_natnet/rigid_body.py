@@ -1,23 +1,19 @@
 """The pose of a rigid body from its markers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hric_control.errors import CommandError
-from hric_control.poses import quaternion
-from mocap_natnet.codec.types import Vector
-from mocap_natnet.poses import Pose, multiply
+from hric_control.geometry import FloatArray, Pose, Vector, quaternion_from_rotation
 
 COLLINEAR = 0.05
-"""Markers count as being on one line when their second extent is below this share of the first (our choice)."""
+"""Markers count as being on one line when their second extent is below this share of the first (project default,
+unconfirmed)."""
 
 
 class Fit:
-    """The pose that brings marker positions of a body closest to where they were seen (Kabsch 1976, with the sign of the determinant).
+    """The pose of a body from its markers, by `poses_of_points`.
 
     Args:
         in_body: marker positions in the body, shape (n, 3), n >= 3 [m].
@@ -31,28 +27,43 @@ class Fit:
         CommandError: fewer than three markers, markers on one line, or numbers that are not finite.
     """
 
-    def __init__(self, in_body: Sequence[Vector] | NDArray[np.float64], seen: Sequence[Vector] | NDArray[np.float64]) -> None:
+    def __init__(self, in_body: Sequence[Vector] | FloatArray, seen: Sequence[Vector] | FloatArray) -> None:
         p, q = np.asarray(in_body, float), np.asarray(seen, float)
         if p.shape != q.shape or p.ndim != 2 or p.shape[1] != 3 or len(p) < 3:
             raise CommandError(f"a pose needs three or more pairs of points, got shapes {p.shape} and {q.shape}")
         if not (np.isfinite(p).all() and np.isfinite(q).all()):
             raise CommandError("a pose needs finite points")
-        centre_p, centre_q = p.mean(axis=0), q.mean(axis=0)
-        for points, what in ((p - centre_p, "in the body"), (q - centre_q, "as seen")):
-            extents = np.linalg.svd(points, compute_uv=False)
-            if extents[1] <= COLLINEAR * extents[0]:
-                raise CommandError(f"a pose needs points that are not on one line; {what} they are: place one farther aside")
-        u, _, vt = np.linalg.svd((p - centre_p).T @ (q - centre_q))
-        sign = np.sign(np.linalg.det(vt.T @ u.T))
-        R = vt.T @ np.diag([1.0, 1.0, sign]) @ u.T
-        position = centre_q - R @ centre_p
-        self.pose = Pose((float(position[0]), float(position[1]), float(position[2])), quaternion(R))
+        for points, what in ((p, "in the body"), (q, "as seen")):
+            if on_one_line(points):
+                raise CommandError(
+                    f"a pose needs points that are not on one line; {what} they are: place one farther aside"
+                )
+        (position,), (R,) = poses_of_points(p, q[None])
+        x, y, z = position.tolist()
+        self.pose = Pose((x, y, z), quaternion_from_rotation(R))
         self.rms = float(np.sqrt(np.mean(np.sum((p @ R.T + position - q) ** 2, axis=1))))
 
 
-def inverse(pose: Pose) -> Pose:
-    """T_b_a of T_a_b."""
-    x, y, z, w = pose.orientation
-    back = (-x, -y, -z, w)
-    v = multiply(multiply(back, (*pose.position, 0.0)), pose.orientation)
-    return Pose((-v[0], -v[1], -v[2]), back)
+def poses_of_points(in_body: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The poses that bring points of a body closest to where they were seen (Kabsch 1976, with the sign of the
+    determinant).
+
+    Args:
+        in_body: shape (n, 3) [m].
+        seen: the same points in each frame, shape (frames, n, 3) [m].
+
+    Returns:
+        Positions, shape (frames, 3) [m], and rotations, shape (frames, 3, 3), of the body.
+    """
+    centre_body, centre_measured = in_body.mean(axis=0), seen.mean(axis=1)
+    u, _, vt = np.linalg.svd(np.einsum("mi,fmj->fij", in_body - centre_body, seen - centre_measured[:, None]))
+    v, ut = np.swapaxes(vt, 1, 2), np.swapaxes(u, 1, 2)
+    v[:, :, 2] *= np.sign(np.linalg.det(v @ ut))[:, None]
+    R = v @ ut
+    return centre_measured - R @ centre_body, R
+
+
+def on_one_line(points: FloatArray) -> bool:
+    """Whether points, shape (n, 3), give no orientation."""
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(extents[1] <= COLLINEAR * extents[0])

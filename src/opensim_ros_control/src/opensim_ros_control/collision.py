@@ -1,21 +1,24 @@
-"""Which shapes touch. Far pairs cost next to nothing: a pair is looked at again only when what moved since could have closed its gap."""
+"""The colliders of a model, the pairs of them that may touch, and which do. Far pairs cost next to nothing: a pair is
+looked at again only when what moved since could have closed its gap."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hric_control.plants.faces import Corner, corners
-from hric_control.plants.spatial import FloatArray
+from hric_control.geometry import FloatArray
+from hric_control.plants import faces, masked
+from hric_control.urdf import Robot
+from opensim_ros_control.bodies import Kinematics
+from opensim_ros_control.engine import Engine
 from opensim_ros_control.shapes import FAR, Pairing, Shape, Touch, pose
 
 MARGIN = 2e-3
-"""Shapes that are nearer than this are looked at in every step [m] (our choice)."""
+"""Shapes that are nearer than this are looked at in every step [m] (project default, unconfirmed)."""
 AT_ONCE = 20.0
-"""When one pair must be looked at, so are those that would have to be within so many steps: the poses cost more than the pairs (our choice)."""
+"""When one pair must be looked at, so are those that would have to be within so many steps: the poses cost more than
+the pairs (project default, unconfirmed)."""
 
 
 @dataclass
@@ -67,8 +70,8 @@ class Collisions:
         self._path = np.array([_path_per_change(a, b) for a, b in self.pairs]).reshape(len(self.pairs), nq)
         self._slack = np.full(len(self.pairs), -1.0)
         self._last: FloatArray | None = None
-        self._ask = Pairing(MARGIN)
-        self._placed: dict[int, Any] = {}
+        self._pairing = Pairing(MARGIN)
+        self._poses: dict[int, Any] = {}
 
     def near(self, q: FloatArray) -> list[int]:
         """Pairs that must be looked at, and those that soon must, given all coordinates, shape (nq,)."""
@@ -81,47 +84,126 @@ class Collisions:
             return []
         return np.flatnonzero(self._slack < AT_ONCE * spent).tolist()
 
-    def meetings(self, near: Sequence[int], body_pose: Callable[[int], FloatArray], areas: Callable[[Collider, Collider], bool]) -> Iterator[Meeting]:
+    def meetings(
+        self, near: Sequence[int], body_pose: Callable[[int], FloatArray], areas: Callable[[Collider, Collider], bool]
+    ) -> Iterator[Meeting]:
         """What touches, or nearly does.
 
         Args:
             near: of `near`.
             body_pose: T_ground_body of a moving body by OpenSim's number, shape (4, 4).
-            areas: whether the whole area of a meeting is wanted.
+            areas: whether the whole area of a meeting is needed.
         """
-        self._placed.clear()
+        self._poses.clear()
         for i in near:
             a, b = self.pairs[i]
-            T_a, T_b = self._place(a, body_pose), self._place(b, body_pose)
-            gap = self._ask.distance(a.shape.geometry, T_a, b.shape.geometry, T_b)
+            T_a, T_b = self._pose(a, body_pose), self._pose(b, body_pose)
+            gap = self._pairing.distance(a.shape.geometry, T_a, b.shape.geometry, T_b)
             self._slack[i] = gap - MARGIN
             if gap >= MARGIN:
                 continue
-            touch = self._ask.touch(a.shape.geometry, T_a, b.shape.geometry, T_b)
+            touch = self._pairing.touch(a.shape.geometry, T_a, b.shape.geometry, T_b)
             if touch is not None:
-                corners = self._ask.patch(a.shape.geometry, T_a, b.shape.geometry, T_b) if areas(a, b) else []
+                corners = self._pairing.patch(a.shape.geometry, T_a, b.shape.geometry, T_b) if areas(a, b) else []
                 yield Meeting(a, b, touch, corners or touch.points)
 
     def depths(self, meeting: Meeting) -> list[tuple[FloatArray, float]]:
         """(point, depth [m]) of each point of the meeting that was last handed out, or before in the same step."""
         if len(meeting.points) == 1:
             return [(meeting.points[0], meeting.touch.depth)]
-        sides = [(c.shape.geometry, self._placed[id(c)]) for c in (meeting.a, meeting.b)]
-        return [(point, -sum(self._ask.beyond(point, *side) for side in sides)) for point in meeting.points]
+        sides = [(c.shape.geometry, self._poses[id(c)]) for c in (meeting.a, meeting.b)]
+        return [(point, -sum(self._pairing.beyond(point, *side) for side in sides)) for point in meeting.points]
 
-    def corners(self, meeting: Meeting, body_pose: Callable[[int], FloatArray]) -> list[Corner]:
+    def corners(self, meeting: Meeting, body_pose: Callable[[int], FloatArray]) -> list[faces.Corner]:
         """Where the sides of the two shapes meet; their deepest point where they do not."""
         a, b, touch = meeting.a, meeting.b, meeting.touch
         T_a, T_b = body_pose(a.mobile) @ a.T_body_shape, body_pose(b.mobile) @ b.T_body_shape
-        return corners(a.shape.solid, T_a, b.shape.solid, T_b, touch.normal, touch.points[0], touch.depth)
+        return faces.corners(a.shape.solid, T_a, b.shape.solid, T_b, touch.normal, touch.points[0], touch.depth)
 
-    def _place(self, collider: Collider, body_pose: Callable[[int], FloatArray]) -> Any:
+    def _pose(self, collider: Collider, body_pose: Callable[[int], FloatArray]) -> Any:
         key = id(collider)
-        if key not in self._placed:
-            self._placed[key] = pose(body_pose(collider.mobile) @ collider.T_body_shape)
-        return self._placed[key]
+        if key not in self._poses:
+            self._poses[key] = pose(body_pose(collider.mobile) @ collider.T_body_shape)
+        return self._poses[key]
 
 
-def bounded(length: float) -> float:
-    """A length that may be infinite, as a number that can be multiplied by zero."""
-    return min(length, FAR)
+def moved_by(description: Robot, link: str, reach: float, indices: Mapping[str, Sequence[int]], nq: int) -> FloatArray:
+    """How far a point of a link goes at the most per change of each coordinate, shape (nq,).
+
+    Args:
+        link: of the description.
+        reach: distance of the point from the link's origin [m].
+        indices: of each moving joint's coordinates in q; of a floating joint three angles first, of a planar
+            one an angle.
+        nq: number of coordinates.
+    """
+    result = np.zeros(nq)
+    above = {joint.child: joint for joint in description.joints.values()}
+    while link in above:
+        joint = above[link]
+        angles = {"floating": 3, "planar": 1, "prismatic": 0, "fixed": 0}.get(joint.type, 1)
+        for i, index in enumerate(indices.get(joint.name, ())):
+            result[index] = reach if i < angles else 1.0
+        free = {"floating": np.inf, "planar": np.inf, "prismatic": max(abs(joint.lower), abs(joint.upper))}.get(
+            joint.type, 0.0
+        )
+        reach = min(reach + float(np.linalg.norm(joint.T_parent_joint[:3, 3])) + float(free), FAR)
+        link = joint.parent
+    return result
+
+
+def make_colliders(
+    description: Robot,
+    shapes: Mapping[str, Sequence[Shape]],
+    engine: Engine,
+    kinematics: Kinematics,
+    indices: Mapping[str, Sequence[int]],
+    robot: str,
+) -> list[Collider]:
+    """Colliders of all links that have shapes.
+
+    Args:
+        description: of everything in the model.
+        shapes: by link of the description.
+        indices: see `moved_by`.
+        robot: name of the robot's model, to which links without "model::" belong.
+    """
+    result = []
+    nq = engine.nu
+    for link, of_link in shapes.items():
+        number, T_body_link = kinematics.carrier(engine.frames[link])
+        model = link.partition("::")[0] if "::" in link else robot
+        for shape in of_link:
+            reach = moved_by(description, link, shape.radius, indices, nq)
+            full = link if "::" in link else f"{robot}::{link}"
+            result.append(Collider(full, model, shape, number, T_body_link @ shape.T_link_shape, reach))
+    return result
+
+
+def colliding_pairs(
+    description: Robot,
+    colliders: Sequence[Collider],
+    robot: str,
+    masks: Sequence[tuple[str, str]],
+    self_collision: bool,
+) -> list[tuple[Collider, Collider]]:
+    """Pairs that may touch: of different models; of the robot's links those that are neither fixed to each other, nor
+    neighbours, nor masked."""
+    top = {link: name for link, (name, _) in description.rigid_groups().items()}
+    name = {link if "::" in link else f"{robot}::{link}": link for link in description.links}
+    joined = {frozenset((joint.parent, joint.child)) for joint in description.joints.values()}
+    joined |= {frozenset((top[joint.parent], joint.child)) for joint in description.joints.values()}
+    result = []
+    for i, a in enumerate(colliders):
+        for b in colliders[i + 1 :]:
+            link_a, link_b = name[a.link], name[b.link]
+            if top[link_a] == top[link_b]:
+                continue
+            if a.model != b.model or (
+                a.model == robot
+                and self_collision
+                and frozenset((link_a, link_b)) not in joined
+                and not masked(link_a, link_b, masks)
+            ):
+                result.append((a, b))
+    return result

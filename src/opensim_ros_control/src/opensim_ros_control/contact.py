@@ -1,12 +1,10 @@
 """Contact forces from the meetings of one step.
 
-Penalty contact is one spring per pair of links, at the centre of all the area in which they overlap, with the mean force of its motion through
-the step (`hric_control.plants.spring_step`): held over the step, it gives and takes the same energy.
-Rigid contact is solved for the speeds at the end of the step, as the usual engines of robotics do: no approach that would leave a point inside,
-forces that never pull, friction within its cone (projected Gauss-Seidel).
+Penalty contact is one spring per pair of links, at the centre of all the area in which they overlap, with the mean
+force of its motion through the step (`hric_control.plants.spring_step`): held over the step, it gives and takes the
+same energy. Rigid contact is solved for the speeds at the end of the step, as the usual engines of robotics do: no
+approach that would leave a point inside, forces that never pull, friction within its cone (projected Gauss-Seidel).
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,16 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.plants.spatial import FloatArray
-from hric_control.plants.spring_step import Springs
-from hric_control.plants.surfaces import friction_force
+from hric_control.geometry import FloatArray
+from hric_control.plants import Springs, friction_force
 
 RETURN = 0.2
-"""Share of an overlap that rigid contact takes back in one step; the same as the usual engines' (our choice)."""
+"""Share of an overlap that rigid contact takes back in one step; the same as the usual engines' (project default,
+unconfirmed)."""
 RETURN_SPEED = 0.5
-"""An overlap is not taken back faster than this [m/s] (our choice)."""
+"""An overlap is not taken back faster than this [m/s] (project default, unconfirmed)."""
 _SWEEPS = 100
-_TURNS = 10
+_ROUNDS = 10
 """Of the directions of sliding, until they settle."""
 _SPEED = 1e-9
 """What counts as no speed [m/s]."""
@@ -46,7 +44,7 @@ class Point:
         depth: [m], negative for a gap.
         J: velocity of a seen from b there per speed, shape (3, nu).
         law: (stiffness [N/m], damping [N s/m], friction) of penalty contact; stiffness None for rigid contact.
-        key: tells the same point in the step before.
+        key: of the same point in the step before.
         force: on a, held over the last step, shape (3,) [N].
         reading: what a sensor reads of it along the normal, where that is something else [N].
     """
@@ -69,7 +67,9 @@ class Point:
         return float(self.force @ self.normal) if self.reading is None else self.reading
 
 
-def push_apart(points: Sequence[Point], u: FloatArray, before: FloatArray, response: FloatArray, springs: Springs) -> FloatArray:
+def push_apart(
+    points: Sequence[Point], u: FloatArray, before: FloatArray, response: FloatArray, springs: Springs
+) -> FloatArray:
     """Efforts of all penalty contacts, shape (nu,).
 
     Args:
@@ -85,7 +85,9 @@ def push_apart(points: Sequence[Point], u: FloatArray, before: FloatArray, respo
         row = point.normal @ point.J
         speed, measured = -float(row @ u), -float(row @ (u - before)) / springs.time_step
         depth = point.depth - 0.5 * springs.time_step * speed
-        done = springs.push((point.a, point.b), depth, speed, measured, float(row @ response @ row), (stiffness, damping))
+        done = springs.push(
+            (point.a, point.b), depth, speed, measured, float(row @ response @ row), (stiffness, damping)
+        )
         point.reading, point.force = done.reading, np.zeros(3)
         if done.mean > 0.0:
             point.force = done.mean * point.normal - friction_force(done.mean, friction, point.normal, point.J @ u)
@@ -127,20 +129,20 @@ class RigidContact:
             gain: change of these speeds per effort, shape (nu, nu).
         """
         axes = [_axes(point.normal) for point in points]
-        rows = np.vstack([turn @ point.J for turn, point in zip(axes, points, strict=True)])
-        answer = rows @ gain @ rows.T
-        wanted = np.array([self._wanted(point.depth) for point in points])
+        rows = np.vstack([R @ point.J for R, point in zip(axes, points, strict=True)])
+        response = rows @ gain @ rows.T
+        min_speeds = np.array([self._min_speed(point.depth) for point in points])
         friction = np.array([point.law[2] for point in points])
         before = np.array([self._before.get(point.key, (0.0, 0.0, 0.0)) for point in points]).ravel()
-        f = _forces(_Problem(answer, rows @ v, wanted, friction), before)
+        f = _forces(_Problem(response, rows @ v, min_speeds, friction), before)
         self._before.clear()
-        for k, (point, turn) in enumerate(zip(points, axes, strict=True)):
-            point.force = turn.T @ f[3 * k : 3 * k + 3]
+        for k, (point, R) in enumerate(zip(points, axes, strict=True)):
+            point.force = R.T @ f[3 * k : 3 * k + 3]
             self._before[point.key] = (f[3 * k], f[3 * k + 1], f[3 * k + 2])
         return np.asarray(rows.T @ f)
 
-    def _wanted(self, depth: float) -> float:
-        """Speed along the normal that the point must have at least [m/s]."""
+    def _min_speed(self, depth: float) -> float:
+        """Minimum speed of the point along the normal [m/s]."""
         if depth <= 0.0:
             return depth / self._dt
         return min(RETURN * depth / self._dt, RETURN_SPEED)
@@ -153,42 +155,51 @@ class _Problem:
     Attributes:
         A: change of the speeds along the rows per force, shape (3 n, 3 n).
         free: these speeds without force, shape (3 n,).
-        wanted: least speed along each normal, shape (n,).
+        min_speeds: along each normal, shape (n,).
         friction: coefficients, shape (n,).
     """
 
     A: FloatArray
     free: FloatArray
-    wanted: FloatArray
+    min_speeds: FloatArray
     friction: FloatArray
 
-    def part(self, points: npt.NDArray[np.bool_]) -> _Problem:
+    def part(self, points: npt.NDArray[np.bool_]) -> "_Problem":
         """Only some of the points."""
         if points.all():
             return self
         rows = np.repeat(points, 3)
-        return _Problem(self.A[np.ix_(rows, rows)], self.free[rows], self.wanted[points], self.friction[points])
+        return _Problem(self.A[np.ix_(rows, rows)], self.free[rows], self.min_speeds[points], self.friction[points])
 
 
 def _forces(problem: _Problem, before: FloatArray) -> FloatArray:
-    """Shape (3 n,) [N]. Mostly nothing acts, or all points that press stick, or all slide: these are tried first, directly. Else the sweeps decide.
+    """Shape (3 n,) [N]. Mostly nothing acts, or all points that press stick, or all slide: these are tried first,
+    directly. Else the sweeps decide.
 
     Args:
         problem: the points.
         before: where the sweeps begin, shape (3 n,).
     """
-    if (problem.free[::3] >= problem.wanted).all():
+    if (problem.free[::3] >= problem.min_speeds).all():
         return np.zeros_like(problem.free)
     for law in (_sticking, _sliding):
         forces = _pressing(problem, law)
         if forces is not None:
             return forces
-    return np.array(_sweeps(problem.A.tolist(), problem.free.tolist(), problem.wanted.tolist(), problem.friction.tolist(), before.tolist()))
+    return np.array(
+        _sweeps(
+            problem.A.tolist(),
+            problem.free.tolist(),
+            problem.min_speeds.tolist(),
+            problem.friction.tolist(),
+            before.tolist(),
+        )
+    )
 
 
 def _pressing(problem: _Problem, law: Callable[[_Problem], FloatArray | None]) -> FloatArray | None:
     """Forces by a law, without the points that would have to pull; None where that is no solution."""
-    active = np.ones(len(problem.wanted), dtype=bool)
+    active = np.ones(len(problem.min_speeds), dtype=bool)
     for _ in range(len(active)):
         f = law(problem.part(active)) if active.any() else None
         if f is None:
@@ -200,76 +211,83 @@ def _pressing(problem: _Problem, law: Callable[[_Problem], FloatArray | None]) -
         across = np.hypot(f[1::3], f[2::3])
         whole = np.zeros_like(problem.free)
         whole[np.repeat(active, 3)] = f
-        apart = (problem.free + problem.A @ whole)[::3] >= problem.wanted - _SPEED
-        return whole if apart.all() and (across <= problem.friction[active] * f[::3] * (1.0 + _TOLERANCE)).all() else None
+        apart = (problem.free + problem.A @ whole)[::3] >= problem.min_speeds - _SPEED
+        return (
+            whole if apart.all() and (across <= problem.friction[active] * f[::3] * (1.0 + _TOLERANCE)).all() else None
+        )
     return None
 
 
 def _sticking(problem: _Problem) -> FloatArray:
-    """The least forces by which no point moves any more."""
+    """The smallest forces by which no point moves any more."""
     aim = -problem.free
-    aim[::3] += problem.wanted
+    aim[::3] += problem.min_speeds
     if problem.friction.all():
-        return _least_forces(problem.A, aim)
+        return _min_norm(problem.A, aim)
     used = np.ones(len(aim), dtype=bool)
     used[1::3] = used[2::3] = problem.friction > 0.0
     f = np.zeros_like(aim)
-    f[used] = _least_forces(problem.A[np.ix_(used, used)], aim[used])
+    f[used] = _min_norm(problem.A[np.ix_(used, used)], aim[used])
     return f
 
 
 def _sliding(problem: _Problem) -> FloatArray | None:
-    """The least forces with all friction at its bound, against the way in which each point then slides; None where that does not settle."""
+    """The smallest forces with all friction at its bound, against the direction in which each point then slides; None
+    where that does not settle."""
     A, speeds = problem.A, problem.free
-    old = np.zeros((len(problem.wanted), 2))
-    for _ in range(_TURNS):
+    old = np.zeros((len(problem.min_speeds), 2))
+    for _ in range(_ROUNDS):
         across = np.column_stack([speeds[1::3], speeds[2::3]])
         size = np.hypot(across[:, 0], across[:, 1])
         if (size < _SPEED).any():
             return None
-        way = across / size[:, None]
-        per_load = A[:, ::3] - problem.friction * (A[:, 1::3] * way[:, 0] + A[:, 2::3] * way[:, 1])
-        load = np.linalg.lstsq(per_load[::3], problem.wanted - problem.free[::3], rcond=_SINGULAR)[0]
+        direction = across / size[:, None]
+        per_load = A[:, ::3] - problem.friction * (A[:, 1::3] * direction[:, 0] + A[:, 2::3] * direction[:, 1])
+        load = np.linalg.lstsq(per_load[::3], problem.min_speeds - problem.free[::3], rcond=_SINGULAR)[0]
         speeds = problem.free + per_load @ load
-        if np.abs(way - old).max() < _TOLERANCE:
+        if np.abs(direction - old).max() < _TOLERANCE:
             bound = problem.friction * load
-            return np.column_stack([load, -bound * way[:, 0], -bound * way[:, 1]]).ravel()
-        old = way
+            return np.column_stack([load, -bound * direction[:, 0], -bound * direction[:, 1]]).ravel()
+        old = direction
     return None
 
 
-def _least_forces(A: FloatArray, aim: FloatArray) -> FloatArray:
-    """The least f with A f = aim; A is symmetric, and singular where several points hold one body."""
+def _min_norm(A: FloatArray, aim: FloatArray) -> FloatArray:
+    """The smallest f with A f = aim; A is symmetric, and singular where several points hold one body."""
     values, vectors = np.linalg.eigh(A)
     kept = values > _SINGULAR * max(values[-1], 0.0)
     V = vectors[:, kept]
     return np.asarray(V @ ((V.T @ aim) / values[kept]))
 
 
-def _sweeps(A: list[list[float]], free: list[float], wanted: list[float], friction: list[float], f: list[float]) -> list[float]:
-    """Projected Gauss-Seidel over points of three rows each: normal force >= 0, friction within its cone. Plain floats: the problems are small."""
+def _sweeps(
+    A: list[list[float]], free: list[float], min_speeds: list[float], friction: list[float], f: list[float]
+) -> list[float]:
+    """Projected Gauss-Seidel over points of three rows each: normal force >= 0, friction within its cone. Plain floats:
+    the problems are small."""
     n = len(f)
     for _ in range(_SWEEPS):
-        change, most = 0.0, 0.0
-        for k, (least, mu) in enumerate(zip(wanted, friction, strict=True)):
+        change, largest = 0.0, 0.0
+        for k, (speed, mu) in enumerate(zip(min_speeds, friction, strict=True)):
             i = 3 * k
             row, old = A[i], f[i]
             if row[i] <= 1e-12:
                 continue  # neither body can give way
-            new = old + (least - free[i] - sum(map(float.__mul__, row, f))) / row[i]
+            new = old + (speed - free[i] - sum(map(float.__mul__, row, f))) / row[i]
             f[i] = new = max(new, 0.0)
-            change, most = max(change, abs(new - old)), max(most, new)
+            change, largest = max(change, abs(new - old)), max(largest, new)
             if mu > 0.0:
                 change = max(change, _rub(A, free, f, i, mu * new))
         if n == 3 and friction[0] == 0.0:
             break
-        if change <= _TOLERANCE * most:
+        if change <= _TOLERANCE * largest:
             break
     return f
 
 
 def _rub(A: list[list[float]], free: list[float], f: list[float], i: int, bound: float) -> float:
-    """Friction of the point whose normal row is i, towards standing still, no more than `bound` [N]; returns the change."""
+    """Friction of the point whose normal row is i, towards standing still, no more than `bound` [N]; returns the
+    change."""
     before = f[i + 1], f[i + 2]
     for j in (i + 1, i + 2):
         if A[j][j] > 1e-12:

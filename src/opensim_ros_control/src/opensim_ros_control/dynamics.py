@@ -1,13 +1,11 @@
 """Forward dynamics with rotor inertia, brakes and constraints, from OpenSim's own acceleration and mass matrix.
 
-OpenSim knows the links only: its acceleration a solves  M a = f + G' lambda,  with all forces of the model in f (gravity, velocity terms, damping).
-Rotors add B = diag(b), and tau acts in the joints besides. Wanted is x with
+OpenSim knows the links only: its acceleration a solves  M a = f + G' lambda,  with all forces of the model in f
+(gravity, velocity terms, damping). Rotors add B = diag(b), and tau acts in the joints besides. x is such that
     (M + B) x = f + tau + G' mu,   G x = G a,
 in which f need not be known: M a differs from it by a G' lambda, which mu takes up. So (M + B) x = M a + tau + G' nu.
 Braked joints have x = 0 and leave the equations; what their rows lack is the effort of the brake.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
@@ -18,7 +16,7 @@ from scipy.linalg.lapack import dposv
 from hric_control.plant import FloatArray
 from opensim_ros_control.engine import Engine
 
-Places = npt.NDArray[np.intp]
+Indices = npt.NDArray[np.intp]
 Losses = Callable[[FloatArray], FloatArray]
 """Speeds -> efforts that friction takes away, both of shape (nu,)."""
 
@@ -37,13 +35,12 @@ class Dynamics:
         self._rotors = np.diag(inertia)
         self._bare = not inertia.any() and not engine.constraints
         self._all = np.arange(engine.nu, dtype=np.intp)
-        self._free: Places | None = None
-        self._braked: list[int] = []
+        self.brake(())
 
     def brake(self, braked: Sequence[int]) -> None:
         """These coordinates do not move from now on, the others do."""
         self._braked = sorted(braked)
-        self._free = np.setdiff1d(self._all, np.array(self._braked, dtype=np.intp)) if self._braked else None
+        self._free = np.setdiff1d(self._all, np.array(self._braked, dtype=np.intp)) if self._braked else self._all
 
     def evaluate(self, y: FloatArray, tau: FloatArray) -> FloatArray:
         """du/dt, shape (nu,), in this state, as the engine takes it, under the efforts tau, shape (nu,)."""
@@ -52,12 +49,12 @@ class Dynamics:
         self._a = a = engine.acceleration()
         if self._losses is not None:
             tau = tau - self._losses(y[engine.nu : 2 * engine.nu])
-        if self._bare and self._free is None:
+        if self._bare and not self._braked:
             return a + engine.divided_by_mass(tau)
         M = engine.mass_matrix()
         self._inertia = M + self._rotors
         self._drive = M @ a + tau
-        if self._free is None and not engine.constraints:
+        if not self._braked and not engine.constraints:
             return self._solve(self._inertia, self._drive)
         return self._constrained(self._drive)
 
@@ -69,8 +66,7 @@ class Dynamics:
         return np.asarray(x)
 
     def _constrained(self, drive: FloatArray) -> FloatArray:
-        free = self._all if self._free is None else self._free
-        x = np.zeros_like(drive)
+        free, x = self._free, np.zeros_like(drive)
         if len(free) == 0:
             return x
         A = self._inertia[np.ix_(free, free)]
@@ -86,9 +82,9 @@ class Dynamics:
         return x
 
     def response(self) -> FloatArray:
-        """Change of du/dt per effort, shape (nu, nu), in the state that was evaluated last; braked joints do not answer."""
-        n = self.engine.nu
-        free = self._all if self._free is None else self._free
+        """Change of du/dt per effort, shape (nu, nu), in the state that was evaluated last; zeros for braked
+        joints."""
+        n, free = self.engine.nu, self._free
         K = np.zeros((n, n))
         A = (self.engine.mass_matrix() + self._rotors)[np.ix_(free, free)]
         inverse = np.linalg.inv(A)
@@ -100,13 +96,15 @@ class Dynamics:
         return K
 
     def brake_efforts(self, x: FloatArray) -> FloatArray:
-        """Efforts of the brakes with du/dt = x in the state that was evaluated last, shape (nu,), zero for free joints [N m]."""
+        """Efforts of the brakes with du/dt = x in the state that was evaluated last, shape (nu,), zero for free joints
+        [N m]."""
         efforts = np.zeros_like(x)
         efforts[self._braked] = (self._inertia @ x - self._drive)[self._braked]
         return efforts
 
     def stopped(self, y: FloatArray) -> FloatArray:
-        """The state after the brakes have closed in y: the joints that they hold stand at once, the impulse goes through the others."""
+        """The state after the brakes have closed in y: the joints that they hold stop at once, the impulse goes
+        through the others."""
         n, braked = self.engine.nu, self._braked
         u = y[n : 2 * n]
         if not braked or not u[braked].any():
@@ -114,7 +112,7 @@ class Dynamics:
         self.engine.put_y(y)
         self.engine.acceleration()
         M = self.engine.mass_matrix() + self._rotors
-        free = self._all if self._free is None else self._free
+        free = self._free
         A, new = M[np.ix_(free, free)], np.zeros(n)
         new[free] = u[free] + np.linalg.solve(A, M[free][:, braked] @ u[braked])
         if self.engine.constraints:

@@ -1,11 +1,8 @@
 """One OpenSim model with one state, read and written as arrays.
 
-All vectors are in the order of the multibody tree, which is not that of the description: `place` tells where a coordinate stands.
+All vectors are in the order of the multibody tree, which is not that of the description: `index` has the
+index of each coordinate.
 """
-
-from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -20,26 +17,19 @@ opensim.Logger.setLevelString("Error")
 to_vector = opensim.Vector.createFromMat
 
 
-@dataclass(frozen=True)
-class Snapshot:
-    """Time [s], and all state variables by their paths: what a new build of the model continues from."""
-
-    time: float
-    values: dict[str, float]
-
-
 class Engine:
     """A model made ready to run.
 
     Attributes:
         built: what it was made of.
         model, system_state: OpenSim's objects; the state belongs to the engine.
-        place: index of each coordinate, by its path, in q and u.
+        index: of each coordinate, by its path, in q and u.
         state_names: paths of OpenSim's state variables, in its order.
         straight: whether dq/dt = u for all coordinates.
         constraints: number of constraint equations (mimic joints and the like).
         frames: by "link" or "model::link".
-        actuators: of coordinates, with their places. In `system_state` they are off: the efforts enter beside the model, which is cheaper.
+        actuators: of coordinates, with their indices. In `system_state` they are off: the efforts enter beside the
+            model, which is cheaper.
     """
 
     def __init__(self, built: Built) -> None:
@@ -52,21 +42,25 @@ class Engine:
         self.matter = self.model.getMatterSubsystem()
         state = self.system_state
         self.nu, self.nz = state.getNU(), state.getNZ()
-        self._M, self._answer = opensim.Matrix(self.nu, self.nu), opensim.Vector(self.nu, 0.0)
+        self._M, self._result = opensim.Matrix(self.nu, self.nu), opensim.Vector(self.nu, 0.0)
         self._M_values = np.empty((self.nu, self.nu))
         self.coordinates = self._coordinates()
-        self.place = {path: self._index(coordinate) for path, coordinate in self.coordinates.items()}
+        self.index = {path: self._index_of(coordinate) for path, coordinate in self.coordinates.items()}
         self._slots = self._position_slots() if state.getNQ() != self.nu else None
         self.straight = self._is_straight()
-        self.constraints = self._count_constraints()
-        self.frames = {name: opensim.Frame.safeDownCast(self.model.getComponent(path)) for name, path in built.frames.items()}
+        self.model.realizeVelocity(state)
+        self.constraints = len(self.constraint_jacobian())
+        self.frames = {
+            name: opensim.Frame.safeDownCast(self.model.getComponent(path)) for name, path in built.frames.items()
+        }
         self.actuators = self._actuators()
         for _, actuator in self.actuators:
             actuator.setAppliesForce(state, False)
         self._controls: FloatArray = self.model.getDefaultControls().to_numpy()
-        self._control_numbers = self._control_places()
+        self._control_slots = self._find_control_slots()
         self._direct = (
-            self._control_numbers.tolist() == list(range(self.nu)) == [place for place, _ in self.actuators] and len(self._controls) == self.nu
+            self._control_slots.tolist() == list(range(self.nu)) == [index for index, _ in self.actuators]
+            and len(self._controls) == self.nu
         )
         self.state_names = [self.model.getStateVariableNames().get(i) for i in range(self.model.getNumStateVariables())]
 
@@ -77,44 +71,45 @@ class Engine:
     def _actuators(self) -> list[tuple[int, opensim.CoordinateActuator]]:
         found = self.model.getActuators()
         actuators = [opensim.CoordinateActuator.safeDownCast(found.get(i)) for i in range(found.getSize())]
-        return [(self.place[a.getCoordinate().getAbsolutePathString()], a) for a in actuators if a is not None]
+        return [(self.index[a.getCoordinate().getAbsolutePathString()], a) for a in actuators if a is not None]
 
-    def _control_places(self) -> npt.NDArray[np.intp]:
-        """Where the controls of `actuators` stand among all controls of the model, which are in the order of its actuators."""
-        found, numbers, number = self.model.getActuators(), [], 0
+    def _find_control_slots(self) -> npt.NDArray[np.intp]:
+        """Indices of the controls of `actuators` among all controls of the model, which are in the order of its
+        actuators."""
+        found, slots, number = self.model.getActuators(), [], 0
         for i in range(found.getSize()):
             if opensim.CoordinateActuator.safeDownCast(found.get(i)) is not None:
-                numbers.append(number)
+                slots.append(number)
             number += found.get(i).numControls()
-        return np.array(numbers, dtype=np.intp)
+        return np.array(slots, dtype=np.intp)
 
     def controls(self, efforts: FloatArray) -> FloatArray:
         """Default controls of the model with these efforts, shape (nu,), on the coordinates that have actuators."""
         if self._direct:
             return efforts
-        self._controls[self._control_numbers] = efforts[[place for place, _ in self.actuators]]
+        self._controls[self._control_slots] = efforts[[index for index, _ in self.actuators]]
         return self._controls
 
-    def _index(self, coordinate: opensim.Coordinate) -> int:
+    def _index_of(self, coordinate: opensim.Coordinate) -> int:
         state = opensim.State(self.system_state)
         state.setU(opensim.Vector(self.nu, 0.0))
         coordinate.setSpeedValue(state, 1.0)
         return int(np.argmax(state.getU().to_numpy()))
 
     def _position_slots(self) -> npt.NDArray[np.intp]:
-        """Where each coordinate stands among OpenSim's positions: a free joint has one more of them than it uses."""
+        """Index of each coordinate among OpenSim's positions: a free joint has one more of them than it uses."""
         slots = np.zeros(self.nu, dtype=np.intp)
         for path, coordinate in self.coordinates.items():
             state = opensim.State(self.system_state)
             before = state.getQ().to_numpy().copy()
             coordinate.setValue(state, coordinate.getValue(state) + 0.125, False)
-            slots[self.place[path]] = int(np.argmax(np.abs(state.getQ().to_numpy() - before)))
+            slots[self.index[path]] = int(np.argmax(np.abs(state.getQ().to_numpy() - before)))
         return slots
 
     def _is_straight(self) -> bool:
         state = opensim.State(self.system_state)
-        numbers = np.random.default_rng(0)
-        q, u = numbers.uniform(0.2, 1.0, self.nu), numbers.uniform(0.2, 1.0, self.nu)
+        random = np.random.default_rng(0)
+        q, u = random.uniform(0.2, 1.0, self.nu), random.uniform(0.2, 1.0, self.nu)
         state.setQ(to_vector(self._slotted(q)))
         state.setU(to_vector(u))
         self.model.realizeVelocity(state)
@@ -133,13 +128,7 @@ class Engine:
         values = vector.to_numpy()
         return np.asarray(values if self._slots is None else values[self._slots])
 
-    def _count_constraints(self) -> int:
-        self.model.realizeVelocity(self.system_state)
-        matrix = opensim.Matrix()
-        self.matter.calcG(self.system_state, matrix)
-        return int(matrix.nrow())
-
-    # -- the state -----------------------------------------------------------------------------------------------------------------------
+    # -- the state -----------------------------------------------------------------------------------------------------
 
     def put(self, q: FloatArray, u: FloatArray) -> None:
         """Set positions and speeds, both of shape (nu,)."""
@@ -147,7 +136,8 @@ class Engine:
         self.system_state.setU(to_vector(u))
 
     def put_y(self, y: FloatArray) -> None:
-        """Set all that is integrated: positions q, speeds u, and what else the model's parts have (z), shape (2 nu + nz,)."""
+        """Set all that is integrated: positions q, speeds u, and what else the model's parts have (z), shape (2 nu +
+        nz,)."""
         if self._slots is None:
             self.system_state.setY(to_vector(y))
             return
@@ -172,33 +162,24 @@ class Engine:
         parts = [self.positions(state.getQ()), state.getU().to_numpy()]
         return np.concatenate([*parts, state.getZ().to_numpy()] if self.nz else parts)
 
-    def in_order_of_names(self, rows: FloatArray) -> FloatArray:
-        """States as `put_y` takes them, one per row, with their numbers in the order of `state_names`."""
-        y: FloatArray = np.random.default_rng(0).uniform(0.2, 1.0, int(rows.shape[1]))
-        state = opensim.State(self.system_state)
-        self.put_y(y)
-        values = self.model.getStateVariableValues(self.system_state).to_numpy()
-        self.system_state = state
-        return np.asarray(rows[:, [int(np.argmin(np.abs(y - value))) for value in values]])
-
-    def snapshot(self) -> Snapshot:
-        """Everything that a new build continues from."""
+    def continue_from(self, before: "Engine") -> None:
+        """Take over time and values of all state variables that the model of before has too."""
         state = self.system_state
-        values = self.model.getStateVariableValues(state).to_numpy()
-        return Snapshot(state.getTime(), dict(zip(self.state_names, values.tolist(), strict=True)))
+        state.setTime(before.system_state.getTime())
+        values = dict(zip(self.state_names, self.state_values(), strict=True))
+        values |= zip(before.state_names, before.state_values(), strict=True)
+        self.model.setStateVariableValues(state, to_vector(np.array([values[name] for name in self.state_names])))
 
-    def restore(self, snapshot: Snapshot) -> None:
-        """Take over the values of all state variables that this model has too."""
-        state = self.system_state
-        state.setTime(snapshot.time)
-        before = self.model.getStateVariableValues(state).to_numpy().tolist()
-        values = [snapshot.values.get(name, value) for name, value in zip(self.state_names, before, strict=True)]
-        self.model.setStateVariableValues(state, to_vector(np.array(values)))
+    def state_values(self) -> list[float]:
+        """Values of all state variables, in the order of `state_names`."""
+        values: list[float] = self.model.getStateVariableValues(self.system_state).to_numpy().tolist()
+        return values
 
-    # -- what the model makes of it ------------------------------------------------------------------------------------------------------
+    # -- what the model makes of it ------------------------------------------------------------------------------------
 
     def acceleration(self) -> FloatArray:
-        """du/dt of the model alone, without rotor inertia and what acts in the joints from outside the model, shape (nu,)."""
+        """du/dt of the model alone, without rotor inertia and what acts in the joints from outside the model, shape
+        (nu,)."""
         self.model.realizeAcceleration(self.system_state)
         a: FloatArray = self.system_state.getUDot()._to_numpy(self.nu)
         return a
@@ -206,13 +187,15 @@ class Engine:
     def mass_matrix(self) -> FloatArray:
         """Shape (nu, nu) [kg m^2], valid until the next call; positions must be realized."""
         self.matter.calcM(self.system_state, self._M)
-        self._M._to_numpy(self._M_values.view())  # OpenSim turns the view's axes round, which does not matter to a symmetric matrix
+        self._M._to_numpy(
+            self._M_values.view()
+        )  # OpenSim turns the view's axes round, which does not matter to a symmetric matrix
         return self._M_values
 
     def divided_by_mass(self, efforts: FloatArray) -> FloatArray:
         """M^-1 times efforts, shape (nu,); the acceleration must be realized."""
-        self.matter.multiplyByMInv(self.system_state, to_vector(efforts), self._answer)
-        a: FloatArray = self._answer._to_numpy(self.nu)
+        self.matter.multiplyByMInv(self.system_state, to_vector(efforts), self._result)
+        a: FloatArray = self._result._to_numpy(self.nu)
         return a
 
     def constraint_jacobian(self) -> FloatArray:

@@ -1,24 +1,19 @@
-"""What acts in a step besides the robot's joints: contact and wrenches, as efforts on the coordinates; and the joint loads that follow."""
-
-from __future__ import annotations
+"""What acts in a step besides the robot's joints: contact and wrenches, as efforts on the coordinates; and the joint
+loads that follow."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 
 import numpy as np
 
-from hric_control.plant import Contact
+from hric_control.geometry.transforms import FloatArray, cross
+from hric_control.plant import Contact, JointReaction
+from hric_control.plants import Springs, Surface, Wrenches, combine
 from hric_control.plants.faces import centre
-from hric_control.plants.reactions import JointReaction
-from hric_control.plants.spatial import FloatArray, cross
-from hric_control.plants.spring_step import Springs
-from hric_control.plants.surfaces import Surface, combine
-from hric_control.plants.wrenches import Wrenches
+from opensim_ros_control.bodies import Kinematics, Load, Reactions
 from opensim_ros_control.collision import MARGIN, Collider, Collisions, Meeting
 from opensim_ros_control.contact import Point, RigidContact, push_apart
 from opensim_ros_control.engine import Engine
-from opensim_ros_control.kinematics import Kinematics
-from opensim_ros_control.reactions import Load, Reactions
 from opensim_ros_control.robot import Robot
 
 
@@ -27,7 +22,7 @@ class Forces:
 
     Args:
         robot: takes the efforts; `bind` before the first step and after each new build of its model.
-        R_ground_world: turn of the world in OpenSim's ground, shape (3, 3).
+        R_ground_world: rotation of the world in OpenSim's ground, shape (3, 3).
 
     Attributes:
         wrenches: from outside.
@@ -53,7 +48,9 @@ class Forces:
         self._pushed: list[Load] = []
         self._before: FloatArray | None = None
 
-    def bind(self, kinematics: Kinematics, collisions: Collisions, surfaces: Mapping[str, Surface], reactions: Reactions) -> None:
+    def bind(
+        self, kinematics: Kinematics, collisions: Collisions, surfaces: Mapping[str, Surface], reactions: Reactions
+    ) -> None:
         """All that depends on one build of the model; surfaces by "model::link"."""
         self._kinematics, self._collisions, self._reactions = kinematics, collisions, reactions
         self._surfaces = surfaces
@@ -61,7 +58,8 @@ class Forces:
         self._points, self._pushed, self._before = [], [], None
 
     def act(self, frame: Callable[[str], str]) -> None:
-        """Decide what acts in the coming step, and tell the robot; `frame` names the engine's frame of "model::link"."""
+        """Decide what acts in the coming step, and set it in the robot; `frame` names the engine's frame of
+        "model::link"."""
         robot = self._robot
         before, self._before = self._before, robot.y
         self.springs.begin()
@@ -121,7 +119,9 @@ class Forces:
                 self._add_spring(of_links, law)
                 continue
             for number, meeting in enumerate(of_links):
-                self._add(meeting, law, self._collisions.depths(meeting), number)
+                for k, (point, depth) in enumerate(self._collisions.depths(meeting)):
+                    if depth > -MARGIN:
+                        self._add(meeting.a, meeting.b, (point, meeting.touch.normal, depth), law, (number, k))
 
     def _add_spring(self, meetings: Sequence[Meeting], law: tuple[float | None, float, float]) -> None:
         """One spring per pair of links: a link of several shapes is not stiffer for it."""
@@ -131,29 +131,26 @@ class Forces:
         normal = normal / size if size > 0.0 else deepest.touch.normal
         corners = [corner for m in meetings for corner in self._collisions.corners(m, self._kinematics.pose)]
         a, b, engine = deepest.a, deepest.b, self._robot.engine
-        relative = self._motion(a, corners[0].position) - self._motion(b, corners[0].position)
+        jacobian, first = self._kinematics.jacobian, corners[0].position
+        relative = jacobian(a.mobile, first) - jacobian(b.mobile, first)
         angular, linear = (relative @ self._robot.y[engine.nu : 2 * engine.nu]).reshape(2, 3)
         # n . (omega x r) = r . (n x omega)
-        pace, turn, first = float(linear @ normal), cross(normal, angular), corners[0].position
-        closing = [-pace - float((c.position - first) @ turn) for c in corners]
+        pace, lever = float(linear @ normal), cross(normal, angular)
+        closing = [-pace - float((c.position - first) @ lever) for c in corners]
         position, depth = centre(corners, closing, self._ahead)
-        key = (a.link, b.link)
-        self._points.append(
-            Point(a.link, b.link, (a.mobile, b.mobile), position, normal, depth, self._relative(a, b, position), law, key, np.zeros(3))
-        )
+        self._add(a, b, (position, normal, depth), law, ())
 
-    def _motion(self, collider: Collider, point: FloatArray) -> FloatArray:
-        """(angular, linear) velocity at a point of what carries a collider per speed, shape (6, nu)."""
-        return self._kinematics.jacobian(collider.mobile, point)
-
-    def _add(self, meeting: Meeting, law: tuple[float | None, float, float], points: Sequence[tuple[FloatArray, float]], number: int) -> None:
-        a, b, normal = meeting.a, meeting.b, meeting.touch.normal
-        for k, (point, depth) in enumerate(points):
-            if depth <= -MARGIN:
-                continue
-            J = self._relative(a, b, point)
-            key = (a.link, b.link, number, k)
-            self._points.append(Point(a.link, b.link, (a.mobile, b.mobile), point, normal, depth, J, law, key, np.zeros(3)))
+    def _add(
+        self,
+        a: Collider,
+        b: Collider,
+        where: tuple[FloatArray, FloatArray, float],
+        law: tuple[float | None, float, float],
+        key: tuple[int, ...],
+    ) -> None:
+        """A point of contact; where: position, normal and depth, key: of the point among those of the two links."""
+        J, bodies = self._relative(a, b, where[0]), (a.mobile, b.mobile)
+        self._points.append(Point(a.link, b.link, bodies, *where, J, law, (a.link, b.link, *key), np.zeros(3)))
 
     def _relative(self, a: Collider, b: Collider, point: FloatArray) -> FloatArray:
         """Velocity of a seen from b at a point per speed, shape (3, nu); the ground, number 0, does not move."""
@@ -162,7 +159,7 @@ class Forces:
         J_b = self._kinematics.jacobian(b.mobile, point)[3:]
         return -J_b if a.mobile == 0 else self._kinematics.jacobian(a.mobile, point)[3:] - J_b
 
-    # -- what came of it -----------------------------------------------------------------------------------------------------------------
+    # -- what came of it -----------------------------------------------------------------------------------------------
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last step that carry a force or overlap."""
@@ -173,13 +170,25 @@ class Forces:
             if mean > 0.0 or (point.depth > 0.0 and not soft):
                 p, n = (R @ point.position).tolist(), (R @ point.normal).tolist()
                 kind = "penalty" if soft else "rigid"
-                result.append(Contact(point.a, point.b, (p[0], p[1], p[2]), (n[0], n[1], n[2]), point.depth, force, kind, self._dt * mean))
+                result.append(
+                    Contact(
+                        point.a,
+                        point.b,
+                        (p[0], p[1], p[2]),
+                        (n[0], n[1], n[2]),
+                        point.depth,
+                        force,
+                        kind,
+                        self._dt * mean,
+                    )
+                )
         return result
 
     def reactions(self) -> list[JointReaction]:
         """Loads of the robot's moving joints in the last step; empty before the first of a build.
 
-        The acceleration is that between its ends; accurate steps take it in their middle, to second order, semi-implicit ones where they begin.
+        The acceleration is that between its ends; accurate steps take it in their middle, to second order,
+        semi-implicit ones where they begin.
         """
         before, after, n = self._before, self._robot.y, self._robot.engine.nu
         if before is None or before is after:

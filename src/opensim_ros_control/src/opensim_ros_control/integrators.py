@@ -1,9 +1,9 @@
-"""One step of the plant, in three ways: OpenSim's own third-order integrator, ours on M + B, and semi-implicit Euler as PyBullet has it.
+"""One step of the plant, in three ways: OpenSim's own third-order integrator, ours on M + B, and semi-implicit Euler as
+PyBullet has it.
 
-Efforts are held over a step. A step is never longer than the plant's, so what reads the state in between sees accepted states only, in order of time.
+Efforts are held over a step. A step is never longer than the plant's, so what reads the state in between sees accepted
+states only, in order of time.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
@@ -19,14 +19,16 @@ from opensim_ros_control.engine import Engine, to_vector
 from opensim_ros_control.joint_efforts import JointEfforts, Row
 
 Touch = Callable[[FloatArray, FloatArray], FloatArray]
-"""(speeds that the step would end with, shape (nu,); their change per effort, shape (nu, nu)) -> efforts of rigid contact, shape (nu,)."""
+"""(speeds that the step would end with, shape (nu,); their change per effort, shape (nu, nu)) -> efforts of rigid
+contact, shape (nu,)."""
 _ROUNDS = 20
-"""At most so often do joints and contact answer each other in a step, until they agree."""
+"""Iterations at most between joints and contact in a step, until they agree."""
 _AGREED = 1e-9
 """Relative change of the efforts below which they do."""
 
 LONGEST_CALL = 1e-3
-"""Most simulated time in one call of OpenSim's integrator, which keeps all other threads waiting [s] (our choice)."""
+"""Most simulated time in one call of OpenSim's integrator, which keeps all other threads waiting [s] (project default,
+unconfirmed)."""
 
 
 class IntegrationError(HricError):
@@ -113,7 +115,8 @@ class OwnSteps:
 
 
 class ManagerSteps:
-    """OpenSim's own integrator of third order, with error control, by its Manager. Knows nothing of rotors, brakes and rows.
+    """OpenSim's own integrator of third order, with error control, by its Manager. Knows nothing of rotors, brakes and
+    rows.
 
     Args:
         engine: the model.
@@ -133,7 +136,8 @@ class ManagerSteps:
         engine = self._engine
         engine.put_y(y)
         state = opensim.State(engine.system_state)
-        # From zero, so that equal starts give equal bits whenever they happen; what has states of its own may follow the time.
+        # From zero, so that equal starts give equal bits whenever they happen; what has states of its own may follow
+        # the time.
         self._origin, self._steps = (time if engine.nz else 0.0), 0
         state.setTime(self._origin)
         for _, actuator in engine.actuators:
@@ -155,7 +159,8 @@ class ManagerSteps:
         if manager is None or y is not self._last:
             manager = self._start(time, y)
         running = self._running
-        # All efforts in one call. It does not invalidate what the state had computed with those before: touching the speeds does.
+        # All efforts in one call. It does not invalidate what the state had computed with those before: touching the
+        # speeds does.
         self._set_controls(to_vector(self._engine.controls(tau)))
         running.updU()
         try:

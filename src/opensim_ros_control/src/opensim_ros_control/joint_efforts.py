@@ -1,13 +1,13 @@
-"""Efforts within bounds that bring joints to a wanted speed in one step: Coulomb friction, joint stops, velocity and position drives.
+"""Efforts within bounds that bring joints to a target speed in one step: Coulomb friction, joint stops, velocity and
+position drives.
 
-Each is a row: joint i, effort e_i within [low, high], wanted speed w. With the speeds v that the step would end with otherwise and the answer K dt
-of the speeds to efforts, e is such that each joint reaches its w, or its effort is at the bound that keeps it from that (projected Gauss-Seidel).
-The efforts are held over the step, as commands are; so friction holds exactly up to its value, a stop is rigid and takes the joint's energy at any
-step and any inertia. A stop lets a joint come no nearer than it can stand at the end of the step; a joint that is beyond it returns by a fifth of
+Each is a row: joint i, effort e_i within [low, high], target speed w. With the speeds v that the step would end with
+otherwise and the response K dt of the speeds to efforts, e is such that each joint reaches its w, or its effort is at
+the bound that keeps it from that (projected Gauss-Seidel). The efforts are held over the step, as commands are; so
+friction holds exactly up to its value, a stop is rigid and takes the joint's energy at any step and any inertia. A stop
+lets a joint come no nearer than it can stand at the end of the step; a joint that is beyond it returns by a fifth of
 the way in each step.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Sequence
@@ -16,12 +16,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hric_control.plant import FloatArray
-from hric_control.plants.stops import StopMemory
+from hric_control.plants import StopMemory
 
 RETURN = 0.2
-"""Share of the way beyond a stop that is taken back in one step; the same as the usual engines' (our choice)."""
+"""Share of the way beyond a stop that is taken back in one step; the same as the usual engines' (project default,
+unconfirmed)."""
 NEAR = 0.01
-"""A stop that is nearer than this, beyond what the joint travels in two steps, is looked at [rad or m] (our choice)."""
+"""A stop that is nearer than this, beyond what the joint travels in two steps, is looked at [rad or m] (project
+default, unconfirmed)."""
 _SWEEPS = 50
 _TOLERANCE = 1e-12
 """Relative change of the efforts at which the iteration ends."""
@@ -29,7 +31,8 @@ _TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class Row:
-    """An effort within [low, high] [N m or N] that drives `joint` to `speed` [rad/s or m/s]; whether by a drive, whose effort is told."""
+    """An effort within [low, high] [N m or N] that drives `joint` to `speed` [rad/s or m/s]; whether by a drive, whose
+    effort is reported."""
 
     joint: int
     low: float
@@ -40,12 +43,12 @@ class Row:
 
 @dataclass
 class JointEfforts:
-    """The rows of one robot; all by places in the tree.
+    """The rows of one robot; all by indices in the tree.
 
     Args:
         coulomb: joint -> Coulomb friction [N m or N], where there is some.
         stops: ranges by `stop_joints`, and which stops are still open.
-        stop_joints: places of the joints in the order of `stops`.
+        stop_joints: indices of the joints in the order of `stops`.
         time_step: [s].
 
     Attributes:
@@ -65,13 +68,13 @@ class JointEfforts:
 
     def __post_init__(self) -> None:
         ranges = zip(self.stop_joints, self.stops.limits, strict=True)
-        self._ranges = [(place, low, high) for place, (low, high) in ranges if low > -math.inf or high < math.inf]
+        self._ranges = [(index, low, high) for index, (low, high) in ranges if low > -math.inf or high < math.inf]
         self.forget()
 
     def forget(self) -> None:
         """The state was set from outside: the iteration starts from nothing, and stops may be anywhere."""
         self._before.clear()
-        self._way = self._fastest = 0.0
+        self._clearance = self._fastest = 0.0
 
     @property
     def always(self) -> bool:
@@ -79,15 +82,16 @@ class JointEfforts:
         return bool(self.coulomb or self.drives)
 
     def near_stop(self, q: Sequence[float], u: Sequence[float]) -> bool:
-        """Whether a stop could act in the coming step. Joints cannot come near one before they have travelled the least way to one."""
+        """Whether a stop could act in the coming step. Joints cannot come near one before they have travelled the
+        shortest distance to one."""
         fastest = max(max(u), -min(u)) * self.time_step
-        self._way -= max(fastest, self._fastest)
+        self._clearance -= max(fastest, self._fastest)
         self._fastest = fastest
-        if self._way > fastest:
+        if self._clearance > fastest:
             return False
-        ways = [min(q[place] - low, high - q[place]) for place, low, high in self._ranges]
-        self._way = min(ways, default=math.inf) - NEAR
-        return self._way <= 2.0 * fastest
+        gaps = [min(q[index] - low, high - q[index]) for index, low, high in self._ranges]
+        self._clearance = min(gaps, default=math.inf) - NEAR
+        return self._clearance <= 2.0 * fastest
 
     def rows(self, q: FloatArray, v: FloatArray) -> list[Row]:
         """What may act in a step from positions q that would end with speeds v."""
@@ -97,17 +101,17 @@ class JointEfforts:
 
     def _stop_rows(self, q: FloatArray, v: FloatArray) -> list[Row]:
         rows = []
-        for i, (place, (low, high)) in enumerate(zip(self.stop_joints, self.stops.limits, strict=True)):
+        for i, (index, (low, high)) in enumerate(zip(self.stop_joints, self.stops.limits, strict=True)):
             below, above = self.stops.waiting.get(i, (False, False))
-            margin = NEAR + 2.0 * self.time_step * abs(float(v[place]))
-            if not below and q[place] < low + margin:
-                rows.append(Row(place, 0.0, math.inf, self._speed(low - float(q[place]), q[place] >= low)))
-            if not above and q[place] > high - margin:
-                rows.append(Row(place, -math.inf, 0.0, self._speed(high - float(q[place]), q[place] <= high)))
+            margin = NEAR + 2.0 * self.time_step * abs(float(v[index]))
+            if not below and q[index] < low + margin:
+                rows.append(Row(index, 0.0, math.inf, self._speed(low - float(q[index]), q[index] >= low)))
+            if not above and q[index] > high - margin:
+                rows.append(Row(index, -math.inf, 0.0, self._speed(high - float(q[index]), q[index] <= high)))
         return rows
 
-    def _speed(self, way: float, inside: bool) -> float:
-        return way / self.time_step if inside else RETURN * way / self.time_step
+    def _speed(self, distance: float, inside: bool) -> float:
+        return distance / self.time_step if inside else RETURN * distance / self.time_step
 
     def solve(self, rows: Sequence[Row], v: FloatArray, gain: FloatArray) -> FloatArray:
         """Efforts of all rows together, shape (nu,) [N m or N].
@@ -122,10 +126,10 @@ class JointEfforts:
         for _ in range(_SWEEPS):
             change = 0.0
             for k, row in enumerate(rows):
-                answer = float(gain[row.joint, row.joint])
-                if answer <= 0.0:
+                response = float(gain[row.joint, row.joint])
+                if response <= 0.0:
                     continue  # braked
-                new = min(max(efforts[k] + (row.speed - float(v[row.joint])) / answer, row.low), row.high)
+                new = min(max(efforts[k] + (row.speed - float(v[row.joint])) / response, row.low), row.high)
                 v += (new - efforts[k]) * gain[:, row.joint]
                 change = max(change, abs(new - efforts[k]))
                 efforts[k] = new

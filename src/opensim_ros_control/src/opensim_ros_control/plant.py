@@ -1,71 +1,65 @@
 """The OpenSim plant: one robot, the world around it, and the forces that act on both from outside."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from hric_control.errors import CommandError, HricError, ParameterError
-from hric_control.plant import Contact, FloatArray, Load, Plant
-from hric_control.plants.masks import load_masks
-from hric_control.plants.modes import Mode
-from hric_control.plants.reactions import JointReaction
-from hric_control.plants.spatial import MassProperties
-from hric_control.plants.surfaces import Surfaces
-from hric_control.plants.worlds import load_surfaces, load_world
-from opensim_ros_control.config import OpenSimConfig
-from opensim_ros_control.robot import Robot
+from hric_control.geometry import MassProperties
+from hric_control.plant import Contact, DrivenPlant, FloatArray, JointReaction, Load, Mode, ReactingPlant
+from hric_control.plants import Surfaces, load_masks, load_surfaces, load_world
+from opensim_ros_control.robot import OpenSimConfig, Robot
 from opensim_ros_control.robot_model import RobotModel
 from opensim_ros_control.world import World
-from urdf_to_osim import turns
+from urdf_to_osim import transforms
 
 
-class OpenSimPlant(Plant):
-    """See `hric_control.plant.Plant`. Beyond it, joints can be driven by velocity or position: `set_modes`.
+class OpenSimPlant(DrivenPlant, ReactingPlant):
+    """See `hric_control.plant.Plant`.
 
-    The robot's base is turned in OpenSim's ground so that the world's z points along OpenSim's y, as its users have it. Everything here is in the
-    world frame.
+    The robot's base is rotated in OpenSim's ground so that the world's z points along OpenSim's y, as its users have
+    it. Everything here is in the world frame.
 
     Attributes:
         config: the parameters as checked.
         robot: the robot, with OpenSim's model and state.
-        world: what stands around it.
+        world: everything around it.
         T_ground_world: pose of the world in OpenSim's ground, shape (4, 4).
     """
 
     def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
         self.joint_names = tuple(joint_names)
-        self.config = OpenSimConfig.from_parameters(config, self.joint_names)
+        self.config = OpenSimConfig.of(config, "plant/", self.joint_names)
         self.time_step = self.config.time_step
-        self.T_ground_world = turns.base_pose("y")
+        self.T_ground_world = transforms.base_pose("y")
         objects = load_world(self.config.world, self.config.contact_stiffness)
         self.robot = Robot(RobotModel(urdf_xml, self.joint_names, self.config.gravity), self.joint_names, self.config)
-        rules = Surfaces((*load_surfaces(self.config.world, self.config.contact_stiffness), *self.config.surfaces))
+        rules = Surfaces((*load_surfaces(self.config.world), *self.config.surfaces), self.config.contact_stiffness)
         self.world = World(self.robot, objects, rules, self.T_ground_world, load_masks(self.config.collision_masks))
         half = self.config.half_step_readout and self.config.integrator == "semi_implicit"
         self._half_step = 0.5 * self.time_step if half else 0.0
         self._values = [0.0] * len(self.joint_names)
-        self._place([0.0] * len(self.joint_names), None)
+        self._put([0.0] * len(self.joint_names), None)
 
-    # -- state ---------------------------------------------------------------------------------------------------------------------------
+    # -- state ---------------------------------------------------------------------------------------------------------
 
-    def _place(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        self.robot.place(q, [0.0] * len(q) if dq is None else dq)
+    def _put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
+        self.robot.put(q, [0.0] * len(q) if dq is None else dq)
         self._values = [0.0] * len(self.joint_names)
 
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
         """The robot to q, dq, and the world back to its start."""
         self.world.reset()
-        self._place(q, dq)
+        self._put(q, dq)
 
     def set_configuration(self, q: Sequence[float]) -> None:
         """Put the robot at q at rest and leave the world as it is."""
-        self._place(q, None)
+        self._put(q, None)
 
     def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
-        """Semi-implicit, the position belongs to the end of the step and the velocity to its middle; q - dt dq/2 brings both together."""
+        """Semi-implicit, the position belongs to the end of the step and the velocity to its middle; q - dt dq/2 brings
+        both together."""
         robot, half = self.robot, self._half_step
         dq[:] = robot.pick(robot.u)
         q[:] = robot.pick(robot.q)
@@ -85,7 +79,7 @@ class OpenSimPlant(Plant):
         """OpenSim's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
         return self.robot.synchronised().mass_matrix()[np.ix_(self.robot.user, self.robot.user)]
 
-    # -- the step ------------------------------------------------------------------------------------------------------------------------
+    # -- the step ------------------------------------------------------------------------------------------------------
 
     def apply(self, tau: Sequence[float]) -> None:
         """Commands for the next step: efforts [N m], or what `set_modes` made of them."""
@@ -98,10 +92,11 @@ class OpenSimPlant(Plant):
         self.world.act()
         self.robot.step(self._values)
 
-    # -- modes, brakes, load -------------------------------------------------------------------------------------------------------------
+    # -- modes, brakes, load -------------------------------------------------------------------------------------------
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """What `apply` means for each joint: an effort, or the target of a stiff velocity or position drive within the URDF's limits."""
+        """What `apply` means for each joint: an effort, or the target of a stiff velocity or position drive within the
+        URDF's limits."""
         self._check_length(modes, "modes")
         self.robot.set_modes(modes)
 
@@ -112,13 +107,16 @@ class OpenSimPlant(Plant):
 
     def _check_length(self, values: Sequence[object], what: str) -> None:
         if len(values) != len(self.joint_names):
-            raise CommandError(f"{what}: got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})")
+            raise CommandError(
+                f"{what}: got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})"
+            )
 
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Fix a payload to `link` (default: behind the last joint); it replaces the one before. The model is built anew where everything is."""
+        """Fix a payload to `link` (default: behind the last joint); it replaces the one before. The model is built
+        again where everything is."""
         model = self.robot.model
         link = link or model.last_link
-        model.check_link(link)
+        model.robot.check_link(link)
         before = model.load
         model.load = None if load is None else (link, _payload(load))
         try:
@@ -127,9 +125,11 @@ class OpenSimPlant(Plant):
             model.load = before
             raise
 
-    # -- the world -----------------------------------------------------------------------------------------------------------------------
+    # -- the world -----------------------------------------------------------------------------------------------------
 
-    def apply_wrench(self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float) -> None:
+    def apply_wrench(
+        self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
+    ) -> None:
         """Act on "link" or "model::link" for the steps that `duration` [s] covers (negative: until cleared)."""
         model, link = self.world.find(body)
         self.world.forces.wrenches.add(f"{model}::{link}", force, torque, point, duration)
@@ -153,7 +153,7 @@ class OpenSimPlant(Plant):
         return self.world.forces.reactions()
 
     def take_contact_peaks(self) -> dict[tuple[str, str], float]:
-        """Largest force of each pair that met by a spring since this was last asked [N]."""
+        """Largest force of each pair that met by a spring since the last call [N]."""
         return self.world.forces.springs.take_peaks()
 
     def base_link(self, model: str) -> str:
@@ -161,7 +161,8 @@ class OpenSimPlant(Plant):
         return self.world.base_link(model)
 
     def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, *, fixed: bool = False) -> None:
-        """Add a model with its root link at T_world_model, shape (4, 4). The whole model is built anew, everything else goes on where it is."""
+        """Add a model with its root link at T_world_model, shape (4, 4). The whole model is built again, everything
+        else goes on where it is."""
         if np.shape(T_world_model) != (4, 4) or not np.isfinite(T_world_model).all():
             raise HricError(f"model {name}: its pose must be a finite 4 x 4 transform")
         self.world.spawn(name, urdf_xml, np.array(T_world_model, dtype=float), fixed)
@@ -175,11 +176,14 @@ class OpenSimPlant(Plant):
         return list(self.world.models)
 
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape (6,))."""
+        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
+        (6,))."""
         return self.world.state(body)
 
 
 def _payload(load: Load) -> MassProperties:
     if load.mass < 0.0 or len(load.com) != 3 or len(load.inertia) != 9:
         raise ParameterError(f"a load needs mass >= 0, com of 3 and inertia of 9 numbers; got {load}")
-    return MassProperties(float(load.mass), np.array(load.com, dtype=float), np.array(load.inertia, dtype=float).reshape(3, 3))
+    return MassProperties(
+        float(load.mass), np.array(load.com, dtype=float), np.array(load.inertia, dtype=float).reshape(3, 3)
+    )

@@ -1,20 +1,15 @@
 """The robot in OpenSim: its joints, what acts in them, and one step of that."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 from hric_control.errors import CommandError
-from hric_control.plant import FloatArray
-from hric_control.plants.divergence import Divergence
-from hric_control.plants.friction import JointLosses, sigmoid_parameters
-from hric_control.plants.modes import Mode
-from hric_control.plants.stops import StopMemory
-from opensim_ros_control.config import OpenSimConfig
+from hric_control.parameters import flag, number, refused
+from hric_control.plant import FloatArray, Mode
+from hric_control.plants import Divergence, JointLosses, PlantConfig, StopMemory, sigmoid_parameters
 from opensim_ros_control.dynamics import Dynamics, Losses
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.integrators import IntegrationError, ManagerSteps, OwnSteps, Step, Touch
@@ -22,17 +17,32 @@ from opensim_ros_control.joint_efforts import JointEfforts, Row
 from opensim_ros_control.robot_model import RobotModel
 
 
-class State(NamedTuple):
-    """Positions [rad or m] and speeds [rad/s or m/s] of all coordinates, shape (nu,) each."""
+@dataclass(frozen=True)
+class OpenSimConfig(PlantConfig):
+    """The plant's parameters: those that all plants share, and OpenSim's own."""
 
-    q: FloatArray
-    u: FloatArray
+    accuracy: float = number(
+        1e-3,
+        above=0.0,
+        text="of OpenSim's error control, as OpenSim defines it; without meaning for the other integrators",
+    )
+    effort_limits: bool = flag(True, text="cut efforts to the description's limits")
+
+    gui: bool = flag(False, text="must be false: this plant has no window")
+
+    def check(self, where: str) -> None:
+        """Refuse a window: OpenSim's own needs a display and would take the loop's time."""
+        if self.gui:
+            raise refused(
+                f"{where}gui", True, "false: the OpenSim plant has no window of its own; look at the robot in rviz"
+            )
 
 
 class Robot:
     """One robot with a fixed base in an OpenSim model, which may hold other things too.
 
-    Vectors are in the tree's order of the model's coordinates; `user` holds the places of the actuated joints in it, in the user's order.
+    Vectors are in the tree's order of the model's coordinates; `user` has the indices of the actuated joints in it, in
+    the user's order.
 
     Args:
         model: builds the model.
@@ -47,7 +57,8 @@ class Robot:
         q, u: positions and speeds in it as floats [rad or m, rad/s or m/s].
         motor_effort: efforts of the actuated joints' motors in the last step, in the user's order [N m].
         effort: what of them arrived behind the rotors, where an arm's torque sensors are [N m].
-        external: efforts that act on the coordinates in the coming steps besides the robot's, shape (nu,); None for none.
+        external: efforts that act on the coordinates in the coming steps besides the robot's, shape (nu,); None for
+            none.
         touch: rigid contact in the coming step; None for none.
     """
 
@@ -59,13 +70,18 @@ class Robot:
         self._modes = [Mode.EFFORT] * len(numbers)
         self._on = [False] * len(numbers)
         self._numbers = numbers
-        self._velocity = [model.velocity_limits[name] for name in self.joint_names]
-        limits, slides = [model.velocity_limits[name] for name in self._names], [joint.type == "prismatic" for joint in self._joints]
+        self._velocity = [model.joints[name].velocity for name in self.joint_names]
+        limits, slides = (
+            [joint.velocity for joint in self._joints],
+            [joint.type == "prismatic" for joint in self._joints],
+        )
         self._divergence = Divergence(self._names, limits, slides, config.time_step)
         self.stops = StopMemory([(joint.lower, joint.upper) for joint in self._joints])
         bound = [self._joints[i].effort if config.effort_limits else math.inf for i in numbers]
         self._bounds = [(-effort, effort) for effort in bound]
-        self._half = 0.5 * config.time_step if config.half_step_readout and config.integrator == "semi_implicit" else 0.0
+        self._half = (
+            0.5 * config.time_step if config.half_step_readout and config.integrator == "semi_implicit" else 0.0
+        )
         self.effort = self.motor_effort = [0.0] * len(numbers)
         self._rotors = list(config.rotor_inertia) if any(config.rotor_inertia) else None
         self.external: FloatArray | None = None
@@ -74,31 +90,31 @@ class Robot:
         self.time = 0.0
         self._set_y(self.engine.y_of(self.engine.system_state))
 
-    # -- the model -----------------------------------------------------------------------------------------------------------------------
+    # -- the model -----------------------------------------------------------------------------------------------------
 
     def _bind(self, engine: Engine) -> None:
         """Set everything up on a model that was built."""
         config = self.config
         self.engine = engine
         path = engine.built.coordinates
-        self._places = [engine.place[path[name]] for name in self._names]
-        self.user = [self._places[i] for i in self._numbers]
+        self._indices = [engine.index[path[name]] for name in self._names]
+        self.user = [self._indices[i] for i in self._numbers]
         self.straight = self.user == list(range(engine.nu))
-        self._all_straight = self._places == list(range(engine.nu))
+        self._all_straight = self._indices == list(range(engine.nu))
         inertia = np.zeros(engine.nu)
         inertia[self.user] = config.rotor_inertia
         losses = self._losses()
         self._dynamics = Dynamics(engine, inertia, losses)
-        coulomb = [(place, joint.friction) for place, joint in zip(self._places, self._joints, strict=True)]
-        sticking = {place: F for place, F in coulomb if F > 0.0} if config.friction == "coulomb" else {}
-        self._rows = JointEfforts(sticking, self.stops, self._places, config.time_step)
+        coulomb = [(index, joint.friction) for index, joint in zip(self._indices, self._joints, strict=True)]
+        sticking = {index: F for index, F in coulomb if F > 0.0} if config.friction == "coulomb" else {}
+        self._rows = JointEfforts(sticking, self.stops, self._indices, config.time_step)
         self._own = OwnSteps(self._dynamics, self._rows, config.time_step)
         self._manager = ManagerSteps(engine, config.time_step, config.accuracy)
         self._plain = config.integrator == "accurate" and losses is None and not inertia.any() and not sticking
         self._own_step = self._own.semi_implicit if config.integrator == "semi_implicit" else self._own.third_order
         self._mimics = [
-            (place, engine.place[path[joint.mimic.joint]], joint.mimic.multiplier, joint.mimic.offset)
-            for place, joint in zip(self._places, self._joints, strict=True)
+            (index, engine.index[path[joint.mimic.joint]], joint.mimic.multiplier, joint.mimic.offset)
+            for index, joint in zip(self._indices, self._joints, strict=True)
             if joint.mimic is not None
         ]
 
@@ -106,18 +122,19 @@ class Robot:
         if self.config.friction != "identified":
             return None
         phi: list[tuple[float, float, float]] = [(0.0, 0.0, 0.0)] * self.engine.nu
-        for place, values in zip(self.user, sigmoid_parameters(self.config.friction_parameters, self.joint_names), strict=True):
-            phi[place] = values
+        for index, values in zip(
+            self.user, sigmoid_parameters(self.config.friction_parameters, self.joint_names), strict=True
+        ):
+            phi[index] = values
         nothing = [0.0] * self.engine.nu
         subtract = JointLosses(nothing, phi).subtract  # damping acts in the model
         return lambda u: -np.array(subtract(nothing, u.tolist()))
 
     def build_again(self, prepare: Callable[[Engine], None] | None = None) -> None:
-        """The model anew, continuing where everything is; `prepare` may set states of what is new in it."""
+        """The model again, continuing where everything is; `prepare` may set states of what is new in it."""
         self._write_state()
-        snapshot = self.engine.snapshot()
         engine = Engine(self.model.build())
-        engine.restore(snapshot)
+        engine.continue_from(self.engine)
         if prepare is not None:
             prepare(engine)
         self.external = self.touch = None
@@ -141,52 +158,49 @@ class Robot:
         self.engine.model.realizeVelocity(self.engine.system_state)
         return self.engine
 
-    # -- putting the robot somewhere -----------------------------------------------------------------------------------------------------
+    # -- putting the robot somewhere -----------------------------------------------------------------------------------
 
-    def place(self, q: Sequence[float], dq: Sequence[float]) -> None:
+    def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
         """Put the actuated joints at q, dq; the robot's other joints stay where they are, at rest."""
         for values in (q, dq):
             self._check_length(values)
         if not all(map(math.isfinite, [*q, *dq])):
             raise CommandError(f"q and dq must be finite; got {list(q)} and {list(dq)}")
         y, n = self.y.copy(), self.engine.nu
-        y[[n + place for place in self._places]] = 0.0
+        y[[n + index for index in self._indices]] = 0.0
         # The read-out goes half a step back, so the engine starts half a step ahead.
-        for place, x, v in zip(self.user, q, dq, strict=True):
-            y[place], y[n + place] = x + self._half * v, v
-        for place, source, multiplier, offset in self._mimics:
-            y[place], y[n + place] = multiplier * y[source] + offset, multiplier * y[n + source]
+        for index, x, v in zip(self.user, q, dq, strict=True):
+            y[index], y[n + index] = x + self._half * v, v
+        for index, source, multiplier, offset in self._mimics:
+            y[index], y[n + index] = multiplier * y[source] + offset, multiplier * y[n + source]
         self._set_y(y)
         self.effort = self.motor_effort = [0.0] * len(q)
-        self.stops.place([self.q[place] for place in self._places])
+        self.stops.restart([self.q[index] for index in self._indices])
         self._rows.forget()
         self._close_brakes()
 
     def _check_length(self, values: Sequence[object]) -> None:
         if len(values) != len(self.joint_names):
-            raise CommandError(f"got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})")
+            raise CommandError(
+                f"got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})"
+            )
 
     def pick(self, values: list[float]) -> list[float]:
         """Those of the actuated joints, in the user's order, among those of all coordinates."""
-        return values if self.straight else [values[place] for place in self.user]
+        return values if self.straight else [values[index] for index in self.user]
 
     def _of_joints(self, values: list[float]) -> list[float]:
         """Those of all joints of the robot, in their own order, among those of all coordinates."""
-        return values if self._all_straight else [values[place] for place in self._places]
-
-    @property
-    def state(self) -> State:
-        """Positions and speeds as arrays."""
-        n = self.engine.nu
-        return State(self.y[:n], self.y[n : 2 * n])
+        return values if self._all_straight else [values[index] for index in self._indices]
 
     def response(self) -> FloatArray:
-        """Change of du/dt per effort on the coordinates, shape (nu, nu), where the engine stands; its positions must be realized."""
+        """Change of du/dt per effort on the coordinates, shape (nu, nu), in the engine's present state; its positions
+        must be realized."""
         if self.engine.constraints:
             self.engine.model.realizeVelocity(self.engine.system_state)
         return self._dynamics.response()
 
-    # -- modes and brakes ----------------------------------------------------------------------------------------------------------------
+    # -- modes and brakes ----------------------------------------------------------------------------------------------
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
         """What the commands of the actuated joints mean from now on."""
@@ -201,9 +215,9 @@ class Robot:
     def _close_brakes(self) -> None:
         """A brake that closes stops its joint at once, as one that is far stronger than the joint."""
         modes = list(zip(self.user, self._modes, self._on, strict=True))
-        braked = [place for place, mode, on in modes if on or mode is Mode.BRAKE]
+        braked = [index for index, mode, on in modes if on or mode is Mode.BRAKE]
         if self.config.passive_joints == "locked":
-            braked += [place for place in self._places if place not in self.user]
+            braked += [index for index in self._indices if index not in self.user]
         self._braked = [on or mode is Mode.BRAKE for _, mode, on in modes]
         self._driven = [mode in (Mode.VELOCITY, Mode.POSITION) and not on for _, mode, on in modes]
         self._any_braked, self._any_driven = bool(braked), any(self._driven)
@@ -215,17 +229,17 @@ class Robot:
 
     def _drive_rows(self, values: Sequence[float]) -> list[Row]:
         rows = []
-        for i, (place, number, mode) in enumerate(zip(self.user, self._numbers, self._modes, strict=True)):
+        for i, (index, k, mode) in enumerate(zip(self.user, self._numbers, self._modes, strict=True)):
             if self._driven[i]:
-                joint = self._joints[number]
+                joint = self._joints[k]
                 speed = values[i]
                 if mode is Mode.POSITION:
-                    speed = (values[i] - self.q[place]) / self.config.time_step
+                    speed = (values[i] - self.q[index]) / self.config.time_step
                     speed = min(max(speed, -self._velocity[i]), self._velocity[i])
-                rows.append(Row(place, -joint.effort, joint.effort, speed, drive=True))
+                rows.append(Row(index, -joint.effort, joint.effort, speed, drive=True))
         return rows
 
-    # -- one step ------------------------------------------------------------------------------------------------------------------------
+    # -- one step ------------------------------------------------------------------------------------------------------
 
     def step(self, values: Sequence[float]) -> None:
         """Act in the joints and advance.
@@ -233,15 +247,21 @@ class Robot:
         Args:
             values: commands of the actuated joints, in the meaning of their modes.
         """
-        efforts = [low if v < low else high if v > high else v for v, (low, high) in zip(values, self._bounds, strict=True)]
+        efforts = [
+            low if v < low else high if v > high else v for v, (low, high) in zip(values, self._bounds, strict=True)
+        ]
         self._divergence.check_efforts(self.joint_names, efforts)
         rows = self._rows
         if self._any_braked or self._any_driven:
             efforts = [0.0 if b or d else e for e, b, d in zip(efforts, self._braked, self._driven, strict=True)]
             rows.drives = self._drive_rows(values)
         rows.active = rows.always or rows.near_stop(self.q, self.u)
-        tau = np.array(efforts if self.straight else self._spread(efforts))
-        if self._plain and not rows.active and self._untouched():
+        tau = np.array(efforts)
+        if not self.straight:
+            tau = np.zeros(self.engine.nu)
+            tau[self.user] = efforts
+        untouched = self.external is None and self.touch is None
+        if self._plain and not (rows.active or self._any_braked or self._any_driven) and untouched:
             self._finish(self._by_manager(tau), efforts)
         else:
             tau = tau if self.external is None else tau + self.external
@@ -252,15 +272,6 @@ class Robot:
             return self._manager.step(self.time, self.y, tau)
         except IntegrationError as error:
             raise self._divergence.fail(self._of_joints(self.u), str(error)) from error
-
-    def _untouched(self) -> bool:
-        return not (self._any_braked or self._any_driven or self.external is not None or self.touch is not None)
-
-    def _spread(self, efforts: Sequence[float]) -> list[float]:
-        full = [0.0] * self.engine.nu
-        for place, value in zip(self.user, efforts, strict=True):
-            full[place] = value
-        return full
 
     def _finish(self, step: Step, efforts: list[float]) -> None:
         self.time += self.config.time_step
@@ -273,7 +284,7 @@ class Robot:
             rows = zip(self.motor_effort, self._rotors, self.pick(before), self.pick(self.u), strict=True)
             self.effort = [effort - b * rate * (v - u) for effort, b, u, v in rows]
         if self.stops.waiting:
-            self.stops.check([self.q[place] for place in self._places])
+            self.stops.check([self.q[index] for index in self._indices])
 
     def _motor_efforts(self, step: Step, efforts: list[float]) -> list[float]:
         """Efforts of the step with those that brakes and drives found."""
@@ -281,5 +292,5 @@ class Robot:
             brakes = self.pick(self._dynamics.brake_efforts(step.acceleration).tolist())
             efforts = [b if on else e for e, b, on in zip(efforts, brakes, self._braked, strict=True)]
         if self._any_driven:
-            efforts = [self._rows.driven.get(place, e) for place, e in zip(self.user, efforts, strict=True)]
+            efforts = [self._rows.driven.get(index, e) for index, e in zip(self.user, efforts, strict=True)]
         return efforts

@@ -1,6 +1,4 @@
-"""The models around the robot, and the one description in which all of them stand together with it."""
-
-from __future__ import annotations
+"""The models around the robot, and the one description of all of them together with it."""
 
 import math
 from collections.abc import Sequence
@@ -9,14 +7,15 @@ from dataclasses import dataclass, field
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+import numpy as np
+
 from hric_control.errors import DescriptionError
-from hric_control.plants.spatial import FloatArray, rpy_from_rotation
-from hric_control.plants.surfaces import Surface
-from hric_control.plants.urdf_tree import UrdfTree, parse_urdf
-from hric_control.plants.worlds import PLAIN_LINK, WorldObject
+from hric_control.geometry import FloatArray
+from hric_control.plants import PLAIN_LINK, Surface, WorldObject
+from hric_control.urdf import Robot, read, write_inertial, write_origin
 
 _PLANE_DRAWN = 2.0
-"""Side of the square that stands for a plane in pictures [m]; our choice."""
+"""Side of the square that represents a plane in pictures [m]; project default, unconfirmed."""
 
 
 @dataclass
@@ -29,13 +28,13 @@ class Model:
         fixed: to the world.
         surface: of all its links.
         linear, angular: velocity of the root link's origin at the start, world frame [m/s], [rad/s].
-        T_world_origin: where the frame of its free joint stands now: coordinates at zero put the root link there.
+        T_world_origin: where the frame of its free joint is now: coordinates at zero put the root link there.
         planes: links whose collision shape is the half-space below z = 0.
     """
 
     name: str
     xml: str
-    tree: UrdfTree
+    tree: Robot
     T_world_start: FloatArray
     fixed: bool
     surface: Surface = field(default_factory=Surface)
@@ -52,34 +51,35 @@ class Model:
         return f"{self.name}::free"
 
 
-def model_of_urdf(name: str, xml: str, T_world_model: FloatArray, *, fixed: bool, surface: Surface | None = None) -> Model:
+def model_of_urdf(
+    name: str, xml: str, T_world_model: FloatArray, *, fixed: bool, surface: Surface | None = None
+) -> Model:
     """A model from a URDF. Raises DescriptionError when it cannot be used."""
-    tree = parse_urdf(xml)
+    tree = read(xml, f"model {name}")
     if not fixed and not _carried(tree):
-        raise DescriptionError(f"link {tree.root} of model {name}: it moves, but neither it nor what is fixed to it has a mass")
+        raise DescriptionError(
+            f"link {tree.root} of model {name}: it moves, but neither it nor what is fixed to it has a mass"
+        )
     return Model(name, xml, tree, T_world_model.copy(), fixed, surface or Surface())
 
 
-def _carried(tree: UrdfTree) -> bool:
+def _carried(tree: Robot) -> bool:
     """Whether the root, or something fixed to it, has a mass."""
-    group = [tree.root]
-    for link in group:
-        mass = tree.links[link].mass
-        if mass is not None and mass.mass > 0.0:
-            return True
-        group += [joint.child for joint in tree.joints if joint.parent == link and joint.type == "fixed"]
-    return False
+    fixed = [tree.links[link].mass for link, (top, _) in tree.rigid_groups().items() if top == tree.root]
+    return any(mass is not None and mass.mass > 0.0 for mass in fixed)
 
 
 def model_of_object(item: WorldObject) -> Model:
     """A model from an object of a world file."""
     fixed = item.mass == 0.0
     if item.urdf is not None:
-        model = model_of_urdf(item.name, item.urdf.read_text(encoding="utf-8"), item.T_world_object, fixed=fixed, surface=item.surface)
+        model = model_of_urdf(
+            item.name, item.urdf.read_text(encoding="utf-8"), item.T_world_object, fixed=fixed, surface=item.surface
+        )
     else:
         xml = _shape_urdf(item)
         planes = frozenset([PLAIN_LINK]) if item.shape == "plane" else frozenset()
-        model = Model(item.name, xml, parse_urdf(xml), item.T_world_object.copy(), fixed, item.surface, planes=planes)
+        model = Model(item.name, xml, read(xml), item.T_world_object.copy(), fixed, item.surface, planes=planes)
     model.linear, model.angular = item.linear, item.angular
     return model
 
@@ -98,7 +98,9 @@ def _moments(shape: str, size: Sequence[float], mass: float) -> tuple[float, flo
     # A capsule: a cylinder, and two half balls whose centres of mass lie 3 r / 8 beyond its ends.
     volume = math.pi * r * r * length + 4 / 3 * math.pi * r**3
     rod, balls = mass * math.pi * r * r * length / volume, mass * 4 / 3 * math.pi * r**3 / volume
-    across = rod * (3 * r * r + length * length) / 12 + balls * (0.4 * r * r + 0.375 * r * length + 0.25 * length * length)
+    across = rod * (3 * r * r + length * length) / 12 + balls * (
+        0.4 * r * r + 0.375 * r * length + 0.25 * length * length
+    )
     return across, across, 0.5 * rod * r * r + 0.4 * balls * r * r
 
 
@@ -106,15 +108,12 @@ def _shape_urdf(item: WorldObject) -> str:
     robot = Element("robot", name=item.name)
     link = SubElement(robot, "link", name=PLAIN_LINK)
     if item.mass > 0.0:
-        inertial = SubElement(link, "inertial")
-        SubElement(inertial, "mass", value=repr(item.mass))
-        ixx, iyy, izz = map(repr, _moments(item.shape, item.size, item.mass))
-        SubElement(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
+        write_inertial(link, item.mass, np.eye(4), np.diag(_moments(item.shape, item.size, item.mass)))
     for element, z in _parts(item.shape, item.size):
         for tag in ("visual",) if item.shape == "plane" else ("visual", "collision"):
-            place = SubElement(link, tag)
-            SubElement(place, "origin", xyz=f"0 0 {z!r}")
-            SubElement(place, "geometry").append(deepcopy(element))
+            shape = SubElement(link, tag)
+            SubElement(shape, "origin", xyz=f"0 0 {z!r}")
+            SubElement(shape, "geometry").append(deepcopy(element))
     return ElementTree.tostring(robot, encoding="unicode")
 
 
@@ -133,14 +132,15 @@ def _parts(shape: str, size: Sequence[float]) -> list[tuple[Element, float]]:
 
 
 def together(robot_xml: str, models: Sequence[Model]) -> str:
-    """One URDF of the robot and the models, whose links and joints are called "model::name"; the robot's root link is the world.
+    """One URDF of the robot and the models, whose links and joints are called "model::name"; the robot's root link is
+    the world.
 
     A free model hangs on a floating joint "model::free", a fixed one on "model::fixed".
     """
     if not models:
         return robot_xml
     robot = ElementTree.fromstring(robot_xml)
-    root = parse_urdf(robot_xml).root
+    root = read(robot_xml).root
     for model in models:
         for element in ElementTree.fromstring(model.xml):
             if element.tag in ("link", "joint"):
@@ -149,9 +149,7 @@ def together(robot_xml: str, models: Sequence[Model]) -> str:
         joint = SubElement(robot, "joint", type=kind[0], name=kind[1])
         SubElement(joint, "parent", link=root)
         SubElement(joint, "child", link=f"{model.name}::{model.tree.root}")
-        T = model.T_world_origin
-        xyz, rpy = (" ".join(repr(float(v)) for v in values) for values in (T[:3, 3], rpy_from_rotation(T[:3, :3])))
-        SubElement(joint, "origin", xyz=xyz, rpy=rpy)
+        write_origin(joint, model.T_world_origin)
     return ElementTree.tostring(robot, encoding="unicode")
 
 
@@ -163,5 +161,5 @@ def _renamed(element: Element, model: str) -> Element:
             part.set(attribute, f"{model}::{part.get(attribute, '')}")
     for visual in copy.findall("visual"):
         for material in visual.findall("material"):
-            visual.remove(material)  # it may refer to one that stands outside the link
+            visual.remove(material)  # it may refer to one outside the link
     return copy

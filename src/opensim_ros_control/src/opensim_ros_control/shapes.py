@@ -1,29 +1,24 @@
 """Collision shapes of a description, for coal: the collision library that comes with pinocchio."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
-from xml.etree.ElementTree import Element
 
 import coal
 import numpy as np
 
 from hric_control.errors import DescriptionError, HricError
-from hric_control.plants.capsules import join_capsules
+from hric_control.geometry import FloatArray
 from hric_control.plants.faces import Solid
 from hric_control.plants.resources import resolve
-from hric_control.plants.spatial import FloatArray
-from hric_control.plants.urdf_tree import origin
+from hric_control.urdf import Shape as Described
+from hric_control.urdf import join_capsules
 
 FAR = 1e9
 """Radius of what has no end [m]."""
-
-
 _POINT = 1e-6
-"""Radius of the ball that stands for a point [m]; any small one does."""
+"""Radius of the ball that represents a point [m]; any small one does."""
 
 
 @dataclass(frozen=True)
@@ -43,63 +38,41 @@ class Shape:
     solid: Solid
 
 
-def _numbers(element: Element, attribute: str, count: int, where: str) -> list[float]:
-    text = element.get(attribute, "")
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(0.0 < value < FAR for value in values):
-        raise DescriptionError(f'{where}: {attribute}="{text}" must be {count} positive number(s)')
-    return values
-
-
 @lru_cache(maxsize=64)
-def _hull(path: str, scale: tuple[float, float, float]) -> Any:
+def _hull(path: str, scale: tuple[float, ...]) -> Any:
     mesh = coal.MeshLoader().load(path, np.array(scale))
     mesh.buildConvexHull(True, "Qt")
     return mesh.convex
 
 
-def _mesh(element: Element, where: str) -> Any:
-    scale = _numbers(element, "scale", 3, where) if element.get("scale") else [1.0, 1.0, 1.0]
-    address = element.get("filename", "")
+MAKERS: dict[str, Callable[..., Any]] = {
+    "box": coal.Box,
+    "sphere": coal.Sphere,
+    "cylinder": coal.Cylinder,
+    "capsule": coal.Capsule,
+}
+
+
+def _geometry(shape: Described) -> Any:
+    if not all(0.0 < value < FAR for value in shape.size):
+        raise DescriptionError(f"{shape.where}: a {shape.measures}; all must be above 0 and below {FAR:g}")
+    if shape.kind != "mesh":
+        return MAKERS[shape.kind](*shape.size)
     try:
-        return _hull(str(resolve(address)), (scale[0], scale[1], scale[2]))
+        return _hull(str(resolve(shape.address)), shape.size)
     except (HricError, RuntimeError, ValueError) as error:
-        raise DescriptionError(f"{where}: mesh {address}: {error}") from error
+        raise DescriptionError(f"{shape.where}: mesh {shape.address}: {error}") from error
 
 
-def _geometry(shape: Element, where: str) -> Any:
-    kinds = list(shape.findall("geometry/*"))
-    if len(kinds) != 1:
-        raise DescriptionError(f"{where}: needs one shape in <geometry>; it has {len(kinds)}")
-    (kind,) = kinds
-    if kind.tag == "box":
-        return coal.Box(*_numbers(kind, "size", 3, where))
-    if kind.tag == "sphere":
-        return coal.Sphere(*_numbers(kind, "radius", 1, where))
-    if kind.tag in ("cylinder", "capsule"):
-        make = coal.Cylinder if kind.tag == "cylinder" else coal.Capsule
-        return make(*_numbers(kind, "radius", 1, where), *_numbers(kind, "length", 1, where))
-    if kind.tag == "mesh":
-        return _mesh(kind, where)
-    raise DescriptionError(f"{where}: shape {kind.tag!r} is not known; valid: box, sphere, cylinder, capsule, mesh")
-
-
-def shapes(collisions: Sequence[Element], where: str) -> list[Shape]:
+def shapes(collisions: Sequence[Described]) -> list[Shape]:
     """Shapes of a link; a cylinder with balls at its ends is one capsule, a mesh is its convex hull.
-
-    Args:
-        collisions: elements of the description.
-        where: "link name", for error texts.
 
     Raises:
         DescriptionError: a shape that cannot be used.
     """
     result = []
-    for element in join_capsules(collisions, f"collision of {where}"):
-        geometry, T = _geometry(element, f"collision of {where}"), origin(element.find("origin"), f"collision of {where}")
+    for shape in join_capsules(collisions):
+        geometry, T = _geometry(shape), shape.T_link_shape
         geometry.computeLocalAABB()
         centre = T[:3, :3] @ np.asarray(geometry.aabb_center) + T[:3, 3]
         result.append(Shape(geometry, T, float(np.linalg.norm(centre)) + float(geometry.aabb_radius), _solid(geometry)))
@@ -107,7 +80,7 @@ def shapes(collisions: Sequence[Element], where: str) -> list[Shape]:
 
 
 def _solid(geometry: Any) -> Solid:
-    """coal's shape as one that tells its sides."""
+    """coal's shape as one that has sides."""
     if isinstance(geometry, coal.Box):
         return Solid("box", tuple(2.0 * float(half) for half in geometry.halfSide), np.eye(4))
     if isinstance(geometry, coal.Sphere):
@@ -144,7 +117,7 @@ class Touch:
 
 
 class Pairing:
-    """Asks coal about two shapes; keeps its requests and results."""
+    """Distance and contact of two shapes by coal; keeps its requests and results."""
 
     def __init__(self, margin: float) -> None:
         self._margin = margin

@@ -1,35 +1,31 @@
 """Everything around the robot: the objects of the world file and the models spawned later."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 import opensim
 
 from hric_control.errors import HricError, UnknownNameError
-from hric_control.plants.spatial import FloatArray
-from hric_control.plants.surfaces import Surface, Surfaces
-from hric_control.plants.worlds import WorldObject
-from opensim_ros_control import colliders, shapes
-from opensim_ros_control.collision import Collisions
+from hric_control.geometry import FloatArray, homogeneous
+from hric_control.plants import Surface, Surfaces, WorldObject
+from hric_control.urdf import Robot as Description
+from opensim_ros_control import collision, shapes
+from opensim_ros_control.bodies import Kinematics, Reactions
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.forces import Forces
-from opensim_ros_control.kinematics import Kinematics
-from opensim_ros_control.reactions import Reactions
 from opensim_ros_control.robot import Robot
-from opensim_ros_control.robot_model import matrix
 from opensim_ros_control.scene import Model, model_of_object, model_of_urdf
-from urdf_to_osim import urdf
+from urdf_to_osim.transforms import matrix
 
-_TURNED = 1.0
-"""Where a free body's middle angle passes this, its joint frame is laid anew: at a right angle its three angles fail [rad] (our choice)."""
+_FAR_ROTATED = 1.0
+"""Where a free body's middle angle passes this, its joint frame is laid again: at a right angle its three angles fail
+[rad] (project default, unconfirmed)."""
 _MIDDLE = 1
 _ROBOT_SURFACE = Surface()
 
 
 class World:
-    """Models by name; whenever one comes or goes the whole model is built anew and everything goes on where it is.
+    """Models by name; whenever one comes or goes the whole model is built again and everything goes on where it is.
 
     Args:
         robot: with the engine.
@@ -44,7 +40,12 @@ class World:
     """
 
     def __init__(
-        self, robot: Robot, objects: Sequence[WorldObject], rules: Surfaces, T_ground_world: FloatArray, masks: Sequence[tuple[str, str]]
+        self,
+        robot: Robot,
+        objects: Sequence[WorldObject],
+        rules: Surfaces,
+        T_ground_world: FloatArray,
+        masks: Sequence[tuple[str, str]],
     ) -> None:
         config = robot.config
         self.robot, self._masks, self._config = robot, list(masks), config
@@ -63,7 +64,7 @@ class World:
         if self._start:
             self._build(self._start)
 
-    # -- models --------------------------------------------------------------------------------------------------------------------------
+    # -- models --------------------------------------------------------------------------------------------------------
 
     def _check_name(self, name: str) -> None:
         taken = [self._name, *self.models]
@@ -71,9 +72,9 @@ class World:
             raise HricError(f"model name {name!r} is taken, empty or has '::' in it; taken: {', '.join(sorted(taken))}")
 
     @staticmethod
-    def _shapes_of(description: urdf.Robot | Model, prefix: str) -> dict[str, list[shapes.Shape]]:
+    def _shapes_of(description: Description | Model, prefix: str) -> dict[str, list[shapes.Shape]]:
         links = description.tree.links if isinstance(description, Model) else description.links
-        found = {f"{prefix}{name}": shapes.shapes(link.collisions, f"link {name}") for name, link in links.items()}
+        found = {f"{prefix}{name}": shapes.shapes(link.collisions) for name, link in links.items()}
         if isinstance(description, Model):
             found.update({f"{prefix}{name}": [shapes.plane()] for name in description.planes})
         return {link: of_link for link, of_link in found.items() if of_link}
@@ -89,28 +90,29 @@ class World:
         self._shapes = {link: of_link for link, of_link in self._shapes.items() if not link.startswith(f"{name}::")}
         self.forces.wrenches.clear_model(name)
 
-    def _build(self, anew: Sequence[str] | dict[str, Model]) -> None:
+    def _build(self, again: Sequence[str] | dict[str, Model]) -> None:
         """The engine with the models of now; those named start at their origins, the others go on."""
         self.robot.model.beside = list(self.models.values())
-        self.robot.build_again(lambda engine: self._put(engine, {name: self.models[name] for name in anew}))
+        self.robot.build_again(lambda engine: self._put(engine, {name: self.models[name] for name in again}))
 
     def _put(self, engine: Engine, models: dict[str, Model]) -> None:
         """Put free models at their origins with their velocities of the start."""
         q, u = engine.q(), engine.u()
         for model in models.values():
             for joint in model.tree.joints:
-                for path in engine.built.joints.get(f"{model.name}::{joint.name}", ()):
-                    q[engine.place[path]] = u[engine.place[path]] = 0.0
+                for path in engine.built.joints.get(f"{model.name}::{joint}", ()):
+                    q[engine.index[path]] = u[engine.index[path]] = 0.0
             if not model.fixed:
                 self._put_free(engine, model, q, u, np.concatenate([model.angular, model.linear]))
         engine.put(q, u)
 
     @staticmethod
     def _put_free(engine: Engine, model: Model, q: FloatArray, u: FloatArray, twist: FloatArray) -> None:
-        """Coordinates of a free joint at zero; its speeds are (angular, linear) velocity of the body in axes of the joint's frame."""
+        """Coordinates of a free joint at zero; its speeds are (angular, linear) velocity of the body in axes of the
+        joint's frame."""
         paths, R = engine.built.joints[model.free_joint], model.T_world_origin[:3, :3]
-        places = [engine.place[path] for path in paths]
-        q[places], u[places] = 0.0, np.concatenate([R.T @ twist[:3], R.T @ twist[3:]])
+        indices = [engine.index[path] for path in paths]
+        q[indices], u[indices] = 0.0, np.concatenate([R.T @ twist[:3], R.T @ twist[3:]])
 
     def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool) -> None:
         """Add a model. Raises HricError when the name is taken or the URDF is bad; the world is then as before."""
@@ -144,9 +146,9 @@ class World:
         if self.models or self.robot.model.beside:
             self._build(self.models)
 
-    def _lay_anew(self) -> None:
-        """Lay the joint frames of free bodies that have turned far where the bodies are."""
-        turned = [self.models[name] for name, place in self._middle.items() if abs(self.robot.y[place]) > _TURNED]
+    def _relocate_free_joints(self) -> None:
+        """Put the joint frames of free bodies that have rotated far where the bodies are."""
+        turned = [self.models[name] for name, index in self._middle.items() if abs(self.robot.y[index]) > _FAR_ROTATED]
         if not turned:
             return
         states = {model.name: self.state(f"{model.name}::{model.tree.root}") for model in turned}
@@ -164,7 +166,7 @@ class World:
         self.robot.build_again(put)
         self._bind()
 
-    # -- names ---------------------------------------------------------------------------------------------------------------------------
+    # -- names ---------------------------------------------------------------------------------------------------------
 
     def find(self, body: str) -> tuple[str, str]:
         """(model, link) of "link" (of the robot) or "model::link".
@@ -197,34 +199,43 @@ class World:
         return link if model == self._name else f"{model}::{link}"
 
     def state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape (6,))."""
+        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
+        (6,))."""
         engine = self.robot.synchronised()
         frame, R = engine.frame(self.frame(body)), self._R_ground_world.T
-        T = np.eye(4)
-        T_ground_link, twist = matrix(frame.getTransformInGround(engine.system_state)), _spatial(frame.getVelocityInGround(engine.system_state))
-        T[:3, :3], T[:3, 3] = R @ T_ground_link[:3, :3], R @ T_ground_link[:3, 3]
-        return T, np.concatenate([R @ twist[3:], R @ twist[:3]])
+        T_ground_link, twist = (
+            matrix(frame.getTransformInGround(engine.system_state)),
+            _spatial(frame.getVelocityInGround(engine.system_state)),
+        )
+        T_world_link = homogeneous(R @ T_ground_link[:3, :3], R @ T_ground_link[:3, 3])
+        return T_world_link, np.concatenate([R @ twist[3:], R @ twist[:3]])
 
-    # -- the step ------------------------------------------------------------------------------------------------------------------------
+    # -- the step ------------------------------------------------------------------------------------------------------
 
     def _bind(self) -> None:
         """Everything that depends on one build of the model."""
         engine = self._bound = self.robot.engine
         description, kinematics = engine.built.description, Kinematics(engine)
-        places = {joint: [engine.place[path] for path in paths] for joint, paths in engine.built.joints.items()}
-        made = colliders.make(description, self._shapes, engine, kinematics, places, self._name)
-        pairs = colliders.pairs(description, made, self._name, self._masks, self._config.self_collision)
-        surfaces = {f"{model}::{link}": surface for model, links in self._surfaces.items() for link, surface in links.items()}
+        indices = {joint: [engine.index[path] for path in paths] for joint, paths in engine.built.joints.items()}
+        made = collision.make_colliders(description, self._shapes, engine, kinematics, indices, self._name)
+        pairs = collision.colliding_pairs(description, made, self._name, self._masks, self._config.self_collision)
+        surfaces = {
+            f"{model}::{link}": surface for model, links in self._surfaces.items() for link, surface in links.items()
+        }
         joints = [(name, joint.child) for name, joint in self.robot.model.joints.items()]
-        self.forces.bind(kinematics, Collisions(pairs, engine.nu), surfaces, Reactions(engine, joints, kinematics))
-        self._middle = {name: places[model.free_joint][_MIDDLE] for name, model in self.models.items() if not model.fixed}
+        self.forces.bind(
+            kinematics, collision.Collisions(pairs, engine.nu), surfaces, Reactions(engine, joints, kinematics)
+        )
+        self._middle = {
+            name: indices[model.free_joint][_MIDDLE] for name, model in self.models.items() if not model.fixed
+        }
 
     def act(self) -> None:
-        """Decide what acts on all bodies in the coming step, and tell the robot."""
+        """Decide what acts on all bodies in the coming step, and set it in the robot."""
         if self.robot.engine is not self._bound:
             self._bind()
         if self._middle:
-            self._lay_anew()
+            self._relocate_free_joints()
         self.forces.act(self.frame)
 
 

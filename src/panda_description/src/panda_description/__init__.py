@@ -1,14 +1,28 @@
 """The Franka Panda: URDF from xacro, identified dynamics, friction and limits with their sources."""
 
-from panda_description.description import Argument as Argument
-from panda_description.description import arguments as arguments
-from panda_description.description import load as load
-from panda_description.description import process_xacro as process_xacro
-from panda_description.parameters import CartesianLimit as CartesianLimit
-from panda_description.parameters import JointLimit as JointLimit
-from panda_description.parameters import cartesian_limits as cartesian_limits
-from panda_description.parameters import friction_parameters as friction_parameters
-from panda_description.parameters import ignored_pairs as ignored_pairs
-from panda_description.parameters import inertials as inertials
-from panda_description.parameters import joint_limit_parameters as joint_limit_parameters
-from panda_description.parameters import joint_limits as joint_limits
+from panda_description.description import Argument, arguments, load, process_xacro
+from panda_description.inertial_sets import inertials
+from panda_description.parameters import (
+    CartesianLimit,
+    JointLimit,
+    cartesian_limits,
+    friction_parameters,
+    ignored_pairs,
+    joint_limit_parameters,
+    joint_limits,
+)
+
+__all__ = [
+    "Argument",
+    "CartesianLimit",
+    "JointLimit",
+    "arguments",
+    "cartesian_limits",
+    "friction_parameters",
+    "ignored_pairs",
+    "inertials",
+    "joint_limit_parameters",
+    "joint_limits",
+    "load",
+    "process_xacro",
+]

@@ -1,31 +1,106 @@
-"""Builds the Panda's URDF from xacro, in process and without a ROS master."""
+"""Builds the Panda's URDF from xacro, in process and without a ROS master; and the command line of
+`rosrun panda_description urdf`."""
 
-from __future__ import annotations
-
-import inspect
-import logging
 import re
 import sys
 import threading
 import types
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import wraps
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Any, ParamSpec
+from typing import Any
 from xml.dom import Node, minidom
 from xml.parsers.expat import ExpatError
 
-from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
-from panda_description import meshes as mesh_files
-from panda_description.files import PACKAGE, find_package, share
-from panda_description.parameters import INERTIAL_SETS, unphysical
+import yaml
 
-LOG = logging.getLogger("hric.panda_description")
-P = ParamSpec("P")
+from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
+from hric_control.parameters import Parameter, Settings, choice, declared, flag, number, refused, text
+from panda_description.inertial_sets import INERTIAL_SETS, unphysical
+from panda_description.parameters import LOG, PACKAGE, find_package, folder_uri, share
+
+_BOOLS = {"true": True, "1": True, "false": False, "0": False}
 INTERFACES = ("EffortJointInterface", "PositionJointInterface", "VelocityJointInterface")
 _XACRO_LOCK = threading.Lock()  # xacro keeps its state in module variables
+
+
+def _as_vector(value: Any, where: str, joints: Sequence[str]) -> str:
+    """Three numbers, in a list or in one text, as the text."""
+    parts = value.split() if isinstance(value, str) else value
+    if not isinstance(parts, list | tuple) or len(parts) != 3 or not all(isfinite(float(part)) for part in parts):
+        raise ValueError
+    return value if isinstance(value, str) else " ".join(map(str, value))
+
+
+def _vector(unit: str, said: str) -> Any:
+    return Parameter("three floats", "three numbers", _as_vector, "0 0 0", unit=unit, text=said)
+
+
+def _matching(pattern: str, name: str) -> str:
+    if not re.fullmatch(pattern, name, re.ASCII):
+        raise ValueError
+    return name
+
+
+def _interfaces(given: str) -> str:
+    if not given.split() or not set(given.split()) <= set(INTERFACES):
+        raise ValueError
+    return given
+
+
+@dataclass(frozen=True)
+class Arguments(Settings):
+    """Of the description."""
+
+    arm_id: str = text(
+        "panda",
+        valid="a letter, then letters, digits, _",
+        made=partial(_matching, r"[A-Za-z]\w*"),
+        text="prefix of all link and joint names",
+    )
+    hand: bool = flag(True, text="with the Franka hand")
+    inertials: str = choice(
+        *INERTIAL_SETS,
+        text="inertial set; `thesis` is not physical and for reproducing its figures only: loading it warns link "
+        "by link "
+        "(logger `hric.panda_description`)",
+    )
+    damping: float = number(0.0, minimum=0.0, unit="N m s/rad", text="viscous damping, the same on each joint")
+    friction: str = choice(
+        "none",
+        "identified",
+        text="`identified` writes the published Coulomb part into `<dynamics friction>`; a plant that knows the "
+        "identified "
+        "sigmoid, `friction_parameters()`, puts that in its place",
+    )
+    fingers: str = choice("fixed", "prismatic", text="whether the fingers can move; finger joints have no transmission")
+    xyz: str = _vector("m", "position of the base in `world`")
+    rpy: str = _vector("rad", "roll, pitch, yaw of the base in `world`")
+    robot_sim_type: str = text(
+        "franka_sim/FrankaHWSim",
+        valid="package/Class",
+        made=partial(_matching, r"[\w/]+"),
+        text="RobotHW that runs this robot in simulation",
+    )
+    meshes: bool = flag(
+        True,
+        text="draw the meshes of the installed pybullet_data (Apache License 2.0); `false`, or where it is "
+        "missing: the capsules",
+    )
+    collision: bool = flag(True, text="with collision capsules")
+    hardware_interface: str = text(
+        "EffortJointInterface",
+        valid=f"{', '.join(INTERFACES)} (several: separated by spaces)",
+        made=_interfaces,
+        text="hardware interfaces of the transmissions, several separated by spaces",
+    )
+
+    def check(self, where: str) -> None:
+        """Refuse fingers without a hand."""
+        if not self.hand and self.fingers == "prismatic":
+            raise refused(f"{where}fingers", self.fingers, "fixed, as it needs hand:=true")
 
 
 @dataclass(frozen=True)
@@ -37,109 +112,26 @@ class Argument:
     description: str
 
 
-_DOCS = {
-    "arm_id": ("a letter, then letters, digits, _", "prefix of all link and joint names"),
-    "hand": ("true, false", "with the Franka hand"),
-    "inertials": (", ".join(INERTIAL_SETS), "inertial set; thesis is not physical and for reproducing its figures only"),
-    "damping": ("number >= 0 [N m s/rad]", "viscous damping of each joint"),
-    "friction": ("none, identified", "Coulomb friction of each joint; a plant that knows the identified sigmoid puts that in its place"),
-    "fingers": ("fixed, prismatic", "whether the fingers can move"),
-    "xyz": ("three numbers [m]", "position of the base in the world"),
-    "rpy": ("three numbers [rad]", "roll, pitch, yaw of the base in the world"),
-    "robot_sim_type": ("package/Class", "RobotHW that runs this robot in simulation"),
-    "meshes": ("true, false", "draw meshes; false draws the collision primitives"),
-    "collision": ("true, false", "with collision capsules"),
-    "hardware_interface": (", ".join(INTERFACES) + " (several: separated by spaces)", "hardware interfaces of the transmissions"),
-}
-
-
-def _known_arguments(function: Callable[P, str]) -> Callable[P, str]:
-    """Arguments come from files and command lines: one that does not exist gets an error that lists those that do."""
-
-    @wraps(function)
-    def checked(*args: P.args, **kwargs: P.kwargs) -> str:
-        for name in kwargs:
-            if name not in _DOCS:
-                raise UnknownNameError("argument", name, _DOCS, PACKAGE)
-        return function(*args, **kwargs)
-
-    return checked
-
-
-@_known_arguments
-def load(
-    *,
-    arm_id: str = "panda",
-    hand: bool = True,
-    inertials: str = "barycentric",
-    damping: float = 0.0,
-    friction: str = "none",
-    fingers: str = "fixed",
-    xyz: str | Sequence[float] = "0 0 0",
-    rpy: str | Sequence[float] = "0 0 0",
-    robot_sim_type: str = "franka_sim/FrankaHWSim",
-    meshes: bool = True,
-    collision: bool = True,
-    hardware_interface: str = "EffortJointInterface",
-) -> str:
+def load(**given: Any) -> str:
     """The robot as pure URDF; `arguments()` says what each argument does and accepts.
 
     Raises:
         UnknownNameError: an argument that does not exist; lists those that do.
         ParameterError: a value that is not valid; names the argument and the valid values.
     """
-    given = dict(locals())
-    for name, value in given.items():
-        _check(name, value)
-    if hand is False and fingers == "prismatic":
-        raise ParameterError("fingers:=prismatic needs hand:=true")
-    _warn_unphysical(inertials)
-    del given["meshes"]
-    mappings = {name: _text(value) for name, value in given.items()} | {"mesh_folder": mesh_files.folder_uri() if meshes else ""}
-    return _pure(process_xacro(share() / "urdf" / "panda.urdf.xacro", mappings), arm_id)
+    values = Arguments.of(given, PACKAGE)
+    _warn_unphysical(values.inertials)
+    mappings = {name: _text(value) for name, value in asdict(values).items() if name != "meshes"}
+    mappings["mesh_folder"] = folder_uri() if values.meshes else ""
+    return _pure(process_xacro(share() / "urdf" / "panda.urdf.xacro", mappings), values.arm_id)
 
 
 def arguments() -> dict[str, Argument]:
     """The arguments of `load` in order."""
-    return {name: Argument(parameter.default, *_DOCS[name]) for name, parameter in inspect.signature(load).parameters.items()}
-
-
-def _vector(value: Any) -> bool:
-    try:
-        numbers = [float(part) for part in (value.split() if isinstance(value, str) else value)]
-    except (TypeError, ValueError):
-        return False
-    return len(numbers) == 3 and all(map(isfinite, numbers))
-
-
-def _amount(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value) and value >= 0.0
-
-
-_TESTS: dict[str, Callable[[Any], bool]] = {
-    "arm_id": lambda value: re.fullmatch(r"[A-Za-z]\w*", str(value), re.ASCII) is not None,
-    "hand": lambda value: isinstance(value, bool),
-    "inertials": lambda value: value in INERTIAL_SETS,
-    "damping": _amount,
-    "friction": lambda value: value in ("none", "identified"),
-    "fingers": lambda value: value in ("fixed", "prismatic"),
-    "xyz": _vector,
-    "rpy": _vector,
-    "robot_sim_type": lambda value: re.fullmatch(r"[\w/]+", str(value)) is not None,
-    "meshes": lambda value: isinstance(value, bool),
-    "collision": lambda value: isinstance(value, bool),
-    "hardware_interface": lambda value: bool(str(value).split()) and set(str(value).split()) <= set(INTERFACES),
-}
-
-
-def _check(name: str, value: object) -> None:
-    if not _TESTS[name](value):
-        raise ParameterError(f"argument {name} of the Panda's description is {value!r}; valid: {_DOCS[name][0]}")
+    return {name: Argument(one.default, one.valid, one.text) for name, one in declared(Arguments).items()}
 
 
 def _text(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return " ".join(map(str, value))
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
@@ -147,11 +139,15 @@ def _warn_unphysical(name: str) -> None:
     broken = unphysical(name)
     if broken:
         lines = "; ".join(f"{part} {' and '.join(reasons)}" for part, reasons in broken.items())
-        LOG.warning("inertials '%s' are not physical: %s. Use them to reproduce the thesis only; the default is 'barycentric'.", name, lines)
+        LOG.warning(
+            "inertials '%s' are not physical: %s. Use them to reproduce the thesis only; the default is 'barycentric'.",
+            name,
+            lines,
+        )
 
 
 def xacro_module() -> Any:
-    """xacro 2, whose $(find) asks ROS 2's index: answer it with this package's folder or ROS 1's packages."""
+    """xacro 2, whose $(find) looks in ROS 2's index: here it finds this package's folder or ROS 1's packages."""
     if "ament_index_python.packages" not in sys.modules:
         packages = types.ModuleType("ament_index_python.packages")
         packages.get_package_share_directory = lambda name: str(share()) if name == PACKAGE else find_package(name)  # type: ignore[attr-defined]
@@ -198,3 +194,43 @@ def _drop_comments(node: Any) -> None:
             node.removeChild(child)
         else:
             _drop_comments(child)
+
+
+def usage() -> str:
+    """Help text: each argument with default, valid values and meaning."""
+    lines = ["usage: rosrun panda_description urdf [ARG:=VALUE ...]", "Prints the Panda as pure URDF.", ""]
+    for name, argument in arguments().items():
+        lines += [f"  {name}:={_text(argument.default)}", f"      {argument.description}; {argument.valid}"]
+    return "\n".join(lines)
+
+
+def parse(words: Sequence[str]) -> dict[str, Any]:
+    """Arguments of `load` from words such as `hand:=false`.
+
+    Raises:
+        UnknownNameError: an argument that does not exist; lists those that do.
+        ParameterError: a word without := or a value that cannot be read.
+    """
+    valid = declared(Arguments)
+    given: dict[str, Any] = {}
+    for word in words:
+        name, separator, value = word.partition(":=")
+        if not separator:
+            raise ParameterError(f"{word!r} is not of the form ARG:=VALUE; arguments: {', '.join(valid)}")
+        if name not in valid:
+            raise UnknownNameError("argument", name, valid)
+        given[name] = valid[name].checked(_value(value, valid[name].kind), f"argument {name}")
+    return given
+
+
+def _value(word: str, kind: str) -> Any:
+    if kind == "bool":
+        return _BOOLS.get(word.strip().lower(), word)
+    return yaml.safe_load(word) if kind == "float" else word
+
+
+def run(words: Sequence[str]) -> str:
+    """What the command prints."""
+    if any(word in ("-h", "--help") for word in words):
+        return usage()
+    return load(**parse(words))

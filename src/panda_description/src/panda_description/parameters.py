@@ -1,17 +1,59 @@
-"""Typed access to the numbers in config/: limits, friction, inertial parameters."""
+"""Where this package's xacro and YAML files are, in a source tree or installed, and typed access to the numbers in
+config/: limits and friction."""
 
-from __future__ import annotations
-
+import importlib.util
+import logging
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
 
-import numpy as np
+from hric_control.parameters import package_yaml
 
-from hric_control.errors import UnknownNameError
-from panda_description.files import config
-from panda_description.inertia import LinkInertia, judge, steiner_term, tensor
-
-INERTIAL_SETS = ("barycentric", "thesis")
+LOG = logging.getLogger("hric.panda_description")
+PACKAGE = "panda_description"
 HAND_LINKS = {"hand", "leftfinger", "rightfinger"}
+
+
+@cache
+def share() -> Path:
+    """Folder that holds config/ and urdf/."""
+    source = Path(__file__).resolve().parents[2]
+    return source if (source / "urdf").is_dir() else Path(find_package(PACKAGE))
+
+
+def find_package(name: str) -> str:
+    """Folder of any ROS package on ROS_PACKAGE_PATH; raises rospkg.ResourceNotFound."""
+    import rospkg  # only an installed tree or a foreign $(find) needs it, and it is slow to import
+
+    return str(rospkg.RosPack().get_path(name))
+
+
+def config(name: str) -> dict[str, Any]:
+    """Content of config/<name>.yaml; shared, so do not change it."""
+    return package_yaml(__file__, name)
+
+
+@cache
+def folder_uri() -> str:
+    """URI (file:///...) of the folder that config/meshes.yaml is relative to; empty, with one warning, if the package
+    or a mesh is missing."""
+    folder, missing = _look()
+    if missing:
+        LOG.warning("no visual meshes of the Panda (%s); the collision primitives are drawn instead", missing)
+        return ""
+    return folder.as_uri()
+
+
+def _look() -> tuple[Path, str]:
+    """Folder of the meshes, and what is missing (empty if nothing)."""
+    source = config("meshes")
+    spec = importlib.util.find_spec(source["package"])
+    if spec is None or not spec.submodule_search_locations:
+        return Path(), f"the Python package {source['package']} is not installed: pip install pybullet"
+    folder = Path(next(iter(spec.submodule_search_locations))).resolve() / source["folder"]
+    absent = [name for name in source["links"].values() if not (folder / name).is_file()]
+    return folder, f"not in {folder}: {', '.join(absent)}" if absent else ""
 
 
 @dataclass(frozen=True)
@@ -24,7 +66,7 @@ class JointLimit:
         acceleration: [rad/s^2].
         jerk: [rad/s^3].
         effort: [N m].
-        effort_rate: rotatum [N m/s].
+        effort_rate: torque rate [N m/s].
     """
 
     lower: float
@@ -38,7 +80,8 @@ class JointLimit:
 
 @dataclass(frozen=True)
 class CartesianLimit:
-    """Largest velocity, acceleration and jerk: [m/s], [m/s^2], [m/s^3] for translation, [rad/s], [rad/s^2], [rad/s^3] for rotation and elbow."""
+    """Largest velocity, acceleration and jerk: [m/s], [m/s^2], [m/s^3] for translation, [rad/s], [rad/s^2], [rad/s^3]
+    for rotation and elbow."""
 
     velocity: float
     acceleration: float
@@ -51,21 +94,13 @@ def joint_limits(arm_id: str = "panda") -> dict[str, JointLimit]:
 
 
 def joint_limit_parameters(arm_id: str = "panda") -> dict[str, dict[str, bool | float]]:
-    """The same limits under ros_control's parameter names, by full joint name: what stands below `joint_limits/` on a parameter server."""
-    names = {
-        "max_velocity": "velocity",
-        "max_acceleration": "acceleration",
-        "max_jerk": "jerk",
-        "max_effort": "effort",
-        "max_effort_rate": "effort_rate",
-    }
+    """The same limits under ros_control's parameter names, by full joint name: the content of `joint_limits/` on a
+    parameter server."""
     found: dict[str, dict[str, bool | float]] = {}
     for joint, limit in joint_limits(arm_id).items():
-        entry: dict[str, bool | float] = {"has_position_limits": True, "min_position": limit.lower, "max_position": limit.upper}
-        for parameter, field in names.items():
-            entry[f"has_{parameter.removeprefix('max_')}_limits"] = True
-            entry[parameter] = getattr(limit, field)
-        found[joint] = entry
+        found[joint] = {"has_position_limits": True, "min_position": limit.lower, "max_position": limit.upper}
+        for field in ("velocity", "acceleration", "jerk", "effort", "effort_rate"):
+            found[joint] |= {f"has_{field}_limits": True, f"max_{field}": getattr(limit, field)}
     return found
 
 
@@ -75,46 +110,17 @@ def cartesian_limits() -> dict[str, CartesianLimit]:
 
 
 def friction_parameters(arm_id: str = "panda") -> dict[str, dict[str, float]]:
-    """Identified friction by full joint name: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of the sigmoid in config/friction.yaml."""
+    """Identified friction by full joint name: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of the sigmoid in
+    config/friction.yaml."""
     return {f"{arm_id}_{joint}": dict(values) for joint, values in config("friction")["sigmoid"].items()}
 
 
 def ignored_pairs(arm_id: str = "panda", hand: bool = True) -> list[tuple[str, str]]:
-    """Pairs of links that a simulator must not test for self-collision, beside those that share a joint; see config/collision.yaml."""
+    """Pairs of links that a simulator must not test for self-collision, beside those that share a joint; see
+    config/collision.yaml."""
     pairs = config("collision")["ignored_pairs"]
-    return [(f"{arm_id}_{first}", f"{arm_id}_{second}") for first, second in pairs if hand or {first, second}.isdisjoint(HAND_LINKS)]
-
-
-def inertials(name: str = "barycentric") -> dict[str, LinkInertia]:
-    """Inertial parameters of a set by part: link0 to link7, hand, finger (each).
-
-    Args:
-        name: `barycentric` or `thesis`.
-    """
-    if name not in INERTIAL_SETS:
-        raise UnknownNameError("set of inertials", name, INERTIAL_SETS, "panda_description")
-    parts = {part: _link_inertia(values) for part, values in config("inertials_barycentric")["links"].items()}
-    return parts if name == "barycentric" else parts | _thesis(parts)
-
-
-def unphysical(name: str) -> dict[str, list[str]]:
-    """Parts of a set that no body can have, with the reasons."""
-    verdicts = {part: judge(link.inertia).reasons() for part, link in inertials(name).items()}
-    return {part: reasons for part, reasons in verdicts.items() if reasons}
-
-
-def _link_inertia(values: dict[str, dict[str, float]]) -> LinkInertia:
-    com = values["com"]
-    return LinkInertia(float(values["mass"]), np.array([com["x"], com["y"], com["z"]]), tensor(**values["inertia"]))  # type: ignore[arg-type]
-
-
-def _thesis(parts: dict[str, LinkInertia]) -> dict[str, LinkInertia]:
-    """The parts that the thesis's set changes, as config/inertials_thesis.yaml says."""
-    rule = config("inertials_thesis")
-    changed = {}
-    for part in rule["links"]:
-        link = parts[part]
-        own = rule["com_overrides"].get(part, {})
-        com = np.array([own.get(axis, value) for axis, value in zip("xyz", link.com, strict=True)])
-        changed[part] = LinkInertia(link.mass, com, link.inertia + rule["steiner"] * steiner_term(link.mass, com))
-    return changed
+    return [
+        (f"{arm_id}_{first}", f"{arm_id}_{second}")
+        for first, second in pairs
+        if hand or {first, second}.isdisjoint(HAND_LINKS)
+    ]

@@ -1,11 +1,10 @@
-"""Contacts: the engine's rigid ones as they are read, and own penalty contact where a true force is wanted.
+"""Contacts: the engine's rigid ones as they are read, and own penalty contact where a true force is needed.
 
-The engine's compliant contact gives the transient force of ISO/TS 15066 9 to 26 % too low at 1 ms. Here one spring per pair of links acts instead,
-as an external force on both: at the centre of all the area in which they overlap (`hric_control.plants.faces`), with the mean force of its motion
-through the step (`hric_control.plants.spring_step`). For links that use it the engine's own contact is off.
+The engine's compliant contact gives the transient force of ISO/TS 15066 9 to 26 % too low at 1 ms. Here one spring per
+pair of links acts instead, as an external force on both: at the centre of all the area in which they overlap
+(`hric_control.plants.faces`), with the mean force of its motion through the step (`hric_control.plants.spring_step`).
+For links that use it the engine's own contact is off.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,19 +14,16 @@ from typing import Any
 import numpy as np
 import pybullet
 
+from hric_control.geometry.transforms import cross, homogeneous, rotation_from_quaternion
 from hric_control.plant import Contact, FloatArray
-from hric_control.plants import faces
-from hric_control.plants.spatial import cross
-from hric_control.plants.spring_step import Springs
-from hric_control.plants.surfaces import Surface, combine, friction_force
+from hric_control.plants import Springs, Surface, combine, faces, friction_force
 from pybullet_ros_control.engine import Body, Engine
-from pybullet_ros_control.external_forces import ExternalForces
-from pybullet_ros_control.mobility import Mobility
+from pybullet_ros_control.external_forces import ExternalForces, Mobility
 from pybullet_ros_control.robot import Robot
-from pybullet_ros_control.solids import solids
 
 LOOK_AHEAD = 5.0
-"""Links that would meet within a step at this speed are looked at before they do [m/s] (default chosen by this project, unconfirmed)."""
+"""Links that would meet within a step at this speed are looked at before they do [m/s] (default chosen by this project,
+unconfirmed)."""
 
 Laws = dict[tuple[int, int], tuple[float, float, float]]
 """(stiffness [N/m], damping [N s/m], friction) by engine links of two bodies."""
@@ -90,7 +86,7 @@ class PenaltyContact:
         self._before: dict[tuple[int, int], _Link] = {}
 
     def set_pairs(self, bodies: Mapping[str, Body], surface: Callable[[Body, int], Surface]) -> None:
-        """Decide all pairs anew, and take their rigid contact out of the engine; surface: of an engine link."""
+        """Decide all pairs again, and take their rigid contact out of the engine; surface: of an engine link."""
         self.forget()
         self.pairs, self._solids = [], {}
         self._mobility.clear()
@@ -102,7 +98,9 @@ class PenaltyContact:
                     law = combine(surface(a, link_a), surface(b, link_b))
                     if law is not None:
                         laws[link_a, link_b] = law
-                        pybullet.setCollisionFilterPair(a.id, b.id, link_a, link_b, 0, physicsClientId=self._engine.client)
+                        pybullet.setCollisionFilterPair(
+                            a.id, b.id, link_a, link_b, 0, physicsClientId=self._engine.client
+                        )
                 if laws:
                     self.pairs.append(PenaltyPair(a, b, laws))
 
@@ -132,26 +130,36 @@ class PenaltyContact:
         for links, of_links in by_links.items():
             self._push(pair, links, of_links, forces)
 
-    def _push(self, pair: PenaltyPair, links: tuple[int, int], points: list[tuple[Any, ...]], forces: ExternalForces) -> None:
+    def _push(
+        self, pair: PenaltyPair, links: tuple[int, int], points: list[tuple[Any, ...]], forces: ExternalForces
+    ) -> None:
         a, b = self._link(pair.a, links[0]), self._link(pair.b, links[1])
         stiffness, damping, friction = pair.laws[links]
         normal = _normal(points)
         corners = [corner for point in points for corner in self._corners(a, b, point)]
         step = self._engine.time_step
-        # The engine's positions belong half a step after its velocities: there the bodies are in the middle of the step.
+        # The engine's positions belong half a step after its velocities: there the bodies are in the middle of the
+        # step.
         position, depth = faces.centre(corners)
         relative = a.velocities(position) - b.velocities(position)
         speed, before = (-relative @ normal).tolist()
         inverse_mass = sum(self._mobility.inverse_mass(link.body, link.index, position, normal) for link in (a, b))
         name_a, name_b = _names(a.body, a.index), _names(b.body, b.index)
-        done = self.springs.push((name_a, name_b), depth - 0.5 * step * speed, speed, (speed - before) / step, inverse_mass, (stiffness, damping))
+        done = self.springs.push(
+            (name_a, name_b),
+            depth - 0.5 * step * speed,
+            speed,
+            (speed - before) / step,
+            inverse_mass,
+            (stiffness, damping),
+        )
         if done.mean <= 0.0:
             return
-        at, way = tuple(position.tolist()), tuple(normal.tolist())
+        at, direction = tuple(position.tolist()), tuple(normal.tolist())
         force = (done.mean * normal - friction_force(done.mean, friction, normal, relative[0])).tolist()
         forces.apply(a.body, a.index, force, None, at)
         forces.apply(b.body, b.index, [-f for f in force], None, at)
-        self.last.append(Contact(name_a, name_b, at, way, depth, done.reading, "penalty", step * done.mean))
+        self.last.append(Contact(name_a, name_b, at, direction, depth, done.reading, "penalty", step * done.mean))
 
     def _corners(self, a: _Link, b: _Link, point: tuple[Any, ...]) -> list[faces.Corner]:
         """Where the shapes meet that this closest point belongs to."""
@@ -172,7 +180,8 @@ class PenaltyContact:
     def _link(self, body: Body, index: int) -> _Link:
         key = (body.id, index)
         if key not in self._links:
-            T, linear, angular = self._engine.motion(body, index)
+            position, orientation, linear, angular = self._engine.motion(body, index)
+            T = homogeneous(rotation_from_quaternion(orientation), position)
             old = self._before.get(key)
             # Where nothing is known of the step before, it is taken to have been the same.
             was = (linear, angular) if old is None else (old.linear[0], old.angular[0])
@@ -199,3 +208,31 @@ def rigid_contacts(engine: Engine, bodies: Mapping[int, Body]) -> list[Contact]:
             a, b = _names(bodies[point[1]], point[3]), _names(bodies[point[2]], point[4])
             result.append(Contact(a, b, point[5], point[7], depth, force, "rigid", engine.time_step * force))
     return result
+
+
+def solids(body: Body, index: int, client: int) -> list[faces.Solid]:
+    """Shapes of an engine link, in the frame of its centre of mass. A mesh beside other shapes is left out: the engine
+    does not give its corners."""
+    data = pybullet.getCollisionShapeData(body.id, index, physicsClientId=client)
+    found = []
+    for shape in data:
+        T = homogeneous(rotation_from_quaternion(shape[6]), shape[5])
+        solid = _solid(shape[2], shape[3], T)
+        if solid is None and shape[2] == pybullet.GEOM_MESH and len(data) == 1:
+            count, corners = pybullet.getMeshData(body.id, index, physicsClientId=client)
+            solid = faces.Solid("hull", (), np.eye(4), np.array(corners)) if count > 0 else None
+        if solid is not None:
+            found.append(solid)
+    return found
+
+
+def _solid(kind: int, size: tuple[float, ...], T: FloatArray) -> faces.Solid | None:
+    if kind == pybullet.GEOM_SPHERE:
+        return faces.Solid("sphere", size[:1], T)
+    if kind == pybullet.GEOM_BOX:
+        return faces.Solid("box", size, T)
+    if kind == pybullet.GEOM_CAPSULE:
+        return faces.Solid("capsule", (size[1], size[0]), T)
+    if kind == pybullet.GEOM_CYLINDER:
+        return faces.Solid("cylinder", (size[1], size[0]), T)
+    return faces.Solid("plane", (), T) if kind == pybullet.GEOM_PLANE else None

@@ -1,7 +1,5 @@
 """One PyBullet client with every setting that the plant relies on, and the loading of prepared models into it."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Sequence
@@ -12,7 +10,7 @@ import numpy as np
 import pybullet
 
 from hric_control.errors import HricError, UnknownNameError
-from hric_control.plants.spatial import FloatArray, inverse, quaternion_from_rotation, rotation_from_quaternion
+from hric_control.geometry import transforms
 from pybullet_ros_control.urdf_model import EngineModel
 
 _MAX_JOINT_VELOCITY = 1e6
@@ -42,25 +40,25 @@ class Body:
     def __post_init__(self) -> None:
         self.link_names = {index: name for name, index in self.links.items()}
 
-    def frame(self, link: str) -> tuple[int, FloatArray]:
+    def frame(self, link: str) -> tuple[int, transforms.FloatArray]:
         """(engine link index, T_body_frame shape (4, 4)) of a link of the description.
 
         Raises:
             UnknownNameError: no such link.
         """
+        links = self.links if self.model is None else self.model.frames
+        if link not in links:
+            raise UnknownNameError("link", link, links, self.name)
         if self.model is None:
-            if link not in self.links:
-                raise UnknownNameError("link", link, self.links, self.name)
             return self.links[link], np.eye(4)
-        if link not in self.model.frames:
-            raise UnknownNameError("link", link, self.model.frames, self.name)
         frame = self.model.frames[link]
         return self.links[frame.body_link], frame.T_body_frame
 
 
 @dataclass(frozen=True)
 class BodyState:
-    """Where a body is, as the engine tells it: the base by its centre of mass, quaternion (x, y, z, w); (q, dq) of each joint."""
+    """Where a body is, as the engine has it: the base by its centre of mass, quaternion (x, y, z, w); (q, dq) of each
+    joint."""
 
     position: tuple[float, ...]
     orientation: tuple[float, ...]
@@ -75,7 +73,9 @@ def _check_display() -> None:
     local = display.removeprefix("unix").partition(":")
     socket = Path("/tmp/.X11-unix") / f"X{local[2].split('.')[0]}"
     if not display or (local[0] == "" and not socket.exists()):
-        raise HricError(f"gui: true needs a display; DISPLAY is {display!r}. Give gui: false, or start a display (for example Xvfb)")
+        raise HricError(
+            f"gui: true needs a display; DISPLAY is {display!r}. Give gui: false, or start a display (for example Xvfb)"
+        )
 
 
 class Engine:
@@ -91,13 +91,15 @@ class Engine:
         self.settings()
 
     def settings(self) -> None:
-        """Forget all bodies and set the world up anew."""
+        """Forget all bodies and set the world up again."""
         client = self.client
         pybullet.resetSimulation(physicsClientId=client)
         pybullet.setGravity(*self.gravity, physicsClientId=client)
         pybullet.setTimeStep(self.time_step, physicsClientId=client)
         # No sub-steps: with them the engine's contact forces come out too small by their number.
-        pybullet.setPhysicsEngineParameter(numSubSteps=0, enableFileCaching=0, deterministicOverlappingPairs=1, physicsClientId=client)
+        pybullet.setPhysicsEngineParameter(
+            numSubSteps=0, enableFileCaching=0, deterministicOverlappingPairs=1, physicsClientId=client
+        )
         if self.gui:
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=client)
 
@@ -107,7 +109,15 @@ class Engine:
             pybullet.disconnect(physicsClientId=self.client)
             self.client = -1
 
-    def load(self, name: str, model: EngineModel, T_world_root: FloatArray, *, fixed_base: bool, self_collision: bool) -> Body:
+    def load(
+        self,
+        name: str,
+        model: EngineModel,
+        T_world_root: transforms.FloatArray,
+        *,
+        fixed_base: bool,
+        self_collision: bool,
+    ) -> Body:
         """Load a prepared model with its root link at T_world_root, shape (4, 4).
 
         Raises:
@@ -115,13 +125,15 @@ class Engine:
         """
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE | (pybullet.URDF_USE_SELF_COLLISION if self_collision else 0)
         T = T_world_root @ model.T_root_base
-        place = T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3])
+        pose = T[:3, 3].tolist(), transforms.quaternion_from_rotation(T[:3, :3])
         # Not kept for the engine's life: a process that is killed would leave it behind.
         with tempfile.TemporaryDirectory(prefix="hric_plant_") as folder:
             path = Path(folder) / "model.urdf"
             path.write_text(model.xml, encoding="utf-8")
             try:
-                body_id = pybullet.loadURDF(str(path), *place, useFixedBase=fixed_base, flags=flags, physicsClientId=self.client)
+                body_id = pybullet.loadURDF(
+                    str(path), *pose, useFixedBase=fixed_base, flags=flags, physicsClientId=self.client
+                )
             except pybullet.error as error:
                 raise HricError(f"PyBullet cannot load {name}: {error}") from error
         body = self._index(name, body_id, model)
@@ -140,11 +152,14 @@ class Engine:
         return Body(name, body_id, model, links, joints, parents)
 
     def _set_dynamics(self, body: Body) -> None:
-        """The engine's hidden dampings off, its speed limit up, and the true principal moments, which it may have replaced."""
+        """The engine's hidden dampings off, its speed limit up, and the true principal moments, which it may have
+        replaced."""
         assert body.model is not None
         for link, index in body.links.items():
             dampings = {"linearDamping": 0.0, "angularDamping": 0.0, "jointDamping": 0.0}
-            pybullet.changeDynamics(body.id, index, maxJointVelocity=_MAX_JOINT_VELOCITY, physicsClientId=self.client, **dampings)
+            pybullet.changeDynamics(
+                body.id, index, maxJointVelocity=_MAX_JOINT_VELOCITY, physicsClientId=self.client, **dampings
+            )
             moments = body.model.moments.get(link)
             if moments is None:
                 continue
@@ -152,18 +167,24 @@ class Engine:
             pybullet.changeDynamics(body.id, index, localInertiaDiagonal=moments, physicsClientId=self.client)
             info = pybullet.getDynamicsInfo(body.id, index, physicsClientId=self.client)
             if info[0] != body.model.bodies[link].mass or tuple(info[2]) != moments:
-                raise HricError(f"PyBullet did not take the mass of {body.name}::{link}: it has {info[0]} kg, {info[2]} kg m^2")
+                raise HricError(
+                    f"PyBullet did not take the mass of {body.name}::{link}: it has {info[0]} kg, {info[2]} kg m^2"
+                )
 
     def state(self, body: Body) -> BodyState:
         """Where a body is and how it moves."""
         position, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
         linear, angular = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
-        joints = {name: pybullet.getJointState(body.id, i, physicsClientId=self.client)[:2] for name, i in body.joints.items()}
+        joints = {
+            name: pybullet.getJointState(body.id, i, physicsClientId=self.client)[:2] for name, i in body.joints.items()
+        }
         return BodyState(position, orientation, linear, angular, joints)
 
     def set_state(self, body: Body, state: BodyState) -> None:
         """Put a body where another one of the same model was."""
-        pybullet.resetBasePositionAndOrientation(body.id, state.position, state.orientation, physicsClientId=self.client)
+        pybullet.resetBasePositionAndOrientation(
+            body.id, state.position, state.orientation, physicsClientId=self.client
+        )
         pybullet.resetBaseVelocity(body.id, state.linear, state.angular, physicsClientId=self.client)
         for name, (q, dq) in state.joints.items():
             pybullet.resetJointState(body.id, body.joints[name], q, dq, physicsClientId=self.client)
@@ -172,48 +193,36 @@ class Engine:
         """The engine starts every joint with a motor that holds it; take the force out."""
         indices = list(body.joints.values())
         if indices:
-            pybullet.setJointMotorControlArray(body.id, indices, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(indices), physicsClientId=self.client)
+            pybullet.setJointMotorControlArray(
+                body.id, indices, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(indices), physicsClientId=self.client
+            )
 
     def remove(self, body: Body) -> None:
         """Take a body out of the world."""
         pybullet.removeBody(body.id, physicsClientId=self.client)
 
-    def pose(self, body: Body, index: int) -> FloatArray:
+    def pose(self, body: Body, index: int) -> transforms.FloatArray:
         """T_world_link of an engine link's frame (not of its centre of mass), shape (4, 4)."""
-        T = np.eye(4)
         if index < 0:
             position, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
-            T[:3, :3], T[:3, 3] = rotation_from_quaternion(orientation), position
-            return T @ inverse(self._inertial_frame(body))
+            return transforms.homogeneous(
+                transforms.rotation_from_quaternion(orientation), position
+            ) @ transforms.inverse(self._inertial_frame(body))
         state = pybullet.getLinkState(body.id, index, computeForwardKinematics=1, physicsClientId=self.client)
-        T[:3, :3], T[:3, 3] = rotation_from_quaternion(state[5]), state[4]
-        return T
+        return transforms.homogeneous(transforms.rotation_from_quaternion(state[5]), state[4])
 
-    def _inertial_frame(self, body: Body) -> FloatArray:
-        """T_base_inertial, shape (4, 4): the engine tells a base's pose by its centre of mass."""
+    def _inertial_frame(self, body: Body) -> transforms.FloatArray:
+        """T_base_inertial, shape (4, 4): the engine has a base's pose by its centre of mass."""
         info = pybullet.getDynamicsInfo(body.id, -1, physicsClientId=self.client)
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = rotation_from_quaternion(info[4]), info[3]
-        return T
+        return transforms.homogeneous(transforms.rotation_from_quaternion(info[4]), info[3])
 
-    def motion(self, body: Body, index: int) -> tuple[FloatArray, tuple[float, ...], tuple[float, ...]]:
-        """(T_world_inertial, shape (4, 4), linear velocity [m/s] and angular velocity [rad/s], world frame) of a link's centre of mass."""
+    def motion(self, body: Body, index: int) -> tuple[tuple[float, ...], ...]:
+        """(position [m], quaternion (x, y, z, w), linear [m/s] and angular velocity [rad/s]) of a link's centre of
+        mass, world frame."""
         if index < 0:
-            place = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
-            linear, angular = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
-        else:
-            state = pybullet.getLinkState(body.id, index, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self.client)
-            place, linear, angular = state[:2], state[6], state[7]
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = rotation_from_quaternion(place[1]), place[0]
-        return T, linear, angular
-
-    def twist(self, body: Body, index: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(linear velocity [m/s] of the centre of mass, angular velocity [rad/s], centre of mass [m]), world frame, shape (3,) each."""
-        if index < 0:
-            linear, angular = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
-            com = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)[0]
-        else:
-            state = pybullet.getLinkState(body.id, index, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self.client)
-            linear, angular, com = state[6], state[7], state[0]
-        return np.array(linear), np.array(angular), np.array(com)
+            pose = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
+            return (*pose, *pybullet.getBaseVelocity(body.id, physicsClientId=self.client))
+        state = pybullet.getLinkState(
+            body.id, index, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self.client
+        )
+        return state[0], state[1], state[6], state[7]

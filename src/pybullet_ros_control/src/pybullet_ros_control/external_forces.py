@@ -1,15 +1,155 @@
-"""Forces that the plant applies to bodies in one step: wrenches from outside and penalty contact. They enter the rotor inertia's balance as J'F."""
-
-from __future__ import annotations
+"""Forces that the plant applies to bodies in one step: wrenches from outside and penalty contact, which enter the rotor
+inertia's balance as J'F; and how readily a point gives way to them."""
 
 from collections.abc import Sequence
 
 import numpy as np
 import pybullet
 
-from hric_control.plants.spatial import FloatArray
+from hric_control.geometry.transforms import FloatArray, cross, rotation_from_quaternion, skew
 from pybullet_ros_control.engine import Body, Engine
-from pybullet_ros_control.joint_rows import JointRows
+from pybullet_ros_control.robot import Robot
+
+
+class JointRows:
+    """What a force on a link does in the moving joints of a body: rows of the transposed Jacobian of any point. (The
+    engine's own is not that of the point.) In the engine's order.
+
+    Args:
+        body: with a model.
+        client: the engine's client.
+
+    Attributes:
+        joints: engine indices.
+    """
+
+    def __init__(self, body: Body, client: int) -> None:
+        assert body.model is not None
+        self._body, self._client = body, client
+        self.joints = sorted(body.joints.values())
+        names = {index: name for name, index in body.joints.items()}
+        joints = [body.model.joints[names[index]] for index in self.joints]
+        self._axes = np.array([joint.axis for joint in joints])
+        self._slides = np.array([joint.type == "prismatic" for joint in joints])
+        self._carries: dict[int, FloatArray] = {}
+        self.forget()
+
+    def forget(self) -> None:
+        """The body has moved."""
+        self._frames: tuple[FloatArray, FloatArray] | None = None
+
+    def _joint_frames(self) -> tuple[FloatArray, FloatArray]:
+        """(axes, origins) of all moving joints in the world, shape (n, 3) each; read once per step."""
+        if self._frames is None:
+            states = pybullet.getLinkStates(
+                self._body.id, self.joints, computeForwardKinematics=1, physicsClientId=self._client
+            )
+            rotations = np.array([rotation_from_quaternion(state[5]) for state in states])
+            self._frames = np.einsum("nij,nj->ni", rotations, self._axes), np.array([state[4] for state in states])
+        return self._frames
+
+    def _carried_by(self, index: int) -> FloatArray:
+        """1 for each moving joint between the base and a link, else 0."""
+        if index not in self._carries:
+            chain, link = set(), index
+            while link >= 0:
+                chain.add(link)
+                link = self._body.parents[link]
+            self._carries[index] = np.array([float(joint in chain) for joint in self.joints])
+        return self._carries[index]
+
+    def efforts(self, index: int, force: FloatArray, torque: Sequence[float] | None, point: FloatArray) -> FloatArray:
+        """tau_i = a_i . ((p - o_i) x F + T) for a revolute joint, a_i . F for a prismatic one, shape (n,) [N m
+        or N]."""
+        axes, origins = self._joint_frames()
+        moments = (point - origins) @ skew(force)
+        if torque is not None:
+            moments += torque
+        moments[self._slides] = force
+        return np.asarray(self._carried_by(index) * np.einsum("ni,ni->n", axes, moments))
+
+
+class Mobility:
+    """How readily a point of a body gives way: its inverse effective mass, with joints, brakes and rotors. Of the
+    bodies of one engine, the robot among them.
+
+    Args:
+        engine: where they are.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self.clear()
+
+    def clear(self) -> None:
+        """Bodies came or went."""
+        self._rows: dict[int, JointRows] = {}
+        self._masses: dict[int, tuple[float, FloatArray]] = {}
+        self._inertias: dict[int, FloatArray] = {}
+
+    def begin(self, robot: Robot, rows: JointRows) -> None:
+        """A new step; rows: of the robot."""
+        self._robot = robot
+        self._inertias.clear()
+        for of_body in self._rows.values():
+            of_body.forget()
+        self._rows[robot.body.id] = rows
+
+    def inverse_mass(self, body: Body, index: int, point: FloatArray, normal: FloatArray) -> float:
+        """n' J (M + B)^-1 J' n of a point of a link, shape (3,) [m], along a unit vector, shape (3,) [1/kg].
+
+        A free body with joints counts as one mass at the point.
+        """
+        mass, moments = self._mass(body)
+        if mass > 0.0 and not body.joints:
+            return self._of_free_body(body, mass, moments, point, normal)
+        if mass > 0.0:
+            return 1.0 / mass
+        if not body.joints or index < 0:
+            return 0.0
+        if body.id not in self._rows:
+            self._rows[body.id] = JointRows(body, self._engine.client)
+        row = self._rows[body.id].efforts(index, normal, None, point)
+        return float(row @ self._inverse_inertia(body) @ row)
+
+    def _mass(self, body: Body) -> tuple[float, FloatArray]:
+        """(mass [kg], principal moments, shape (3,) [kg m^2]) of a free body; mass 0: its base is fixed."""
+        if body.id not in self._masses:
+            client = self._engine.client
+            base = pybullet.getDynamicsInfo(body.id, -1, physicsClientId=client)
+            links = [
+                pybullet.getDynamicsInfo(body.id, i, physicsClientId=client)[0] for i in body.links.values() if i >= 0
+            ]
+            self._masses[body.id] = (base[0] + sum(links) if base[0] > 0.0 else 0.0), np.array(base[2])
+        return self._masses[body.id]
+
+    def _of_free_body(
+        self, body: Body, mass: float, moments: FloatArray, point: FloatArray, normal: FloatArray
+    ) -> float:
+        centre, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self._engine.client)
+        lever = cross(point - centre, normal) @ rotation_from_quaternion(orientation)
+        return float(1.0 / mass + (lever * lever) @ (1.0 / moments))
+
+    def _inverse_inertia(self, body: Body) -> FloatArray:
+        """(M + B)^-1 of the joints, shape (n, n); those that are held have zeros."""
+        if body.id not in self._inertias:
+            robot = self._robot
+            if body.id == robot.body.id:
+                M = np.array(robot.mass_matrix(robot.q)) + np.diag(robot.rotor_inertia)
+                free = robot.free_joints
+            else:
+                states = pybullet.getJointStates(body.id, self._rows[body.id].joints, self._engine.client)
+                M = np.array(
+                    pybullet.calculateMassMatrix(
+                        body.id, [state[0] for state in states], physicsClientId=self._engine.client
+                    )
+                )
+                free = list(range(len(M)))
+            inverse = np.zeros_like(M)
+            if free:
+                inverse[np.ix_(free, free)] = np.linalg.inv(M[np.ix_(free, free)])
+            self._inertias[body.id] = inverse
+        return self._inertias[body.id]
 
 
 class ExternalForces:
@@ -24,13 +164,13 @@ class ExternalForces:
         self.set_robot(robot)
 
     def set_robot(self, robot: Body) -> None:
-        """The body whose efforts are summed; again after it was loaded anew."""
+        """The body whose efforts are summed; again after it was loaded again."""
         self._robot, self.rows = robot, JointRows(robot, self._engine.client)
-        self._wanted = False
+        self._summed = False
 
-    def begin(self, wanted: bool) -> None:
-        """Start a step; `wanted`: sum up efforts."""
-        self._wanted = wanted
+    def begin(self, summed: bool) -> None:
+        """Start a step; `summed`: whether the efforts are summed."""
+        self._summed = summed
         self.rows.forget()
         self._efforts: FloatArray | None = None
 
@@ -39,12 +179,14 @@ class ExternalForces:
         """J'F of this step's forces for all moving joints [N m or N]; None when none acts on the robot."""
         return None if self._efforts is None else self._efforts.tolist()
 
-    def apply(self, body: Body, index: int, force: Sequence[float], torque: Sequence[float] | None, point: Sequence[float]) -> None:
+    def apply(
+        self, body: Body, index: int, force: Sequence[float], torque: Sequence[float] | None, point: Sequence[float]
+    ) -> None:
         """A force [N] at `point` [m] and a torque [N m] on a link, all in the world frame, for the next step."""
         client = self._engine.client
         pybullet.applyExternalForce(body.id, index, force, point, pybullet.WORLD_FRAME, physicsClientId=client)
         if torque is not None:
             pybullet.applyExternalTorque(body.id, index, torque, pybullet.WORLD_FRAME, physicsClientId=client)
-        if self._wanted and body is self._robot and index >= 0:
+        if self._summed and body is self._robot and index >= 0:
             efforts = self.rows.efforts(index, np.array(force), torque, np.array(point))
             self._efforts = efforts if self._efforts is None else self._efforts + efforts

@@ -1,44 +1,46 @@
-"""Joint efforts that make the engine's step one of second order, with rotor inertia and friction, which the engine does not know.
+"""Joint efforts that make the engine's step one of second order, with rotor inertia and friction, which the engine does
+not know.
 
-The engine solves  M x = tau' + tau_ext + tau_eng - h(q, v)  and steps by v += dt x, q += dt v (semi-implicit Euler). Its position belongs to the
-middle of the coming step, its velocity to the beginning; so the bias h must be that of the velocity in the middle, and so must what friction takes:
+The engine solves  M x = tau' + tau_ext + tau_eng - h(q, v)  and steps by v += dt x, q += dt v (semi-implicit Euler).
+Its position belongs to the middle of the coming step, its velocity to the beginning; so the bias h must be that of the
+velocity in the middle, and so must what friction takes:
     (M + B) x = tau + tau_ext + tau_eng - h(q, u) - f(u),   u = v + dt/2 x   (implicit midpoint rule, two passes for u)
     tau' = tau - B x - f(u) + h(q, v) - h(q, u)
-makes the engine's x this one. B = diag(b): rotor inertia; f: damping and the identified sigmoid, linearised in x in each pass, so that damping of any
-size is stable; Coulomb friction is the effort within its bounds that comes nearest to stopping each joint in this step.
-Here tau_ext are the efforts of forces that the plant applies itself (known beforehand), and tau_eng those that the engine adds on its own (rigid
-contact, joint stops). The latter show only afterwards, in a velocity that differs from the predicted one:
+makes the engine's x this one. B = diag(b): rotor inertia; f: damping and the identified sigmoid, linearised in x in
+each pass, so that damping of any size is stable; Coulomb friction is the effort within its bounds that comes nearest to
+stopping each joint in this step. Here tau_ext are the efforts of forces that the plant applies itself (known
+beforehand), and tau_eng those that the engine adds on its own (rigid contact, joint stops). The latter show only
+afterwards, in a velocity that differs from the predicted one:
     tau_eng(k) = tau_eng(k-1) + M (v - v_predicted) / dt.
-Joints whose acceleration is prescribed (brakes, drives) leave the equations: the engine's motor supplies what they need.
-So a static press is exact, and at a joint stop or a fixed rigid object the impulse converges to that of M + B within a few steps. Against a free
-rigid object it does not: the engine parts them after the impulse of the bare links. Penalty contact is known beforehand and exact in both cases.
+Joints whose acceleration is prescribed (brakes, drives) leave the equations: the engine's motor supplies what they
+need. So a static press is exact, and at a joint stop or a fixed rigid object the impulse converges to that of M + B
+within a few steps. Against a free rigid object it does not: the engine parts them after the impulse of the bare links.
+Penalty contact is known beforehand and exact in both cases.
 """
 
-from __future__ import annotations
-
-import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from types import ModuleType
 from typing import Protocol
 
-from hric_control.extension import load_extension
-from hric_control.plants.spatial import FloatArray
+from hric_control.geometry import FloatArray
+from hric_control.native import load
 from pybullet_ros_control.urdf_model import EngineModel
 
 Vector = Sequence[float]
-SOURCE = Path(__file__).with_name("joint_dynamics.c")
+_built = load("hric_joint_dynamics")
 PASSES = 2
-"""Evaluations of bias and friction in the middle of a step: a third changes the thesis's raw set point (Kp 50, 4 s) by at most 1.5e-7 rad, and 1e-9
-with rotor inertia; one alone leaves 5e-6."""
+"""Evaluations of bias and friction in the middle of a step: a third changes the thesis's raw setpoint (Kp 50, 4 s) by
+at most 1.5e-7 rad, and 1e-9 with rotor inertia; one alone leaves 5e-6."""
 
 
 class Dynamics(Protocol):
-    """The compiled dynamics of one robot; remembers one step. Vectors are n floats in the order of the engine's moving joints."""
+    """The compiled dynamics of one robot; remembers one step. Vectors are n floats in the order of the engine's moving
+    joints."""
 
-    def torque(self, q: Vector, dq: Vector, tau: Vector, external: Vector | None, prescribed: Sequence[float | None] | None, /) -> list[float]:
+    def torque(
+        self, q: Vector, dq: Vector, tau: Vector, external: Vector | None, prescribed: Sequence[float | None] | None, /
+    ) -> list[float]:
         """Efforts tau' for the engine in the coming step [N m].
 
         Args:
@@ -78,21 +80,22 @@ class Losses:
     sigmoid: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def row(self) -> list[float]:
-        """As the compiled code takes it: phi1 / (1 + exp(-x)) = phi1/2 (1 + tanh(x/2)), the same curve without overflow at high speed."""
+        """As the compiled code takes it: phi1 / (1 + exp(-x)) = phi1/2 (1 + tanh(x/2)), the same curve without overflow
+        at high speed."""
         phi1, phi2, phi3 = self.sigmoid
         return [self.rotor, self.coulomb, self.damping, 0.5 * phi1, 0.5 * phi2, phi3, math.tanh(0.5 * phi2 * phi3)]
 
 
-@functools.cache
-def compiled() -> ModuleType:
-    """The extension module. Raises HricError where it cannot be compiled."""
-    return load_extension(SOURCE.read_text(), "hric_joint_dynamics")
-
-
 def make_dynamics(
-    model: EngineModel, joints: Sequence[str], losses: Sequence[Losses], gravity: Vector, time_step: float, *, second_order: bool
+    model: EngineModel,
+    joints: Sequence[str],
+    losses: Sequence[Losses],
+    gravity: Vector,
+    time_step: float,
+    *,
+    second_order: bool,
 ) -> Dynamics:
-    """The dynamics of a robot whose base stands where the engine has it.
+    """The dynamics of a robot whose base is where the engine has it.
 
     Args:
         model: what the engine was given; the description's root link is at the world's origin.
@@ -101,9 +104,6 @@ def make_dynamics(
         gravity: in the world frame, 3 floats [m/s^2].
         time_step: [s].
         second_order: bias and friction at the middle of the step; else at its beginning, as the engine has them.
-
-    Raises:
-        HricError: there is no C compiler.
     """
     number = {model.joints[name].child: i for i, name in enumerate(joints)}
     rows = []
@@ -112,12 +112,19 @@ def make_dynamics(
         if parent == model.base:
             T_parent_joint = model.T_root_base @ T_parent_joint
         rows.append([float(number.get(parent, -1)), *_row(model, name, T_parent_joint), *loss.row()])
-    dynamics: Dynamics = compiled().Dynamics(time_step, PASSES if second_order else 0, list(gravity), rows)
+    dynamics: Dynamics = _built.Dynamics(time_step, PASSES if second_order else 0, list(gravity), rows)
     return dynamics
 
 
 def _row(model: EngineModel, name: str, T_parent_joint: FloatArray) -> list[float]:
     joint = model.joints[name]
     body = model.bodies[joint.child]
-    place = [*T_parent_joint[:3, :3].ravel().tolist(), *T_parent_joint[:3, 3].tolist()]
-    return [float(joint.type == "prismatic"), *place, *joint.axis, body.mass, *body.com.tolist(), *body.inertia.ravel().tolist()]
+    pose = [*T_parent_joint[:3, :3].ravel().tolist(), *T_parent_joint[:3, 3].tolist()]
+    return [
+        float(joint.type == "prismatic"),
+        *pose,
+        *joint.axis,
+        body.mass,
+        *body.com.tolist(),
+        *body.inertia.ravel().tolist(),
+    ]

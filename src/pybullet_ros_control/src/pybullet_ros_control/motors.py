@@ -1,17 +1,19 @@
-"""The engine's joint motors: velocity and position drives, and brakes."""
-
-from __future__ import annotations
+"""The engine's joint motors (velocity and position drives, and brakes) and joint stops."""
 
 import math
 from collections.abc import Sequence
 
 import pybullet
 
-from hric_control.plants.modes import Mode
+from hric_control.plant import Mode
+from hric_control.plants import StopMemory
 from pybullet_ros_control.engine import Body, Engine
 
 BRAKE_FORCE = 1e6
-"""What a brake or a drive without effort limit may take [N m]: a constraint of the engine, so size does not make it stiff."""
+"""What a brake or a drive without effort limit may take [N m]: a constraint of the engine, so size does not make it
+stiff."""
+_FAR = 1e9
+"""A bound that no joint reaches [rad or m]."""
 
 
 class JointMotors:
@@ -62,12 +64,13 @@ class JointMotors:
         self.restore(self._body)
 
     def restore(self, body: Body) -> None:
-        """Tell the engine all motors, for example of a body that was loaded anew."""
+        """Send the engine all motors, for example of a body that was loaded again."""
         self._body = body
         for i, joint in enumerate(self._joints):
             common = {"physicsClientId": self._engine.client}
             if self.modes[i] is Mode.BRAKE:
-                # A bare velocity motor would creep under load (1 mrad in 5 s); holding the position too keeps it within 1 urad.
+                # A bare velocity motor would creep under load (1 mrad in 5 s); holding the position too keeps it within
+                # 1 urad.
                 pybullet.setJointMotorControl2(
                     body.id,
                     joint,
@@ -80,10 +83,13 @@ class JointMotors:
                 )
             else:
                 force = 0.0 if self.modes[i] is Mode.EFFORT else self._max_effort[i]
-                pybullet.setJointMotorControl2(body.id, joint, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=force, **common)
+                pybullet.setJointMotorControl2(
+                    body.id, joint, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=force, **common
+                )
 
     def target_velocities(self, q: Sequence[float], values: Sequence[float]) -> list[float]:
-        """Velocity that each drive aims at in the next step; a position drive aims at arriving. n floats (effort joints: 0)."""
+        """Velocity that each drive aims at in the next step; a position drive aims at arriving. n floats (effort
+        joints: 0)."""
         dt = self._engine.time_step
         target = [0.0] * len(self._joints)
         for i, mode in enumerate(self.modes):
@@ -106,3 +112,51 @@ class JointMotors:
                 forces=[self._max_effort[i] for i in self._driven],
                 physicsClientId=self._engine.client,
             )
+
+
+class JointStops:
+    """Both stops of each joint. The engine has them; what it lacks is a start outside the range, as the thesis does at
+    q = 0: a stop that the joint started beyond is left open until the joint has been inside.
+
+    Args:
+        joints: engine indices.
+        limits: (lower, upper) per joint [rad or m], infinite where there is no stop.
+    """
+
+    def __init__(
+        self, engine: Engine, body: Body, joints: Sequence[int], limits: Sequence[tuple[float, float]]
+    ) -> None:
+        self._engine, self._body = engine, body
+        self._joints, self._memory = list(joints), StopMemory(limits)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a stop is open."""
+        return bool(self._memory.waiting)
+
+    def put(self, q: Sequence[float]) -> None:
+        """The robot was put at q from outside: decide again which stops act."""
+        for i in self._memory.restart(q):
+            self._send(i)
+
+    def restore(self, body: Body) -> None:
+        """The body was loaded again, with all stops acting: open the waiting ones again."""
+        self._body = body
+        for i in self._memory.waiting:
+            self._send(i)
+
+    def check(self, q: Sequence[float]) -> None:
+        """Let a waiting stop act as soon as the joint is inside its range."""
+        for i in self._memory.check(q):
+            self._send(i)
+
+    def _send(self, i: int) -> None:
+        low, high = self._memory.limits[i]
+        below, above = self._memory.waiting.get(i, (False, False))
+        pybullet.changeDynamics(
+            self._body.id,
+            self._joints[i],
+            jointLowerLimit=-_FAR if below else low,
+            jointUpperLimit=_FAR if above else high,
+            physicsClientId=self._engine.client,
+        )

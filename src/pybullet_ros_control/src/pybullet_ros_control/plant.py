@@ -1,7 +1,5 @@
 """The PyBullet plant: one robot, the world around it, and the forces that act on both from outside."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from operator import sub
 from typing import Any
@@ -10,23 +8,18 @@ import numpy as np
 import pybullet
 
 from hric_control.errors import CommandError, HricError, ParameterError
-from hric_control.plant import Contact, FloatArray, Load, Plant
-from hric_control.plants.config import PlantConfig
-from hric_control.plants.masks import load_masks
-from hric_control.plants.modes import Mode
-from hric_control.plants.spatial import MassProperties
-from hric_control.plants.surfaces import Surfaces
-from hric_control.plants.urdf_tree import parse_urdf
-from hric_control.plants.worlds import load_surfaces, load_world
-from hric_control.plants.wrenches import Wrenches
+from hric_control.geometry import MassProperties
+from hric_control.plant import Contact, DrivenPlant, FloatArray, Load, Mode
+from hric_control.plants import PlantConfig, Surfaces, Wrenches, load_masks, load_surfaces, load_world
+from hric_control.urdf import read
 from pybullet_ros_control.engine import BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces
 from pybullet_ros_control.robot import Robot
 from pybullet_ros_control.world import World
 
 
-class PyBulletPlant(Plant):
-    """See `hric_control.plant.Plant`. Beyond it, joints can be driven by velocity or position: `set_modes`.
+class PyBulletPlant(DrivenPlant):
+    """See `hric_control.plant.Plant`.
 
     Attributes:
         config: the parameters as checked.
@@ -34,12 +27,12 @@ class PyBulletPlant(Plant):
 
     def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
         self.joint_names = tuple(joint_names)
-        self.config = PlantConfig.from_parameters(config, self.joint_names)
+        self.config = PlantConfig.of(config, "plant/", self.joint_names)
         self.time_step = self.config.time_step
-        tree = parse_urdf(urdf_xml)
+        tree = read(urdf_xml)
         masks = load_masks(self.config.collision_masks)
         objects = load_world(self.config.world, self.config.contact_stiffness)
-        rules = Surfaces((*load_surfaces(self.config.world, self.config.contact_stiffness), *self.config.surfaces))
+        rules = Surfaces((*load_surfaces(self.config.world), *self.config.surfaces), self.config.contact_stiffness)
         self._times_half_step = (0.5 * self.time_step if self.config.half_step_readout else 0.0).__mul__
         self._wrenches = Wrenches(self.time_step)
         self._engine = Engine(self.config.gui, self.time_step, self.config.gravity)
@@ -49,7 +42,7 @@ class PyBulletPlant(Plant):
             self._world = World(self._engine, objects, rules)
             self._world.build(self._robot.body)
             self._forces = ExternalForces(self._engine, self._robot.body)
-            self._place([0.0] * len(self.joint_names), None)
+            self._put([0.0] * len(self.joint_names), None)
         except BaseException:
             self._engine.close()
             raise
@@ -58,18 +51,19 @@ class PyBulletPlant(Plant):
         """Release the engine; safe to call twice."""
         self._engine.close()
 
-    # -- state ---------------------------------------------------------------------------------------------------------------------------
+    # -- state ---------------------------------------------------------------------------------------------------------
 
-    def _place(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        self._robot.place(q, [0.0] * len(q) if dq is None else dq)
+    def _put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
+        self._robot.put(q, [0.0] * len(q) if dq is None else dq)
         self._values = list(self._robot.zeros)
         self._world.penalty.forget()
 
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """Everything is built anew, so that nothing of the past (contact memory, warm starts) can reach the next run."""
+        """Everything is built again, so that nothing of the past (contact memory, warm starts) can reach the next
+        run."""
         self._wrenches.clear()
         self._build_again(None)
-        self._place(q, dq)
+        self._put(q, dq)
 
     def _build_again(self, states: dict[str, BodyState] | None) -> None:
         self._engine.settings()
@@ -79,10 +73,11 @@ class PyBulletPlant(Plant):
 
     def set_configuration(self, q: Sequence[float]) -> None:
         """Put the robot at q at rest and leave the world as it is."""
-        self._place(q, None)
+        self._put(q, None)
 
     def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
-        """The engine's position belongs to the end of the step, its velocity to the middle; q - dt dq/2 brings both together."""
+        """The engine's position belongs to the end of the step, its velocity to the middle; q - dt dq/2 brings both
+        together."""
         robot = self._robot
         if robot.straight:
             q[:] = map(sub, robot.q, map(self._times_half_step, robot.dq))
@@ -107,7 +102,7 @@ class PyBulletPlant(Plant):
         robot = self._robot
         return np.array(robot.mass_matrix(robot.q))[np.ix_(robot.user, robot.user)]
 
-    # -- the step ------------------------------------------------------------------------------------------------------------------------
+    # -- the step ------------------------------------------------------------------------------------------------------
 
     def apply(self, tau: Sequence[float]) -> None:
         """Commands for the next step: efforts [N m], or what `set_modes` made of them."""
@@ -120,7 +115,9 @@ class PyBulletPlant(Plant):
             external = self._push() if self._wrenches.active or self._world.penalty.pairs else None
             self._robot.step(self._values, external)
         except pybullet.error as error:
-            raise HricError(f"PyBullet stopped ({error})" + ("; was its window closed?" if self.config.gui else "")) from error
+            raise HricError(
+                f"PyBullet stopped ({error})" + ("; was its window closed?" if self.config.gui else "")
+            ) from error
 
     def _push(self) -> list[float] | None:
         """Apply wrenches and penalty contact; returns the robot's joint efforts that they amount to."""
@@ -133,13 +130,14 @@ class PyBulletPlant(Plant):
             point = T_world_link[:3, :3] @ wrench.point + T_world_link[:3, 3]
             forces.apply(body, index, wrench.force.tolist(), wrench.torque.tolist(), point.tolist())
         self._wrenches.count_step()
-        self._world.push(forces, robot)
+        self._world.penalty.apply(forces, robot)
         return forces.efforts
 
-    # -- modes, brakes, load -------------------------------------------------------------------------------------------------------------
+    # -- modes, brakes, load -------------------------------------------------------------------------------------------
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """What `apply` means for each joint: an effort, or the target of a stiff velocity or position drive within the URDF's limits."""
+        """What `apply` means for each joint: an effort, or the target of a stiff velocity or position drive within the
+        URDF's limits."""
         self._check_length(modes, "modes")
         self._robot.set_modes(modes)
 
@@ -150,13 +148,15 @@ class PyBulletPlant(Plant):
 
     def _check_length(self, values: Sequence[object], what: str) -> None:
         if len(values) != len(self.joint_names):
-            raise CommandError(f"{what}: got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})")
+            raise CommandError(
+                f"{what}: got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})"
+            )
 
     def set_load(self, load: Load | None, link: str | None = None) -> None:
         """Fix a payload to `link` (default: the link behind the last joint); it replaces the one before.
 
-        Everything is built anew where it is: the engine's inverse dynamics does not notice a changed mass, and may even take a new body for an old
-        one that stood at the same address.
+        Everything is built again where it is: the engine's inverse dynamics does not notice a changed mass, and may
+        even take a new body for an old one that stood at the same address.
         """
         if load is None:
             self._robot.set_load(None)
@@ -167,9 +167,11 @@ class PyBulletPlant(Plant):
             self._robot.set_load((link or self._robot.last_link, properties))
         self._build_again(self._world.states())
 
-    # -- the world -----------------------------------------------------------------------------------------------------------------------
+    # -- the world -----------------------------------------------------------------------------------------------------
 
-    def apply_wrench(self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float) -> None:
+    def apply_wrench(
+        self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
+    ) -> None:
         """Act on "link" or "model::link" for the steps that `duration` [s] covers (negative: until cleared)."""
         model, link = self._world.find(body)
         model.frame(link)
@@ -191,7 +193,7 @@ class PyBulletPlant(Plant):
         return self._world.contacts()
 
     def take_contact_peaks(self) -> dict[tuple[str, str], float]:
-        """Largest force of each pair that met by a spring since this was last asked [N]."""
+        """Largest force of each pair that met by a spring since the last call [N]."""
         return self._world.penalty.springs.take_peaks()
 
     def base_link(self, model: str) -> str:
@@ -214,9 +216,10 @@ class PyBulletPlant(Plant):
         return self._world.model_names()
 
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape (6,))."""
+        """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
+        (6,))."""
         model, link = self._world.find(body)
         index, T_body_frame = model.frame(link)
         T_world_link = self._engine.pose(model, index) @ T_body_frame
-        linear, angular, com = self._engine.twist(model, index)
+        com, _, linear, angular = self._engine.motion(model, index)
         return T_world_link, np.concatenate([linear + np.cross(angular, T_world_link[:3, 3] - com), angular])

@@ -1,7 +1,5 @@
 """The robot in the engine: its joints, what acts in them, and one step of that."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from operator import sub
@@ -9,25 +7,22 @@ from operator import sub
 import numpy as np
 import pybullet
 
+from hric_control import urdf
 from hric_control.errors import CommandError, UnknownNameError
-from hric_control.plants.config import PlantConfig
-from hric_control.plants.divergence import Divergence
-from hric_control.plants.friction import sigmoid_parameters
-from hric_control.plants.modes import Mode
-from hric_control.plants.spatial import MassProperties
-from hric_control.plants.urdf_tree import Joint, UrdfTree
+from hric_control.geometry import MassProperties
+from hric_control.plant import Mode
+from hric_control.plants import Divergence, PlantConfig, masked, sigmoid_parameters
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.joint_dynamics import Dynamics, Losses, Vector, make_dynamics
-from pybullet_ros_control.masks import apply_masks
-from pybullet_ros_control.motors import JointMotors
-from pybullet_ros_control.stops import JointStops
+from pybullet_ros_control.motors import JointMotors, JointStops
 from pybullet_ros_control.urdf_model import EngineModel, prepare
 
 
 class Robot:
     """One robot with a fixed base.
 
-    All vectors are in the engine's order of the moving joints; `user` holds the places of the actuated joints in it, in the user's order.
+    All vectors are in the engine's order of the moving joints; `user` has the indices of the actuated joints in it, in
+    the user's order.
 
     Args:
         tree: the description.
@@ -41,11 +36,18 @@ class Robot:
         effort: what of them arrived behind the rotors, where an arm's torque sensors are [N m].
     """
 
-    def __init__(self, engine: Engine, tree: UrdfTree, joint_names: Sequence[str], config: PlantConfig, masks: list[tuple[str, str]]) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        tree: urdf.Robot,
+        joint_names: Sequence[str],
+        config: PlantConfig,
+        masks: list[tuple[str, str]],
+    ) -> None:
         self.engine, self.joint_names = engine, tuple(joint_names)
         self._client = engine.client
         self._tree, self._config, self._masks = tree, config, masks
-        moving = {joint.name: joint for joint in tree.joints if joint.type != "fixed"}
+        moving = {joint.name: joint for joint in tree.joints.values() if joint.type != "fixed"}
         for name in self.joint_names:
             if name not in moving:
                 raise UnknownNameError("moving joint", name, moving, f"robot {tree.name}")
@@ -71,24 +73,30 @@ class Robot:
         if touching:
             apply_masks(self.engine, self.body, self._masks)
 
-    def _set_up(self, joints: list[Joint]) -> None:
+    def _set_up(self, joints: list[urdf.Joint]) -> None:
         config = self._config
         limits, slides = [joint.velocity for joint in joints], [joint.type == "prismatic" for joint in joints]
         self._divergence = Divergence([joint.name for joint in joints], limits, slides, config.time_step)
         self._moving = joints
         self._losses = self._joint_losses(joints)
         self._any_rotor = any(config.rotor_inertia)
-        # The engine's own step is what is asked for, and there is nothing that it lacks.
+        # The engine's own step is requested, and there is nothing that it lacks.
         self._plain = config.integrator == "semi_implicit" and all(loss == Losses() for loss in self._losses)
         self._bind()
-        self._motors = JointMotors(self.engine, self.body, self._joints, [joint.effort for joint in joints], [joint.velocity for joint in joints])
+        self._motors = JointMotors(
+            self.engine,
+            self.body,
+            self._joints,
+            [joint.effort for joint in joints],
+            [joint.velocity for joint in joints],
+        )
         self._stops = JointStops(self.engine, self.body, self._joints, [(joint.lower, joint.upper) for joint in joints])
         self._half = 0.5 * config.time_step if config.half_step_readout else 0.0
         self._modes = [Mode.EFFORT] * len(self.joint_names)
         self._brakes = [False] * len(self.joint_names)
         self._send_modes()
 
-    def _joint_losses(self, joints: list[Joint]) -> list[Losses]:
+    def _joint_losses(self, joints: list[urdf.Joint]) -> list[Losses]:
         config = self._config
         rotors = self.spread(config.rotor_inertia, self.zeros)
         sigmoid = [(0.0, 0.0, 0.0)] * len(joints)
@@ -96,7 +104,10 @@ class Robot:
             for i, phi in zip(self.user, sigmoid_parameters(config.friction_parameters, self.joint_names), strict=True):
                 sigmoid[i] = phi
         coulomb = [joint.friction if config.friction == "coulomb" else 0.0 for joint in joints]
-        return [Losses(rotor, F, joint.damping, phi) for rotor, F, joint, phi in zip(rotors, coulomb, joints, sigmoid, strict=True)]
+        return [
+            Losses(rotor, F, joint.damping, phi)
+            for rotor, F, joint, phi in zip(rotors, coulomb, joints, sigmoid, strict=True)
+        ]
 
     def _bind(self) -> None:
         """The dynamics of the model that is loaded."""
@@ -123,7 +134,9 @@ class Robot:
     def spread(self, values: Sequence[float], rest: Sequence[float]) -> list[float]:
         """Values of the actuated joints among all moving ones; `rest` fills the others."""
         if len(values) != len(self.joint_names):
-            raise CommandError(f"got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})")
+            raise CommandError(
+                f"got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})"
+            )
         full = list(rest)
         for i, value in zip(self.user, values, strict=True):
             full[i] = float(value)
@@ -131,7 +144,7 @@ class Robot:
 
     @property
     def balanced(self) -> bool:
-        """Whether the efforts of applied forces are wanted in each step."""
+        """Whether each step needs the efforts of applied forces."""
         return not self._plain
 
     def mass_matrix(self, q: Vector) -> Sequence[Vector]:
@@ -139,9 +152,9 @@ class Robot:
         result: Sequence[Vector] = pybullet.calculateMassMatrix(self.body.id, q, physicsClientId=self.engine.client)
         return result
 
-    # -- putting the robot somewhere -----------------------------------------------------------------------------------------------------
+    # -- putting the robot somewhere -----------------------------------------------------------------------------------
 
-    def place(self, q: Sequence[float], dq: Sequence[float]) -> None:
+    def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
         """Put the actuated joints at q, dq; the others stay where they are, at rest."""
         full_q, full_dq = self.spread(q, self.q), self.spread(dq, self.zeros)
         if not all(map(math.isfinite, full_q + full_dq)):
@@ -150,7 +163,7 @@ class Robot:
         self._set_state([x + self._half * v for x, v in zip(full_q, full_dq, strict=True)], full_dq)
         self.effort = self.motor_effort = list(self.zeros)
         self._motors.lock_at(self.q)
-        self._stops.place(self.q)
+        self._stops.put(self.q)
         self._dynamics.forget()
 
     def _set_state(self, q: Vector, dq: Vector) -> None:
@@ -160,7 +173,8 @@ class Robot:
         self.q, self.dq, _, self._engine_effort = zip(*states, strict=True)
 
     def load_again(self) -> None:
-        """After the engine was emptied: the robot anew, in the state of its joints; modes, brakes and stops as they were."""
+        """After the engine was emptied: the robot again, in the state of its joints; modes, brakes and stops as they
+        were."""
         self._load_body()
         self._set_state(self.q, self.dq)
         self._motors.restore(self.body)
@@ -174,9 +188,9 @@ class Robot:
     @property
     def last_link(self) -> str:
         """The link behind the last actuated joint."""
-        return next(joint.child for joint in self._tree.joints if joint.name == self.joint_names[-1])
+        return self._tree.joints[self.joint_names[-1]].child
 
-    # -- modes and brakes ----------------------------------------------------------------------------------------------------------------
+    # -- modes and brakes ----------------------------------------------------------------------------------------------
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
         """What the commands of the actuated joints mean from now on."""
@@ -195,10 +209,11 @@ class Robot:
         if full != self._motors.modes:
             self._motors.set_modes(full, self.q)
 
-    # -- one step ------------------------------------------------------------------------------------------------------------------------
+    # -- one step ------------------------------------------------------------------------------------------------------
 
     def step(self, values: list[float], external: list[float] | None) -> None:
-        """Act in the joints, advance the engine, read the state that this leads to. Bare positional calls of the engine: this runs every millisecond.
+        """Act in the joints, advance the engine, read the state that this leads to. Bare positional calls of the
+        engine: this runs every millisecond.
 
         Args:
             values: commands of all moving joints, in the meaning of their modes.
@@ -209,7 +224,9 @@ class Robot:
             self._drive(values, external)
         else:
             tau = values if self._plain else self._dynamics.torque(self.q, self.dq, values, external, None)
-            pybullet.setJointMotorControlArray(body, joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=client)
+            pybullet.setJointMotorControlArray(
+                body, joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=client
+            )
         pybullet.stepSimulation(client)
         self.q, self.dq, _, self._engine_effort = zip(*pybullet.getJointStates(body, joints, client), strict=True)
         self._divergence.check(self.q, self.dq)
@@ -222,7 +239,10 @@ class Robot:
         modes = None if self._motors.all_effort else self._motors.modes
         self.motor_effort = self.effort = values
         if modes is not None:  # the engine's own motors act on the links
-            self.effort = [x if mode is Mode.EFFORT else engine for mode, x, engine in zip(modes, values, self._engine_effort, strict=True)]
+            self.effort = [
+                x if mode is Mode.EFFORT else engine
+                for mode, x, engine in zip(modes, values, self._engine_effort, strict=True)
+            ]
             self.motor_effort = self.effort
         if self._any_rotor:
             taken = self._dynamics.rotor_efforts(self.dq)
@@ -239,8 +259,11 @@ class Robot:
         targets = motors.target_velocities(self.q, values)
         tau = values
         if not self._plain:
-            wanted = [None if mode is Mode.EFFORT else (t - v) / dt for mode, t, v in zip(motors.modes, targets, self.dq, strict=True)]
-            tau = self._dynamics.torque(self.q, self.dq, values, external, wanted)
+            prescribed = [
+                None if mode is Mode.EFFORT else (t - v) / dt
+                for mode, t, v in zip(motors.modes, targets, self.dq, strict=True)
+            ]
+            tau = self._dynamics.torque(self.q, self.dq, values, external, prescribed)
         if motors.effort:
             pybullet.setJointMotorControlArray(
                 self.body.id,
@@ -250,3 +273,21 @@ class Robot:
                 physicsClientId=self.engine.client,
             )
         motors.drive(targets)
+
+
+def apply_masks(engine: Engine, body: Body, masks: list[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Switch self-collision off for links that are fixed to each other, and for the pairs that match; returns them.
+
+    Links joined by one joint are left out by the engine itself.
+    """
+    group = {} if body.model is None else body.model.group
+    off = []
+    names = sorted(body.links, key=body.links.__getitem__)
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            if masked(a, b, masks) or group.get(a, a) == group.get(b, b):
+                pybullet.setCollisionFilterPair(
+                    body.id, body.id, body.links[a], body.links[b], 0, physicsClientId=engine.client
+                )
+                off.append((a, b))
+    return off

@@ -1,31 +1,42 @@
-"""Prepares a URDF for the engine: rigid clusters become one link, and masses are given so that the engine keeps them as they are.
+"""Prepares a URDF for the engine: rigid clusters become one link, and masses are given so that the engine keeps them as
+they are.
 
-Why not load the description as it is: the engine gives a link without mass 1 kg, replaces a tensor that no real body has by zero, and pays for
-every fixed joint in every step. Here each cluster of links that are rigidly joined becomes one engine link with the exact sum of their masses; the
-tensor is written along its principal axes, so that its moments can be set afterwards by the engine's own call, whatever their sign.
-Members with a collision shape of their own stay engine links (massless), so that contacts name them.
+Why not load the description as it is: the engine gives a link without mass 1 kg, replaces a tensor that no real body
+has by zero, and pays for every fixed joint in every step. Here each cluster of links that are rigidly joined becomes
+one engine link with the exact sum of their masses; the tensor is written along its principal axes, so that its moments
+can be set afterwards by the engine's own call, whatever their sign. Members with a collision shape of their own stay
+engine links (massless), so that contacts name them.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterator, Mapping
-from copy import deepcopy
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
 from xml.etree.ElementTree import Element, SubElement
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from hric_control.errors import DescriptionError, HricError, UnknownNameError
-from hric_control.plants.capsules import join_capsules
+from hric_control.errors import DescriptionError, HricError
+from hric_control.geometry import FloatArray, MassProperties, homogeneous
+from hric_control.geometry.transforms import inverse
 from hric_control.plants.resources import resolve
-from hric_control.plants.spatial import FloatArray, MassProperties, inverse, rpy_from_rotation
-from hric_control.plants.urdf_tree import Joint, Link, UrdfTree, origin
+from hric_control.urdf import (
+    ONE_COORDINATE,
+    Joint,
+    Robot,
+    Shape,
+    join_capsules,
+    write_inertial,
+    write_origin,
+    write_shape,
+)
+from hric_control.urdf.writing import text
 
 PIECE = 8191
-"""Longest line that the engine reads as one, with its line break [bytes]; it breaks a longer one after each piece, also inside a number.
-Source: measured with PyBullet 3.2.7."""
+"""Longest line that the engine reads as one, with its line break [bytes]; it breaks a longer one after each piece, also
+inside a number. Source: measured with PyBullet 3.2.7."""
 
 
 @dataclass(frozen=True)
@@ -85,59 +96,36 @@ class _Cluster:
         self.top = top
 
 
-def _clusters(tree: UrdfTree) -> dict[str, _Cluster]:
+def _clusters(robot: Robot) -> dict[str, _Cluster]:
     """Cluster of each link, each named by its topmost link."""
-    of: dict[str, _Cluster] = {tree.root: _Cluster(tree.root, {tree.root: np.eye(4)})}
-    for joint in tree.joints:
-        if joint.type == "fixed":
-            cluster = of[joint.parent]
-            cluster.poses[joint.child] = cluster.poses[joint.parent] @ joint.T_parent_joint
-            of[joint.child] = cluster
-        else:
-            of[joint.child] = _Cluster(joint.child, {joint.child: np.eye(4)})
+    of: dict[str, _Cluster] = {}
+    for name, (top, T_top_link) in robot.rigid_groups().items():
+        of[name] = of.setdefault(top, _Cluster(top, {}))
+        of[name].poses[name] = T_top_link
     return of
 
 
-def _numbers(values: FloatArray | tuple[float, ...]) -> str:
-    return " ".join(repr(float(value)) for value in values)
-
-
-def _write_origin(parent: Element, T: FloatArray) -> None:
-    SubElement(parent, "origin", xyz=_numbers(T[:3, 3]), rpy=_numbers(rpy_from_rotation(T[:3, :3])))
-
-
-def _write_inertial(parent: Element, mass: MassProperties, moments: FloatArray, R: FloatArray) -> None:
-    """The tensor along its axes. Where it is not physical a ball stands in, which the engine accepts until the true moments are set."""
+def _write_inertial(link: Element, mass: MassProperties, moments: FloatArray, R: FloatArray) -> None:
+    """The tensor along its axes. Where it is not physical it is a ball's, which the engine accepts until the true
+    moments are set."""
     low, middle, high = sorted(moments)
     written = moments if low > 0.0 and low + middle >= high else np.full(3, max(abs(high), abs(low)))
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, mass.com
-    inertial = SubElement(parent, "inertial")
-    _write_origin(inertial, T)
-    SubElement(inertial, "mass", value=repr(float(mass.mass)))
-    ixx, iyy, izz = (repr(float(moment)) for moment in written)
-    SubElement(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
+    write_inertial(link, mass.mass, homogeneous(R, mass.com), np.diag(written))
 
 
-def _write_shapes(parent: Element, link: Link, T: FloatArray, tag: str) -> None:
-    """Copies the shapes of a member into `parent`, with mesh addresses resolved to files."""
-    where = f"{tag} of link {link.name}"
-    for shape in join_capsules(link.collisions, where) if tag == "collision" else link.visuals:
-        copy = deepcopy(shape)
-        T_shape = T @ origin(copy.find("origin"), where)
-        for old in copy.findall("origin"):
-            copy.remove(old)
-        _write_origin(copy, T_shape)
-        for mesh in copy.iter("mesh"):
+def _write_shapes(parent: Element, shapes: Iterable[Shape], T: FloatArray, purpose: str) -> None:
+    """The shapes of a member at its pose in `parent`, with mesh addresses resolved to files."""
+    for shape in shapes:
+        if shape.kind == "mesh":
             try:
-                mesh.set("filename", str(resolve(mesh.get("filename", ""))))
+                shape = replace(shape, address=str(resolve(shape.address)))
             except HricError as error:
-                raise DescriptionError(f"{where}: {error}") from error
-        parent.append(copy)
+                raise DescriptionError(f"{shape.where}: {error}") from error
+        write_shape(parent, purpose, shape, T @ shape.T_link_shape)
 
 
 def _lines(element: Element) -> Iterator[str]:
-    """The element with each attribute on a line of its own, without text and names of other namespaces, which the engine does not use.
+    """The element with each attribute on a line of its own.
 
     Raises:
         DescriptionError: an attribute that does not fit in a piece.
@@ -145,55 +133,53 @@ def _lines(element: Element) -> Iterator[str]:
     yield f"<{element.tag}"
     for name, value in element.attrib.items():
         line = f"{name}={quoteattr(value)}"
-        if "}" in name:
-            continue
         if (size := len(line.encode())) >= PIECE:
             raise DescriptionError(
-                f"{name} of <{element.tag}>: {size} bytes ({line[:40]}...); PyBullet reads an attribute of at most {PIECE - 1} bytes"
+                f"{name} of <{element.tag}>: {size} bytes ({line[:40]}...); PyBullet reads an attribute of at most "
+                f"{PIECE - 1} bytes"
             )
         yield line
     yield ">"
     for child in element:
-        if "}" not in child.tag:
-            yield from _lines(child)
+        yield from _lines(child)
     yield f"</{element.tag}>"
 
 
 class _Preparation:
     """One run of `prepare`."""
 
-    def __init__(self, tree: UrdfTree, loads: Mapping[str, MassProperties], fixed_base: bool, collision: bool, visual: bool) -> None:
-        self.tree, self.fixed_base, self.visual = tree, fixed_base, visual
-        self.of = _clusters(tree)
+    def __init__(self, robot: Robot, loads: Mapping[str, MassProperties], fixed_base: bool, visual: bool) -> None:
+        self.robot, self.fixed_base, self.visual = robot, fixed_base, visual
+        self.of = _clusters(robot)
         self.loads = loads
-        if not collision:
-            tree.links = {name: Link(name, link.mass, [], link.visuals) for name, link in tree.links.items()}
-        self.robot = Element("robot", name=tree.name)
+        self.element = Element("robot", name=robot.name)
         self.moments: dict[str, tuple[float, ...]] = {}
         self.bodies: dict[str, MassProperties] = {}
         self.placements: dict[str, tuple[str, FloatArray]] = {}
         self.frames: dict[str, Frame] = {}
 
     def mass(self, cluster: _Cluster) -> MassProperties:
-        total = MassProperties.zero()
-        for name, T in cluster.poses.items():
-            for part in (self.tree.links[name].mass, self.loads.get(name)):
-                if part is not None:
-                    total = total + part.moved(T)
-        return total
+        members = (
+            (T, part)
+            for name, T in cluster.poses.items()
+            for part in (self.robot.links[name].mass, self.loads.get(name))
+        )
+        parts = [part.moved(T) for T, part in members if part is not None and (part.mass > 0.0 or part.inertia.any())]
+        return reduce(add, parts) if parts else MassProperties()
 
     def choose_base(self) -> FloatArray:
-        """A fixed base is best the one root member that has a shape: then it is a static body, which the engine need not test against others."""
-        cluster = self.of[self.tree.root]
-        shaped = [name for name in cluster.poses if self.tree.links[name].collisions]
-        if self.fixed_base and shaped and self.tree.root not in shaped:
+        """A fixed base is best the one root member that has a shape: then it is a static body, which the engine need
+        not test against others."""
+        cluster = self.of[self.robot.root]
+        shaped = [name for name in cluster.poses if self.robot.links[name].collisions]
+        if self.fixed_base and shaped and self.robot.root not in shaped:
             T_root_base = cluster.poses[shaped[0]]
             cluster.rebase(shaped[0])
             return T_root_base
         return np.eye(4)
 
     def write_link(self, name: str, mass: MassProperties) -> Element:
-        element = SubElement(self.robot, "link", name=name)
+        element = SubElement(self.element, "link", name=name)
         moments, R = mass.principal()
         _write_inertial(element, mass, moments, R)
         if mass.mass > 0.0:
@@ -204,34 +190,36 @@ class _Preparation:
         mass = self.mass(cluster)
         if moving and mass.mass <= 0.0:
             raise DescriptionError(f"link {cluster.top}: it moves, but neither it nor what is fixed to it has a mass")
-        top = self.write_link(cluster.top, mass if moving else MassProperties.zero())
+        top = self.write_link(cluster.top, mass if moving else MassProperties())
         for name, T in cluster.poses.items():
-            link, own = self.tree.links[name], bool(self.tree.links[name].collisions) and name != cluster.top
+            link, own = self.robot.links[name], bool(self.robot.links[name].collisions) and name != cluster.top
             self.frames[name] = Frame(name, np.eye(4)) if own else Frame(cluster.top, T)
             if self.visual:
-                _write_shapes(top, link, T, "visual")
+                _write_shapes(top, link.visuals, T, "visual")
             if own:
-                _write_shapes(self.write_link(name, MassProperties.zero()), link, np.eye(4), "collision")
-                fixed = SubElement(self.robot, "joint", name=f"{name}__fixed", type="fixed")
+                _write_shapes(
+                    self.write_link(name, MassProperties()), join_capsules(link.collisions), np.eye(4), "collision"
+                )
+                fixed = SubElement(self.element, "joint", name=f"{name}__fixed", type="fixed")
                 self.connect(fixed, cluster.top, name, T)
             else:
-                _write_shapes(top, link, T, "collision")
+                _write_shapes(top, join_capsules(link.collisions), T, "collision")
 
     @staticmethod
     def connect(element: Element, parent: str, child: str, T: FloatArray) -> None:
         SubElement(element, "parent", link=parent)
         SubElement(element, "child", link=child)
-        _write_origin(element, T)
+        write_origin(element, T)
 
     def write_joint(self, joint: Joint) -> None:
         """Damping and friction stay out: the plant adds them to the efforts itself."""
         bounded = math.isfinite(joint.lower)
         kind = joint.type if bounded or joint.type == "prismatic" else "continuous"
-        element = SubElement(self.robot, "joint", name=joint.name, type=kind)
+        element = SubElement(self.element, "joint", name=joint.name, type=kind)
         cluster = self.of[joint.parent]
         placement = self.placements[joint.name] = cluster.top, cluster.poses[joint.parent] @ joint.T_parent_joint
         self.connect(element, placement[0], joint.child, placement[1])
-        SubElement(element, "axis", xyz=_numbers(joint.axis))
+        SubElement(element, "axis", xyz=text(joint.axis))
         # An upper limit below the lower one is the engine's way to say "none".
         lower, upper = (joint.lower, joint.upper) if bounded else (1.0, -1.0)
         SubElement(element, "limit", lower=repr(lower), upper=repr(upper), effort="1e9", velocity="1e9")
@@ -239,18 +227,18 @@ class _Preparation:
     def run(self) -> EngineModel:
         T_root_base = self.choose_base()
         done: set[str] = set()
-        for name in self.tree.links:
+        for name in self.robot.links:
             cluster = self.of[name]
             if cluster.top not in done:
                 done.add(cluster.top)
-                self.write_cluster(cluster, moving=not (self.fixed_base and cluster is self.of[self.tree.root]))
-        moving = [joint for joint in self.tree.joints if joint.type != "fixed"]
+                self.write_cluster(cluster, moving=not (self.fixed_base and cluster is self.of[self.robot.root]))
+        moving = [joint for joint in self.robot.joints.values() if joint.type != "fixed"]
         for joint in moving:
             self.write_joint(joint)
         return EngineModel(
-            self.tree.name,
-            "\n".join(_lines(self.robot)),
-            self.of[self.tree.root].top,
+            self.robot.name,
+            "\n".join(_lines(self.element)),
+            self.of[self.robot.root].top,
             T_root_base,
             self.frames,
             self.moments,
@@ -258,12 +246,12 @@ class _Preparation:
             {joint.name: joint for joint in moving},
             self.placements,
             {frame.body_link: self.of[name].top for name, frame in self.frames.items()},
-            self.tree.root,
+            self.robot.root,
         )
 
 
 def prepare(
-    tree: UrdfTree,
+    robot: Robot,
     *,
     loads: Mapping[str, MassProperties] | None = None,
     fixed_base: bool = True,
@@ -273,18 +261,24 @@ def prepare(
     """The model for the engine.
 
     Args:
-        tree: the description; not changed.
+        robot: the description; not changed.
         loads: payloads by link, in the link's frame.
         fixed_base: whether the root is fixed to the world.
         collision: keep collision shapes.
         visual: keep visual shapes (only a window shows them; loading meshes is slow).
 
     Raises:
-        DescriptionError: a moving link without mass, or a mesh that does not exist.
+        DescriptionError: a joint type that the engine lacks, a moving link without mass, or a mesh that does not exist.
         UnknownNameError: a load on a link that does not exist.
     """
     for name in loads or {}:
-        if name not in tree.links:
-            raise UnknownNameError("link", name, tree.links, tree.name)
-    copy = UrdfTree(tree.name, tree.root, dict(tree.links), tree.joints)
-    return _Preparation(copy, loads or {}, fixed_base, collision, visual).run()
+        robot.check_link(name)
+    for joint in robot.joints.values():
+        if joint.type not in (*ONE_COORDINATE, "fixed"):
+            valid = ", ".join((*ONE_COORDINATE, "fixed"))
+            raise DescriptionError(
+                f"joint {joint.name}: type {joint.type!r} is not supported by PyBullet; valid: {valid}"
+            )
+    if not collision:
+        robot = replace(robot, links={name: replace(link, collisions=()) for name, link in robot.links.items()})
+    return _Preparation(robot, loads or {}, fixed_base, visual).run()

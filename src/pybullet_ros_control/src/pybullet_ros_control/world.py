@@ -1,22 +1,19 @@
 """Everything around the robot in one engine: the objects of the world file and the models spawned later."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import pybullet
 
 from hric_control.errors import HricError, UnknownNameError
+from hric_control.geometry import FloatArray, quaternion_from_rotation
 from hric_control.plant import Contact
-from hric_control.plants.spatial import FloatArray, quaternion_from_rotation
-from hric_control.plants.surfaces import Surface, Surfaces
-from hric_control.plants.urdf_tree import parse_urdf
-from hric_control.plants.worlds import PLAIN_LINK, WorldObject
+from hric_control.plants import PLAIN_LINK, Surface, Surfaces, WorldObject
+from hric_control.urdf import read
 from pybullet_ros_control.contact import PenaltyContact, rigid_contacts
 from pybullet_ros_control.engine import Body, BodyState, Engine
-from pybullet_ros_control.external_forces import ExternalForces
-from pybullet_ros_control.robot import Robot
-from pybullet_ros_control.urdf_model import EngineModel, prepare
+from pybullet_ros_control.urdf_model import prepare
 
 _ROBOT_SURFACE = Surface()
 _GEOMETRY = {
@@ -28,15 +25,6 @@ _GEOMETRY = {
 }
 
 
-@dataclass(frozen=True)
-class _Spawned:
-    """What is needed to put a spawned model back."""
-
-    model: EngineModel
-    T_world_model: FloatArray
-    fixed: bool
-
-
 @dataclass
 class World:
     """Bodies by name, the robot first; their surfaces, and penalty contact between them.
@@ -44,13 +32,16 @@ class World:
     Args:
         objects: of the world file.
         rules: surfaces of single links.
+
+    Attributes:
+        spawned: loads each spawned model, again after the engine was emptied.
     """
 
     engine: Engine
     objects: list[WorldObject]
     rules: Surfaces
     bodies: dict[str, Body] = field(default_factory=dict)
-    spawned: dict[str, _Spawned] = field(default_factory=dict)
+    spawned: dict[str, Callable[[], Body]] = field(default_factory=dict)
     surfaces: dict[str, dict[str, Surface]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -63,7 +54,8 @@ class World:
         return {name: self.engine.state(self.bodies[name]) for name in self.model_names()}
 
     def build(self, robot: Body, states: dict[str, BodyState] | None = None) -> None:
-        """Fill an empty engine, which holds the robot only: the world as at its start, or only what `states` names, where it says."""
+        """Fill an empty engine, which holds the robot only: the world as at its start, or only what `states` names,
+        where it says."""
         self._robot = robot.name
         self.bodies, self.surfaces = {}, {}
         self._add(robot.name, robot, _ROBOT_SURFACE)
@@ -72,8 +64,8 @@ class World:
                 raise HricError(f"object {item.name}: the robot has this name; give the object another one")
             if states is None or item.name in states:
                 self._add(item.name, self._load_object(item), item.surface)
-        for name, what in self.spawned.items():
-            self._add(name, self._load_spawned(name, what), Surface())
+        for name, load in self.spawned.items():
+            self._add(name, load(), Surface())
         for name, state in (states or {}).items():
             self.engine.set_state(self.bodies[name], state)
         self._changed()
@@ -92,7 +84,11 @@ class World:
     def _load_object(self, item: WorldObject) -> Body:
         T = item.T_world_object
         if item.urdf is not None:
-            model = prepare(parse_urdf(item.urdf.read_text(encoding="utf-8")), fixed_base=item.mass == 0.0, visual=self.engine.gui)
+            model = prepare(
+                read(item.urdf.read_text(encoding="utf-8"), f"model {item.name}"),
+                fixed_base=item.mass == 0.0,
+                visual=self.engine.gui,
+            )
             body = self.engine.load(item.name, model, T, fixed_base=item.mass == 0.0, self_collision=False)
         else:
             body = self._load_shape(item)
@@ -103,22 +99,23 @@ class World:
     def _load_shape(self, item: WorldObject) -> Body:
         client, T = self.engine.client, item.T_world_object
         shape = pybullet.createCollisionShape(**_GEOMETRY[item.shape](item.size), physicsClientId=client)
-        body_id = pybullet.createMultiBody(item.mass, shape, -1, T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), physicsClientId=client)
+        body_id = pybullet.createMultiBody(
+            item.mass, shape, -1, T[:3, 3].tolist(), quaternion_from_rotation(T[:3, :3]), physicsClientId=client
+        )
         pybullet.changeDynamics(body_id, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=client)
         return Body(item.name, body_id, None, {PLAIN_LINK: -1}, {}, {})
-
-    def _load_spawned(self, name: str, what: _Spawned) -> Body:
-        return self.engine.load(name, what.model, what.T_world_model, fixed_base=what.fixed, self_collision=False)
 
     def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool) -> None:
         """Add a model. Raises HricError when the name is taken or the URDF is bad."""
         if not name or name in self.bodies:
             raise HricError(f"model name {name!r} is taken or empty; taken: {', '.join(sorted(self.bodies))}")
-        model = prepare(parse_urdf(urdf_xml), fixed_base=fixed, visual=self.engine.gui)
-        self.rules.of_model(name, model.frames, Surface())  # a rule that does not fit is refused before anything is loaded
-        what = _Spawned(model, T_world_model.copy(), fixed)
-        self._add(name, self._load_spawned(name, what), Surface())
-        self.spawned[name] = what
+        model = prepare(read(urdf_xml), fixed_base=fixed, visual=self.engine.gui)
+        self.rules.of_model(
+            name, model.frames, Surface()
+        )  # a rule that does not fit is refused before anything is loaded
+        load = partial(self.engine.load, name, model, T_world_model.copy(), fixed_base=fixed, self_collision=False)
+        self._add(name, load(), Surface())
+        self.spawned[name] = load
         self._changed()
 
     def delete(self, name: str) -> None:
@@ -153,10 +150,6 @@ class World:
         if model not in self.bodies:
             raise UnknownNameError("model", model, self.bodies, "the world")
         return self.bodies[model], link
-
-    def push(self, forces: ExternalForces, robot: Robot) -> None:
-        """Apply penalty contact for the coming step."""
-        self.penalty.apply(forces, robot)
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last step."""

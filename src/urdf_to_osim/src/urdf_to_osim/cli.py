@@ -1,7 +1,5 @@
 """Command line of `rosrun urdf_to_osim urdf_to_osim`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time
@@ -13,43 +11,70 @@ from xml.etree import ElementTree
 import opensim
 
 from hric_control.errors import DescriptionError, HricError, ParameterError
+from hric_control.parameters import declared, read_yaml
 from urdf_to_osim.converter import Conversion, convert
 from urdf_to_osim.options import CHOICES, Options
 from urdf_to_osim.output import SUFFIX, write
 
 if TYPE_CHECKING:
-    from urdf_to_osim.proof import Proof
+    from urdf_to_osim.proof.proof import Proof
 
 FORWARD = 0.1
 """Simulated time of the forward run [s]."""
 EPILOG = """The model is written only if the file, read back, agrees with the description: frames, mass matrix, gravity and inverse dynamics with a
-rigid-body library, damping, friction, stops and couplers with closed forms. Exit code 0: written; 1: refused, nothing is written."""
+rigid-body library, damping, friction, stops and couplers with closed forms. Exit code 0: written; 1: refused, nothing is written."""  # noqa: E501
 
 
 def parser() -> argparse.ArgumentParser:
     """The arguments of the command."""
-    made = argparse.ArgumentParser(prog="urdf_to_osim", description="Convert a robot description to an OpenSim 4 model, and prove it.", epilog=EPILOG)
+    made = argparse.ArgumentParser(
+        prog="urdf_to_osim",
+        description="Convert a robot description to an OpenSim 4 model, and prove it.",
+        epilog=EPILOG,
+    )
     made.add_argument("input", help="description: .urdf, .xacro (expanded here), or - for URDF from standard input")
     made.add_argument(
-        "-o", "--output", help=f"the {SUFFIX} file; meshes go to Geometry/ beside it (default: name of the input, in the working folder)"
+        "-o",
+        "--output",
+        help=f"the {SUFFIX} file; meshes go to Geometry/ beside it (default: name of the input, in the working folder)",
     )
-    made.add_argument("--xacro-arg", action="append", default=[], metavar="NAME:=VALUE", help="argument of the xacro file; may be repeated")
+    made.add_argument(
+        "--xacro-arg",
+        action="append",
+        default=[],
+        metavar="NAME:=VALUE",
+        help="argument of the xacro file; may be repeated",
+    )
     made.add_argument("--name", default="", help="name of the model (default: the robot's)")
-    made.add_argument("--up", choices=CHOICES["up"], default="y", help="OpenSim axis along the description's z (default: y)")
-    made.add_argument("--inertia", choices=CHOICES["inertia"], default="refuse", help="inertias that no body has (default: refuse)")
-    made.add_argument("--names", choices=CHOICES["names"], default="refuse", help="names that OpenSim forbids (default: refuse)")
-    made.add_argument("--friction", choices=CHOICES["friction"], default="coulomb", help="joint friction (default: coulomb, of <dynamics friction>)")
-    made.add_argument("--friction-parameters", metavar="YAML", help="file: joint -> {phi1 [N m], phi2 [s/rad], phi3 [rad/s]}, for sigmoid")
+    _add_options(made)
+    made.add_argument("--states", type=_count, default=100, help="random states of the proof (default: 100)")
+    made.add_argument("--seed", type=int, default=0, help="of the proof's random numbers (default: 0)")
+    return made
+
+
+def _add_options(made: argparse.ArgumentParser) -> None:
+    """What becomes of the description; see `Options`."""
+    for name, default, text in (
+        ("up", "y", "OpenSim axis along the description's z (default: y)"),
+        ("inertia", "refuse", "inertias that no body has (default: refuse)"),
+        ("names", "refuse", "names that OpenSim forbids (default: refuse)"),
+        ("friction", "coulomb", "joint friction (default: coulomb, of <dynamics friction>)"),
+    ):
+        made.add_argument(f"--{name}", choices=CHOICES[name], default=default, help=text)
+    made.add_argument(
+        "--friction-parameters",
+        metavar="YAML",
+        help="file: joint -> {phi1 [N m], phi2 [s/rad], phi3 [rad/s]}, for sigmoid",
+    )
     for part in ("stops", "damping", "actuators", "meshes"):
         made.add_argument(f"--no-{part}", action="store_true", help=f"leave {part} out")
     made.add_argument("--contact", action="store_true", help="make contact geometry of the collision elements")
     for option in ("stiffness [N m/rad]", "damping [N m s/rad]", "transition [rad]"):
         name, unit = option.split(maxsplit=1)
-        default = getattr(Options, f"stop_{name}")
-        made.add_argument(f"--stop-{name}", type=float, default=default, help=f"of a rotation's stop {unit} (default: {default:g})")
-    made.add_argument("--states", type=_count, default=100, help="random states of the proof (default: 100)")
-    made.add_argument("--seed", type=int, default=0, help="of the proof's random numbers (default: 0)")
-    return made
+        default = declared(Options)[f"stop_{name}"].default
+        made.add_argument(
+            f"--stop-{name}", type=float, default=default, help=f"of a rotation's stop {unit} (default: {default:g})"
+        )
 
 
 def _count(text: str) -> int:
@@ -80,7 +105,8 @@ def run(arguments: argparse.Namespace) -> None:
     started = time.perf_counter()
     options = _options(arguments)
     urdf_xml = read_description(arguments.input, arguments.xacro_arg)
-    output = Path(arguments.output or f"{_stem(arguments.input)}{SUFFIX}")
+    stem = "robot" if arguments.input == "-" else Path(arguments.input).name.split(".")[0]
+    output = Path(arguments.output or f"{stem}{SUFFIX}")
     conversion = convert(urdf_xml, options)
     converted = time.perf_counter()
     for note in conversion.notes:
@@ -90,18 +116,26 @@ def run(arguments: argparse.Namespace) -> None:
     print(proofs[0].table())
     meshes = f", {len(written.meshes)} mesh files {written.mesh_seconds:.2f} s" if written.meshes else ""
     if changes := proofs[0].repaired:
-        told = " and ".join(f"the {name} by {change:.1e}" for name, change in changes.items())
-        print(f"the repair of inertias changed {told} (largest over {arguments.states} random states, relative to the largest value)")
+        amounts = " and ".join(f"the {name} by {change:.1e}" for name, change in changes.items())
+        print(
+            f"the repair of inertias changed {amounts} (largest over {arguments.states} random states, relative to "
+            "the largest value)"
+        )
     if proofs[0].forward:
-        print(proofs[0].forward.told())
-    print(f"conversion {converted - started:.2f} s{meshes}, proof over {arguments.states} random states {proofs[0].seconds:.2f} s")
+        print(proofs[0].forward.summary())
+    print(
+        f"conversion {converted - started:.2f} s{meshes}, proof over {arguments.states} random states "
+        f"{proofs[0].seconds:.2f} s"
+    )
     print(f"wrote {written.path}")
 
 
-def _demand(path: Path, urdf_xml: str, conversion: Conversion, arguments: argparse.Namespace) -> Proof:
-    from urdf_to_osim.proof import prove  # loads the rigid-body library, which a refusal need not wait for
+def _demand(path: Path, urdf_xml: str, conversion: Conversion, arguments: argparse.Namespace) -> "Proof":
+    from urdf_to_osim.proof.proof import prove  # loads the rigid-body library, which a refusal need not wait for
 
-    proof = prove(path, urdf_xml, conversion.options, arguments.states, arguments.seed, forward=FORWARD, conversion=conversion)
+    proof = prove(
+        path, urdf_xml, conversion.options, arguments.states, arguments.seed, forward=FORWARD, conversion=conversion
+    )
     if not proof.passed:
         print(proof.table())
         raise DescriptionError(f"the proof failed: {', '.join(proof.failed)}; nothing was written")
@@ -136,10 +170,6 @@ def read_description(source: str, xacro_arguments: Sequence[str] = ()) -> str:
         raise ParameterError(f"{source} cannot be read: {error.strerror}") from error
 
 
-def _stem(source: str) -> str:
-    return "robot" if source == "-" else Path(source).name.split(".")[0]
-
-
 def _options(arguments: argparse.Namespace) -> Options:
     return Options(
         name=arguments.name,
@@ -163,12 +193,7 @@ def _options(arguments: argparse.Namespace) -> Options:
 def _friction_parameters(source: str | None) -> dict[str, dict[str, float]]:
     if source is None:
         return {}
-    import yaml
-
-    try:
-        found = yaml.safe_load(Path(source).read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ParameterError(f"--friction-parameters {source} cannot be read: {error}") from error
+    found = read_yaml(Path(source))
     if not isinstance(found, dict):
         raise ParameterError(f"--friction-parameters {source} must hold joint -> {{phi1: .., phi2: .., phi3: ..}}")
     return {str(joint): phi for joint, phi in found.items()}

@@ -1,7 +1,5 @@
 """From a description to a model in memory."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,8 +7,9 @@ import numpy as np
 import opensim
 
 from hric_control.errors import DescriptionError
-from hric_control.plants.spatial import FloatArray
-from urdf_to_osim import forces, joints, shapes, turns, urdf
+from hric_control.geometry import FloatArray
+from hric_control.urdf import Joint, read
+from urdf_to_osim import forces, joints, shapes, transforms
 from urdf_to_osim.options import Options
 from urdf_to_osim.prepare import ILLEGAL, Plan, prepare
 
@@ -75,7 +74,7 @@ def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
         UnknownNameError: options name a joint that does not exist.
     """
     options = options or Options()
-    plan = prepare(urdf.read(urdf_xml), options)
+    plan = prepare(read(urdf_xml), options)
     builder = _Builder(plan, options)
     try:
         builder.bodies()
@@ -83,7 +82,7 @@ def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
         waiting = shapes.add(builder.model, plan, options, builder.carriers, builder.notes)
         builder.model.finalizeConnections()
     except RuntimeError as error:
-        raise DescriptionError(f"OpenSim refuses robot {plan.robot.name}: {turns.said(error)}") from error
+        raise DescriptionError(f"OpenSim refuses robot {plan.robot.name}: {transforms.said(error)}") from error
     return Conversion(builder.model, builder.joints, builder.frames, builder.notes, plan, options, waiting)
 
 
@@ -97,10 +96,11 @@ class _Builder:
         self.frames: dict[str, FrameMap] = {}
         # Link -> the body or ground that carries it, and the link's pose in it.
         self.carriers: dict[str, tuple[opensim.PhysicalFrame, FloatArray]] = {}
-        self._pose = turns.base_pose(options.up)
+        self._pose = transforms.base_pose(options.up)
         self.model = opensim.Model()
-        self.model.setName(_model_name(options.name or plan.robot.name))
-        self.model.setGravity(turns.vec3(self._pose[:3, :3] @ np.asarray(options.gravity, dtype=float)))
+        # What OpenSim forbids becomes an underscore in any case, since nothing refers to this name.
+        self.model.setName(ILLEGAL.sub("_", options.name or plan.robot.name))
+        self.model.setGravity(transforms.vec3(self._pose[:3, :3] @ np.asarray(options.gravity, dtype=float)))
 
     def bodies(self) -> None:
         """All links and joints."""
@@ -114,16 +114,24 @@ class _Builder:
                 self.joints[joint.name] = JointMap(joint.type, "", ())
 
     def _root(self) -> None:
-        """The root link stands still in ground, welded if it has mass."""
+        """The root link is fixed in ground, welded if it has mass."""
         root = self.plan.robot.root
         ground = self.model.updGround()
         if root not in self.plan.bodies:
             self._frame(root, ground, self._pose)
             return
         body = self._body(root)
-        self.model.addJoint(opensim.WeldJoint(f"{body.getName()}_to_ground", ground, *turns.place(self._pose), body, *turns.place(np.eye(4))))
+        self.model.addJoint(
+            opensim.WeldJoint(
+                f"{body.getName()}_to_ground",
+                ground,
+                *transforms.offset(self._pose),
+                body,
+                *transforms.offset(np.eye(4)),
+            )
+        )
 
-    def _jointed(self, joint: urdf.Joint) -> None:
+    def _jointed(self, joint: Joint) -> None:
         name = self.plan.joints[joint.name]
         carrier, T_carrier_parent = self.carriers[joint.parent]
         self.model.addJoint(joints.build(joint, name, carrier, T_carrier_parent, self._body(joint.child)))
@@ -135,7 +143,7 @@ class _Builder:
         if mass is not None and mass.mass > 0.0:
             J = mass.inertia
             tensor = opensim.Inertia(*(float(J[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
-            body = opensim.Body(name, mass.mass, turns.vec3(mass.com), tensor)
+            body = opensim.Body(name, mass.mass, transforms.vec3(mass.com), tensor)
         self.model.addBody(body)
         self.carriers[link] = (body, np.eye(4))
         self.frames[link] = FrameMap(f"/bodyset/{name}")
@@ -145,12 +153,7 @@ class _Builder:
         frame = opensim.PhysicalOffsetFrame()
         frame.setName(self.plan.links[link])
         frame.setParentFrame(carrier)
-        turns.set_place(frame, T_carrier_link)
+        transforms.set_offset(frame, T_carrier_link)
         carrier.addComponent(frame)
         self.carriers[link] = (carrier, T_carrier_link)
         self.frames[link] = FrameMap(f"{carrier.getAbsolutePathString()}/{frame.getName()}")
-
-
-def _model_name(name: str) -> str:
-    """A name for the model: what OpenSim forbids becomes an underscore, without asking, since nothing refers to it."""
-    return ILLEGAL.sub("_", name)

@@ -1,6 +1,5 @@
-"""What an OpenSim model shows at a pose, as forms in ground: OpenSim's own decorations, without its visualizer and without a display."""
-
-from __future__ import annotations
+"""What an OpenSim model shows at a pose, as forms in ground: OpenSim's own decorations, without its visualizer and
+without a display."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,8 +10,8 @@ import numpy as np
 import opensim
 
 from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
-from hric_control.plants.spatial import FloatArray
-from urdf_to_osim import turns
+from hric_control.geometry import FloatArray, homogeneous
+from urdf_to_osim import transforms
 
 WIREFRAME = 2
 """SimTK::DecorativeGeometry::DrawWireframe."""
@@ -24,7 +23,8 @@ class Decoration:
 
     Attributes:
         kind: "mesh", "sphere", "ellipsoid", "brick", "cylinder" (about y) or "line".
-        size: its numbers [m]: half lengths, radii (of a cylinder: radius, half height, radius), of a mesh factors, of a line both ends (6).
+        size: its numbers [m]: half lengths, radii (of a cylinder: radius, half height, radius), of a mesh factors, of a
+            line both ends (6).
         T_ground: its pose, shape (4, 4).
         colour: red, green, blue from 0 to 1.
         opacity: from 0 to 1.
@@ -73,7 +73,7 @@ def load_scene(path: Path, pose: Mapping[str, float] | None = None) -> Scene:
     """
     if not path.is_file():
         raise DescriptionError(f"no file {path}")
-    with turns.quiet():
+    with transforms.quiet():
         try:
             model = opensim.Model(str(path))
             model.finalizeConnections()
@@ -104,16 +104,9 @@ def _set_pose(model: Any, state: Any, pose: Mapping[str, float]) -> None:
         try:
             model.assemble(state)
         except RuntimeError as error:
-            raise ParameterError(f"the model's constraints cannot be met at this pose: {str(error).splitlines()[0]}") from error
-
-
-def _pose(transform: Any) -> FloatArray:
-    """A SimTK transform as a matrix, shape (4, 4)."""
-    T = np.eye(4)
-    rotation, position = transform.R(), transform.p()
-    T[:3, :3] = [[rotation.get(i, j) for j in range(3)] for i in range(3)]
-    T[:3, 3] = position.to_numpy()
-    return T
+            raise ParameterError(
+                f"the model's constraints cannot be met at this pose: {str(error).splitlines()[0]}"
+            ) from error
 
 
 def _bodies(model: Any, state: Any) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
@@ -122,12 +115,10 @@ def _bodies(model: Any, state: Any) -> tuple[dict[str, FloatArray], dict[str, Fl
     bodies = model.getBodySet()
     for i in range(bodies.getSize()):
         body = bodies.get(i)
-        T_ground_body = _pose(body.getTransformInGround(state))
+        T_ground_body = transforms.matrix(body.getTransformInGround(state))
         frames[body.getName()] = T_ground_body
         if body.getMass() > 0.0:
-            shift = np.eye(4)
-            shift[:3, 3] = body.getMassCenter().to_numpy()
-            centres[body.getName()] = T_ground_body @ shift
+            centres[body.getName()] = T_ground_body @ homogeneous(np.eye(3), body.getMassCenter().to_numpy())
     return centres, frames
 
 
@@ -157,18 +148,22 @@ class _Visitor(opensim.DecorativeGeometryImplementation):
         self._poses = {0: np.eye(4)}  # by mobilized body; 0 is ground
         bodies = model.getBodySet()
         for i in range(bodies.getSize()):
-            self._poses[bodies.get(i).getMobilizedBodyIndex()] = _pose(bodies.get(i).getTransformInGround(state))
+            self._poses[bodies.get(i).getMobilizedBodyIndex()] = transforms.matrix(
+                bodies.get(i).getTransformInGround(state)
+            )
 
     def _add(self, geometry: Any, kind: str, size: tuple[float, ...], file: str = "") -> None:
         factors = geometry.getScaleFactors().to_numpy()
-        T_ground = self._poses[geometry.getBodyId()] @ _pose(geometry.getTransform())
+        T_ground = self._poses[geometry.getBodyId()] @ transforms.matrix(geometry.getTransform())
         if kind != "line":
             size = tuple(float(x * factor) for x, factor in zip(size, factors, strict=True))
         colour = geometry.getColor().to_numpy()
         opacity = geometry.getOpacity()
         known = (float(colour[0]), float(colour[1]), float(colour[2])) if colour.min() >= 0.0 else (1.0, 1.0, 1.0)
         wireframe = geometry.getRepresentation() == WIREFRAME
-        self.decorations.append(Decoration(kind, size, T_ground, known, opacity if opacity >= 0.0 else 1.0, wireframe, file))
+        self.decorations.append(
+            Decoration(kind, size, T_ground, known, opacity if opacity >= 0.0 else 1.0, wireframe, file)
+        )
 
     def implementMeshFileGeometry(self, geometry: Any) -> None:
         """A mesh by the file that OpenSim found."""

@@ -1,23 +1,22 @@
 """Forces at the joints: damping, friction, stops, actuators; and mimic joints as couplers."""
 
-from __future__ import annotations
-
 import math
 
 import opensim
 
-from hric_control.plants.friction import sigmoid_parameters
+from hric_control.plants import sigmoid_parameters
+from hric_control.urdf import ONE_COORDINATE, Joint
 from urdf_to_osim import joints
 from urdf_to_osim.options import Options
 from urdf_to_osim.prepare import Plan
-from urdf_to_osim.urdf import ONE_COORDINATE, Joint
 
 PRISMATIC = "prismatic"
 
 
 def add(model: opensim.Model, plan: Plan, options: Options) -> None:
-    """Add what the options ask for to a model that has its joints."""
-    # Not Model.addForce, which goes through the whole model each time: with a hundred joints it took most of the conversion.
+    """Add what the options include to a model that has its joints."""
+    # Not Model.addForce, which goes through the whole model each time: with a hundred joints it took most of the
+    # conversion.
     acting = model.updForceSet()
     single = {joint.name: joint for joint in plan.robot.joints.values() if joint.type in ONE_COORDINATE}
     for joint in single.values():
@@ -69,14 +68,21 @@ def _stop(joint: Joint, name: str, options: Options) -> opensim.Force:
     degree = 1.0 if joint.type == PRISMATIC else math.pi / 180.0
     stiffness, damping, transition = stop_parameters(joint, options)
     force = opensim.CoordinateLimitForce(
-        name, joint.upper / degree, stiffness * degree, joint.lower / degree, stiffness * degree, damping * degree, transition / degree
+        name,
+        joint.upper / degree,
+        stiffness * degree,
+        joint.lower / degree,
+        stiffness * degree,
+        damping * degree,
+        transition / degree,
     )
     force.setName(f"{name}_stop")
     return force
 
 
 def stop_parameters(joint: Joint, options: Options) -> tuple[float, float, float]:
-    """(stiffness, damping, transition) of a joint's stop: [N m/rad, N m s/rad, rad], or of a prismatic joint [N/m, N s/m, m]."""
+    """(stiffness, damping, transition) of a joint's stop: [N m/rad, N m s/rad, rad], or of a prismatic joint [N/m, N
+    s/m, m]."""
     if joint.type == PRISMATIC:
         return options.stop_stiffness_linear, options.stop_damping_linear, options.stop_transition_linear
     return options.stop_stiffness, options.stop_damping, options.stop_transition
@@ -108,7 +114,7 @@ def _coupler(joint: Joint, name: str, source: str) -> opensim.Constraint:
 
 
 def _set_mimic_defaults(model: opensim.Model, plan: Plan) -> None:
-    """A mimic joint starts where its coupler wants it, so that opening the model moves no other joint."""
+    """A mimic joint starts where its coupler puts it, so that opening the model moves no other joint."""
     described = plan.robot.joints
 
     def start(joint: Joint) -> float:

@@ -1,7 +1,5 @@
 """Mesh files laid into a Geometry folder, and the model's geometry that shows them."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Callable
@@ -11,13 +9,14 @@ from pathlib import Path
 import opensim
 
 from hric_control.errors import DescriptionError
-from urdf_to_osim import turns
+from urdf_to_osim import transforms
 from urdf_to_osim.converter import Conversion
-from urdf_to_osim.meshes import convert_meshes, write_whole
-from urdf_to_osim.requests import MeshRequest
+from urdf_to_osim.meshes import MeshRequest, convert_meshes, write_whole
 from urdf_to_osim.shapes import Shape, attach
 
-FACETS = 64  # of a cylinder or capsule as a contact mesh: its radius is 0.12 % short between the edges; our choice
+FACETS = 64
+"""Of a cylinder or capsule as a contact mesh: its radius is 0.12 % short between the edges (project default,
+unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,8 @@ class Laid:
 
 
 def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> Laid:
-    """Convert the meshes into a folder and let the model in memory refer to them there; may be called again for another folder.
+    """Convert the meshes into a folder and let the model in memory refer to them there; may be called again for another
+    folder.
 
     Raises:
         DescriptionError: a mesh is missing, cannot be read, or has no closed surface for contact; names the link.
@@ -47,13 +47,14 @@ def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> Laid
 
 
 def refer(conversion: Conversion, folder: Path | None) -> None:
-    """Let the model refer to the mesh files in a folder, or by bare name: OpenSim looks for these in Geometry/ beside the .osim.
+    """Let the model refer to the mesh files in a folder, or by bare name: OpenSim looks for these in Geometry/ beside
+    the .osim.
 
     Raises:
         DescriptionError: a surface for contact is not closed; names the link.
     """
     if not conversion.attached:
-        with turns.quiet():  # a mesh complains that it has no model yet
+        with transforms.quiet():  # a mesh complains that it has no model yet
             for shape in conversion.meshes:
                 conversion.attached[shape.name] = _add(conversion.model, shape, _file(conversion, shape, folder))
             conversion.model.finalizeConnections()
@@ -68,7 +69,8 @@ def _file(conversion: Conversion, shape: Shape, folder: Path | None) -> str:
 
 
 def _request(shape: Shape, source: Path | None) -> MeshRequest:
-    """Names the file after the mesh and where it comes from, so that links share it, and robots in one folder do not overwrite each other's."""
+    """Names the file after the mesh and where it comes from, so that links share it, and robots in one folder do not
+    overwrite each other's."""
     x, y, z = shape.size
     key = hashlib.sha256(f"{source}|{shape.address}|{shape.size}".encode()).hexdigest()[:8]
     stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(shape.address).stem)
@@ -84,7 +86,7 @@ def _add(model: opensim.Model, shape: Shape, file: str) -> tuple[Callable[[str],
         attach(carrier, shape, mesh, shape.T_carrier_shape)
         return mesh.set_mesh_file, mesh
     _check_closed(shape, Path(file))
-    contact = opensim.ContactMesh(file, *turns.place(shape.T_carrier_shape), carrier, shape.name)
+    contact = opensim.ContactMesh(file, *transforms.offset(shape.T_carrier_shape), carrier, shape.name)
     model.addContactGeometry(contact)
     return contact.setFilename, contact
 
@@ -96,7 +98,8 @@ def _check_closed(shape: Shape, path: Path) -> None:
     mesh = trimesh.load_mesh(path, process=False)
     if not (mesh.is_watertight and mesh.is_winding_consistent):
         raise DescriptionError(
-            f"link {shape.link}: collision mesh {shape.address!r} is no closed surface; close it, use its convex hull, or leave contact out"
+            f"link {shape.link}: collision mesh {shape.address!r} is no closed surface; close it, use its convex "
+            "hull, or leave contact out"
         )
 
 

@@ -1,68 +1,68 @@
-"""Inertias that no body has: told, repaired or kept.
+"""Inertias that no body has: reported, repaired or kept.
 
-A tensor J about the centre of mass belongs to a body if its second moments S = tr(J)/2 E - J have no negative eigenvalue, which is the triangle
-inequality of the principal moments (P. Wensing, S. Kim, J.-J. Slotine, Linear matrix inequalities for physically consistent inertial
-parameter identification, IEEE RA-L 3(1), 2018).
+A tensor J about the centre of mass belongs to a body if its second moments S = tr(J)/2 E - J have no negative
+eigenvalue, which is the triangle inequality of the principal moments (P. Wensing, S. Kim, J.-J. Slotine, Linear matrix
+inequalities for physically consistent inertial parameter identification, IEEE RA-L 3(1), 2018).
 """
-
-from __future__ import annotations
 
 import math
 
 import numpy as np
 
 from hric_control.errors import DescriptionError
-from hric_control.plants.spatial import FloatArray, MassProperties
+from hric_control.geometry import MassProperties, judge
 
-# Tensors are written with few digits: a thin rod or a plate may miss the inequality by this part of its largest moment. Our choice.
+# Tensors are written with few digits: a thin rod or a plate may miss the inequality by this part of its largest moment.
+# Project default, unconfirmed.
 ROUNDING = 1e-6
-# A moving leaf that is repaired: too light to be felt, heavy enough to be integrated. Our choice [kg], [kg m^2].
-LEAST_MASS, LEAST_INERTIA = 1e-5, 1e-6
+# A moving leaf that is repaired: too light to be felt, heavy enough to be integrated. Project default, unconfirmed
+# [kg], [kg m^2].
+MIN_MASS, MIN_INERTIA = 1e-5, 1e-6
+MINIMUM = MassProperties(MIN_MASS, np.zeros(3), MIN_INERTIA * np.eye(3))
 # A radius of gyration that no body has, since it is a hundredth of an atom's: the tensor is what is left of a zero [m].
-LEAST_RADIUS = 1e-12
+MIN_RADIUS = 1e-12
 # A body without an inertia is repaired to a ball of water [kg/m^3].
 DENSITY = 1000.0
 
 
 def fault(body: MassProperties) -> str:
     """Why no body has these, or an empty text. A body with neither mass nor inertia is a frame, and no fault."""
-    if body.mass < 0.0:
-        return f"its mass {body.mass} kg is negative"
     if body.mass == 0.0:
         return "it has an inertia but no mass" if body.inertia.any() else ""
     if _has_none(body):
         return f"it has {body.mass} kg but no inertia"
-    moments = np.asarray(np.linalg.eigvalsh(body.inertia), dtype=np.float64)
-    slack = ROUNDING * float(np.max(np.abs(moments)))
-    if moments[0] < -slack:
-        return f"its inertia is not positive (principal moments {_text(moments)} kg m^2)"
-    if moments[0] + moments[1] - moments[2] < -slack:
-        return f"its inertia breaks the triangle inequality (principal moments {_text(moments)} kg m^2)"
-    return ""
+    verdict = judge(body.inertia)
+    slack, moments = (
+        ROUNDING * float(np.max(np.abs(verdict.moments))),
+        ", ".join(f"{moment:.4g}" for moment in verdict.moments),
+    )
+    if verdict.moments[0] < -slack:
+        return f"its inertia is not positive (principal moments {moments} kg m^2)"
+    return (
+        f"its inertia breaks the triangle inequality (principal moments {moments} kg m^2)"
+        if verdict.triangle_margin < -slack
+        else ""
+    )
 
 
 def says_nothing(body: MassProperties) -> bool:
     """Whether a body has no mass or no inertia, so that a repair must invent them."""
-    return body.mass <= 0.0 or _has_none(body)
+    return body.mass == 0.0 or _has_none(body)
 
 
 def _has_none(body: MassProperties) -> bool:
-    return float(np.max(np.abs(body.inertia))) <= body.mass * LEAST_RADIUS**2
-
-
-def _text(moments: FloatArray) -> str:
-    return ", ".join(f"{moment:.4g}" for moment in moments)
+    return float(np.max(np.abs(body.inertia))) <= body.mass * MIN_RADIUS**2
 
 
 def repaired(body: MassProperties) -> tuple[MassProperties, str]:
     """The nearest body, and what was done to it."""
-    if body.mass <= 0.0:
-        if body.mass < 0.0:
-            raise DescriptionError("a negative mass cannot be repaired")
-        return MassProperties.zero(), "its inertia was dropped, since it has no mass"
+    if body.mass == 0.0:
+        return MassProperties(), "its inertia was dropped, since it has no mass"
     if _has_none(body):
         radius = (0.75 * body.mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
-        return MassProperties(body.mass, body.com, 0.4 * body.mass * radius**2 * np.eye(3)), f"it got the inertia of a ball of water, {radius:.3g} m"
+        return MassProperties(
+            body.mass, body.com, 0.4 * body.mass * radius**2 * np.eye(3)
+        ), f"it got the inertia of a ball of water, {radius:.3g} m"
     moments, axes = np.linalg.eigh(0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia)
     moments = np.maximum(moments, ROUNDING * float(np.max(np.abs(moments))))
     inertia = axes @ np.diag(np.sum(moments) - moments) @ axes.T
@@ -87,9 +87,8 @@ def settled(name: str, body: MassProperties, choice: str) -> tuple[MassPropertie
     if not reason:
         return body, ""
     cannot_keep = says_nothing(body)
-    if choice == "refuse" or body.mass < 0.0 or (choice == "keep" and cannot_keep):
-        advice = "correct its <inertial>" + ("" if body.mass < 0.0 else ", or convert with inertia repair")
-        raise DescriptionError(f"link {name}: {reason}; {advice}")
+    if choice == "refuse" or (choice == "keep" and cannot_keep):
+        raise DescriptionError(f"link {name}: {reason}; correct its <inertial>, or convert with inertia repair")
     if choice == "keep":
         return body, f"link {name}: {reason}; kept as it is"
     mended, what = repaired(body)

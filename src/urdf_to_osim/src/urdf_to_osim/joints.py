@@ -1,19 +1,18 @@
-"""URDF joints as OpenSim's: the joint frames are turned so that its fixed axes lie on the axes of the description."""
-
-from __future__ import annotations
+"""URDF joints as OpenSim's: the joint frames are rotated so that its fixed axes lie on the axes of the description."""
 
 import math
 
 import numpy as np
 import opensim
 
-from hric_control.plants.spatial import FloatArray
-from urdf_to_osim import turns
-from urdf_to_osim.urdf import Joint
+from hric_control.geometry import FloatArray, homogeneous
+from hric_control.urdf import Joint
+from urdf_to_osim import transforms
 
 PLANAR = ("theta", "x", "y")
 FLOATING = ("rx", "ry", "rz", "tx", "ty", "tz")
-# Angle that a slider of OpenSim's GUI offers where the description sets no limit [rad], and the length likewise [m]. Our choice.
+# Angle that a slider of OpenSim's GUI offers where the description sets no limit [rad], and the length likewise [m].
+# Project default, unconfirmed.
 FREE_ANGLE, FREE_LENGTH = 2.0 * math.pi, 10.0
 _CLASSES = {
     "fixed": opensim.WeldJoint,
@@ -25,23 +24,23 @@ _CLASSES = {
 }
 
 
-def joint_turn(joint: Joint) -> FloatArray:
-    """R_joint_osim, shape (3, 3): turns the axis that OpenSim's joint is made for onto the joint's own.
+def joint_rotation(joint: Joint) -> FloatArray:
+    """R_joint_osim, shape (3, 3): rotates the axis of OpenSim's joint onto the joint's own.
 
-    PinJoint turns about z, SliderJoint moves along x, PlanarJoint moves in x and y and turns about z: its normal.
+    PinJoint rotates about z, SliderJoint moves along x, PlanarJoint moves in x and y and rotates about z: its normal.
     """
     if joint.type in ("revolute", "continuous", "planar"):
-        return turns.turn(2, joint.axis)
+        return transforms.rotation_onto(2, joint.axis)
     if joint.type == "prismatic":
-        return turns.turn(0, joint.axis)
+        return transforms.rotation_onto(0, joint.axis)
     return np.eye(3)
 
 
 def coordinate_names(joint: Joint, name: str) -> tuple[str, ...]:
     """Names of the coordinates that OpenSim gives the joint called `name` there, in the joint's order.
 
-    A planar joint has <name>_theta [rad], _x, _y [m] in the plane; a floating one <name>_rx, _ry, _rz (body-fixed x-y-z angles [rad]),
-    _tx, _ty, _tz (position in the joint frame [m]).
+    A planar joint has <name>_theta [rad], _x, _y [m] in the plane; a floating one <name>_rx, _ry, _rz (body-fixed x-y-z
+    angles [rad]), _tx, _ty, _tz (position in the joint frame [m]).
     """
     if joint.type == "fixed":
         return ()
@@ -49,7 +48,9 @@ def coordinate_names(joint: Joint, name: str) -> tuple[str, ...]:
     return (name,) if suffixes is None else tuple(f"{name}_{suffix}" for suffix in suffixes)
 
 
-def build(joint: Joint, name: str, parent: opensim.PhysicalFrame, T_frame_parent: FloatArray, child: opensim.Body) -> opensim.Joint:
+def build(
+    joint: Joint, name: str, parent: opensim.PhysicalFrame, T_frame_parent: FloatArray, child: opensim.Body
+) -> opensim.Joint:
     """The joint in OpenSim.
 
     Args:
@@ -59,21 +60,26 @@ def build(joint: Joint, name: str, parent: opensim.PhysicalFrame, T_frame_parent
         T_frame_parent: pose of the parent link in it, shape (4, 4) [m].
         child: the body that moves.
     """
-    A = np.eye(4)
-    A[:3, :3] = joint_turn(joint)
-    made = _CLASSES[joint.type](name, parent, *turns.place(T_frame_parent @ joint.T_parent_joint @ A), child, *turns.place(A))
+    A = homogeneous(joint_rotation(joint))
+    made = _CLASSES[joint.type](
+        name, parent, *transforms.offset(T_frame_parent @ joint.T_parent_joint @ A), child, *transforms.offset(A)
+    )
     for index, coordinate in enumerate(coordinate_names(joint, name)):
         _set_up(made.upd_coordinates(index), coordinate, joint, index)
     return made
 
 
 def default_value(joint: Joint) -> float:
-    """Where the joint stands when the model is opened: zero, or the nearer end of its range [rad or m]."""
+    """Coordinate of the joint when the model is opened: zero, or the nearer end of its range [rad or m]."""
     return min(max(0.0, joint.lower), joint.upper)
 
 
 def _set_up(coordinate: opensim.Coordinate, name: str, joint: Joint, index: int) -> None:
-    rotation = joint.type in ("revolute", "continuous") or (joint.type == "planar" and index == 0) or (joint.type == "floating" and index < 3)
+    rotation = (
+        joint.type in ("revolute", "continuous")
+        or (joint.type == "planar" and index == 0)
+        or (joint.type == "floating" and index < 3)
+    )
     free = FREE_ANGLE if rotation else FREE_LENGTH
     coordinate.setName(name)
     coordinate.setRangeMin(max(joint.lower, -free) if math.isinf(joint.lower) else joint.lower)

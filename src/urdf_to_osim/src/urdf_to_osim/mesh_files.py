@@ -1,7 +1,5 @@
 """One mesh file in, its triangles out; and triangles as the .obj that OpenSim reads."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +11,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from hric_control.plants.spatial import FloatArray
+from hric_control.geometry import FloatArray
 
 IntArray = NDArray[np.int64]
 
@@ -23,9 +21,18 @@ class UnreadableMeshError(Exception):
 
 
 LOOKS = (
-    "library_effects", "library_materials", "library_images", "library_lights", "library_cameras",
-    "library_animations", "library_controllers", "bind_material", "instance_camera", "instance_light", "instance_controller",
-)  # fmt: skip
+    "library_effects",
+    "library_materials",
+    "library_images",
+    "library_lights",
+    "library_cameras",
+    "library_animations",
+    "library_controllers",
+    "bind_material",
+    "instance_camera",
+    "instance_light",
+    "instance_controller",
+)
 
 
 @dataclass(frozen=True)
@@ -42,12 +49,13 @@ class Surface:
 
     @property
     def bounds(self) -> FloatArray:
-        """Least and greatest coordinates, shape (2, 3) [m]."""
+        """Smallest and greatest coordinates, shape (2, 3) [m]."""
         return np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
 def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) -> Surface:
-    """Triangles of a mesh file, scaled as a URDF's `<mesh scale>` asks; a negative factor mirrors and keeps the outside outside.
+    """Triangles of a mesh file, scaled by a URDF's `<mesh scale>`; a negative factor mirrors and keeps the outside
+    outside.
 
     In a COLLADA file the transforms of its nodes and its unit of length apply; its `up_axis` does not, as in rviz.
 
@@ -63,7 +71,11 @@ def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) 
         parts = _read_collada(content) if path.suffix.lower() == ".dae" else _read_plain(path.suffix, content)
     except Exception as error:  # the readers raise whatever their parsers do
         raise UnreadableMeshError(f"{type(error).__name__}: {error}".splitlines()[0]) from error
-    mesh = trimesh.util.concatenate([trimesh.Trimesh(vertices, faces, process=False) for vertices, faces in parts]) if parts else trimesh.Trimesh()
+    mesh = (
+        trimesh.util.concatenate([trimesh.Trimesh(vertices, faces, process=False) for vertices, faces in parts])
+        if parts
+        else trimesh.Trimesh()
+    )
     if len(mesh.faces) and not np.isfinite(mesh.vertices[mesh.faces]).all():
         raise UnreadableMeshError("a coordinate is not a finite number")
     return _clean(mesh, scale)
@@ -84,7 +96,8 @@ def _read_collada(content: bytes) -> list[tuple[Any, Any]]:
 
 
 def _without_looks(content: bytes) -> bytes:
-    """The COLLADA file without materials, images, lights and cameras, whose broken references would take the shapes with them."""
+    """The COLLADA file without materials, images, lights and cameras, whose broken references would take the shapes
+    with them."""
     root = ElementTree.fromstring(content)
     for parent in list(root.iter()):
         for child in list(parent):

@@ -1,7 +1,5 @@
 """A converted model as files: all of them, or none."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile
@@ -26,13 +24,16 @@ class Written:
     mesh_seconds: float
 
 
-def write(conversion: Conversion, path: Path | str, check: Callable[[Path], None] | None = None, cache: Path | None = None) -> Written:
+def write(
+    conversion: Conversion, path: Path | str, check: Callable[[Path], None] | None = None, cache: Path | None = None
+) -> Written:
     """Write a model and its mesh files; files of the same names are replaced, others in Geometry/ left alone.
 
     Args:
         conversion: what to write.
         path: of the .osim; its folder must exist.
-        check: called with the finished file at another place; what it raises stops the writing, and nothing is left behind.
+        check: called with the finished file at another place; what it raises stops the writing, and nothing is left
+            behind.
         cache: of converted meshes; `meshes.default_cache()` by default.
 
     Raises:
@@ -52,7 +53,9 @@ def write(conversion: Conversion, path: Path | str, check: Callable[[Path], None
         raise CommandError(f"output {path} cannot be written: {error.strerror or error} ({error.filename})") from error
 
 
-def _write(conversion: Conversion, path: Path, stage: Path, check: Callable[[Path], None] | None, cache: Path | None) -> Written:
+def _write(
+    conversion: Conversion, path: Path, stage: Path, check: Callable[[Path], None] | None, cache: Path | None
+) -> Written:
     laid = lay(conversion, stage / GEOMETRY, cache)
     staged = stage / path.name
     refer(conversion, None)
@@ -61,14 +64,15 @@ def _write(conversion: Conversion, path: Path, stage: Path, check: Callable[[Pat
     os.chmod(staged, 0o644)
     if check is not None:
         check(staged)
-    _place(stage / GEOMETRY, path.parent / GEOMETRY, laid.files)
+    _move(stage / GEOMETRY, path.parent / GEOMETRY, laid.files)
     os.replace(staged, path)
     refer(conversion, (path.parent / GEOMETRY).resolve())
     return Written(path, tuple(path.parent / GEOMETRY / file for file in laid.files), laid.seconds)
 
 
-def _place(stage: Path, folder: Path, files: tuple[str, ...]) -> None:
-    """Move files into a folder, one whole file after the other; those that are new are taken away again if one fails."""
+def _move(stage: Path, folder: Path, files: tuple[str, ...]) -> None:
+    """Move files into a folder, one whole file after the other; those that are new are taken away again if one
+    fails."""
     made_folder = bool(files) and not folder.exists()
     made: list[Path] = []
     try:

@@ -1,7 +1,5 @@
 """What is decided before a model is built: names, inertias, and which links become bodies."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -9,12 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hric_control.errors import DescriptionError, UnknownNameError
-from hric_control.plants.spatial import MassProperties
-from urdf_to_osim import inertia, urdf
-from urdf_to_osim.friction import told, transition_velocities
+from hric_control.urdf import ONE_COORDINATE, Joint, Link, Robot
+from urdf_to_osim import friction, inertia
 from urdf_to_osim.joints import coordinate_names
+from urdf_to_osim.mass_matrix import mass_matrix, poses
 from urdf_to_osim.options import Options
-from urdf_to_osim.repair import check_invented
 
 # What separates and matches component paths in OpenSim, and white space.
 ILLEGAL = re.compile(r"[/\\*+\s]")
@@ -36,8 +33,8 @@ class Plan:
         friction_velocities: of Coulomb friction, -f tanh(dq/v), for each joint that has it [rad/s or m/s].
     """
 
-    described: urdf.Robot
-    robot: urdf.Robot
+    described: Robot
+    robot: Robot
     links: dict[str, str]
     joints: dict[str, str]
     bodies: frozenset[str]
@@ -50,7 +47,7 @@ class Plan:
         return any(link.mass is not self.described.links[name].mass for name, link in self.robot.links.items())
 
 
-def prepare(robot: urdf.Robot, options: Options) -> Plan:
+def prepare(robot: Robot, options: Options) -> Plan:
     """Decide names, inertias and bodies.
 
     Raises:
@@ -65,8 +62,8 @@ def prepare(robot: urdf.Robot, options: Options) -> Plan:
     settled = _settle_inertias(robot, options, notes)
     moved = {joint.child for joint in robot.joints.values() if joint.type != "fixed"}
     bodies = frozenset(name for name, link in settled.links.items() if name in moved or _has_mass(link))
-    velocities = transition_velocities(settled, options)
-    notes += [told(velocities)] if velocities else []
+    velocities = friction.transition_velocities(settled, options)
+    notes += [friction.note(velocities)] if velocities else []
     return Plan(robot, settled, links, joints, bodies, tuple(notes), velocities)
 
 
@@ -84,28 +81,31 @@ def legal_names(kind: str, names: Iterable[str], choice: str, notes: list[str]) 
             legal[name] = name
             continue
         if choice == "refuse":
-            raise DescriptionError(f"{kind} {name!r}: OpenSim forbids the name ({reason}); rename it, or convert with names rename")
+            raise DescriptionError(
+                f"{kind} {name!r}: OpenSim forbids the name ({reason}); rename it, or convert with names rename"
+            )
         legal[name] = _free(f"{name}_{kind}" if name in RESERVED else ILLEGAL.sub("_", name), taken)
         taken.add(legal[name])
         notes.append(f"{kind} {name!r}: renamed to {legal[name]}, since {reason}")
     return legal
 
 
-def _check_friction(robot: urdf.Robot, options: Options) -> None:
-    single = [joint.name for joint in robot.joints.values() if joint.type in urdf.ONE_COORDINATE]
+def _check_friction(robot: Robot, options: Options) -> None:
+    single = [joint.name for joint in robot.joints.values() if joint.type in ONE_COORDINATE]
     for name in options.friction_parameters:
         if name not in single:
             raise UnknownNameError("joint", name, single, "friction_parameters")
 
 
-def _check_coordinates(robot: urdf.Robot, names: dict[str, str]) -> None:
+def _check_coordinates(robot: Robot, names: dict[str, str]) -> None:
     """Forces find coordinates by name: those of planar and floating joints must not be another joint's name."""
     owner: dict[str, str] = {}
     for joint in robot.joints.values():
         for coordinate in coordinate_names(joint, names[joint.name]):
             if coordinate in owner:
                 raise DescriptionError(
-                    f"joint {joint.name}: its coordinate {coordinate} is also one of joint {owner[coordinate]}; rename one of them"
+                    f"joint {joint.name}: its coordinate {coordinate} is also one of joint {owner[coordinate]}; "
+                    "rename one of them"
                 )
             owner[coordinate] = joint.name
 
@@ -124,7 +124,7 @@ def _free(wish: str, taken: set[str]) -> str:
     return candidate
 
 
-def _settle_inertias(robot: urdf.Robot, options: Options, notes: list[str]) -> urdf.Robot:
+def _settle_inertias(robot: Robot, options: Options, notes: list[str]) -> Robot:
     links = dict(robot.links)
     for name, link in robot.links.items():
         if link.mass is not None:
@@ -135,24 +135,28 @@ def _settle_inertias(robot: urdf.Robot, options: Options, notes: list[str]) -> u
     for joint in reversed(robot.joints.values()):
         reason = "" if joint.type == "fixed" else _carries_nothing(joint, robot.joints.values(), links)
         if reason and options.inertia not in REPAIRING:
-            raise DescriptionError(f"link {joint.child}: {reason}; give it an <inertial>, make the joint fixed, or convert with inertia repair")
+            raise DescriptionError(
+                f"link {joint.child}: {reason}; give it an <inertial>, make the joint fixed, or convert with "
+                "inertia repair"
+            )
         if reason:
-            links[joint.child] = replace(links[joint.child], mass=_least())
-            notes.append(f"link {joint.child}: {reason}; it got {inertia.LEAST_MASS:g} kg and {inertia.LEAST_INERTIA:g} kg m^2")
+            links[joint.child] = replace(links[joint.child], mass=inertia.MINIMUM)
+            notes.append(
+                f"link {joint.child}: {reason}; it got {inertia.MIN_MASS:g} kg and {inertia.MIN_INERTIA:g} kg m^2"
+            )
     settled = replace(robot, links=links)
     if options.inertia == "repair" and notes:
         # A tensor that was moved to the nearest of a body is not invented; what came from nothing is.
-        nothing = {name: link for name, link in robot.links.items() if link.mass is None or inertia.says_nothing(link.mass)}
+        nothing = {
+            name: link for name, link in robot.links.items() if link.mass is None or inertia.says_nothing(link.mass)
+        }
         check_invented(replace(robot, links=links | nothing), settled)
     return settled
 
 
-def _least() -> MassProperties:
-    return MassProperties(inertia.LEAST_MASS, np.zeros(3), inertia.LEAST_INERTIA * np.eye(3))
-
-
-def _carries_nothing(joint: urdf.Joint, joints: Iterable[urdf.Joint], links: dict[str, urdf.Link]) -> str:
-    """Why OpenSim cannot hold a moved link without mass; empty if it can: something with mass is fixed to it or follows at the next joint."""
+def _carries_nothing(joint: Joint, joints: Iterable[Joint], links: dict[str, Link]) -> str:
+    """Why OpenSim cannot hold a moved link without mass; empty if it can: something with mass is fixed to it or follows
+    at the next joint."""
     joints = list(joints)
     group, followed = [joint.child], False
     for name in group:
@@ -164,9 +168,48 @@ def _carries_nothing(joint: urdf.Joint, joints: Iterable[urdf.Joint], links: dic
         followed = followed or any(other.type != "fixed" for other in outboard)
         group += [other.child for other in outboard if other.type == "fixed"]
     if followed:
-        return f"joint {joint.name} moves it, and neither it nor the link that follows has mass, which OpenSim cannot hold"
+        return (
+            f"joint {joint.name} moves it, and neither it nor the link that follows has mass, which OpenSim cannot hold"
+        )
     return f"joint {joint.name} moves it, but it and what is fixed to it have no mass"
 
 
-def _has_mass(link: urdf.Link) -> bool:
+def _has_mass(link: Link) -> bool:
     return link.mass is not None and link.mass.mass > 0.0
+
+
+MOSTLY = 0.5
+"""A larger part of a joint's inertia is most of it, and of a robot's joints most of them: default chosen by this
+project, unconfirmed."""
+NAMED = 5
+"""Joints that a refusal names."""
+
+
+def invented_joints(described: Robot, repaired: Robot) -> list[str]:
+    """Joints most of whose own inertia, as the mass matrix has it over `poses`, is not in the description."""
+    rows: list[str] = []
+    own = np.zeros(
+        (2, sum({"fixed": 0, "planar": 3, "floating": 6}.get(joint.type, 1) for joint in described.joints.values()))
+    )
+    for q in poses(described):
+        for i, robot in enumerate((described, repaired)):
+            M, rows = mass_matrix(robot, q)
+            own[i] += np.diag(M)
+    return list(dict.fromkeys(name for name, old, new in zip(rows, *own, strict=True) if new - old > MOSTLY * new))
+
+
+def check_invented(described: Robot, repaired: Robot) -> None:
+    """Refuse a robot that is moved by what a repair gave it rather than by what the description says.
+
+    Raises:
+        DescriptionError: most joints move mostly invented inertia; names some, and what to do.
+    """
+    moving = [joint for joint in repaired.joints.values() if joint.type != "fixed"]
+    invented = invented_joints(described, repaired) if moving else []
+    if len(invented) > MOSTLY * len(moving):
+        named = ", ".join(invented[:NAMED]) + (", ..." if len(invented) > NAMED else "")
+        raise DescriptionError(
+            f"the mass of robot {repaired.name} would mostly be invented: {len(invented)} of {len(moving)} joints "
+            f"({named}) move more of it than the "
+            "description has; give the links an <inertial>, or convert with inertia invent"
+        )

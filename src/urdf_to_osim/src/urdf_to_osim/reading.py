@@ -1,6 +1,4 @@
-"""A model read back from its file, asked in the order of the description's joints."""
-
-from __future__ import annotations
+"""A model read back from its file, in the order of the description's joints."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,8 +8,8 @@ import numpy as np
 import opensim
 
 from hric_control.errors import DescriptionError
-from hric_control.plants.spatial import FloatArray
-from urdf_to_osim import turns
+from hric_control.geometry import FloatArray
+from urdf_to_osim import transforms
 
 
 class Reading:
@@ -34,20 +32,25 @@ class Reading:
             self.model = opensim.Model(str(path))
             self.state = self.model.initSystem()
         except RuntimeError as error:
-            raise DescriptionError(f"OpenSim cannot use the model: {turns.said(error)}") from error
+            raise DescriptionError(f"OpenSim cannot use the model: {transforms.said(error)}") from error
         self.start = opensim.State(self.state)
         self._coordinates = [opensim.Coordinate.safeDownCast(self.model.getComponent(name)) for name in coordinates]
-        self._frames = {name: opensim.PhysicalFrame.safeDownCast(self.model.getComponent(frame)) for name, frame in frames.items()}
-        self._places = self._find_places()
+        self._frames = {
+            name: opensim.PhysicalFrame.safeDownCast(self.model.getComponent(frame)) for name, frame in frames.items()
+        }
+        self._indices = self._find_indices()
         self._solver = opensim.InverseDynamicsSolver(self.model)
-        self.forces = {force.getName(): force for force in map(self.model.updForceSet().get, range(self.model.getForceSet().getSize()))}
+        self.forces = {
+            force.getName(): force
+            for force in map(self.model.updForceSet().get, range(self.model.getForceSet().getSize()))
+        }
         self._acting: set[str] = set(self.forces)
         self.only(())
         drives = {name: opensim.CoordinateActuator.safeDownCast(force) for name, force in self.forces.items()}
         self._drives = {name: drive for name, drive in drives.items() if drive is not None}
 
-    def _find_places(self) -> list[int]:
-        """Where each coordinate's speed stands in Simbody's order, found by giving each its own value."""
+    def _find_indices(self) -> list[int]:
+        """Index of each coordinate's speed in Simbody's order, found by giving each its own value."""
         for number, coordinate in enumerate(self._coordinates, 1):
             coordinate.setSpeedValue(self.state, float(number))
         values = list(self.state.getU().to_numpy())
@@ -69,32 +72,27 @@ class Reading:
 
     def frames(self) -> dict[str, FloatArray]:
         """Pose of each frame in ground, shape (4, 4) [m]."""
-        poses = {}
-        for name, frame in self._frames.items():
-            pose, T = frame.getTransformInGround(self.state), np.eye(4)
-            R, p = pose.R(), pose.p()
-            T[:3] = [[*(R.get(i, j) for j in range(3)), p.get(i)] for i in range(3)]
-            poses[name] = T
-        return poses
+        return {name: transforms.matrix(frame.getTransformInGround(self.state)) for name, frame in self._frames.items()}
 
     def mass(self) -> FloatArray:
         """Mass matrix, shape (n, n) [kg m^2, kg m, kg]."""
         matrix = opensim.Matrix()
         self.model.getMatterSubsystem().calcM(self.state, matrix)
-        return np.array(matrix.to_numpy())[np.ix_(self._places, self._places)]
+        return np.array(matrix.to_numpy())[np.ix_(self._indices, self._indices)]
 
     def inverse_dynamics(self, xdd: FloatArray) -> FloatArray:
-        """Efforts that give accelerations xdd, shape (n,), against gravity and the forces that act, without couplers [N m or N]."""
-        acceleration = opensim.Vector(len(self._places), 0.0)
-        for place, value in zip(self._places, xdd, strict=True):
-            acceleration.set(place, float(value))
+        """Efforts that give accelerations xdd, shape (n,), against gravity and the forces that act, without couplers [N
+        m or N]."""
+        acceleration = opensim.Vector(len(self._indices), 0.0)
+        for index, value in zip(self._indices, xdd, strict=True):
+            acceleration.set(index, float(value))
         efforts = self._solver.solve(self.state, acceleration)
-        return np.array(efforts.to_numpy())[self._places]
+        return np.array(efforts.to_numpy())[self._indices]
 
     def accelerations(self) -> FloatArray:
         """Accelerations under gravity and the forces that act, with couplers, shape (n,)."""
         self.model.realizeAcceleration(self.state)
-        return np.array(self.state.getUDot().to_numpy())[self._places]
+        return np.array(self.state.getUDot().to_numpy())[self._indices]
 
     def coupler_errors(self) -> tuple[FloatArray, FloatArray]:
         """What the couplers are off in position and speed, in the order of the constraints."""
@@ -119,5 +117,5 @@ class Reading:
         self.model.setControls(self.state, controls)
 
     def control_limits(self) -> dict[str, tuple[float, float]]:
-        """Least and greatest control of each actuator [N m or N]."""
+        """Smallest and greatest control of each actuator [N m or N]."""
         return {name: (drive.getMinControl(), drive.getMaxControl()) for name, drive in self._drives.items()}

@@ -1,34 +1,37 @@
-"""The kinematic fields of the state by compiled code, all at once: into the state, or straight into the numbers of a datagram.
+"""The kinematic fields of the state by compiled code, all at once: into the state, or straight into the numbers of a
+datagram.
 
-The state computes them by itself, one by one, when somebody reads them. A client on the network is sent all of them in every state, which that way
-would take longer than all the rest of the cycle.
+The state computes them by itself, one by one, when somebody reads them. A client on the network is sent all of them in
+every state, which that way would take longer than all the rest of the cycle.
 """
 
-from __future__ import annotations
-
-import ctypes
 import struct
+from array import array
 from collections.abc import Callable, Sequence
 from itertools import accumulate, chain
 from operator import attrgetter
 
 from franka_hw_interface.robot_state import RobotState
 from franka_sim.box.state import CARTESIAN, ELBOW_FLIP, BoxState
-from hric_control.vectors import put
+from hric_control.native import load
 
+_fields: Callable[[bytes, bytearray], None] = load("hric_arm").fields
+_numbers: Callable[..., bytes] = load("hric_arm").numbers
 _Sizes = dict[str, int]
 _EACH_CYCLE: _Sizes = {
-    **dict.fromkeys(("q", "q_d", "dq", "dq_d", "ddq_d", "tau_J", "tau_before", "tau_J_d", "tau_ext_hat_filtered", "joint_collision"), 7),
+    **dict.fromkeys(("q", "q_d", "dq", "dq_d", "ddq_d", "tau_J", "tau_before", "tau_J_d"), 7),
+    **{"tau_ext_hat_filtered": 7, "joint_collision": 7},
     **{"cartesian_collision": 6, "generated": 1},
 }
-_TOLD: _Sizes = {
-    **dict.fromkeys(("period", "least_singular_value", "elbow_flip"), 1),
+_CONFIGURED: _Sizes = {
+    **dict.fromkeys(("period", "min_singular_value", "elbow_flip"), 1),
     **{"torques": 7, "forces": 6, "torques_acceleration": 7, "forces_acceleration": 6},
     **dict.fromkeys(("F_T_EE", "EE_T_K", "F_T_NE", "NE_T_EE"), 16),
     **{"m_ee": 1, "F_x_Cee": 3, "I_ee": 9, "m_load": 1, "F_x_Cload": 3, "I_load": 9, "O_ddP_O": 3},
 }
 _COMPUTED: _Sizes = {
-    **{"O_T_EE": 16, "O_F_ext_hat_K": 6, "K_F_ext_hat_K": 6, "joint_contact": 7, "cartesian_contact": 6, "dtau_J": 7, "elbow": 2},
+    **{"O_T_EE": 16, "O_F_ext_hat_K": 6, "K_F_ext_hat_K": 6, "joint_contact": 7, "cartesian_contact": 6},
+    **{"dtau_J": 7, "elbow": 2},
 }
 _DESIRED: _Sizes = {"O_T_EE_d": 16, "O_T_EE_c": 16, "O_dP_EE_d": 6, "elbow_d": 2, "elbow_c": 2}
 """Computed, where no Cartesian generator writes them."""
@@ -36,9 +39,9 @@ _COMMANDED: _Sizes = {"O_dP_EE_c": 6, "O_ddP_EE_c": 6, "delbow_c": 2, "ddelbow_c
 """Zero, where no Cartesian generator writes them."""
 _NOISE: _Sizes = {"wrench_noise": 6}
 """Zero, where nothing is noisy."""
-_LAYOUT: _Sizes = {**_EACH_CYCLE, **_TOLD, **_COMPUTED, **_DESIRED, **_COMMANDED, **_NOISE}
+_LAYOUT: _Sizes = {**_EACH_CYCLE, **_CONFIGURED, **_COMPUTED, **_DESIRED, **_COMMANDED, **_NOISE}
 _SAME = {"theta": "q", "dtheta": "dq"}
-_PLACES = {name: end - size for (name, size), end in zip(_LAYOUT.items(), accumulate(_LAYOUT.values()), strict=True)}
+_OFFSETS = {name: end - size for (name, size), end in zip(_LAYOUT.items(), accumulate(_LAYOUT.values()), strict=True)}
 """Where each member begins in the doubles of the C struct Fields."""
 
 
@@ -46,97 +49,108 @@ def _block(sizes: _Sizes) -> struct.Struct:
     return struct.Struct(f"{sum(sizes.values())}d")
 
 
-_TICK_BLOCK, _TOLD_BLOCK = _block(_EACH_CYCLE), _block(_TOLD)
+_TICK_BLOCK, _CONFIGURATION_BLOCK, _NOISE_BLOCK = _block(_EACH_CYCLE), _block(_CONFIGURED), _block(_NOISE)
 _RESULTS: _Sizes = {**_COMPUTED, **_DESIRED}
-_RESULT_BLOCK, _RESULT_AT = _block(_RESULTS), 8 * _PLACES["O_T_EE"]
+_RESULT_BLOCK, _RESULT_AT = _block(_RESULTS), 8 * _OFFSETS["O_T_EE"]
 _GENERATOR: _Sizes = {**_DESIRED, **_COMMANDED}
-_GENERATOR_BLOCK, _GENERATOR_AT = _block(_GENERATOR), 8 * _PLACES["O_T_EE_d"]
+_GENERATOR_BLOCK, _GENERATOR_AT = _block(_GENERATOR), 8 * _OFFSETS["O_T_EE_d"]
 _generator_fields = attrgetter(*_GENERATOR)
-_SLICES = {name: slice(_PLACES[name] - _RESULT_AT // 8, _PLACES[name] - _RESULT_AT // 8 + size) for name, size in _RESULTS.items()}
+_SLICES = {
+    name: slice(_OFFSETS[name] - _RESULT_AT // 8, _OFFSETS[name] - _RESULT_AT // 8 + size)
+    for name, size in _RESULTS.items()
+}
 
 
 class CompiledFields:
     """O_T_EE, the desired pose and twist, the elbows, the external wrench, the contacts and dtau_J of a state.
 
     Args:
-        library: compiled_arm.c.
-        least_singular_value: of the Jacobian of the stiffness frame, below which the wrench is zero (as the box has it).
+        arm: its parameters (`model_library.parameters`).
+        min_singular_value: of the Jacobian of the stiffness frame, below which the wrench is zero (as the box has
+            it).
     """
 
-    def __init__(self, library: ctypes.CDLL, least_singular_value: float) -> None:
-        self._library, self._compute = library, library.fields
-        self._compute.argtypes, self._compute.restype = [ctypes.c_void_p], None
-        self._values = ctypes.create_string_buffer(8 * sum(_LAYOUT.values()))
-        self._address = ctypes.addressof(self._values)
-        self._least = least_singular_value
-        self._told: tuple[object, ...] = (None, None)
+    def __init__(self, arm: bytes, min_singular_value: float) -> None:
+        self._arm = arm
+        self._values = bytearray(8 * sum(_LAYOUT.values()))
+        self._min_singular_value = min_singular_value
+        self._configuration: tuple[object, ...] = (None, None)
+
+    def _computed(self, state: BoxState) -> tuple[float, ...]:
+        """Values of _RESULTS, one after the other."""
+        self._take(state)
+        _fields(self._arm, self._values)
+        return _RESULT_BLOCK.unpack_from(self._values, _RESULT_AT)
 
     def fill(self, state: BoxState) -> None:
         """Set the fields of the state for its present tick."""
-        self._take(state)
-        self._compute(self._address)
-        out = [*_RESULT_BLOCK.unpack_from(self._values, _RESULT_AT)]
+        values = self._computed(state)
         names = _COMPUTED if state.generator_mode in CARTESIAN else _RESULTS
         for name in names:
-            setattr(state, name, out[_SLICES[name]])
+            setattr(state, name, [*values[_SLICES[name]]])
 
     def wrench(self, state: RobotState) -> tuple[list[float], list[float]]:
         """O_F_ext_hat_K and K_F_ext_hat_K: 3 forces [N] and 3 moments [N m] each; the state is a BoxState."""
         assert isinstance(state, BoxState)
-        self._take(state)
-        self._compute(self._address)
-        out = [*_RESULT_BLOCK.unpack_from(self._values, _RESULT_AT)]
-        return out[_SLICES["O_F_ext_hat_K"]], out[_SLICES["K_F_ext_hat_K"]]
+        values = self._computed(state)
+        return [*values[_SLICES["O_F_ext_hat_K"]]], [*values[_SLICES["K_F_ext_hat_K"]]]
 
     def packer(self, names: Sequence[str], real: str) -> Callable[[BoxState], bytes]:
-        """A function that gives the numbers of a state as they stand in a datagram.
+        """A function that gives the numbers of a state as a datagram has them.
 
         Args:
             names: the fields in their order.
             real: struct's letter of a number, "d" or "f".
         """
         members = [_SAME.get(name, name) for name in names]
-        places = [*chain.from_iterable(range(_PLACES[name], _PLACES[name] + _LAYOUT[name]) for name in members)]
-        index = (ctypes.c_int * len(places))(*places)
-        out = ctypes.create_string_buffer(struct.calcsize(real) * len(places))
-        compute = self._library[f"numbers_{real}"]
-        compute.argtypes, compute.restype = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p], None
-        arguments = self._address, ctypes.addressof(index), len(places), ctypes.addressof(out)
+        offsets = array(
+            "i", chain.from_iterable(range(_OFFSETS[name], _OFFSETS[name] + _LAYOUT[name]) for name in members)
+        )
+        bits = 8 * struct.calcsize(real)
 
-        def pack(state: BoxState, _keep: object = index) -> bytes:
+        def pack(state: BoxState) -> bytes:
             self._take(state)
             if state.generator_mode in CARTESIAN:
                 _GENERATOR_BLOCK.pack_into(self._values, _GENERATOR_AT, *chain.from_iterable(_generator_fields(state)))
-            compute(*arguments)
-            return out.raw
+            return _numbers(self._arm, self._values, offsets, bits)
 
         return pack
 
     def _take(self, state: BoxState) -> None:
         """What the fields are computed from.
 
-        The told ones are lists and objects that are replaced as a whole, so that identity tells whether they are new.
+        Those of the configuration are lists and objects that are replaced as a whole, so that identity shows whether
+        they are new.
         """
-        if self._told[0] is not state.F_T_EE or self._told[1] is not state.thresholds:
-            self._take_told(state)
+        if self._configuration[0] is not state.F_T_EE or self._configuration[1] is not state.thresholds:
+            self._take_configuration(state)
         if state.wrench_noise is not None:
-            put(self._values, _PLACES["wrench_noise"], state.wrench_noise)
+            _NOISE_BLOCK.pack_into(self._values, 8 * _OFFSETS["wrench_noise"], *state.wrench_noise)
         _TICK_BLOCK.pack_into(
             self._values,
             0,
-            *(*state.q, *state.q_d, *state.dq, *state.dq_d, *state.ddq_d, *state.tau_J, *state.tau_before, *state.tau_J_d),
+            *(
+                *state.q,
+                *state.q_d,
+                *state.dq,
+                *state.dq_d,
+                *state.ddq_d,
+                *state.tau_J,
+                *state.tau_before,
+                *state.tau_J_d,
+            ),
             *(*state.tau_ext_hat_filtered, *state.joint_collision, *state.cartesian_collision),
             state.generator_mode in CARTESIAN,
         )
 
-    def _take_told(self, state: BoxState) -> None:
-        self._told = state.F_T_EE, state.thresholds
+    def _take_configuration(self, state: BoxState) -> None:
+        self._configuration = state.F_T_EE, state.thresholds
         t = state.thresholds
         known = {
-            **{"period": [state.period], "least_singular_value": [self._least], "elbow_flip": [ELBOW_FLIP]},
+            **{"period": [state.period], "min_singular_value": [self._min_singular_value], "elbow_flip": [ELBOW_FLIP]},
             **{"torques": t.lower_torque_nominal, "forces": t.lower_force_nominal},
             **{"torques_acceleration": t.lower_torque_acceleration, "forces_acceleration": t.lower_force_acceleration},
             **{"m_ee": [state.m_ee], "m_load": [state.m_load]},
         }
-        values = [known.get(name) or getattr(state, name) for name in _TOLD]
-        _TOLD_BLOCK.pack_into(self._values, 8 * _PLACES["period"], *chain.from_iterable(values))
+        values = [known.get(name) or getattr(state, name) for name in _CONFIGURED]
+        _CONFIGURATION_BLOCK.pack_into(self._values, 8 * _OFFSETS["period"], *chain.from_iterable(values))

@@ -1,49 +1,23 @@
-"""Parameters of the control box, with their defaults from config/control_box.yaml."""
+"""Parameters of the control box and of its motion generators; their values are in config/."""
 
-from __future__ import annotations
-
-import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
-from functools import cache, partial
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
-import yaml
-
 from franka_hw_interface.limits import FrankaLimits, franka_limits
-from hric_control.errors import HricError, ParameterError
+from hric_control.parameters import Settings, flag, number, numbers, package_yaml, section, whole
 
 Vector = tuple[float, ...]
 
 
-@cache
 def read_config(name: str) -> dict[str, Any]:
     """What config/<name>.yaml of this package says."""
-    for folder in (Path(__file__).resolve().parents[3], *_installed()):
-        path = folder / "config" / f"{name}.yaml"
-        if path.is_file():
-            values: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
-            return values
-    raise HricError(f"franka_sim: config/{name}.yaml is not found")
-
-
-def _installed() -> list[Path]:
-    import rospkg
-
-    try:
-        return [Path(rospkg.RosPack().get_path("franka_sim"))]
-    except rospkg.ResourceNotFound:
-        return []
-
-
-def _default(name: str) -> Any:
-    found = read_config("control_box")[name]
-    return tuple(map(float, found)) if isinstance(found, list) else found
+    return package_yaml(__file__, name)
 
 
 @dataclass(frozen=True)
-class CollisionBehavior:
+class CollisionBehavior(Settings):
     """Thresholds of contact (lower) and collision (upper), in the order of libfranka's setCollisionBehavior.
 
     Attributes:
@@ -52,75 +26,90 @@ class CollisionBehavior:
         *_acceleration: while the desired motion accelerates; *_nominal: else.
     """
 
-    lower_torque_acceleration: Vector
-    upper_torque_acceleration: Vector
-    lower_torque_nominal: Vector
-    upper_torque_nominal: Vector
-    lower_force_acceleration: Vector
-    upper_force_acceleration: Vector
-    lower_force_nominal: Vector
-    upper_force_nominal: Vector
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            values, n = tuple(map(float, getattr(self, item.name))), 7 if "torque" in item.name else 6
-            if len(values) != n or not all(math.isfinite(x) and x >= 0.0 for x in values):
-                raise ParameterError(f"collision behaviour: {item.name} must be {n} finite numbers, none negative; got {list(values)}")
-            object.__setattr__(self, item.name, values)
-
-
-def _collision_behavior() -> CollisionBehavior:
-    return CollisionBehavior(**read_config("control_box")["collision_behavior"])
+    lower_torque_acceleration: Vector = numbers(7, minimum=0.0, unit="N m")
+    upper_torque_acceleration: Vector = numbers(7, minimum=0.0, unit="N m")
+    lower_torque_nominal: Vector = numbers(7, minimum=0.0, unit="N m")
+    upper_torque_nominal: Vector = numbers(7, minimum=0.0, unit="N m")
+    lower_force_acceleration: Vector = numbers(6, minimum=0.0, unit="N, N m")
+    upper_force_acceleration: Vector = numbers(6, minimum=0.0, unit="N, N m")
+    lower_force_nominal: Vector = numbers(6, minimum=0.0, unit="N, N m")
+    upper_force_nominal: Vector = numbers(6, minimum=0.0, unit="N, N m")
 
 
 @dataclass(frozen=True)
-class BoxConfig:
-    """Parameters of the control box; config/control_box.yaml explains those that stand there.
+class BoxConfig(Settings):
+    """Parameters of the control box; config/control_box.yaml explains those that it has.
 
     Attributes:
         limits: of joints and end effector.
-        friction: phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint name, as `panda_description.friction_parameters()` gives them: what the box
-            compensates and expects; None: no friction.
+        friction: phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint name, as `panda_description.friction_parameters()`
+            gives them: what the box compensates and expects; None: no friction.
         rotor_inertia: 7 floats [kg m^2].
         time_step: [s].
-        reflexes: whether the arm protects itself; without them commands are limited where they can be, and nothing ends a motion but NaN.
+        reflexes: whether the arm protects itself; without them commands are limited where they can be, and nothing ends
+            a motion but NaN.
         max_lost_packets: in a row, or None: as many as come.
-        settings_while_moving: whether load, frames and impedances may be set while a motion runs; the Franka Control Interface refuses it.
+        settings_while_moving: whether load, frames and impedances may be set while a motion runs; the Franka Control
+            Interface refuses it.
         The others: see the YAML.
     """
 
     limits: FrankaLimits = field(default_factory=franka_limits)
     friction: Mapping[str, Mapping[str, float]] | None = None
-    rotor_inertia: Vector = field(default_factory=partial(_default, "rotor_inertia"))
-    time_step: float = field(default_factory=partial(_default, "time_step"))
-    reflexes: bool = True
-    max_lost_packets: int | None = field(default_factory=partial(_default, "max_lost_packets"))
-    settings_while_moving: bool = False
-    success_window: int = field(default_factory=partial(_default, "success_window"))
-    torque_rate_tolerance: float = field(default_factory=partial(_default, "torque_rate_tolerance"))
-    position_margin: float = field(default_factory=partial(_default, "position_margin"))
-    start_tolerance: float = field(default_factory=partial(_default, "start_tolerance"))
-    external_torque_cutoff: float = field(default_factory=partial(_default, "external_torque_cutoff"))
-    least_singular_value: float = field(default_factory=partial(_default, "least_singular_value"))
-    self_collision_margin: float = field(default_factory=partial(_default, "self_collision_margin"))
-    reach: Vector = field(default_factory=partial(_default, "reach"))
-    stop_deceleration: float = field(default_factory=partial(_default, "stop_deceleration"))
-    collision_behavior: CollisionBehavior = field(default_factory=_collision_behavior)
+    rotor_inertia: Vector = numbers(7, minimum=0.0, unit="kg m^2")
+    time_step: float = number(above=0.0, unit="s")
+    reflexes: bool = flag(True)
+    max_lost_packets: int | None = whole(None, minimum=1)
+    settings_while_moving: bool = flag(False)
+    success_window: int = whole(minimum=1)
+    torque_rate_tolerance: float = number(minimum=0.0)
+    position_margin: float = number(minimum=0.0, unit="rad")
+    start_tolerance: float = number(minimum=0.0, unit="rad")
+    external_torque_cutoff: float = number(above=0.0, unit="Hz")
+    min_singular_value: float = number(above=0.0, name="least_singular_value")
+    self_collision_margin: float = number(minimum=0.0, unit="m")
+    reach: Vector = numbers(7, minimum=0.0, unit="m")
+    stop_deceleration: float = number(above=0.0)
+    collision_behavior: CollisionBehavior = section(CollisionBehavior)
 
-    def __post_init__(self) -> None:
-        for name in ("time_step", "external_torque_cutoff", "stop_deceleration", "least_singular_value"):
-            _check(name, getattr(self, name), lambda x: x > 0.0, "a positive number")
-        for name in ("torque_rate_tolerance", "position_margin", "start_tolerance", "self_collision_margin"):
-            _check(name, getattr(self, name), lambda x: x >= 0.0, "a number, not negative")
-        for name in ("success_window",) if self.max_lost_packets is None else ("success_window", "max_lost_packets"):
-            _check(name, getattr(self, name), lambda x: x == int(x) and x > 0, "a positive whole number")
-        for name in ("rotor_inertia", "reach"):
-            values = tuple(map(float, getattr(self, name)))
-            if len(values) != 7 or not all(math.isfinite(x) and x >= 0.0 for x in values):
-                raise ParameterError(f"control box: {name} must be 7 finite numbers, none negative; got {list(values)}")
-            object.__setattr__(self, name, values)
+    @classmethod
+    def defaults(cls) -> Mapping[str, Any]:
+        """Those of the YAML."""
+        return read_config("control_box")
 
 
-def _check(name: str, value: Any, valid: Callable[[float], bool], what: str) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or not valid(value):
-        raise ParameterError(f"control box: {name} must be {what}; got {value!r}")
+@dataclass(frozen=True)
+class MotionParameters(Settings):
+    """The numbers of config/motion_generators.yaml, which gives their reasons.
+
+    Attributes:
+        velocity_tolerance, acceleration_tolerance, jerk_tolerance: factors on the limits.
+        position_tolerance: [rad].
+        orthonormal_tolerance: of a commanded rotation matrix.
+        singular_value: minimum singular value of the Jacobian at the start of a Cartesian motion.
+        ik_tolerance: remaining error of the inverse kinematics [m, rad].
+        ik_steps: Newton steps per millisecond at most.
+        elbow_return_rate: [1/s]; elbow_min, elbow_damping: of the elbow that is not commanded.
+    """
+
+    velocity_tolerance: float = number()
+    acceleration_tolerance: float = number()
+    jerk_tolerance: float = number()
+    position_tolerance: float = number(unit="rad")
+    orthonormal_tolerance: float = number()
+    singular_value: float = number()
+    ik_tolerance: float = number(unit="m, rad")
+    ik_steps: int = whole(minimum=1)
+    elbow_return_rate: float = number(unit="1/s")
+    elbow_min: float = number(name="elbow_least")
+    elbow_damping: float = number()
+
+
+@cache
+def motion_parameters() -> MotionParameters:
+    """The parameters.
+
+    Raises:
+        ParameterError: the file does not hold exactly these parameters.
+    """
+    return MotionParameters.of(read_config("motion_generators"), "franka_sim/config/motion_generators.yaml:")

@@ -1,26 +1,21 @@
-"""What clients tell the control box of load, frames, gains and thresholds."""
+"""Load, frames, gains and thresholds of the control box, and the requests that set them."""
 
-from __future__ import annotations
-
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-
-import numpy as np
+from collections.abc import Callable, Mapping, Sequence
+from math import exp, isfinite, pi, tanh
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.robot_state import RobotMode
 from franka_hw_interface.transforms import check_transform
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig, CollisionBehavior
-from franka_sim.box.estimates import ExternalTorque, wrench_estimator
-from franka_sim.box.friction import friction_law
-from franka_sim.box.internal_impedance import CartesianImpedanceLaw, JointImpedanceLaw
+from franka_sim.box.estimates import ExternalTorque
+from franka_sim.box.internal_impedance import CartesianImpedanceLaw, ImpedanceLaw, JointImpedanceLaw
 from franka_sim.box.reflexes import Reflexes
-from franka_sim.box.requests import Outcome
+from franka_sim.box.requests import ControllerMode, Outcome
 from franka_sim.box.self_collision import SelfCollision
 from franka_sim.box.state import BoxState
 from hric_control.errors import HricError
+from hric_control.plants import sigmoid_parameters
 
 Floats = Sequence[float]
 HIGHEST_CUTOFF = 1000.0
@@ -28,44 +23,66 @@ HIGHEST_CUTOFF = 1000.0
 FILTERS = ("joint position", "joint velocity", "Cartesian position", "Cartesian velocity", "controller")
 
 
-@dataclass(slots=True)
-class Told:
-    """What was told and changes no law of the box.
+FrictionLaw = Callable[[Floats], list[float]]
+"""dq (7 floats) [rad/s] -> friction torque that the motor must overcome, 7 floats [N m]."""
 
-    Attributes:
-        guiding_axes: which axes a hand may move: x, y, z, R, P, Y; guiding_elbow: and the elbow. (The arm is guided freely in all.)
-        cutoffs: of the five filters [Hz].
+
+def friction_law(parameters: Mapping[str, Mapping[str, float]], joint_names: Sequence[str]) -> FrictionLaw:
+    """The sigmoid of Gaz et al. (IEEE RA-L 2019, supplement, Table I), zero at rest.
+
+    tau_f = phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)) = phi1/2 (tanh(phi2 (dq + phi3) / 2) -
+    tanh(phi2 phi3 / 2))
+
+    Args:
+        parameters: phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint name.
+        joint_names: the joints in order.
+
+    Raises:
+        ParameterError: a joint or a value is missing, or not finite.
     """
+    sigmoids = sigmoid_parameters(parameters, joint_names)
+    rows = [(0.5 * phi1, 0.5 * phi2, phi3, tanh(0.5 * phi2 * phi3)) for phi1, phi2, phi3 in sigmoids]
 
-    guiding_axes: tuple[bool, ...] = (True,) * 6
-    guiding_elbow: bool = True
-    cutoffs: tuple[float, ...] = (HIGHEST_CUTOFF,) * 5
+    def law(dq: Floats) -> list[float]:
+        return [a * (tanh(b * (v + c)) - rest) for v, (a, b, c, rest) in zip(dq, rows, strict=True)]
+
+    return law
 
 
 class ConfiguredBox:
     """State, model, laws and estimates of the box, and the requests that change them.
 
-    Each request answers SUCCESS, INVALID_ARGUMENT (the reason is reported; what was told before stays) or NOT_POSSIBLE in a mode that forbids it.
+    Each request returns SUCCESS, INVALID_ARGUMENT (the reason is reported; the values before stay) or NOT_POSSIBLE
+    in a mode that forbids it.
 
     Args:
         model: what the box knows of the arm.
+        compiled: dynamics of the same arm.
         config: parameters.
         report: called with one line for people whenever something is refused or the arm protects itself.
-        compiled: computes the same faster; None: KDL does.
+
+    Attributes:
+        guiding_axes: which axes a hand may move: x, y, z, R, P, Y; guiding_elbow: and the elbow. (The arm is guided
+            freely in all.)
+        cutoffs: of FILTERS [Hz].
     """
 
     def __init__(
-        self, model: KdlFrankaModel, config: BoxConfig, report: Callable[[str], None] | None = None, compiled: CompiledArm | None = None
+        self,
+        model: KdlFrankaModel,
+        compiled: CompiledArm,
+        config: BoxConfig,
+        report: Callable[[str], None] | None = None,
     ) -> None:
         self.model, self.config, self.report = model, config, report or (lambda text: None)
-        self.told = Told()
+        self.guiding_axes: tuple[bool, ...] = (True,) * 6
+        self.guiding_elbow = True
+        self.cutoffs: tuple[float, ...] = (HIGHEST_CUTOFF,) * len(FILTERS)
         self._friction = None if config.friction is None else friction_law(config.friction, model.joint_names)
-        self._external, self._compiled = ExternalTorque(model, config, compiled), compiled
-        estimate_wrench = wrench_estimator(model, config.least_singular_value) if compiled is None else compiled.fields.wrench
-        self.state = BoxState(model, config.time_step, config.collision_behavior, estimate_wrench)
+        self._external, self._compiled = ExternalTorque(compiled, config), compiled
+        self.state = BoxState(model, config.time_step, config.collision_behavior, compiled.fields)
         self.state.tau_ext_hat_filtered = self._external.value
-        self.state.compiled = None if compiled is None else compiled.fields
-        self._take_gravity()
+        self._take_model()
         self.joint_impedance = JointImpedanceLaw(model, config.limits, config.rotor_inertia, config.time_step)
         self._cartesian_impedance: CartesianImpedanceLaw | None = None
         self._cartesian_revision = -1
@@ -83,17 +100,26 @@ class ConfiguredBox:
 
     @property
     def cartesian_impedance(self) -> CartesianImpedanceLaw:
-        """The internal Cartesian impedance; its gains cost some time at the first call and after a change of the frames."""
+        """The internal Cartesian impedance; its gains cost some time at the first call and after a change of the
+        frames."""
         law = self._cartesian_impedance
         if law is None:
             config = self.config
-            law = self._cartesian_impedance = CartesianImpedanceLaw(self.model, config.limits, config.rotor_inertia, config.time_step)
+            law = self._cartesian_impedance = CartesianImpedanceLaw(
+                self.model, config.limits, config.rotor_inertia, config.time_step
+            )
         elif self._cartesian_revision != self.model.revision:
             law.update_frames()
         self._cartesian_revision = self.model.revision
         return law
 
-    def _tell(self, what: str, change: Callable[[], object]) -> Outcome:
+    def impedance(self, controller: ControllerMode) -> ImpedanceLaw | None:
+        """The internal impedance that makes the torques; None: they come from outside."""
+        if controller is ControllerMode.JOINT_IMPEDANCE:
+            return self.joint_impedance
+        return self.cartesian_impedance if controller is ControllerMode.CARTESIAN_IMPEDANCE else None
+
+    def _set(self, what: str, change: Callable[[], object]) -> Outcome:
         if self.state.robot_mode is RobotMode.MOVE and not self.config.settings_while_moving:
             self.report(f"{what} refused: not possible while a motion runs")
             return Outcome.NOT_POSSIBLE
@@ -104,39 +130,40 @@ class ConfiguredBox:
             return Outcome.INVALID_ARGUMENT
         return Outcome.SUCCESS
 
-    def _take_gravity(self) -> None:
-        """q (7 floats) [rad] -> g(q), 7 floats [N m], of what the box was told; and none is computed yet."""
-        self._gravity: Callable[[Floats], list[float]] = self.model.gravity_list if self._compiled is None else self._compiled.gravity
+    def _take_model(self) -> None:
+        """Compute with the model as it is now."""
+        self._compiled.take_model(self.model)
         self._gravity_torque: list[float] | None = None
 
-    def _tell_model(self, what: str, change: Callable[[], object]) -> Outcome:
+    def _set_model(self, what: str, change: Callable[[], object]) -> Outcome:
         def all_of_it() -> None:
             change()
-            self._external.take_model()
-            self._take_gravity()
+            self._take_model()
             self.state.take_configuration()
 
-        return self._tell(what, all_of_it)
+        return self._set(what, all_of_it)
 
     def set_load(self, mass: float, com: Floats, inertia: Floats) -> Outcome:
         """Payload [kg], its centre of mass in the flange [m], its inertia about that, 9 floats [kg m^2]."""
-        return self._tell_model("set_load", lambda: self.model.set_load(mass, com, inertia))
+        return self._set_model("set_load", lambda: self.model.set_load(mass, com, inertia))
 
     def set_NE_T_EE(self, NE_T_EE: Floats) -> Outcome:
         """End effector in the nominal one, 16 floats, column-major."""
-        return self._tell_model("set_NE_T_EE", lambda: self.model.set_ee(self.model.F_T_NE @ check_transform(NE_T_EE, "NE_T_EE")))
+        return self._set_model(
+            "set_NE_T_EE", lambda: self.model.set_ee(self.model.F_T_NE @ check_transform(NE_T_EE, "NE_T_EE"))
+        )
 
     def set_EE_T_K(self, EE_T_K: Floats) -> Outcome:
         """Stiffness frame in the end effector, 16 floats, column-major."""
-        return self._tell_model("set_EE_T_K", lambda: self.model.set_stiffness_frame(check_transform(EE_T_K, "EE_T_K")))
+        return self._set_model("set_EE_T_K", lambda: self.model.set_stiffness_frame(check_transform(EE_T_K, "EE_T_K")))
 
     def set_joint_impedance(self, K_theta: Floats) -> Outcome:
         """Stiffness of the internal joint impedance, 7 floats [N m/rad]."""
-        return self._tell("set_joint_impedance", lambda: self.joint_impedance.set_stiffness(K_theta))
+        return self._set("set_joint_impedance", lambda: self.joint_impedance.set_stiffness(K_theta))
 
     def set_cartesian_impedance(self, K_x: Floats) -> Outcome:
         """Stiffness of the internal Cartesian impedance, 3 [N/m] and 3 [N m/rad], axes of the stiffness frame."""
-        return self._tell("set_cartesian_impedance", lambda: self.cartesian_impedance.set_stiffness(K_x))
+        return self._set("set_cartesian_impedance", lambda: self.cartesian_impedance.set_stiffness(K_x))
 
     def set_collision_behavior(self, *thresholds: Floats) -> Outcome:
         """Eight lists in the order of `CollisionBehavior`; torques [N m], forces [N], moments [N m]."""
@@ -147,7 +174,7 @@ class ConfiguredBox:
             self.state.thresholds = CollisionBehavior(*(tuple(row) for row in thresholds))
             self._reflexes.take_thresholds(self.state)
 
-        return self._tell("set_collision_behavior", change)
+        return self._set("set_collision_behavior", change)
 
     def set_guiding_mode(self, axes: Sequence[bool], elbow: bool) -> Outcome:
         """Which of the six axes, and the elbow, a hand may move; kept, and not acted upon."""
@@ -155,21 +182,25 @@ class ConfiguredBox:
         def change() -> None:
             if len(axes) != 6:
                 raise HricError(f"six axes are needed; got {len(axes)}")
-            self.told.guiding_axes, self.told.guiding_elbow = tuple(map(bool, axes)), bool(elbow)
+            self.guiding_axes, self.guiding_elbow = tuple(map(bool, axes)), bool(elbow)
 
-        return self._tell("set_guiding_mode", change)
+        return self._set("set_guiding_mode", change)
 
     def set_filters(self, cutoffs: Floats) -> Outcome:
-        """Cut-off frequencies of FILTERS, 1 to 1000 Hz, 1000: off. The controller's one acts on torque commands; the others have no effect."""
+        """Cut-off frequencies of FILTERS, 1 to 1000 Hz, 1000: off. The controller's one acts on torque commands; the
+        others have no effect."""
 
         def change() -> None:
-            if len(cutoffs) != len(FILTERS) or not all(math.isfinite(f) and 1.0 <= f <= HIGHEST_CUTOFF for f in cutoffs):
-                raise HricError(f"cut-off frequencies of {', '.join(FILTERS)} must be 1 to {HIGHEST_CUTOFF:g} Hz; got {list(cutoffs)}")
-            self.told.cutoffs = tuple(map(float, cutoffs))
+            if len(cutoffs) != len(FILTERS) or not all(isfinite(f) and 1.0 <= f <= HIGHEST_CUTOFF for f in cutoffs):
+                raise HricError(
+                    f"cut-off frequencies of {', '.join(FILTERS)} must be 1 to {HIGHEST_CUTOFF:g} Hz; got "
+                    f"{list(cutoffs)}"
+                )
+            self.cutoffs = tuple(map(float, cutoffs))
 
-        return self._tell("set_filters", change)
+        return self._set("set_filters", change)
 
     def torque_filter_gain(self) -> float:
         """What one cycle of the controller's low-pass takes of a new torque, 0 to 1."""
-        cutoff = self.told.cutoffs[-1]
-        return 1.0 if cutoff >= HIGHEST_CUTOFF else float(1.0 - np.exp(-2.0 * np.pi * cutoff * self.config.time_step))
+        cutoff = self.cutoffs[-1]
+        return 1.0 if cutoff >= HIGHEST_CUTOFF else 1.0 - exp(-2.0 * pi * cutoff * self.config.time_step)

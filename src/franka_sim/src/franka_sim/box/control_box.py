@@ -1,7 +1,5 @@
 """The emulated control box: what the arm's firmware does each millisecond. No ROS, no engine."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
@@ -10,13 +8,12 @@ from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.configuration import ConfiguredBox
 from franka_sim.box.hold import Braking
-from franka_sim.box.motion_run import MotionRun, invalid
-from franka_sim.box.packets import PacketCount
+from franka_sim.box.motion.run import MotionRun, PacketCount, invalid
+from franka_sim.box.reflexes import describe
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
-from franka_sim.box.table import Event, next_mode
-from franka_sim.box.wording import describe
+from franka_sim.box.state_machine import Event, next_mode
 from hric_control.errors import CommandError
-from hric_control.vectors import add
+from hric_control.native.vectors import add
 
 _ZEROS = [0.0] * 7
 _OUTCOMES = {
@@ -36,12 +33,12 @@ _UNSTABLE: Errors = frozenset(("instability_detected",))
 class ControlBox(ConfiguredBox):
     """The arm's control box. One thread: requests come between two cycles.
 
-    A millisecond: `read` the arm's state at the measuring instant, then `write` for the torques until the next one. What changes the mode stands
-    in `table.TABLE`. Without a motion the arm holds itself with its internal joint impedance; gravity, and friction as far as it is known, are
-    compensated in every mode.
+    A millisecond: `read` the arm's state at the measuring instant, then `write` for the torques until the next one.
+    The modes and their transitions are in `state_machine.TRANSITIONS`. Without a motion the arm holds itself with its
+    internal joint impedance; gravity, and friction as far as it is known, are compensated in every mode.
 
     Args:
-        model, config, report, compiled: see `ConfiguredBox`.
+        model, compiled, config, report: see `ConfiguredBox`.
 
     Attributes:
         state: BoxState, always the same object.
@@ -51,15 +48,15 @@ class ControlBox(ConfiguredBox):
     def __init__(
         self,
         model: KdlFrankaModel,
+        compiled: CompiledArm,
         config: BoxConfig | None = None,
         report: Callable[[str], None] | None = None,
-        compiled: CompiledArm | None = None,
     ) -> None:
-        super().__init__(model, config or BoxConfig(), report, compiled)
+        super().__init__(model, compiled, config or BoxConfig(), report)
         self.finished: Outcome | None = None
         self._packets = PacketCount(self.config.success_window)
         self._braking = Braking(self.config)
-        self._run = MotionRun(self)
+        self._run = MotionRun(self.state, model, self.config)
         self._friction_torque: list[float] | None = None
         self._fresh = True
 
@@ -73,12 +70,13 @@ class ControlBox(ConfiguredBox):
         finished, self.finished = self.finished, None
         return finished
 
-    # -- requests ------------------------------------------------------------------------------------------------------------------------
+    # -- requests ------------------------------------------------------------------------------------------------------
 
     def move(self, request: MoveRequest) -> Outcome:
         """Begin a motion: STARTED, or why not.
 
-        A start that a motion generator does not allow is answered with STARTED and ends with the first command, so that its name reaches the client.
+        A start that a motion generator does not allow returns STARTED and ends with the first command, so that
+        its name reaches the client.
         """
         if next_mode(self.mode, Event.MOVE) is None:
             return Outcome.NOT_POSSIBLE
@@ -88,12 +86,16 @@ class ControlBox(ConfiguredBox):
         state = self.state
         state.q_d[:], state.dq_d[:], state.ddq_d[:], state.tau_J_d[:] = state.q, _ZEROS, _ZEROS, _ZEROS
         state.desired_changed()
-        if not self._run.start(request):
+        if not self._run.start(request, self.impedance(request.controller), self.torque_filter_gain()):
             self.report("move refused: it would begin in a singular pose")
             return Outcome.SINGULAR_START
         self._packets.reset()
         self._reflexes.start(state)
-        state.robot_mode, state.controller_mode, state.generator_mode = RobotMode.MOVE, request.controller, request.generator
+        state.robot_mode, state.controller_mode, state.generator_mode = (
+            RobotMode.MOVE,
+            request.controller,
+            request.generator,
+        )
         state.last_motion_errors, state.control_command_success_rate = NO_ERRORS, 0.0
         self.finished = None
         return Outcome.STARTED
@@ -107,7 +109,8 @@ class ControlBox(ConfiguredBox):
         self._change(Event.CONNECTION_LOST)
 
     def recover(self) -> Outcome:
-        """Automatic error recovery: clears the errors and the collisions of a reflex; what ended the last motion stays known."""
+        """Automatic error recovery: clears the errors and the collisions of a reflex; what ended the last motion stays
+        known."""
         outcome = self._change(Event.RECOVER)
         if self.mode is RobotMode.AUTOMATIC_ERROR_RECOVERY:
             self._clear_errors()
@@ -136,7 +139,8 @@ class ControlBox(ConfiguredBox):
         return outcome
 
     def reset(self, q: Sequence[float]) -> None:
-        """The arm was put to q at rest (simulation only): idle, errors cleared, a running motion aborted. q: 7 floats [rad]."""
+        """The arm was put to q at rest (simulation only): idle, errors cleared, a running motion aborted. q: 7 floats
+        [rad]."""
         if len(q) != 7:
             raise CommandError(f"a pose is 7 numbers [rad]; got {len(q)}")
         self._end_motion(Outcome.ABORTED, NO_ERRORS)
@@ -145,7 +149,8 @@ class ControlBox(ConfiguredBox):
         self.state.robot_mode = RobotMode.IDLE
 
     def break_down(self, q: Sequence[float]) -> None:
-        """The plant broke down and was put to q at rest (simulation only): a reflex, where the mode has any. q: 7 floats [rad]."""
+        """The plant broke down and was put to q at rest (simulation only): a reflex, where the mode has any. q: 7
+        floats [rad]."""
         self._put(q)
         if next_mode(self.mode, Event.REFLEX) is not None:
             self._protect(_UNSTABLE)
@@ -165,10 +170,11 @@ class ControlBox(ConfiguredBox):
         state.joint_collision[:], state.cartesian_collision[:] = _ZEROS, _ZEROS[:6]
         state.control_command_success_rate = 0.0
 
-    # -- the table -----------------------------------------------------------------------------------------------------------------------
+    # -- transitions
+    # -----------------------------------------------------------------------------------------------------
 
     def _change(self, event: Event, why: Errors = NO_ERRORS) -> Outcome:
-        """Follow the arrow, if there is one: SUCCESS, or NOT_POSSIBLE."""
+        """Make the transition, if there is one: SUCCESS, or NOT_POSSIBLE."""
         before, after = self.mode, next_mode(self.mode, event)
         if after is None:
             return Outcome.NOT_POSSIBLE
@@ -203,9 +209,11 @@ class ControlBox(ConfiguredBox):
     def _reflex(self, names: Errors, reason: str = "") -> None:
         """The arm protects itself, and says why; reason: what there is to add to the names."""
         self._protect(names)
-        self.report(f"{self.model.arm_id}: motion aborted by reflex: {describe(names, self.state, self.config, reason)}")
+        self.report(
+            f"{self.model.arm_id}: motion aborted by reflex: {describe(names, self.state, self.config, reason)}"
+        )
 
-    # -- the millisecond -----------------------------------------------------------------------------------------------------------------
+    # -- the millisecond -----------------------------------------------------------------------------------------------
 
     def read(self, q: Sequence[float], dq: Sequence[float], tau_J: Sequence[float], time: float) -> None:
         """The arm at the measuring instant.
@@ -213,7 +221,7 @@ class ControlBox(ConfiguredBox):
         Args:
             q, dq: joint position and velocity, 7 floats [rad], [rad/s].
             tau_J: torque during the last cycle, gravity included, 7 floats [N m].
-            time: run time [s].
+            time: robot time [s].
         """
         state = self.state
         if self._fresh:
@@ -235,7 +243,8 @@ class ControlBox(ConfiguredBox):
             self.state.q_d[:] = q
 
     def write(self, command: MotionCommand | None) -> list[float]:
-        """Torques for the arm until the next cycle, 7 floats [N m]: command or hold, plus gravity and friction compensation.
+        """Torques for the arm until the next cycle, 7 floats [N m]: command or hold, plus gravity and friction
+        compensation.
 
         Args:
             command: of the running motion, or None: no packet came. Without a motion it is not looked at.
@@ -248,7 +257,7 @@ class ControlBox(ConfiguredBox):
             state.q_d[:], state.tau_J_d[:] = state.q, tau
         else:
             tau = self._hold()
-        torque = add(tau, self._gravity_torque or self._gravity(state.q))
+        torque = add(tau, self._gravity_torque or self._compiled.gravity(state.q))
         if self._friction is not None:
             friction = self._friction_torque = self._friction(state.dq)
             torque = add(torque, friction)
@@ -282,6 +291,6 @@ class ControlBox(ConfiguredBox):
         return tau
 
     def _lost_too_many(self) -> bool:
-        packets, most = self._packets, self.config.max_lost_packets
+        packets, maximum = self._packets, self.config.max_lost_packets
         packets.lose()
-        return self.config.reflexes and most is not None and packets.lost_in_a_row >= most
+        return self.config.reflexes and maximum is not None and packets.lost_in_a_row >= maximum

@@ -1,7 +1,5 @@
 """The arm holds itself: internal joint impedance around a desired position that comes to rest."""
 
-from __future__ import annotations
-
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.state import BoxState
 
@@ -9,7 +7,8 @@ from franka_sim.box.state import BoxState
 class Braking:
     """Brings the desired joint motion to rest with the acceleration limits, as after a motion that ended on its way.
 
-    q_d' = q_d + dt dq_d, dq_d' = dq_d reduced by at most dt * deceleration * limit; ddq_d is the change of dq_d per time.
+    q_d' = q_d + dt dq_d, dq_d' = dq_d reduced by at most dt * deceleration * limit; ddq_d is the change of dq_d per
+    time.
     """
 
     def __init__(self, config: BoxConfig) -> None:
@@ -26,7 +25,10 @@ class Braking:
         """One cycle: writes q_d, dq_d and ddq_d, in place."""
         if any(state.dq_d):
             before = state.dq_d
-            after = [max(v - step, 0.0) if v > 0.0 else min(v + step, 0.0) for v, step in zip(before, self._step, strict=True)]
+            after = [
+                max(v - step, 0.0) if v > 0.0 else min(v + step, 0.0)
+                for v, step in zip(before, self._step, strict=True)
+            ]
             self._move(state, before, after)
         elif any(state.ddq_d):
             state.ddq_d[:] = self._zeros

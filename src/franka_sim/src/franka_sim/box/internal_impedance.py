@@ -3,24 +3,25 @@
 Gains are lowered to what a loop of this time step can carry, see config/internal_impedance.yaml.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.robot_state import RobotState
-from franka_sim.box.kinematics import ArmKinematics
-from franka_sim.box.pose_lists import twist_between
-from franka_sim.impedance import JointImpedance, defaults, least_inertia, sustainable
+from franka_sim.box.config import read_config
+from franka_sim.box.kinematics import ArmKinematics, twist_between
 from hric_control.errors import CommandError
+from hric_control.geometry import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
+
+def defaults() -> dict[str, Any]:
+    """What config/internal_impedance.yaml says."""
+    return read_config("internal_impedance")
 
 
 def _legal_poses(limits: FrankaLimits) -> FloatArray:
@@ -34,6 +35,39 @@ def _checked(values: Sequence[float], range_name: str, what: str) -> list[float]
     if not all(low <= x <= high for x in result):
         raise CommandError(f"{what} must be from {low:g} to {high:g}; got {result}")
     return result
+
+
+@dataclass(frozen=True)
+class JointImpedance:
+    """tau = K (q_d - q) + D (dq_d - dq), each torque within its limit.
+
+    Attributes:
+        stiffness: K, n floats [N m/rad].
+        damping: D, n floats [N m s/rad].
+        max_torque: n floats [N m].
+    """
+
+    stiffness: tuple[float, ...]
+    damping: tuple[float, ...]
+    max_torque: tuple[float, ...]
+
+    def torque(
+        self, q_d: Sequence[float], dq_d: Sequence[float], q: Sequence[float], dq: Sequence[float]
+    ) -> list[float]:
+        """Torque without gravity, n floats [N m]; positions [rad], velocities [rad/s]."""
+        rows = zip(self.stiffness, self.damping, self.max_torque, q_d, dq_d, q, dq, strict=True)
+        return [min(max(k * (x_d - x) + d * (v_d - v), -limit), limit) for k, d, limit, x_d, v_d, x, v in rows]
+
+
+def joint_inertia(mass_matrices: FloatArray, rotor_inertia: Sequence[float]) -> FloatArray:
+    """Minimum of 1/((M+B)^-1)_ii of each joint over the poses, shape (n,) [kg m^2]: what a joint moves when all others
+    are free.
+
+    mass_matrices: shape (poses, n, n) [kg m^2]; rotor_inertia: diagonal of B, n floats [kg m^2].
+    """
+    inverse = np.linalg.inv(mass_matrices + np.diag(rotor_inertia))
+    inertia: FloatArray = 1.0 / np.diagonal(inverse, axis1=1, axis2=2).max(axis=0)
+    return inertia
 
 
 class JointImpedanceLaw:
@@ -51,8 +85,10 @@ class JointImpedanceLaw:
         time_step: [s].
     """
 
-    def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, rotor_inertia: Sequence[float], time_step: float) -> None:
-        self._inertia = least_inertia(np.array([model.mass(q) for q in _legal_poses(limits)]), rotor_inertia)
+    def __init__(
+        self, model: KdlFrankaModel, limits: FrankaLimits, rotor_inertia: Sequence[float], time_step: float
+    ) -> None:
+        self._inertia = joint_inertia(np.array([model.mass(q) for q in _legal_poses(limits)]), rotor_inertia)
         self._effort, self._dt = limits.effort, time_step
         self.set_stiffness(defaults()["stiffness"])
 
@@ -62,12 +98,15 @@ class JointImpedanceLaw:
         Raises:
             CommandError: out of libfranka's range; the stiffness before stays.
         """
-        wanted, rule = _checked(stiffness, "joint_stiffness_range", "joint stiffness [N m/rad]"), defaults()
-        if len(wanted) != 7:
-            raise CommandError(f"joint stiffness has {len(wanted)} values; it needs 7")
-        damping = [d * (k / k0) ** 0.5 for k, k0, d in zip(wanted, rule["stiffness"], rule["damping"], strict=True)]
-        k, d = sustainable(wanted, damping, self._inertia, self._dt)
-        self._law, self.stiffness, self.damping = JointImpedance(tuple(k), tuple(d), self._effort), k, d
+        requested, rule = _checked(stiffness, "joint_stiffness_range", "joint stiffness [N m/rad]"), defaults()
+        if len(requested) != 7:
+            raise CommandError(f"joint stiffness has {len(requested)} values; it needs 7")
+        damping = [d * (k / k0) ** 0.5 for k, k0, d in zip(requested, rule["stiffness"], rule["damping"], strict=True)]
+        max_stiffness = (rule["frequency_limit"] / self._dt) ** 2 * self._inertia
+        max_damping = rule["damping_limit"] / self._dt * self._inertia
+        self.stiffness: list[float] = np.minimum(requested, max_stiffness).tolist()
+        self.damping: list[float] = np.minimum(damping, max_damping).tolist()
+        self._law = JointImpedance(tuple(self.stiffness), tuple(self.damping), self._effort)
 
     def torque(self, state: RobotState) -> list[float]:
         """Torque without gravity, 7 floats [N m]."""
@@ -76,9 +115,9 @@ class JointImpedanceLaw:
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """What the arm weighs along a kind of motion, all else free: least and median over poses [kg] or [kg m^2]."""
+    """What the arm weighs along a kind of motion, all else free: minimum and median over poses [kg] or [kg m^2]."""
 
-    least: float
+    minimum: float
     median: float
 
     def damping(self, stiffness: float) -> float:
@@ -88,14 +127,18 @@ class Inertia:
     def sustained(self, stiffness: float, time_step: float) -> tuple[float, float]:
         """The stiffness and its damping, lowered to what the time step can carry."""
         rule = defaults()
-        k = min(stiffness, (rule["cartesian_frequency_limit"] / time_step) ** 2 * self.least)
-        return k, min(self.damping(k), rule["cartesian_damping_limit"] * self.least / time_step)
+        k = min(stiffness, (rule["cartesian_frequency_limit"] / time_step) ** 2 * self.minimum)
+        return k, min(self.damping(k), rule["cartesian_damping_limit"] * self.minimum / time_step)
 
 
-def space_inertia(model: KdlFrankaModel, kinematics: ArmKinematics, poses: FloatArray, rotor_inertia: Sequence[float]) -> tuple[Inertia, ...]:
-    """Inertia of translation, rotation of the stiffness frame, and of the self-motion, each in the direction where it is least.
+def space_inertia(
+    model: KdlFrankaModel, kinematics: ArmKinematics, poses: FloatArray, rotor_inertia: Sequence[float]
+) -> tuple[Inertia, ...]:
+    """Inertia of translation, rotation of the stiffness frame, and of the self-motion, each in the direction of its
+    minimum.
 
-    For a Jacobian A: 1 / (largest eigenvalue of A (M+B)^-1 A'); for the unit null vector n of the whole Jacobian A = n'.
+    For a Jacobian A: 1 / (largest eigenvalue of A (M+B)^-1 A'); for the unit null vector n of the whole Jacobian A =
+    n'.
     """
     found = []
     for q in poses:
@@ -103,14 +146,16 @@ def space_inertia(model: KdlFrankaModel, kinematics: ArmKinematics, poses: Float
         inverse = np.linalg.inv(model.mass(q) + np.diag(rotor_inertia))
         null = np.linalg.svd(J)[2][-1:]
         found.append([1.0 / np.linalg.eigvalsh(A @ inverse @ A.T)[-1] for A in (J[:3], J[3:], null)])
-    return tuple(Inertia(float(least), float(median)) for least, median in zip(np.min(found, axis=0), np.median(found, axis=0), strict=True))
+    minima, medians = np.min(found, axis=0).tolist(), np.median(found, axis=0).tolist()
+    return tuple(map(Inertia, minima, medians))
 
 
 class CartesianImpedanceLaw:
     """A spring and a damper between the desired and the measured stiffness frame, and one along the arm's self-motion.
 
-    In the axes of the measured stiffness frame: F = K e + D J (dq_d - dq), e the position and rotation vector from the measured to the desired
-    frame. tau = J' F + n (k_n n'(q_d - q) + d_n n'(dq_d - dq)), n the unit null vector of J: it moves nothing at the end effector.
+    In the axes of the measured stiffness frame: F = K e + D J (dq_d - dq), e the position and rotation vector from the
+    measured to the desired frame. tau = J' F + n (k_n n'(q_d - q) + d_n n'(dq_d - dq)), n the unit null vector of J: it
+    moves nothing at the end effector.
 
     Attributes:
         stiffness, damping: in force, 6 floats, [N/m], [N s/m] and [N m/rad], [N m s/rad].
@@ -122,22 +167,25 @@ class CartesianImpedanceLaw:
         time_step: [s].
     """
 
-    def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, rotor_inertia: Sequence[float], time_step: float) -> None:
+    def __init__(
+        self, model: KdlFrankaModel, limits: FrankaLimits, rotor_inertia: Sequence[float], time_step: float
+    ) -> None:
         self._model, self._limits, self._rotor_inertia, self._dt = model, limits, list(rotor_inertia), time_step
         self._effort = limits.effort
         self._kinematics = ArmKinematics(model)
         self._null, self._matrix = np.ones(7), np.empty((7, 7))
-        self._wanted: list[float] = defaults()["cartesian_stiffness"]
+        self._requested: list[float] = defaults()["cartesian_stiffness"]
         self.update_frames()
 
     def update_frames(self) -> None:
-        """Take the model's end effector and stiffness frame; the gains are set anew for them (some milliseconds)."""
+        """Take the model's end effector and stiffness frame; the gains are set again for them (some milliseconds)."""
         self._kinematics.update()
         self._inertia = space_inertia(self._model, self._kinematics, _legal_poses(self._limits), self._rotor_inertia)
-        self.set_stiffness(self._wanted)
+        self.set_stiffness(self._requested)
 
     def set_stiffness(self, stiffness: Sequence[float]) -> None:
-        """K_x of libfranka's setCartesianImpedance, translation [N/m], rotation [N m/rad], 6 floats, axes of the stiffness frame.
+        """K_x of libfranka's setCartesianImpedance, translation [N/m], rotation [N m/rad], 6 floats, axes of the
+        stiffness frame.
 
         Raises:
             CommandError: out of libfranka's range; the stiffness before stays.
@@ -146,9 +194,11 @@ class CartesianImpedanceLaw:
             raise CommandError(f"Cartesian stiffness has {len(stiffness)} values; it needs 6")
         linear = _checked(stiffness[:3], "translation_stiffness_range", "translational stiffness [N/m]")
         angular = _checked(stiffness[3:], "rotation_stiffness_range", "rotational stiffness [N m/rad]")
-        self._wanted = linear + angular
+        self._requested = linear + angular
         translation, rotation, self_motion = self._inertia
-        gains = [translation.sustained(k, self._dt) for k in linear] + [rotation.sustained(k, self._dt) for k in angular]
+        gains = [translation.sustained(k, self._dt) for k in linear] + [
+            rotation.sustained(k, self._dt) for k in angular
+        ]
         self.stiffness, self.damping = [k for k, _ in gains], [d for _, d in gains]
         self._K, self._D = np.reshape(self.stiffness, (2, 3)), np.reshape(self.damping, (2, 3))
         self._k_null, self._d_null = self_motion.sustained(defaults()["self_motion_stiffness"], self._dt)
@@ -160,7 +210,7 @@ class CartesianImpedanceLaw:
         J = measured.jacobian()
         null = self._null_vector(J)
         dq_error = np.subtract(state.dq_d, state.dq)
-        # Rows: translation and rotation; R turns the axes of the stiffness frame into the base's.
+        # Rows: translation and rotation; R: from the axes of the stiffness frame to the base's.
         R = np.array([measured.T[0:3], measured.T[4:7], measured.T[8:11]]).T
         error = np.array(twist_between(measured.T, desired.T, 1.0)).reshape(2, 3) @ R
         speed = (J @ dq_error).reshape(2, 3) @ R
@@ -170,7 +220,8 @@ class CartesianImpedanceLaw:
         return [min(max(x, -limit), limit) for x, limit in zip(tau, self._effort, strict=True)]
 
     def _null_vector(self, J: FloatArray) -> FloatArray:
-        """Unit null vector of J, shape (7,), turned from the last one; where that fails, anew as the last right singular vector."""
+        """Unit null vector of J, shape (7,), turned from the last one; where that fails, again as the last right
+        singular vector."""
         self._matrix[:6], self._matrix[6] = J, self._null
         try:
             null = np.linalg.solve(self._matrix, _LAST)
@@ -183,4 +234,6 @@ class CartesianImpedanceLaw:
 
 _LAST = np.array([0.0] * 6 + [1.0])
 _TURNED = 1e3
-"""If the null vector's component along the last one is below one in so many, it is computed anew."""
+"""If the null vector's component along the last one is below one in so many, it is computed again."""
+
+ImpedanceLaw = JointImpedanceLaw | CartesianImpedanceLaw

@@ -1,16 +1,66 @@
-"""Inverse kinematics of the arm: a pose of the end effector and the position of joint 3, which is libfranka's elbow, give all seven joints."""
+"""Inverse kinematics of the arm by Newton's method: a pose of the end effector and the position of joint 3, which is
+libfranka's elbow, give all seven joints."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_sim.box.config import MotionParameters
 from franka_sim.box.kinematics import ArmKinematics
-from franka_sim.box.motion_parameters import MotionParameters
-from franka_sim.box.newton import ELBOW_JOINT, ELBOW_ROW, make_newton
 from franka_sim.box.state import ELBOW_FLIP
+from hric_control.native import load
+
+_solve_pose: Callable[..., list[float] | None] = load("hric_kinematics").solve_pose
+_first_step: Callable[..., tuple[list[float], list[float]] | None] = load("hric_kinematics").first_step
+ELBOW_JOINT = 2
+"""Index of the joint that libfranka reports as the elbow's position."""
+ELBOW_ROW = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]
+_LARGEST_STEP = 0.5
+"""A step that turns a joint by more leaves the branch it began on: there is no solution near [rad]."""
+
+
+class Newton:
+    """Seven equations: position, rotation, and a row that the six of the Jacobian leave free.
+
+    Args:
+        kinematics: of the arm.
+        tolerance: remaining error (m and rad mixed).
+        steps: at most so many.
+    """
+
+    def __init__(self, kinematics: ArmKinematics, tolerance: float, steps: int) -> None:
+        self._kinematics = kinematics
+        self._free = (tolerance, _LARGEST_STEP, float(steps), -1.0)
+        self._held = (tolerance, _LARGEST_STEP, float(steps), float(ELBOW_JOINT))
+
+    def solve(
+        self, T: Sequence[float], row: Sequence[float], q3: float | None, guess: Sequence[float]
+    ) -> list[float] | None:
+        """Steps until the pose and, where it is given, the elbow are met.
+
+        Args:
+            T: O_T_EE, 16 floats, column-major.
+            row: the seventh row, 7 floats; the elbow's where q3 is given.
+            q3: position of joint 3 [rad], or None: whatever it is.
+            guess: 7 floats [rad].
+
+        Returns:
+            7 floats [rad], or None: out of reach, singular, or not near.
+        """
+        options, elbow = (self._free, 0.0) if q3 is None else (self._held, q3)
+        return _solve_pose(self._kinematics.arm, T, row, elbow, options, guess)
+
+    def first_step(
+        self, T: Sequence[float], row: Sequence[float], guess: Sequence[float]
+    ) -> tuple[list[float], list[float]] | None:
+        """One step that the row does not feel.
+
+        Returns:
+            (q after it, unit vector x with J x = 0 and a positive product with the row), 7 floats each, or None as
+            `solve`.
+        """
+        return _first_step(self._kinematics.arm, T, row, self._free, guess)
 
 
 def elbow_side(q: Sequence[float]) -> float:
@@ -30,11 +80,12 @@ class ElbowInverseKinematics:
     def __init__(self, model: KdlFrankaModel, parameters: MotionParameters, time_step: float = 0.001) -> None:
         self.kinematics = ArmKinematics(model)
         self._parameters, self._dt = parameters, time_step
-        self._newton = make_newton(self.kinematics, parameters.ik_tolerance, parameters.ik_steps)
+        self._newton = Newton(self.kinematics, parameters.ik_tolerance, parameters.ik_steps)
         self._null = ELBOW_ROW
 
     def begin(self, q: Sequence[float]) -> float:
-        """Begin a motion at q, 7 floats [rad]. Returns the least singular value of the end effector's Jacobian (m and rad mixed)."""
+        """Begin a motion at q, 7 floats [rad]. Returns the minimum singular value of the end effector's Jacobian (m and
+        rad mixed)."""
         self.kinematics.update()
         _, singular_values, rows = np.linalg.svd(self.kinematics.end_effector(q).jacobian())
         self._null = rows[-1].tolist()
@@ -43,7 +94,8 @@ class ElbowInverseKinematics:
     def solve(self, T: Sequence[float], q3: float, guess: Sequence[float]) -> list[float] | None:
         """The joint positions near the guess, 7 floats [rad], or None if there are none (out of reach, singular).
 
-        Seven equations, position, rotation and elbow. Per millisecond the guess is within about 1e-6 rad: one step is enough.
+        Seven equations, position, rotation and elbow. Per millisecond the guess is within about 1e-6 rad: one step is
+        enough.
 
         Args:
             T: O_T_EE, 16 floats, column-major.
@@ -52,12 +104,14 @@ class ElbowInverseKinematics:
         """
         return self._newton.solve(T, ELBOW_ROW, q3, guess)
 
-    def follow(self, T: Sequence[float], hold: float, q_d: Sequence[float], guess: Sequence[float]) -> list[float] | None:
+    def follow(
+        self, T: Sequence[float], hold: float, q_d: Sequence[float], guess: Sequence[float]
+    ) -> list[float] | None:
         """The same without a commanded elbow: joint 3 is held as far as that needs no fast motion of the other joints.
 
-        The unit null vector n of the Jacobian, kept from step to step, is the seventh row; [J; n'] x = (0, 1) turns it to this pose. The first step
-        adds the self-motion n beta that would move joint 3 from q_d by return_rate dt (hold - q3), damped where n3 is small:
-        beta = n3 (wanted - found) / (n3^2 + lambda^2).
+        The unit null vector n of the Jacobian, kept from step to step, is the seventh row; [J; n'] x = (0, 1) turns it
+        to this pose. The first step adds the self-motion n beta that would move joint 3 from q_d by return_rate dt
+        (hold - q3), damped where n3 is small: beta = n3 (desired - found) / (n3^2 + lambda^2).
 
         Args:
             T: O_T_EE, 16 floats, column-major.
@@ -74,8 +128,9 @@ class ElbowInverseKinematics:
         return self._newton.solve(T, null, None, [x + n * beta for x, n in zip(q, null, strict=True)])
 
     def _self_motion(self, n3: float, found: float, hold: float, last: float) -> float:
-        """How far to go along the null vector, whose element for joint 3 is n3; found, hold, last: position of joint 3 [rad]."""
+        """How far to go along the null vector, whose element for joint 3 is n3; found, hold, last: position of joint 3
+        [rad]."""
         parameters = self._parameters
-        damping = parameters.elbow_damping**2 * max(0.0, 1.0 - (n3 / parameters.elbow_least) ** 2)
-        wanted = last + parameters.elbow_return_rate * self._dt * (hold - last)
-        return n3 * (wanted - found) / (n3 * n3 + damping)
+        damping = parameters.elbow_damping**2 * max(0.0, 1.0 - (n3 / parameters.elbow_min) ** 2)
+        desired = last + parameters.elbow_return_rate * self._dt * (hold - last)
+        return n3 * (desired - found) / (n3 * n3 + damping)

@@ -1,70 +1,20 @@
-/* Kinematics of the arm for what happens each millisecond: see kinematics.py, pose_lists.py and inverse_kinematics.py, which say the same in Python.
- * Poses come and go as lists of 16 floats, column-major. An Arm is a buffer of doubles: for each of the seven joints, then for the frame at the tip,
- * the columns of the rotation and the translation from the frame before. */
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
+/* Kinematics of the arm for what happens each millisecond: see kinematics.py and inverse_kinematics.py.
+ * Poses come and go as lists of 16 floats, column-major. An Arm is a buffer of doubles: for each of the seven joints,
+ * then for the frame at the tip, the columns of the rotation and the translation from the frame before. */
+#include "hric_control/python_numbers.h"
 #include <math.h>
 #include <string.h>
 
 #define JOINTS 7
-#define FRAME 12
-#define FUNCTION(name) static PyObject *name(PyObject *module, PyObject *const *given, Py_ssize_t count)
 
-typedef struct { double x[3], y[3], z[3], p[3]; } Frame;
-typedef struct { double axes[JOINTS][3], origins[JOINTS][3], T[16]; } Placement;
+typedef struct {
+    double x[3], y[3], z[3], p[3];
+} Frame;
+typedef struct {
+    double axes[JOINTS][3], origins[JOINTS][3], T[16];
+} Placement;
 
-/* -- numbers of Python ---------------------------------------------------------------------------------------------------------------- */
-
-static int expect(Py_ssize_t count, Py_ssize_t wanted, const char *usage)
-{
-    if (count != wanted)
-        PyErr_SetString(PyExc_TypeError, usage);
-    return count == wanted;
-}
-
-/* The numbers of a sequence of a known length; 0 with an error set. */
-static int take(PyObject *sequence, Py_ssize_t n, double *out)
-{
-    PyObject *fast = PySequence_Fast(sequence, "a sequence of numbers is wanted");
-    if (fast == NULL)
-        return 0;
-    if (PySequence_Fast_GET_SIZE(fast) != n)
-        PyErr_Format(PyExc_ValueError, "%zd numbers are wanted, got %zd", n, PySequence_Fast_GET_SIZE(fast));
-    PyObject **items = PySequence_Fast_ITEMS(fast);
-    for (Py_ssize_t i = 0; PyErr_Occurred() == NULL && i < n; i++)
-        out[i] = PyFloat_AsDouble(items[i]);
-    Py_DECREF(fast);
-    return PyErr_Occurred() == NULL;
-}
-
-static int take_arm(PyObject *buffer, Frame arm[JOINTS + 1])
-{
-    Py_buffer view;
-    if (PyObject_GetBuffer(buffer, &view, PyBUF_SIMPLE) < 0)
-        return 0;
-    int fits = view.len == (Py_ssize_t)((JOINTS + 1) * sizeof(Frame));
-    if (fits)
-        memcpy(arm, view.buf, (size_t)view.len);
-    else
-        PyErr_Format(PyExc_ValueError, "an arm is %d doubles", FRAME * (JOINTS + 1));
-    PyBuffer_Release(&view);
-    return fits;
-}
-
-static PyObject *list(const double *values, Py_ssize_t n)
-{
-    PyObject *made = PyList_New(n);
-    for (Py_ssize_t i = 0; made != NULL && i < n; i++) {
-        PyObject *value = PyFloat_FromDouble(values[i]);
-        if (value == NULL)
-            Py_CLEAR(made);
-        else
-            PyList_SET_ITEM(made, i, value);
-    }
-    return made;
-}
-
-/* -- forward ---------------------------------------------------------------------------------------------------------------------------- */
+/* -- forward ------------------------------------------------------------------------------------------------------- */
 
 /* The frame `fixed` behind `at`. */
 static void carry(Frame *at, const Frame *fixed)
@@ -103,6 +53,17 @@ static void forward(const Frame arm[JOINTS + 1], const double q[JOINTS], Placeme
     out->T[15] = 1.0;
 }
 
+/* Column of the Jacobian of the tip, linear above angular, in the base frame. */
+static void column(const Placement *at, int joint, double out[6])
+{
+    const double *a = at->axes[joint], *o = at->origins[joint], u = at->T[12] - o[0], v = at->T[13] - o[1],
+                 w = at->T[14] - o[2];
+    out[0] = a[1] * w - a[2] * v;
+    out[1] = a[2] * u - a[0] * w;
+    out[2] = a[0] * v - a[1] * u;
+    memcpy(out + 3, a, 3 * sizeof(double));
+}
+
 /* Constant twist from one pose to the other in a time. */
 static void between(const double *a, const double *b, double time, double twist[6])
 {
@@ -113,7 +74,8 @@ static void between(const double *a, const double *b, double time, double twist[
         s[2] += a[k] * b[k + 1] - a[k + 1] * b[k];
         trace += a[k] * b[k] + a[k + 1] * b[k + 1] + a[k + 2] * b[k + 2];
     }
-    const double sine = 0.5 * sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]), cosine = 0.5 * (trace - 1.0), angle = atan2(sine, cosine);
+    const double sine = 0.5 * sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]), cosine = 0.5 * (trace - 1.0),
+                 angle = atan2(sine, cosine);
     const double factor = 0.5 * (sine > 0.0 ? angle / sine : 1.0) / time;
     for (int i = 0; i < 3; i++) {
         twist[i] = (b[12 + i] - a[12 + i]) / time;
@@ -125,22 +87,23 @@ static void between(const double *a, const double *b, double time, double twist[
     }
 }
 
-/* -- inverse ---------------------------------------------------------------------------------------------------------------------------- */
+/* -- inverse ------------------------------------------------------------------------------------------------------- */
 
-typedef struct { double tolerance, largest; int steps, elbow; } Newton;
+typedef struct {
+    double tolerance, largest;
+    int steps, elbow;
+} Newton;
 
-/* Solve [J; row] x = right for `columns` right sides by elimination with partial pivoting; 0 where there is no solution, or none whose first column is
- * a small step. */
+/* Solve [J; row] x = right for `columns` right sides by elimination with partial pivoting; 0 where there is no
+ * solution, or none whose first column is a small step. */
 static int solve(const Placement *at, const double row[JOINTS], double right[JOINTS][2], int columns, double largest)
 {
     double A[JOINTS][JOINTS];
     for (int j = 0; j < JOINTS; j++) {
-        const double *a = at->axes[j], u = at->T[12] - at->origins[j][0], v = at->T[13] - at->origins[j][1], w = at->T[14] - at->origins[j][2];
-        A[0][j] = a[1] * w - a[2] * v;
-        A[1][j] = a[2] * u - a[0] * w;
-        A[2][j] = a[0] * v - a[1] * u;
-        for (int i = 0; i < 3; i++)
-            A[3 + i][j] = a[i];
+        double J[6];
+        column(at, j, J);
+        for (int i = 0; i < 6; i++)
+            A[i][j] = J[i];
         A[6][j] = row[j];
     }
     for (int k = 0; k < JOINTS; k++) {
@@ -180,8 +143,10 @@ static int solve(const Placement *at, const double row[JOINTS], double right[JOI
     return 1;
 }
 
-/* Newton steps from q until pose and elbow are met; 0 if they are not. q3 is looked at with options->elbow >= 0, the index of that joint. */
-static int newton(const Frame *arm, const double T[16], const double row[JOINTS], double q3, const Newton *options, double q[JOINTS])
+/* Newton steps from q until pose and elbow are met; 0 if they are not. q3 is looked at with options->elbow >= 0, the
+ * index of that joint. */
+static int newton(const Frame *arm, const double T[16], const double row[JOINTS], double q3, const Newton *options,
+                  double q[JOINTS])
 {
     for (int step = 0; step <= options->steps; step++) {
         Placement at;
@@ -203,11 +168,15 @@ static int newton(const Frame *arm, const double T[16], const double row[JOINTS]
     return 0;
 }
 
-/* -- what Python calls ------------------------------------------------------------------------------------------------------------------ */
+/* -- what Python calls --------------------------------------------------------------------------------------------- */
+
+static int take_arm(PyObject *buffer, Frame arm[JOINTS + 1])
+{
+    return copy_buffer(buffer, (JOINTS + 1) * sizeof(Frame), arm, "an arm");
+}
 
 FUNCTION(end_effector)
 {
-    (void)module;
     Frame arm[JOINTS + 1];
     double q[JOINTS];
     Placement at;
@@ -217,9 +186,21 @@ FUNCTION(end_effector)
     return list(at.T, 16);
 }
 
+FUNCTION(place)
+{
+    Frame arm[JOINTS + 1];
+    double q[JOINTS], J[6 * JOINTS];
+    Placement at;
+    if (!expect(count, 2, "place(arm, q)") || !take_arm(given[0], arm) || !take(given[1], JOINTS, q))
+        return NULL;
+    forward(arm, q, &at);
+    for (int j = 0; j < JOINTS; j++)
+        column(&at, j, J + 6 * j);
+    return Py_BuildValue("(NN)", list(at.T, 16), list(J, 6 * JOINTS));
+}
+
 FUNCTION(twist_between)
 {
-    (void)module;
     double a[16], b[16], twist[6];
     if (!expect(count, 3, "twist_between(T_from, T_to, time_step)") || !take(given[0], 16, a) || !take(given[1], 16, b))
         return NULL;
@@ -248,12 +229,12 @@ static int take_options(PyObject *sequence, Newton *options)
 
 FUNCTION(solve_pose)
 {
-    (void)module;
     Frame arm[JOINTS + 1];
     double T[16], row[JOINTS], q[JOINTS];
     Newton options;
-    if (!expect(count, 6, "solve_pose(arm, T, row, q3, options, guess)") || !take_arm(given[0], arm) || !take(given[1], 16, T)
-        || !take(given[2], JOINTS, row) || !take_options(given[4], &options) || !take(given[5], JOINTS, q))
+    if (!expect(count, 6, "solve_pose(arm, T, row, q3, options, guess)") || !take_arm(given[0], arm)
+        || !take(given[1], 16, T) || !take(given[2], JOINTS, row) || !take_options(given[4], &options)
+        || !take(given[5], JOINTS, q))
         return NULL;
     const double q3 = PyFloat_AsDouble(given[3]);
     if (PyErr_Occurred())
@@ -265,13 +246,13 @@ FUNCTION(solve_pose)
 
 FUNCTION(first_step)
 {
-    (void)module;
     Frame arm[JOINTS + 1];
     double T[16], row[JOINTS], q[JOINTS], error[6], right[JOINTS][2], null[JOINTS], square = 0.0;
     Newton options;
     Placement at;
-    if (!expect(count, 5, "first_step(arm, T, row, options, guess)") || !take_arm(given[0], arm) || !take(given[1], 16, T)
-        || !take(given[2], JOINTS, row) || !take_options(given[3], &options) || !take(given[4], JOINTS, q))
+    if (!expect(count, 5, "first_step(arm, T, row, options, guess)") || !take_arm(given[0], arm)
+        || !take(given[1], 16, T) || !take(given[2], JOINTS, row) || !take_options(given[3], &options)
+        || !take(given[4], JOINTS, q))
         return NULL;
     forward(arm, q, &at);
     between(at.T, T, 1.0, error);
@@ -290,12 +271,15 @@ FUNCTION(first_step)
     return Py_BuildValue("(NN)", list(q, JOINTS), list(null, JOINTS));
 }
 
-#define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))name, METH_FASTCALL, text}
 static PyMethodDef methods[] = {
-    METHOD(end_effector, "(arm, q): its pose"), METHOD(twist_between, "(T_from, T_to, time_step)"),
+    METHOD(end_effector, "(arm, q): pose of the tip"),
+    METHOD(place, "(arm, q): (pose of the tip, its Jacobian column by column)"),
+    METHOD(twist_between, "(T_from, T_to, time_step)"),
     METHOD(solve_pose, "(arm, T, row, q3, options, guess): joint positions or None"),
-    METHOD(first_step, "(arm, T, row, options, guess): (joint positions, null vector) or None"), {0},
+    METHOD(first_step, "(arm, T, row, options, guess): (joint positions, null vector) or None"),
+    {0},
 };
-static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "hric_kinematics", NULL, -1, methods, NULL, NULL, NULL, NULL};
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "hric_kinematics", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
-__attribute__((visibility("default"))) PyObject *PyInit_hric_kinematics(void) { return PyModule_Create(&definition); }
+PyMODINIT_FUNC PyInit_hric_kinematics(void) { return PyModule_Create(&definition); }

@@ -1,44 +1,38 @@
-"""Forward kinematics of the arm on plain floats: pose and Jacobian at once, in less time than reading them from KDL's containers takes."""
-
-from __future__ import annotations
+"""Forward kinematics of the arm: pose and Jacobian at once, in less time than KDL's containers take to be read; and
+steps from pose to pose as twists."""
 
 import math
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_sim.box.compiled_kinematics import compiled
 from hric_control.errors import DescriptionError
+from hric_control.geometry import FloatArray
+from hric_control.native import load
 
-FloatArray = npt.NDArray[np.float64]
-Triple = tuple[float, float, float]
+_end_effector: Callable[..., list[float]] = load("hric_kinematics").end_effector
+_placement: Callable[..., tuple[list[float], list[float]]] = load("hric_kinematics").place
 
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Where the arm's frames are, in the base frame.
+    """Where a frame of the arm is, in the base frame.
 
     Attributes:
-        axes, origins: of the seven joints [1], [m].
-        T: pose of the frame asked for, 16 floats, column-major.
+        T: its pose, 16 floats, column-major.
+        columns: of the Jacobian of its origin, linear above angular, 7 x 6 floats.
     """
 
-    axes: list[Triple]
-    origins: list[Triple]
     T: list[float]
+    columns: list[float]
 
     def jacobian(self) -> FloatArray:
-        """Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7): axis x (p - origin) above axis, per joint."""
-        px, py, pz = self.T[12], self.T[13], self.T[14]
-        columns: list[float] = []
-        for (a, b, c), (x, y, z) in zip(self.axes, self.origins, strict=True):
-            u, v, w = px - x, py - y, pz - z
-            columns += (b * w - c * v, c * u - a * w, a * v - b * u, a, b, c)
-        return np.array(columns).reshape(7, 6).T
+        """Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7): axis x (p - origin)
+        above axis, per joint."""
+        return np.array(self.columns).reshape(7, 6).T
 
 
 class ArmKinematics:
@@ -55,72 +49,62 @@ class ArmKinematics:
         self._model = model
         for segment in model.chain.description.segments:
             if segment.kind != "revolute" or np.abs(np.asarray(segment.axis) - (0.0, 0.0, 1.0)).max() > 1e-12:
-                raise DescriptionError(f"the robot description: {segment.joint} must turn about the z axis of its frame")
+                raise DescriptionError(
+                    f"the robot description: {segment.joint} must turn about the z axis of its frame"
+                )
         self._joints = [_numbers(segment.T_parent_joint) for segment in model.chain.description.segments]
-        self._compiled = compiled()
         self.update()
 
     def update(self) -> None:
         """Take the model's end effector and stiffness frame."""
-        T_last_ee = model_flange(self._model) @ self._model.F_T_EE
-        self._end_effector, self._stiffness = _numbers(T_last_ee), _numbers(T_last_ee @ self._model.EE_T_K)
-        self.arm = array("d", [x for frame in (*self._joints, self._end_effector) for x in frame])
+        T_last_ee = np.asarray(self._model.chain.description.T_last_tip, dtype=float) @ self._model.F_T_EE
+        self.arm, self._stiffness = self._with_tip(T_last_ee), self._with_tip(T_last_ee @ self._model.EE_T_K)
+
+    def _with_tip(self, T_last_tip: FloatArray) -> "array[float]":
+        return array("d", [x for frame in (*self._joints, _numbers(T_last_tip)) for x in frame])
 
     def pose(self, q: Sequence[float]) -> list[float]:
         """Pose of the end effector, 16 floats, column-major; q: 7 floats [rad]."""
-        if self._compiled is None:
-            return self._place(q, self._end_effector).T
-        T: list[float] = self._compiled.end_effector(self.arm, q)
-        return T
+        return _end_effector(self.arm, q)
 
     def end_effector(self, q: Sequence[float]) -> Placement:
-        """Joint axes and pose of the end effector; q: 7 floats [rad]."""
-        return self._place(q, self._end_effector)
+        """Pose and Jacobian of the end effector; q: 7 floats [rad]."""
+        return Placement(*_placement(self.arm, q))
 
     def stiffness_frame(self, q: Sequence[float]) -> Placement:
-        """Joint axes and pose of the stiffness frame; q: 7 floats [rad]."""
-        return self._place(q, self._stiffness)
-
-    def _place(self, q: Sequence[float], tip: tuple[float, ...]) -> Placement:
-        # Columns of the rotation (x, y, z) and the origin p, carried from joint to joint: R <- R R_fixed Rz(q).
-        x: Triple = (1.0, 0.0, 0.0)
-        y: Triple = (0.0, 1.0, 0.0)
-        z: Triple = (0.0, 0.0, 1.0)
-        p: Triple = (0.0, 0.0, 0.0)
-        axes: list[Triple] = []
-        origins: list[Triple] = []
-        for fixed, angle in zip(self._joints, q, strict=True):
-            x, y, z, p = _carried(x, y, z, p, fixed)
-            cos, sin = math.cos(angle), math.sin(angle)
-            x, y = (
-                (cos * x[0] + sin * y[0], cos * x[1] + sin * y[1], cos * x[2] + sin * y[2]),
-                (cos * y[0] - sin * x[0], cos * y[1] - sin * x[1], cos * y[2] - sin * x[2]),
-            )
-            axes.append(z)
-            origins.append(p)
-        x, y, z, p = _carried(x, y, z, p, tip)
-        return Placement(axes, origins, [*x, 0.0, *y, 0.0, *z, 0.0, *p, 1.0])
-
-
-def _carried(x: Triple, y: Triple, z: Triple, p: Triple, fixed: tuple[float, ...]) -> tuple[Triple, Triple, Triple, Triple]:
-    """Columns and origin of R R_fixed, p + R p_fixed; fixed: the columns of R_fixed, then p_fixed, 12 floats."""
-    x0, x1, x2 = x
-    y0, y1, y2 = y
-    z0, z1, z2 = z
-    a, b, c, d, e, f, g, h, i, u, v, w = fixed
-    return (
-        (a * x0 + b * y0 + c * z0, a * x1 + b * y1 + c * z1, a * x2 + b * y2 + c * z2),
-        (d * x0 + e * y0 + f * z0, d * x1 + e * y1 + f * z1, d * x2 + e * y2 + f * z2),
-        (g * x0 + h * y0 + i * z0, g * x1 + h * y1 + i * z1, g * x2 + h * y2 + i * z2),
-        (p[0] + u * x0 + v * y0 + w * z0, p[1] + u * x1 + v * y1 + w * z1, p[2] + u * x2 + v * y2 + w * z2),
-    )
-
-
-def model_flange(model: KdlFrankaModel) -> FloatArray:
-    """Pose of the flange in the last moving link, shape (4, 4)."""
-    return np.asarray(model.chain.description.T_last_tip, dtype=float)
+        """Pose and Jacobian of the stiffness frame; q: 7 floats [rad]."""
+        return Placement(*_placement(self._stiffness, q))
 
 
 def _numbers(T: FloatArray) -> tuple[float, ...]:
     """The three columns of the rotation, then the translation: 12 floats."""
     return tuple(np.asarray(T, dtype=float)[:3, :].T.ravel().tolist())
+
+
+twist_between: Callable[[Sequence[float], Sequence[float], float], list[float]] = load("hric_kinematics").twist_between
+"""(T_from, T_to, time_step), both poses 16 floats, column-major: constant twist that leads from one pose to the other
+in one step, 6 floats, linear then angular in the base frame [m/s], [rad/s].
+
+The rotation vector of R = R_to R_from': sin(angle) axis is half the sum of the cross products of the columns,
+1 + 2 cos(angle) its trace. Turns by more than 90 degrees, which no step of a motion makes, get the right angle but the
+axis x.
+"""
+
+
+def moved(T: Sequence[float], twist: Sequence[float], time_step: float) -> list[float]:
+    """The pose one step of a constant twist later, 16 floats (Rodrigues' formula on each column)."""
+    rx, ry, rz = twist[3] * time_step, twist[4] * time_step, twist[5] * time_step
+    angle = math.sqrt(rx * rx + ry * ry + rz * rz)
+    first = math.sin(angle) / angle if angle > 1e-12 else 1.0
+    second = 2.0 * (math.sin(0.5 * angle) / angle) ** 2 if angle > 1e-12 else 0.5
+    result: list[float] = []
+    for k in (0, 4, 8):
+        a, b, c = T[k], T[k + 1], T[k + 2]
+        u, v, w = ry * c - rz * b, rz * a - rx * c, rx * b - ry * a
+        result += (
+            a + first * u + second * (ry * w - rz * v),
+            b + first * v + second * (rz * u - rx * w),
+            c + first * w + second * (rx * v - ry * u),
+            0.0,
+        )
+    return [*result, *(T[k] + twist[k - 12] * time_step for k in (12, 13, 14)), 1.0]

@@ -1,16 +1,17 @@
 """Limits and discontinuities of a commanded motion, by libfranka's names.
 
-Derivatives are backward differences over one time step, as in libfranka's rate limiter (rate_limiting.h): what that limiter lets pass, passes here.
+Derivatives are backward differences over one time step, as in libfranka's rate limiter (rate_limiting.h): what that
+limiter lets pass, passes here.
 
-Lost packets: while the box bridges them with constant acceleration, the velocity can pass the one below which the limiter keeps (limit less 3 ms
-times the acceleration limit). The limiter's next command then brakes at once, by up to twice the acceleration limit in one step. So the jerk of the
-first command after a loss counts only where it speeds the motion up.
+Lost packets: while the box bridges them with constant acceleration, the velocity can pass the one below which the
+limiter keeps (limit less 3 ms times the acceleration limit). The limiter's next command then brakes at once, by up to
+twice the acceleration limit in one step. So the jerk of the first command after a loss counts only where it speeds the
+motion up.
 
-Not followed: libfranka's Cartesian limiter takes the root of a negative number when the last twist is a rounding above its highest speed and the next
-one turns sideways. It then lets the acceleration grow without bound (seen with libfranka 0.9.2), which no box could take.
+Not followed: libfranka's Cartesian limiter takes the root of a negative number when the last twist is a rounding above
+its highest speed and the next one turns sideways. It then lets the acceleration grow without bound (seen with libfranka
+0.9.2), which no box could take.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Sequence
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 
 from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.robot_state import NO_ERRORS, Errors
-from franka_sim.box.motion_parameters import MotionParameters
+from franka_sim.box.config import MotionParameters
 from panda_description import CartesianLimit
 
 
@@ -32,14 +33,24 @@ class RateErrors:
     jerk: str
 
     @classmethod
-    def of(cls, generator: str) -> RateErrors:
+    def of(cls, generator: str) -> "RateErrors":
         """The names that begin with `<generator>_`."""
-        kinds = ("position_limits_violation", "velocity_limits_violation", "velocity_discontinuity", "acceleration_discontinuity")
+        kinds = (
+            "position_limits_violation",
+            "velocity_limits_violation",
+            "velocity_discontinuity",
+            "acceleration_discontinuity",
+        )
         return cls(*(f"{generator}_{kind}" for kind in kinds))
 
     def named(self, position: bool, velocity: bool, acceleration: bool, jerk: bool) -> Errors:
         """The names of what is violated."""
-        flags = ((position, self.position), (velocity, self.velocity), (acceleration, self.acceleration), (jerk, self.jerk))
+        flags = (
+            (position, self.position),
+            (velocity, self.velocity),
+            (acceleration, self.acceleration),
+            (jerk, self.jerk),
+        )
         return frozenset(name for violated, name in flags if violated)
 
 
@@ -75,8 +86,8 @@ class JointRates:
         errors: names to report.
         parameters: tolerances.
         time_step: [s].
-        with_jerk: whether the jerk is limited; it is not where the joint motion comes from inverse kinematics (Franka's documentation lists position,
-            velocity and acceleration there).
+        with_jerk: whether the jerk is limited; it is not where the joint motion comes from inverse kinematics (Franka's
+            documentation lists position, velocity and acceleration there).
     """
 
     def __init__(
@@ -117,7 +128,9 @@ class JointRates:
         """Whether the acceleration limits allow to be at rest one step later; 7 floats [rad/s]."""
         return all(abs(v) <= step for v, step in zip(dq, self._velocity_step, strict=True))
 
-    def violations(self, q: Sequence[float], dq: Sequence[float], ddq: Sequence[float], last_ddq: Sequence[float], after_loss: bool) -> Errors:
+    def violations(
+        self, q: Sequence[float], dq: Sequence[float], ddq: Sequence[float], last_ddq: Sequence[float], after_loss: bool
+    ) -> Errors:
         """What the motion violates.
 
         Args:
@@ -126,7 +139,8 @@ class JointRates:
             after_loss: the step before bridged a lost packet.
         """
         position = velocity = acceleration = jerk = False
-        rows = zip(self.lower, self.upper, self.velocity, self.acceleration, self._acceleration_step, q, dq, ddq, last_ddq, strict=True)
+        limits = self.lower, self.upper, self.velocity, self.acceleration, self._acceleration_step
+        rows = zip(*limits, q, dq, ddq, last_ddq, strict=True)
         for low, high, v_max, a_max, a_step, x, v, a, last_a in rows:
             if not low <= x <= high:
                 position = True
@@ -145,9 +159,13 @@ class JointRates:
     def _out_of_range(self, q: Sequence[float]) -> str:
         beyond = [max(low - x, x - high) for low, x, high in zip(self.lower, q, self.upper, strict=True)]
         i = _worst(beyond)
-        return _passed(self._names[i], q[i], self._limits.lower[i] if q[i] < self.lower[i] else self._limits.upper[i], "rad")
+        return _passed(
+            self._names[i], q[i], self._limits.lower[i] if q[i] < self.lower[i] else self._limits.upper[i], "rad"
+        )
 
-    def _too_large(self, violated: Sequence[bool], dq: Sequence[float], ddq: Sequence[float], last_ddq: Sequence[float]) -> list[str]:
+    def _too_large(
+        self, violated: Sequence[bool], dq: Sequence[float], ddq: Sequence[float], last_ddq: Sequence[float]
+    ) -> list[str]:
         """The joint that is farthest beyond its limit of velocity, acceleration and jerk, where one is."""
         limits, tolerances = self._limits, self._parameters
         jerk = [(a - b) / self._dt for a, b in zip(ddq, last_ddq, strict=True)]
@@ -157,15 +175,16 @@ class JointRates:
             (jerk, limits.jerk, "rad/s^3", tolerances.jerk_tolerance),
         )
         found = []
-        for passed, (values, most, unit, tolerance) in zip(violated, rows, strict=True):
+        for passed, (values, limit, unit, tolerance) in zip(violated, rows, strict=True):
             if passed:
-                i = _worst([abs(x) / limit for x, limit in zip(values, most, strict=True)])
-                found.append(_passed(self._names[i], values[i], most[i], unit, tolerance))
+                i = _worst([abs(x) / bound for x, bound in zip(values, limit, strict=True)])
+                found.append(_passed(self._names[i], values[i], limit[i], unit, tolerance))
         return found
 
 
 class SpaceRates:
-    """Checks the velocity of one quantity with its own limits by Euclidean norms: translation, rotation (3 floats) or elbow (1 float).
+    """Checks the velocity of one quantity with its own limits by Euclidean norms: translation, rotation (3 floats) or
+    elbow (1 float).
 
     Args:
         what: its name.
@@ -175,7 +194,9 @@ class SpaceRates:
         time_step: [s].
     """
 
-    def __init__(self, what: str, unit: str, limit: CartesianLimit, parameters: MotionParameters, time_step: float) -> None:
+    def __init__(
+        self, what: str, unit: str, limit: CartesianLimit, parameters: MotionParameters, time_step: float
+    ) -> None:
         self._what, self._unit, self._limit, self._parameters, self._dt = what, unit, limit, parameters, time_step
         self.velocity = limit.velocity * parameters.velocity_tolerance
         self.acceleration = limit.acceleration * parameters.acceleration_tolerance
@@ -190,7 +211,9 @@ class SpaceRates:
         """Whether the acceleration limit allows to be at rest one step later."""
         return math.hypot(*v) <= self._velocity_step
 
-    def violated(self, v: Sequence[float], a: Sequence[float], last_a: Sequence[float], after_loss: bool) -> tuple[bool, bool, bool]:
+    def violated(
+        self, v: Sequence[float], a: Sequence[float], last_a: Sequence[float], after_loss: bool
+    ) -> tuple[bool, bool, bool]:
         """Whether velocity, acceleration and jerk are violated; arguments as in `JointRates.violations`."""
         change = [x - x_last for x, x_last in zip(a, last_a, strict=True)]
         jerk = not math.hypot(*change) <= self._acceleration_step
@@ -198,8 +221,10 @@ class SpaceRates:
             jerk = False
         return not math.hypot(*v) <= self.velocity, not math.hypot(*a) <= self.acceleration, jerk
 
-    def reasons(self, violated: Sequence[bool], v: Sequence[float], a: Sequence[float], last_a: Sequence[float]) -> list[str]:
-        """What `violated` answered, in words, one text for each limit that was passed."""
+    def reasons(
+        self, violated: Sequence[bool], v: Sequence[float], a: Sequence[float], last_a: Sequence[float]
+    ) -> list[str]:
+        """What `violated` returned, in words, one text for each limit that was passed."""
         jerk = [(x - x_last) / self._dt for x, x_last in zip(a, last_a, strict=True)]
         limit, tolerances, unit = self._limit, self._parameters, self._unit
         rows: tuple[_Row, ...] = (
@@ -208,4 +233,8 @@ class SpaceRates:
             (jerk, [limit.jerk], f"{unit}/s^3", tolerances.jerk_tolerance),
         )
         found = zip(violated, rows, strict=True)
-        return [_passed(self._what, math.hypot(*x), most[0], unit, tolerance) for passed, (x, most, unit, tolerance) in found if passed]
+        return [
+            _passed(self._what, math.hypot(*x), bound[0], unit, tolerance)
+            for passed, (x, bound, unit, tolerance) in found
+            if passed
+        ]

@@ -1,8 +1,7 @@
-"""What the arm measures of itself every cycle, and at which values it protects itself."""
-
-from __future__ import annotations
+"""The measured state's limits, at which the arm protects itself each cycle, and the text of a reflex."""
 
 import math
+from collections.abc import Sequence
 from operator import mul
 
 from franka_hw_interface.model import Frame
@@ -10,7 +9,7 @@ from franka_hw_interface.robot_state import NO_ERRORS, Errors
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.self_collision import SelfCollision
 from franka_sim.box.state import BoxState
-from hric_control.vectors import smaller, within
+from hric_control.native.vectors import smaller, within
 
 JOINT_VELOCITY: Errors = frozenset(("joint_velocity_violation",))
 JOINT_POSITION: Errors = frozenset(("joint_position_limits_violation",))
@@ -23,8 +22,8 @@ CARTESIAN_COLLISION: Errors = frozenset(("cartesian_reflex",))
 class Reflexes:
     """Checks of the measured state while the arm moves.
 
-    What is expensive (self-collision, speed of the end effector, wrench) is screened by a bound that costs little and is never too small, so that
-    each cycle is checked all the same.
+    What is expensive (self-collision, speed of the end effector, wrench) is screened by a bound that costs little and
+    is never too small, so that each cycle is checked all the same.
 
     Args:
         config: thresholds.
@@ -38,7 +37,8 @@ class Reflexes:
         self._range = [x + margin for x in limits.lower], [x - margin for x in limits.upper]
         self._lower, self._upper = (list(row) for row in self._range)
         self._speed = limits.translation.velocity
-        # |tau_ext|^2 below which no threshold of a joint or of the wrench is reached: |F| <= |tau_ext| / (least singular value) + noise.
+        # |tau_ext|^2 below which no threshold of a joint or of the wrench is reached: |F| <= |tau_ext| / (minimum
+        # singular value) + noise.
         self._gate = 0.0
         self._wrench_noise = 0.0
 
@@ -58,7 +58,7 @@ class Reflexes:
         """The collision behaviour was set."""
         t = state.thresholds
         lowest = min(*t.upper_force_acceleration, *t.upper_force_nominal)
-        force = self._config.least_singular_value * max(lowest - self._wrench_noise, 0.0)
+        force = self._config.min_singular_value * max(lowest - self._wrench_noise, 0.0)
         self._gate = min(force, *t.upper_torque_acceleration, *t.upper_torque_nominal) ** 2
 
     def errors(self, state: BoxState) -> Errors:
@@ -91,3 +91,30 @@ class Reflexes:
             state.cartesian_collision[:] = levels
             return CARTESIAN_COLLISION
         return NO_ERRORS
+
+
+_AXES = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
+
+
+def _worst(values: Sequence[float], limits: Sequence[float], names: Sequence[str], units: Sequence[str]) -> str:
+    i = max(range(len(values)), key=lambda k: abs(values[k]) / limits[k] if limits[k] else abs(values[k]))
+    return f"{names[i]} at {values[i]:.3g} {units[i]}, limit {limits[i]:g}"
+
+
+def describe(names: Errors, state: BoxState, config: BoxConfig, reason: str = "") -> str:
+    """Errors by name, and the worst value behind them where it is known; reason: what the motion generator says."""
+    joints, limits, text = state.model.joint_names, config.limits, ", ".join(sorted(names))
+    if "joint_velocity_violation" in names:
+        return f"{text} ({_worst(state.dq, limits.velocity, joints, ['rad/s'] * 7)})"
+    if "joint_reflex" in names:
+        return f"{text} ({_worst(state.tau_ext_hat_filtered, state.upper()[0], joints, ['N m'] * 7)})"
+    if "cartesian_reflex" in names:
+        return (
+            f"{text} ({_worst(state.K_F_ext_hat_K, state.upper()[1], _AXES, ['N'] * 3 + ['N m'] * 3)}, in the "
+            "stiffness frame)"
+        )
+    if "joint_position_limits_violation" in names:
+        distances = [min(q - low, high - q) for low, q, high in zip(limits.lower, state.q, limits.upper, strict=True)]
+        i = distances.index(min(distances))
+        return f"{text} ({joints[i]} at {state.q[i]:.4f} rad, range {limits.lower[i]:g} to {limits.upper[i]:g})"
+    return f"{text} ({reason})" if reason else text

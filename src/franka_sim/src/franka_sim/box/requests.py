@@ -1,6 +1,4 @@
-"""What a client can ask of the control box, and what the box answers; names of libfranka, free of any protocol's numbers."""
-
-from __future__ import annotations
+"""Requests to the control box and their outcomes; names of libfranka, free of any protocol's numbers."""
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
@@ -44,7 +42,7 @@ class MoveRequest:
 
 
 class Outcome(Enum):
-    """Answer to a request, and how a motion ended. What a protocol has no number for, it maps to its nearest one."""
+    """Response to a request, and how a motion ended. A protocol without a number for it uses its nearest one."""
 
     SUCCESS = "success"
     STARTED = "motion started"

@@ -1,32 +1,30 @@
-"""Distance between the links of the arm, each covered by capsules, and a rule that says when it must be computed again."""
-
-from __future__ import annotations
+"""Distance between the links of the arm, each covered by capsules, and a rule that says when it must be computed
+again."""
 
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 import panda_description
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import Frame
 from franka_sim.box.config import BoxConfig
-from panda_description.files import config as description_file
-
-FloatArray = npt.NDArray[np.float64]
+from hric_control.geometry import FloatArray
+from panda_description.parameters import config as description_file
 
 _Rows = list[dict[str, list[float]]]
 _FINGERS = {"from": [0.0, -0.0525, 0.1034], "to": [0.0, 0.0525, 0.1034], "radius": 0.0125}
-"""All that the finger tips reach between closed and open, in the hand's frame [m]; from the finger's capsule and its range."""
+"""All that the finger tips reach between closed and open, in the hand's frame [m]; from the finger's capsule and its
+range."""
 _R_FLANGE_HAND = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 2.0**0.5]]) / 2.0**0.5
 """The hand is mounted at -45 degrees about z on the flange (panda_description, hand.xacro)."""
 
 
 def segment_distances(a: FloatArray, u: FloatArray, b: FloatArray, v: FloatArray) -> FloatArray:
-    """Distance between the segments a + s u and b + t v, s and t in 0..1; all of shape (n, 3), answer (n,) [m].
+    """Distance between the segments a + s u and b + t v, s and t in 0..1; all of shape (n, 3), result (n,) [m].
 
-    Least squares over the square by projection: the free optimum of s, then t for it clamped, then s for that t clamped (Ericson, Real-Time Collision
-    Detection, 5.1.9). Segments without length are points.
+    Least squares over the square by projection: the free optimum of s, then t for it clamped, then s for that t clamped
+    (Ericson, Real-Time Collision Detection, 5.1.9). Segments without length are points.
     """
     tiny = 1e-12
     r = a - b
@@ -43,9 +41,9 @@ def segment_distances(a: FloatArray, u: FloatArray, b: FloatArray, v: FloatArray
 class SelfCollision:
     """Clearance between the links, computed as seldom as is safe.
 
-    No point of the arm moves faster than sum |dq_i| reach_i. Once the clearance d is known, it cannot fall below the margin before the arm has
-    moved d - margin along that bound; until then there is nothing to compute. (Two links come nearer only by the joints between them, so the bound
-    holds for their relative motion.)
+    No point of the arm moves faster than sum |dq_i| reach_i. Once the clearance d is known, it cannot fall below the
+    margin before the arm has moved d - margin along that bound; until then there is nothing to compute. (Two links come
+    nearer only by the joints between them, so the bound holds for their relative motion.)
 
     Args:
         model: of the arm; the hand's shape counts where the model has a hand.
@@ -64,10 +62,10 @@ class SelfCollision:
         radii = np.array([shape["radius"] for _, _, shape in capsules])
         self._radii = radii[self._first] + radii[self._second]
         self._names = [name for name, _, _ in capsules]
-        self._least, self._free = self._margin, 0.0
+        self._min_clearance, self._free = self._margin, 0.0
 
     def clearance(self, q: Sequence[float]) -> float:
-        """Least distance between two links that do not share a joint, negative inside; q: 7 floats [rad]; answer [m]."""
+        """Minimum distance [m] between two links that do not share a joint, negative inside; q: 7 floats [rad]."""
         return float(self._distances(q).min())
 
     def nearest(self, q: Sequence[float]) -> tuple[str, str]:
@@ -76,7 +74,9 @@ class SelfCollision:
         return self._names[self._first[k]], self._names[self._second[k]]
 
     def _distances(self, q: Sequence[float]) -> FloatArray:
-        poses = {frame: np.eye(4) if frame is None else self._model.pose(frame, q) for frame in dict.fromkeys(self._frames)}
+        poses = {
+            frame: np.eye(4) if frame is None else self._model.pose(frame, q) for frame in dict.fromkeys(self._frames)
+        }
         T = np.array([poses[frame] for frame in self._frames])
         ends = np.einsum("nij,nkj->nki", T[:, :3, :3], self._ends) + T[:, None, :3, 3]
         start, along = ends[:, 0], ends[:, 1] - ends[:, 0]
@@ -87,15 +87,15 @@ class SelfCollision:
     def start(self, q: Sequence[float]) -> None:
         """A motion begins: links that are too near already may part, but not come nearer."""
         clearance = self.clearance(q)
-        self._least = min(self._margin, clearance - self._tolerance)
-        self._free = clearance - self._least
+        self._min_clearance = min(self._margin, clearance - self._tolerance)
+        self._free = clearance - self._min_clearance
 
     def too_near(self, q: Sequence[float], moved: float) -> bool:
         """Whether the links are too near; moved: bound of what any point moved since the last call [m]."""
         self._free -= moved
         if self._free > 0.0:
             return False
-        self._free = self.clearance(q) - self._least
+        self._free = self.clearance(q) - self._min_clearance
         return self._free < 0.0
 
 
@@ -107,7 +107,11 @@ def _shapes(hand: bool) -> dict[str, tuple[Frame | None, _Rows]]:
         shapes[f"link{i}"] = Frame(f"joint{i}"), rows[f"link{i}"]
     if hand:
         in_flange = [
-            {"from": (_R_FLANGE_HAND @ row["from"]).tolist(), "to": (_R_FLANGE_HAND @ row["to"]).tolist(), "radius": row["radius"]}
+            {
+                "from": (_R_FLANGE_HAND @ row["from"]).tolist(),
+                "to": (_R_FLANGE_HAND @ row["to"]).tolist(),
+                "radius": row["radius"],
+            }
             for row in [*rows["hand"], _FINGERS]
         ]
         shapes["hand"] = Frame.FLANGE, in_flange
@@ -117,7 +121,7 @@ def _shapes(hand: bool) -> dict[str, tuple[Frame | None, _Rows]]:
 def _pairs(owners: Sequence[str]) -> list[tuple[int, int]]:
     """Capsules to compare: of different links that neither share a joint nor are masked in the description.
 
-    Link 6 and the hand are 5 cm apart however joint 7 turns: nothing to watch.
+    Link 6 and the hand are 5 cm apart at any position of joint 7: nothing to watch.
     """
     order = ["link0", *(f"link{i}" for i in range(1, 8)), "hand"]
     masked = {frozenset(("link6", "hand"))} | {

@@ -14,6 +14,7 @@ from franka_hw_interface.transforms import column_major
 from franka_sim.box.config import CollisionBehavior
 from franka_sim.box.kinematics import ArmKinematics
 from franka_sim.box.requests import ControllerMode, GeneratorMode
+from hric_control.geometry.transforms import inverse
 
 if TYPE_CHECKING:
     from franka_sim.box.compiled_fields import CompiledFields
@@ -62,22 +63,22 @@ class BoxState(RobotState):
 
     Attributes:
         controller_mode, generator_mode: of the running motion; OTHER and IDLE without one.
-        model: what the box was told of the arm.
-        kinematics: of the arm with the end effector that it was told.
-        estimate_wrench: called for O_F_ext_hat_K and K_F_ext_hat_K when one of them is read.
+        model: of the arm, with the load and frames that were set.
+        kinematics: of the arm with the end effector that was set.
+        fields: estimates the external wrench when it is read, and computes all lazy fields at once, in less time than
+            each by itself takes.
         thresholds: of contact and collision.
-        wrench_noise: added to the estimate of the external wrench, 3 forces [N] and 3 moments [N m], base axes; None: nothing.
-        compiled: computes all lazy fields at once, faster than each by itself; None: there is no such code.
+        wrench_noise: added to the estimate of the external wrench, 3 forces [N] and 3 moments [N m], base axes; None:
+            nothing.
         last_motion_errors: the errors that ended the last motion (on the wire: reflex_reason).
 
     Lazy (computed when read, at most once per tick): poses, elbows, desired twist, dtau_J, external wrench, contacts.
     """
 
     __slots__ = (
-        "compiled",
         "computed_at",
         "controller_mode",
-        "estimate_wrench",
+        "fields",
         "generator_mode",
         "kinematics",
         "model",
@@ -94,25 +95,22 @@ class BoxState(RobotState):
     elbow = lazy_field("elbow", lambda state: elbow(state.q))
     elbow_d = _written_by_generator("elbow_d", lambda state: elbow(state.q_d))
     elbow_c = _written_by_generator("elbow_c", lambda state: elbow(state.q_d))
-    dtau_J = lazy_field("dtau_J", lambda state: [(b - a) / state.period for a, b in zip(state.tau_before, state.tau_J, strict=True)])
-    O_F_ext_hat_K = lazy_field("O_F_ext_hat_K", lambda state: state.estimate_wrench(state)[0])
-    K_F_ext_hat_K = lazy_field("K_F_ext_hat_K", lambda state: state.estimate_wrench(state)[1])
+    dtau_J = lazy_field(
+        "dtau_J", lambda state: [(b - a) / state.period for a, b in zip(state.tau_before, state.tau_J, strict=True)]
+    )
+    O_F_ext_hat_K = lazy_field("O_F_ext_hat_K", lambda state: state.fields.wrench(state)[0])
+    K_F_ext_hat_K = lazy_field("K_F_ext_hat_K", lambda state: state.fields.wrench(state)[1])
     joint_contact = lazy_field("joint_contact", lambda state: _levels(state.tau_ext_hat_filtered, state.lower()[0]))
     cartesian_contact = lazy_field("cartesian_contact", lambda state: _levels(state.K_F_ext_hat_K, state.lower()[1]))
 
     def __init__(
-        self,
-        model: KdlFrankaModel,
-        period: float,
-        thresholds: CollisionBehavior,
-        estimate_wrench: Callable[[BoxState], tuple[list[float], list[float]]],
+        self, model: KdlFrankaModel, period: float, thresholds: CollisionBehavior, fields: CompiledFields
     ) -> None:
         self.computed_at: dict[str, int] = {}
-        self.compiled: CompiledFields | None = None
         self.controller_mode, self.generator_mode = ControllerMode.OTHER, GeneratorMode.IDLE
         super().__init__()
         self.kinematics = ArmKinematics(model)
-        self.model, self.period, self.thresholds, self.estimate_wrench = model, period, thresholds, estimate_wrench
+        self.model, self.period, self.thresholds, self.fields = model, period, thresholds, fields
         self.tau_before = [0.0] * 7
         self.wrench_noise: list[float] | None = None
         self.theta, self.dtheta = self.q, self.dq
@@ -120,13 +118,12 @@ class BoxState(RobotState):
         self.take_configuration()
 
     def snapshot(self) -> RobotState:
-        """A copy that later cycles do not change; what takes kinematics is computed by compiled code, all at once, where there is any."""
-        if self.compiled is not None:
-            self.compiled.fill(self)
+        """A copy that later cycles do not change."""
+        self.fields.fill(self)
         return super().snapshot()
 
     def take_configuration(self) -> None:
-        """Copy what the model was told: load, end effector, frames, and the mounting."""
+        """Copy load, end effector, frames and mounting from the model."""
         model = self.model
         self.kinematics.update()
         for name, body in (("ee", model.ee_inertial), ("load", model.load), ("total", model.total_inertial)):
@@ -134,7 +131,7 @@ class BoxState(RobotState):
             setattr(self, f"F_x_C{name}", body.com.tolist())
             setattr(self, f"I_{name}", column_major(body.inertia))
         self.F_T_NE, self.F_T_EE, self.EE_T_K = (column_major(T) for T in (model.F_T_NE, model.F_T_EE, model.EE_T_K))
-        self.NE_T_EE = column_major(np.linalg.inv(model.F_T_NE) @ model.F_T_EE)
+        self.NE_T_EE = column_major(inverse(model.F_T_NE) @ model.F_T_EE)
         self.O_ddP_O = model.gravity_base.tolist()
         self.computed_at.clear()
 

@@ -1,7 +1,5 @@
 """The command `control_box`: the server that its arguments describe."""
 
-from __future__ import annotations
-
 import argparse
 import gc
 import ipaddress
@@ -19,18 +17,16 @@ from franka_sim.fci.faults import Faults
 from franka_sim.fci.robots import ROBOTS, Robot
 from franka_sim.fci.server import FciServer
 from franka_sim.gripper import Gripper
-from hric_control.errors import HricError, ParameterError
+from hric_control.errors import HricError
+from hric_control.parameters import text, whole
+from hric_control.processes import run_command
 
 
 def _check(options: argparse.Namespace) -> None:
-    try:
-        ipaddress.IPv4Address(options.ip)
-    except ValueError:
-        raise ParameterError(f"--ip is {options.ip!r}; valid: an IPv4 address of this machine, e.g. 127.0.0.2") from None
-    if not 0 <= options.priority <= 99:
-        raise ParameterError(f"--priority is {options.priority}; valid: 1 to 99, or 0 for none")
-    if options.max_lost_packets < 0:
-        raise ParameterError(f"--max-lost-packets is {options.max_lost_packets}; valid: 1 or more, or 0 for any number")
+    address = "an IPv4 address of this machine, e.g. 127.0.0.2"
+    text(valid=address, made=ipaddress.IPv4Address).checked(options.ip, "--ip")
+    whole(minimum=0, maximum=99).checked(options.priority, "--priority")
+    whole(minimum=0).checked(options.max_lost_packets, "--max-lost-packets")
 
 
 def _take_priority(priority: int) -> None:
@@ -39,14 +35,16 @@ def _take_priority(priority: int) -> None:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:
-        raise HricError(f"no right to real-time priority {priority}: allow it (ulimit -r) or leave --priority out") from None
+        raise HricError(
+            f"no right to real-time priority {priority}: allow it (ulimit -r) or leave --priority out"
+        ) from None
 
 
 def make_device(options: argparse.Namespace, robot: Robot) -> tuple[Device, Callable[[], None]]:
     """The robot, and what releases it. Raises HricError."""
     if options.constant:
         return ConstantDevice(robot.served_urdf(), None if options.no_hand else Gripper()), lambda: None
-    from franka_sim.fci.emulated_arm import make_arm  # engine and models are slow to import, and --help needs neither
+    from franka_sim.fci.arm_device import make_arm  # engine and models are slow to import, and --help needs neither
 
     arm = make_arm(options, robot)
     return arm, arm.close
@@ -61,7 +59,7 @@ def serve(options: argparse.Namespace) -> None:
     """Run until SIGINT or SIGTERM. Raises HricError."""
     _check(options)
     robot = ROBOTS[options.robot]
-    faults = Faults(options.latency, options.jitter, options.loss, options.seed)
+    faults = Faults(options.latency, options.jitter, options.loss, options.seed, where="--")
     device, close = make_device(options, robot)
     try:
         server = FciServer(device, options.ip, robot.version, options.clock, options.real_time_factor, faults)
@@ -75,7 +73,7 @@ def serve(options: argparse.Namespace) -> None:
             _attach_console(server, device)
         _take_priority(options.priority)
         gc.collect()
-        gc.freeze()  # what stands now stays; the cycle makes little that the collector must look for
+        gc.freeze()  # what exists now stays; the cycle makes little that the collector must look for
         LOG.info("%s at %s, protocol %d, %s clock", options.robot, options.ip, robot.version, options.clock)
         server.run()
     finally:
@@ -87,12 +85,4 @@ def main(words: Sequence[str] | None = None) -> int:
     """The command. Returns its exit code."""
     options = parser().parse_args(words)
     logging.basicConfig(level=logging.INFO, format="[%(levelname)s] %(message)s")
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # until the server stands
-    try:
-        serve(options)
-    except HricError as error:
-        LOG.critical("%s", error)
-        return 1
-    except KeyboardInterrupt:
-        return 0
-    return 0
+    return run_command(lambda: serve(options), LOG)

@@ -1,7 +1,5 @@
 """Arguments of the command `control_box`."""
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 
@@ -27,7 +25,8 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     made = argparse.ArgumentParser(
         prog="rosrun franka_sim control_box",
-        description="An emulated Panda or FR3: arm, control box and hand, to which an unmodified libfranka connects. Needs no ROS master.",
+        description="An emulated Panda or FR3: arm, control box and hand, to which an unmodified libfranka connects. "
+        "Needs no ROS master.",
         epilog="With --console the standard input takes:\n" + HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -40,7 +39,12 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_robot(made: argparse.ArgumentParser) -> None:
     add = made.add_argument
-    add("--ip", default="127.0.0.1", help="address to listen on (default: %(default)s, this machine only; several robots: 127.0.0.2, 127.0.0.3, ...)")
+    add(
+        "--ip",
+        default="127.0.0.1",
+        help="address to listen on (default: %(default)s, this machine only; several robots: 127.0.0.2, "
+        "127.0.0.3, ...)",
+    )
     add(
         "--robot",
         choices=tuple(ROBOTS),
@@ -67,22 +71,35 @@ def _add_robot(made: argparse.ArgumentParser) -> None:
 def _add_physics(made: argparse.ArgumentParser) -> None:
     add = made.add_argument_group("physics").add_argument
     add("--plant", default=DEFAULT_PLANT, metavar="PACKAGE/CLASS", help="physics plugin (default: %(default)s)")
-    add("--rotor-inertia", type=float, default=0.1, metavar="KGM2", help="of each joint, in the plant and as the box knows it (default: %(default)s)")
+    add(
+        "--rotor-inertia",
+        type=float,
+        default=0.1,
+        metavar="KGM2",
+        help="of each joint, in the plant and as the box knows it (default: %(default)s)",
+    )
     add(
         "--friction",
         choices=("none", "identified"),
         default=None,
-        help="joint friction of the plant, which the box compensates as far as --realism says (default: as --realism says, else none)",
+        help="joint friction of the plant, which the box compensates as far as --realism says (default: as "
+        "--realism says, else none)",
     )
     add(
         "--realism",
         type=yaml_value,
         default=IDEAL,
         metavar="PRESET",
-        help="how far the arm is from what its box believes: ideal, measured, or as '{preset: measured, dq_noise: 0}' (default: %(default)s)",
+        help="how far the arm is from what its box believes: ideal, measured, or as '{preset: measured, dq_noise: "
+        "0}' (default: %(default)s)",
     )
     add("--no-collision", action="store_true", help="no contact of the arm with itself or the world")
-    add("--world", default="", metavar="FILE", help="objects around the arm, path or package://PACKAGE/FILE (plants that know worlds)")
+    add(
+        "--world",
+        default="",
+        metavar="FILE",
+        help="objects around the arm, path or package://PACKAGE/FILE (plants that know worlds)",
+    )
     add("--gui", action="store_true", help="show the plant")
 
 
@@ -98,8 +115,18 @@ def _add_care(made: argparse.ArgumentParser) -> None:
     add = made.add_argument_group("protection, operation, measurement").add_argument
     add("--no-reflexes", action="store_true", help="the arm does not protect itself")
     add(
-        "--max-lost-packets", type=int, default=20, metavar="N", help="commands lost in a row that end a motion; 0: any number (default: %(default)s)"
+        "--max-lost-packets",
+        type=int,
+        default=20,
+        metavar="N",
+        help="commands lost in a row that end a motion; 0: any number (default: %(default)s)",
     )
     add("--console", action="store_true", help="take commands from the standard input")
-    add("--priority", type=int, default=0, metavar="N", help="real-time priority 1 to 99 (SCHED_FIFO); needs the right to it (default: none)")
+    add(
+        "--priority",
+        type=int,
+        default=0,
+        metavar="N",
+        help="real-time priority 1 to 99 (SCHED_FIFO); needs the right to it (default: none)",
+    )
     add("--constant", action="store_true", help="no arm: a constant state, to measure the server alone")

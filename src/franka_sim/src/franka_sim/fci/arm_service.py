@@ -1,8 +1,7 @@
 """The arm on the network: requests to the control box, states to the client, commands from it."""
 
-from __future__ import annotations
-
 import math
+import platform
 import selectors
 import struct
 from collections.abc import Callable
@@ -14,7 +13,6 @@ from franka_sim.fci.complaints import LOG
 from franka_sim.fci.connection import Message
 from franka_sim.fci.device import Device
 from franka_sim.fci.faults import Faults
-from franka_sim.fci.model_answer import ModelLibrary
 from franka_sim.fci.protocol import Protocol, Request
 from franka_sim.fci.session import Service
 from franka_sim.fci.wire import ARM_FRAMING
@@ -24,6 +22,10 @@ PORT = 1337
 NO_CARTESIAN_LIMIT = bytes(153)
 """GetCartesianLimit: size, frame and "active" of a virtual wall; the emulated arm has none."""
 
+ARCHITECTURES = {"x86_64": 0, "i686": 1, "armv7l": 2, "aarch64": 3}
+"""Numbers of LoadModelLibrary."""
+LINUX = 0
+
 Vectors = list[tuple[float, ...]]
 _MESSAGE_ID = struct.Struct("<Q")
 
@@ -31,7 +33,8 @@ _MESSAGE_ID = struct.Struct("<Q")
 class ArmService(Service):
     """The arm's port.
 
-    A command counts if it answers the last state sent; what comes later, or twice, is dropped (libfranka, "the command is dropped if it is late").
+    A command counts if it is for the last state sent; what comes later, or twice, is dropped (libfranka, "the command
+    is dropped if it is late").
 
     Args:
         selector: of the server.
@@ -45,7 +48,9 @@ class ArmService(Service):
         late: commands dropped since the start.
     """
 
-    def __init__(self, selector: selectors.BaseSelector, protocol: Protocol, device: Device, ip: str, faults: Faults) -> None:
+    def __init__(
+        self, selector: selectors.BaseSelector, protocol: Protocol, device: Device, ip: str, faults: Faults
+    ) -> None:
         self._protocol, self._device = protocol, device
         self.message_id = self.late = 0
         self._command: MotionCommand | None = None
@@ -53,8 +58,6 @@ class ArmService(Service):
         self._started = False
         self._stopping: list[Message] = []
         self._recovering: list[Message] = []
-        self._asking: list[Message] = []
-        self._library = ModelLibrary(device.model_library)
         self._handlers = self._make_handlers()
         super().__init__(selector, "arm", ARM_FRAMING, protocol.version, (ip, PORT), faults)
 
@@ -62,17 +65,21 @@ class ArmService(Service):
         device = self._device
         return {
             Request.MOVE: self._move,
-            Request.STOP_MOVE: self._stop_move,
-            Request.GET_CARTESIAN_LIMIT: self._cartesian_limit,
+            Request.STOP_MOVE: lambda message, _: self._when_done(self._stopping, message, device.stop_move()),
+            Request.GET_CARTESIAN_LIMIT: lambda _, __: Outcome.SUCCESS,
             Request.SET_COLLISION_BEHAVIOR: lambda _, vectors: device.set_collision_behavior(*vectors),
             Request.SET_JOINT_IMPEDANCE: lambda _, vectors: device.set_joint_impedance(vectors[0]),
             Request.SET_CARTESIAN_IMPEDANCE: lambda _, vectors: device.set_cartesian_impedance(vectors[0]),
-            Request.SET_GUIDING_MODE: lambda _, vectors: device.set_guiding_mode([bool(x) for x in vectors[0]], bool(vectors[1][0])),
+            Request.SET_GUIDING_MODE: lambda _, vectors: device.set_guiding_mode(
+                [bool(x) for x in vectors[0]], bool(vectors[1][0])
+            ),
             Request.SET_EE_TO_K: lambda _, vectors: device.set_EE_T_K(vectors[0]),
             Request.SET_NE_TO_EE: lambda _, vectors: device.set_NE_T_EE(vectors[0]),
             Request.SET_LOAD: lambda _, vectors: device.set_load(vectors[0][0], vectors[1], vectors[2]),
             Request.SET_FILTERS: lambda _, vectors: device.set_filters(vectors[0]),
-            Request.AUTOMATIC_ERROR_RECOVERY: self._recover,
+            Request.AUTOMATIC_ERROR_RECOVERY: lambda message, _: self._when_done(
+                self._recovering, message, device.recover()
+            ),
             Request.LOAD_MODEL_LIBRARY: self._load_model_library,
             Request.GET_ROBOT_MODEL: self._robot_model,
         }
@@ -83,7 +90,7 @@ class ArmService(Service):
         if self._moving is None:
             return Phase.IDLE
         if self._command is not None:
-            return Phase.ANSWERED
+            return Phase.ARRIVED
         return Phase.AWAITING if self._started else Phase.STARTING
 
     def size_of(self, command: int) -> int | None:
@@ -91,10 +98,10 @@ class ArmService(Service):
         row = self._protocol.requests.get(command)
         return None if row is None else row.payload.size
 
-    # -- the millisecond ---------------------------------------------------------------------------------------------------------------
+    # -- the millisecond -----------------------------------------------------------------------------------------------
 
     def on_datagrams(self) -> None:
-        """Keep the command that answers the last state."""
+        """Keep the command for the last state."""
         if self.client is None:
             return
         codec = self._protocol.command
@@ -117,29 +124,17 @@ class ArmService(Service):
         self._report()
 
     def _report(self) -> None:
-        """Answer what has come to its end."""
+        """Respond to what has come to its end."""
         outcome = self._device.take_finished()
         if outcome is not None and self._moving is not None:
             message, self._moving, self._command = self._moving, None, None
-            self._answer(message, outcome)
+            self._respond(message, outcome)
         if self._stopping and self._moving is None:
-            self._answer_all(self._stopping, Outcome.SUCCESS)
+            self._respond_all(self._stopping)
         if self._recovering and self._device.state.robot_mode is not RobotMode.AUTOMATIC_ERROR_RECOVERY:
-            self._answer_all(self._recovering, Outcome.SUCCESS)
-        if self._asking:
-            self._report_library()
+            self._respond_all(self._recovering)
 
-    def _report_library(self) -> None:
-        library = self._library.take()
-        if library is None:
-            return
-        if isinstance(library, str):
-            LOG.error("%s %s: no model library: %s", self.name, self._address[0], library)
-            self._answer_all(self._asking, Outcome.NOT_POSSIBLE)
-        else:
-            self._answer_all(self._asking, Outcome.SUCCESS, library)
-
-    # -- requests ----------------------------------------------------------------------------------------------------------------------
+    # -- requests ------------------------------------------------------------------------------------------------------
 
     def handle(self, message: Message) -> None:
         """Carry out a request between two cycles; wrong values are refused by status, with the reason in the log."""
@@ -149,22 +144,21 @@ class ArmService(Service):
             if not all(math.isfinite(x) for vector in vectors for x in vector):
                 raise HricError("a number is not finite")
             outcome = self._handlers[row.request](message, vectors)
-        except (HricError, ArithmeticError, ValueError) as error:  # numbers so large that the arithmetic ends are wrong numbers as well
+        except (HricError, ArithmeticError, ValueError) as error:  # so large that the arithmetic ends: wrong as well
             self.complaints.warn(row.request.value, f"{row.request.value} refused: {error}")
             outcome = Outcome.INVALID_ARGUMENT
         if outcome is not None:
             tail = NO_CARTESIAN_LIMIT if row.request is Request.GET_CARTESIAN_LIMIT else b""
-            self._answer(message, outcome, tail)
+            self._respond(message, outcome, tail)
 
-    def _answer(self, message: Message, outcome: Outcome, tail: bytes = b"") -> None:
+    def _respond(self, message: Message, outcome: Outcome, tail: bytes = b"") -> None:
         request = self._protocol.requests[message.command].request
-        self.answer(message, self._protocol.status(request, outcome), tail)
+        self.respond(message, self._protocol.status(request, outcome), tail)
 
-    def _answer_all(self, messages: list[Message], outcome: Outcome, tail: bytes = b"") -> None:
-        waiting = messages[:]
-        messages.clear()
+    def _respond_all(self, messages: list[Message]) -> None:
+        waiting, messages[:] = messages[:], []
         for message in waiting:
-            self._answer(message, outcome, tail)
+            self._respond(message, Outcome.SUCCESS)
 
     def _move(self, message: Message, vectors: Vectors) -> Outcome:
         try:
@@ -177,51 +171,45 @@ class ArmService(Service):
         if len(vectors) > 4 and vectors[4][0]:
             raise HricError("asynchronous joint positions are not emulated")
         path, goal = vectors[2], vectors[3]
-        outcome = self._device.move(MoveRequest(controller, generator, (path[0], path[1], path[2]), (goal[0], goal[1], goal[2])))
+        outcome = self._device.move(
+            MoveRequest(controller, generator, (path[0], path[1], path[2]), (goal[0], goal[1], goal[2]))
+        )
         if outcome is Outcome.STARTED:
             self._moving, self._started, self._command = message, False, None
         return outcome
 
-    def _stop_move(self, message: Message, _: Vectors) -> Outcome | None:
-        outcome = self._device.stop_move()
+    def _when_done(self, waiting: list[Message], message: Message, outcome: Outcome) -> Outcome | None:
+        """Respond to a request that was accepted when it has come to its end; the response to Move goes before it."""
         if outcome is not Outcome.SUCCESS:
             return outcome
-        self._stopping.append(message)
-        self._report()  # the answer to Move goes first
-        return None
-
-    def _recover(self, message: Message, _: Vectors) -> Outcome | None:
-        outcome = self._device.recover()
-        if outcome is not Outcome.SUCCESS:
-            return outcome
-        self._recovering.append(message)
+        waiting.append(message)
         self._report()
         return None
 
-    def _cartesian_limit(self, _: Message, __: Vectors) -> Outcome:
-        return Outcome.SUCCESS
-
     def _load_model_library(self, message: Message, vectors: Vectors) -> Outcome | None:
-        refusal = self._library.refusal(int(vectors[0][0]), int(vectors[1][0]))
-        if refusal:
-            LOG.error("%s %s: no model library: %s", self.name, self._address[0], refusal)
-            return Outcome.NOT_POSSIBLE
-        self._library.ask()
-        self._asking.append(message)
-        return None
+        library, machine = self._device.model_library, platform.machine()
+        if (int(vectors[0][0]), int(vectors[1][0])) != (ARCHITECTURES.get(machine), LINUX):
+            refusal = f"there is one for this machine ({machine} Linux) only"
+        elif library is None:
+            refusal = "this robot has none"
+        else:
+            self._respond(message, Outcome.SUCCESS, library)
+            return None
+        LOG.error("%s %s: no model library: %s", self.name, self._address[0], refusal)
+        return Outcome.NOT_POSSIBLE
 
     def _robot_model(self, message: Message, _: Vectors) -> Outcome | None:
-        self.answer(message, 0, self._device.urdf().encode())
+        self.respond(message, 0, self._device.urdf().encode())
         return None
 
-    # -- clients -----------------------------------------------------------------------------------------------------------------------
+    # -- clients -------------------------------------------------------------------------------------------------------
 
     def on_client(self) -> None:
         """States begin with the next cycle."""
 
     def on_client_lost(self) -> None:
         """End what it had begun."""
-        for messages in (self._stopping, self._recovering, self._asking):
+        for messages in (self._stopping, self._recovering):
             messages.clear()
         self._moving = self._command = None
         self._device.connection_lost()

@@ -1,24 +1,25 @@
 """When the next millisecond of the robot begins: in lock-step with the client, or by the wall clock."""
 
-from __future__ import annotations
-
-import math
 from abc import ABC, abstractmethod
 from enum import Enum
 
-from hric_control.errors import ParameterError, UnknownNameError
+from hric_control.errors import UnknownNameError
+from hric_control.parameters import number
 
 PERIOD = 1e-3
 """A cycle of the robot [s]."""
 TIME_OUT = 0.05
-"""How long a command may keep the lock-step clock waiting before it counts as lost [s]: our choice, 20 lost ones make 1 s."""
+"""How long a command may keep the lock-step clock waiting before it counts as lost [s]: project default, unconfirmed,
+20 lost ones make 1 s."""
 FIRST_WAIT = 0.01
-"""Before the first command of a motion, after the two states that the client needs: pause to the next state, doubled up to TIME_OUT [s].
+"""Before the first command of a motion, after the two states that the client needs: pause to the next state, doubled up
+to TIME_OUT [s].
 
-A client that computes its first command answers the newest state then, and the motion begins the same way each time.
+A client that computes its first command sends it for the newest state then, and the motion begins the same way each
+time.
 """
 STATES_BEFORE_FIRST = 2
-"""libfranka reads until the modes are those it asked for, and one state more, before it computes its first command."""
+"""libfranka reads until the modes are those it requested, and one state more, before it computes its first command."""
 CATCH_UP = 0.02
 """Delay that a paced lock-step clock makes up for afterwards [s]."""
 
@@ -28,8 +29,8 @@ class Phase(Enum):
 
     IDLE = "no motion"
     STARTING = "no command of this motion has come yet"
-    AWAITING = "the command that answers the last state has not come"
-    ANSWERED = "it has come"
+    AWAITING = "the command for the last state has not come"
+    ARRIVED = "the command for the last state has come"
 
 
 class Clock(ABC):
@@ -45,16 +46,16 @@ class Clock(ABC):
 
 
 class WallClock(Clock):
-    """One state per period, whatever the client does. Its own delays make no burst of states: robot time stands still meanwhile.
+    """One state per period, whatever the client does. Its own delays make no burst of states: robot time does not
+    advance meanwhile.
 
     Args:
         real_time_factor: robot time per wall time, above 0.
     """
 
     def __init__(self, real_time_factor: float = 1.0) -> None:
-        if not (math.isfinite(real_time_factor) and real_time_factor > 0.0):
-            raise ParameterError(f"the wall clock needs a real-time factor above 0; got {real_time_factor!r}")
-        self._period, self._next = PERIOD / real_time_factor, 0.0
+        factor = number(above=0.0).checked(real_time_factor, "the real-time factor of the wall clock")
+        self._period, self._next = PERIOD / factor, 0.0
 
     def left(self, now: float, phase: Phase) -> float:
         """To the next deadline."""
@@ -66,16 +67,16 @@ class WallClock(Clock):
 
 
 class LockStepClock(Clock):
-    """In a motion, each state waits for the command that answers the one before; what does not come within TIME_OUT counts as lost.
+    """In a motion, each state waits for the command for the one before; what does not come within TIME_OUT
+    counts as lost.
 
     Args:
-        real_time_factor: robot time per wall time at most; 0: as fast as the client answers (at idle: real time).
+        real_time_factor: robot time per wall time at most; 0: as fast as the client sends (at idle: real time).
     """
 
     def __init__(self, real_time_factor: float = 1.0) -> None:
-        if not (math.isfinite(real_time_factor) and real_time_factor >= 0.0):
-            raise ParameterError(f"the real-time factor must be a number from 0 (as fast as possible); got {real_time_factor!r}")
-        self._paced, self._period = real_time_factor > 0.0, PERIOD / (real_time_factor or 1.0)
+        factor = number(minimum=0.0).checked(real_time_factor, "the real-time factor of the lock-step clock")
+        self._paced, self._period = factor > 0.0, PERIOD / (factor or 1.0)
         self._last = self._next = 0.0
         self._starting = 0
 
@@ -86,7 +87,7 @@ class LockStepClock(Clock):
         if phase is Phase.STARTING and self._starting >= STATES_BEFORE_FIRST:
             wait = FIRST_WAIT * 2.0 ** min(self._starting - STATES_BEFORE_FIRST, 8)
             return self._last + min(wait, TIME_OUT) - now
-        if phase is Phase.ANSWERED and not self._paced:
+        if phase is Phase.ARRIVED and not self._paced:
             return 0.0
         return self._next - now
 

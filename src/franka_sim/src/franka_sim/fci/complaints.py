@@ -1,7 +1,5 @@
 """A log that a flood of bad input cannot flood."""
 
-from __future__ import annotations
-
 import logging
 import time
 
@@ -13,10 +11,11 @@ MAX_KINDS = 256
 
 
 class Complaints:
-    """Warnings by kind: the first is written at once, those that follow within QUIET are counted and told with the next.
+    """Warnings by kind: the first is written at once, those that follow within QUIET are counted, and their count
+    comes with the next.
 
     Args:
-        who: stands in front of each text.
+        who: before each text.
     """
 
     def __init__(self, who: str) -> None:

@@ -1,6 +1,4 @@
-"""One TCP connection of a service: whole messages in, answers out, never waiting."""
-
-from __future__ import annotations
+"""One TCP connection of a service: whole messages in, responses out, never waiting."""
 
 import socket
 from collections.abc import Callable
@@ -11,13 +9,15 @@ from franka_sim.fci.wire import Framing
 RECEIVE = 4096
 """Bytes taken from a connection at a time, so that no client keeps the others and the robot waiting."""
 MAX_UNSENT = 1 << 20
-"""Bytes of answers that a client may leave unread before it is let go: our choice, thirty times the largest answer."""
+"""Bytes of responses that a client may leave unread before it is let go: project default, unconfirmed, thirty times the
+largest response."""
 KEEP_ALIVE = ((socket.TCP_KEEPIDLE, 1), (socket.TCP_KEEPINTVL, 1), (socket.TCP_KEEPCNT, 3))
 """As libfranka sets them on its side: a machine that vanished is noticed after about 4 s."""
 
 
 class BadMessageError(Exception):
-    """What came is no message of this protocol, or the client does not read; the connection is closed, the text says why."""
+    """What came is no message of this protocol, or the client does not read; the connection is closed, the text says
+    why."""
 
 
 class ConnectionLostError(Exception):
@@ -53,7 +53,7 @@ class Connection:
 
     @property
     def unsent(self) -> bool:
-        """Whether answers wait for the socket to take them."""
+        """Whether responses wait for the socket to take them."""
         return bool(self._out)
 
     def receive(self) -> list[Message]:
@@ -93,8 +93,8 @@ class Connection:
         del self._in[:size]
         return Message(command, command_id, payload)
 
-    def answer(self, command: int, command_id: int, status: int, tail: bytes = b"") -> None:
-        """Queue and send an answer; what the socket does not take stays for `flush`.
+    def respond(self, command: int, command_id: int, status: int, tail: bytes = b"") -> None:
+        """Queue and send a response; what the socket does not take stays for `flush`.
 
         Raises:
             BadMessageError: the client leaves too much unread.
@@ -102,7 +102,7 @@ class Connection:
         """
         self._out += self._framing.frame(command, command_id, self._framing.status.pack(status) + tail)
         if len(self._out) > MAX_UNSENT:
-            raise BadMessageError(f"{len(self._out)} bytes of answers are unread")
+            raise BadMessageError(f"{len(self._out)} bytes of responses are unread")
         self.flush()
 
     def flush(self) -> None:

@@ -1,8 +1,5 @@
 """The buttons beside the arm, as lines of text: user stop, guiding, a push, an object for the hand."""
 
-from __future__ import annotations
-
-import math
 import os
 from collections.abc import Callable
 
@@ -11,6 +8,7 @@ from franka_sim.fci.complaints import LOG
 from franka_sim.fci.device import Device
 from franka_sim.gripper import Gripper
 from hric_control.errors import CommandError, HricError, UnknownNameError
+from hric_control.parameters import as_number
 
 MAX_LINE = 4096
 """Characters of a line."""
@@ -82,12 +80,9 @@ class Console:
 
 def _number(word: str) -> float:
     try:
-        value = float(word)
+        return as_number(float(word))
     except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise CommandError(f"{word!r} is no finite number")
-    return value
+        raise CommandError(f"{word!r} is no finite number") from None
 
 
 def _switch(word: str) -> bool:

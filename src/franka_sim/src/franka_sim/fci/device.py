@@ -1,7 +1,5 @@
 """What the server needs of a robot, and the simplest one: a robot whose state never changes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -9,7 +7,7 @@ from franka_hw_interface.robot_state import RobotMode, RobotState
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, Outcome
 from franka_sim.fci.hand_service import Hand
 from franka_sim.fci.wire import StateCodec
-from hric_control.errors import CommandError, HricError
+from hric_control.errors import CommandError
 
 Floats = Sequence[float]
 
@@ -50,8 +48,9 @@ class Device(Protocol):
     def urdf(self) -> str:
         """The arm as URDF, without the hand (whose mass is part of the state)."""
 
-    def model_library(self) -> bytes:
-        """Compiled model of protocol 5; may take a while, called in a thread of its own. Raises HricError."""
+    @property
+    def model_library(self) -> bytes | None:
+        """Compiled model of protocol 5; None: there is none."""
 
     def move(self, request: MoveRequest) -> Outcome:
         """Begin a motion: STARTED, or why not."""
@@ -75,7 +74,8 @@ class Device(Protocol):
         """Act on a link's origin: force in the world frame [N], for a time [s]."""
 
     def set_collision_behavior(self, *thresholds: Floats) -> Outcome:
-        """Lower and upper torque thresholds, acceleration phase then nominal [N m], and force thresholds likewise [N]."""
+        """Lower and upper torque thresholds, acceleration phase then nominal [N m], and force thresholds likewise
+        [N]."""
 
     def set_joint_impedance(self, K_theta: Floats) -> Outcome:
         """7 floats [N m/rad]."""
@@ -104,12 +104,14 @@ def _accept(*_: object) -> Outcome:
 
 
 class ConstantDevice:
-    """A robot that answers as one should and never moves: for the cost of a bare server.
+    """A robot that responds as one should and never moves: for the cost of a bare server.
 
     Args:
-        urdf_xml: answer to a client that asks for the model.
+        urdf_xml: response to a client that requests the model.
         hand: a hand, or None.
     """
+
+    model_library = None
 
     def __init__(self, urdf_xml: str = "", hand: Hand | None = None) -> None:
         self.state, self.hand, self._urdf = DeviceState(), hand, urdf_xml
@@ -121,7 +123,11 @@ class ConstantDevice:
 
     def _end(self) -> None:
         state = self.state
-        state.robot_mode, state.controller_mode, state.generator_mode = RobotMode.IDLE, ControllerMode.OTHER, GeneratorMode.IDLE
+        state.robot_mode, state.controller_mode, state.generator_mode = (
+            RobotMode.IDLE,
+            ControllerMode.OTHER,
+            GeneratorMode.IDLE,
+        )
         state.control_command_success_rate = 0.0
 
     def cycle(self, command: MotionCommand | None) -> None:
@@ -149,16 +155,16 @@ class ConstantDevice:
         """What was given."""
         return self._urdf
 
-    def model_library(self) -> bytes:
-        """There is none."""
-        raise HricError("a constant robot has no model library")
-
     def move(self, request: MoveRequest) -> Outcome:
         """Begin."""
         state = self.state
         if state.robot_mode is not RobotMode.IDLE:
             return Outcome.NOT_POSSIBLE
-        state.robot_mode, state.controller_mode, state.generator_mode = RobotMode.MOVE, request.controller, request.generator
+        state.robot_mode, state.controller_mode, state.generator_mode = (
+            RobotMode.MOVE,
+            request.controller,
+            request.generator,
+        )
         state.control_command_success_rate = 1.0
         return Outcome.STARTED
 
@@ -174,7 +180,7 @@ class ConstantDevice:
         return Outcome.SUCCESS
 
     def reset(self) -> None:
-        """It stands where it stood."""
+        """It has not moved."""
 
     def push(self, link: str, force: Floats, duration: float) -> None:
         """It cannot be moved."""

@@ -1,15 +1,12 @@
 """The UDP link to a client, sound or with injected latency, jitter and loss."""
 
-from __future__ import annotations
-
 import heapq
-import math
 import random
 import socket
 import time
 from dataclasses import dataclass
 
-from hric_control.errors import ParameterError
+from hric_control.parameters import Settings, number, whole
 
 MAX_DATAGRAM = 512
 """Bytes looked at; whatever is larger than a command is none."""
@@ -20,26 +17,18 @@ MAX_UNDERWAY = 10000
 
 
 @dataclass(frozen=True)
-class Faults:
-    """Of the emulated network, in each direction.
+class Faults(Settings):
+    """Of the emulated network, in each direction."""
 
-    Attributes:
-        latency: [s].
-        jitter: added to it, evenly distributed between 0 and this [s]; datagrams may overtake each other.
-        loss: share of datagrams that are lost, 0 to 1.
-        seed: of the random numbers.
-    """
-
-    latency: float = 0.0
-    jitter: float = 0.0
-    loss: float = 0.0
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name, unit, upper in (("latency", "s", math.inf), ("jitter", "s", math.inf), ("loss", "0 to 1", 1.0)):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and 0.0 <= value <= upper):
-                raise ParameterError(f"{name} must be a number from 0 [{unit}]; got {value!r}")
+    latency: float = number(0.0, minimum=0.0, unit="s")
+    jitter: float = number(
+        0.0,
+        minimum=0.0,
+        unit="s",
+        text="added to it, evenly distributed between 0 and this; datagrams may overtake each other",
+    )
+    loss: float = number(0.0, minimum=0.0, maximum=1.0, text="share of datagrams that are lost")
+    seed: int = whole(0, text="of the random numbers")
 
     @property
     def any(self) -> bool:
@@ -66,7 +55,8 @@ class Link:
             raise
 
     def send(self, datagram: bytes) -> None:
-        """Send; what the system cannot take is lost, as on any network. A client that is gone is noticed by its TCP connection."""
+        """Send; what the system cannot take is lost, as on any network. A client that is gone is noticed by its TCP
+        connection."""
         try:
             self.socket.send(datagram)
         except OSError:

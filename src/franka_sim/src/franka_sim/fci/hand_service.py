@@ -1,68 +1,51 @@
 """The hand on the network: version 3, the same for both protocols of the arm."""
 
-from __future__ import annotations
-
 import math
 import selectors
 import struct
-from dataclasses import dataclass
 from typing import Protocol
 
+from franka_hw_interface.hand import Hand as HandRequests
+from franka_hw_interface.hand import HandMotion, HandOutcome
 from franka_sim.fci.connection import Message
 from franka_sim.fci.faults import Faults
 from franka_sim.fci.session import Service
 from franka_sim.fci.wire import CONNECT, CONNECT_PAYLOAD, HAND_FRAMING
-from franka_sim.gripper import HandMotion, HandOutcome
 
 PORT = 1338
 VERSION = 3
 HOMING, GRASP, MOVE, STOP = 1, 2, 3, 4
-PAYLOADS = {CONNECT: CONNECT_PAYLOAD, HOMING: struct.Struct("<"), GRASP: struct.Struct("<5d"), MOVE: struct.Struct("<2d"), STOP: struct.Struct("<")}
+PAYLOADS = {
+    CONNECT: CONNECT_PAYLOAD,
+    HOMING: struct.Struct("<"),
+    GRASP: struct.Struct("<5d"),
+    MOVE: struct.Struct("<2d"),
+    STOP: struct.Struct("<"),
+}
 STATUS = {HandOutcome.SUCCESS: 0, HandOutcome.FAIL: 1, HandOutcome.UNSUCCESSFUL: 2, HandOutcome.ABORTED: 3}
 STATE = struct.Struct("<IddBH")
 """message_id, width [m], max_width [m], is_grasped, temperature [degrees Celsius]."""
 STATE_PERIOD = 0.05
 """Wall time between two states [s]; users report 10 to 20 Hz of the real hand."""
 STEP = 0.01
-"""Robot time between two steps of the hand [s]: our choice, ten cycles of the arm."""
+"""Robot time between two steps of the hand [s]: project default, unconfirmed, ten cycles of the arm."""
 
 
-class Hand(Protocol):
-    """What the service needs of a hand. A request begins a motion, ends the one before, and returns what tells its outcome."""
+class Hand(HandRequests, Protocol):
+    """A hand behind the service, which advances it by steps of robot time.
 
-    width: float
+    Attributes:
+        is_grasped: whether an object is held.
+    """
+
     is_grasped: bool
-
-    @property
-    def max_width(self) -> float:
-        """[m]."""
 
     @property
     def temperature(self) -> int:
         """[degrees Celsius]."""
 
-    def homing(self) -> HandMotion:
-        """Find the range."""
-
-    def move(self, width: float, speed: float) -> HandMotion:
-        """To an opening [m] at a speed [m/s]."""
-
-    def grasp(self, width: float, epsilon_inner: float, epsilon_outer: float, speed: float, force: float) -> HandMotion:
-        """Something of a width [m] within the tolerances [m], at a speed [m/s] with a force [N]."""
-
-    def stop(self) -> HandMotion:
-        """Stand."""
-
     def step(self, dt: float) -> None:
         """Go on for dt [s]."""
-
-
-@dataclass
-class _Pending:
-    """A request whose motion has not been answered."""
-
-    message: Message
-    motion: HandMotion
 
 
 class HandService(Service):
@@ -77,7 +60,7 @@ class HandService(Service):
 
     def __init__(self, selector: selectors.BaseSelector, hand: Hand, ip: str, faults: Faults) -> None:
         self._hand = hand
-        self._pending: list[_Pending] = []
+        self._pending: list[tuple[Message, HandMotion]] = []  # requests without a response
         self._message_id = 0
         self._next_state = 0.0
         super().__init__(selector, "hand", HAND_FRAMING, VERSION, (ip, PORT), faults)
@@ -88,15 +71,15 @@ class HandService(Service):
         return None if payload is None else payload.size
 
     def handle(self, message: Message) -> None:
-        """Begin a motion; the one before is aborted and answered so first."""
+        """Begin a motion; the response to the one before, which is aborted, goes first."""
         values = PAYLOADS[message.command].unpack(message.payload)
         if not all(map(math.isfinite, values)):
             self.complaints.warn("not finite", f"request {message.command} refused: not finite {values}")
-            self.answer(message, STATUS[HandOutcome.FAIL])
+            self.respond(message, STATUS[HandOutcome.FAIL])
             return
         motion = self._begin(message.command, values)
         self._report()
-        self._pending.append(_Pending(message, motion))
+        self._pending.append((message, motion))
         self._report()
 
     def _begin(self, command: int, values: tuple[float, ...]) -> HandMotion:
@@ -113,7 +96,7 @@ class HandService(Service):
         self._next_state = 0.0
 
     def on_client_lost(self) -> None:
-        """What moves goes on to its end, as nobody told it to stop."""
+        """What moves goes on to its end, as nobody stopped it."""
         self._pending.clear()
 
     def on_datagrams(self) -> None:
@@ -134,13 +117,14 @@ class HandService(Service):
             self._next_state = now + STATE_PERIOD
             self._message_id = (self._message_id + 1) & 0xFFFFFFFF
             hand = self._hand
-            self.client.link.send(STATE.pack(self._message_id, hand.width, hand.max_width, hand.is_grasped, hand.temperature))
+            self.client.link.send(
+                STATE.pack(self._message_id, hand.width, hand.max_width, hand.is_grasped, hand.temperature)
+            )
 
     def _report(self) -> None:
-        for pending in [item for item in self._pending if item.motion.outcome is not None]:
-            self._pending.remove(pending)
-            outcome = pending.motion.outcome
-            assert outcome is not None
+        ended = [(message, motion, motion.outcome) for message, motion in self._pending if motion.outcome is not None]
+        self._pending = [(message, motion) for message, motion in self._pending if motion.outcome is None]
+        for message, motion, outcome in ended:
             if outcome is HandOutcome.FAIL:
-                self.complaints.warn("refused", f"{pending.motion.name} refused: {pending.motion.reason}")
-            self.answer(pending.message, STATUS[outcome])
+                self.complaints.warn("refused", f"{motion.name} refused: {motion.reason}")
+            self.respond(message, STATUS[outcome])

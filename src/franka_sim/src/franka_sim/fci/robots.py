@@ -1,7 +1,5 @@
 """The robots that the server can be: their descriptions, limits and versions of the protocol."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +22,7 @@ class Robot:
         arm_id: prefix of joints and links.
         version: of the protocol that its control box speaks.
         urdf: the whole robot (argument: with hand, with collision shapes), for the plant and the box.
-        served_urdf: the arm without a hand, as the client is told.
+        served_urdf: the arm without a hand, as clients get it.
         limits: of the arm.
     """
 
@@ -71,8 +69,9 @@ def fr3_urdf(hand: bool = True, collision: bool = True) -> str:
 
 
 def fr3_served_urdf() -> str:
-    """What a client of protocol 10 needs: joints `joint1` to `joint7` with limits of the velocity that depend on the position, the flange `link8`,
-    inertial parameters; no hand, as its mass comes with the state and its finger joints would be taken for joints of the arm."""
+    """What a client of protocol 10 needs: joints `joint1` to `joint7` with limits of the velocity that depend on the
+    position, the flange `link8`, inertial parameters; no hand, as its mass comes with the state and its finger joints
+    would be taken for joints of the arm."""
     root = _fr3_tree(hand=False, collision=False)
     values = read_config("fr3")
     for i in range(JOINTS):

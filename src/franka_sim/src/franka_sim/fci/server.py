@@ -1,23 +1,20 @@
 """The server: one thread, one selector, one robot; clients never make it wait."""
 
-from __future__ import annotations
-
 import selectors
 import time
 from collections.abc import Callable
 
-from franka_sim.fci import commands_v5, commands_v10
 from franka_sim.fci.arm_service import ArmService
 from franka_sim.fci.clock import PERIOD, make_clock
 from franka_sim.fci.device import Device
 from franka_sim.fci.faults import Faults
 from franka_sim.fci.hand_service import STEP, HandService
+from franka_sim.fci.protocol import PROTOCOLS
 from franka_sim.fci.session import Service
 from hric_control.errors import UnknownNameError
 
-PROTOCOLS = {protocol.version: protocol for protocol in (commands_v5.PROTOCOL, commands_v10.PROTOCOL)}
 LONGEST_WAIT = 0.05
-"""A signal is heard within this time [s]."""
+"""A signal takes effect within this time [s]."""
 CYCLES_PER_STEP = round(STEP / PERIOD)
 
 
@@ -37,7 +34,13 @@ class FciServer:
     """
 
     def __init__(
-        self, device: Device, ip: str = "127.0.0.1", version: int = 5, clock: str = "lock_step", pace: float = 1.0, faults: Faults | None = None
+        self,
+        device: Device,
+        ip: str = "127.0.0.1",
+        version: int = 5,
+        clock: str = "lock_step",
+        pace: float = 1.0,
+        faults: Faults | None = None,
     ) -> None:
         if version not in PROTOCOLS:
             raise UnknownNameError("protocol version", version, map(str, PROTOCOLS), "FciServer")

@@ -1,6 +1,5 @@
-"""A service of the control box: listens on one TCP port, shakes hands, serves one client, and survives whatever else comes."""
-
-from __future__ import annotations
+"""A service of the control box: listens on one TCP port, shakes hands, serves one client, and survives whatever else
+comes."""
 
 import selectors
 import socket
@@ -17,7 +16,7 @@ from franka_sim.fci.wire import CONNECT, CONNECT_PAYLOAD, VERSION, Framing
 from hric_control.errors import HricError
 
 HANDSHAKE_TIME = 1.0
-"""A connection that does not say what it is within this time is closed [s]: our choice."""
+"""A connection that does not say what it is within this time is closed [s]: project default, unconfirmed."""
 MAX_WAITING = 16
 """Connections that may be shaking hands at the same time."""
 INCOMPATIBLE = 1
@@ -50,8 +49,23 @@ class Service(ABC):
         HricError: the address cannot be listened on.
     """
 
-    def __init__(self, selector: selectors.BaseSelector, name: str, framing: Framing, version: int, address: tuple[str, int], faults: Faults) -> None:
-        self._selector, self.name, self._framing, self._version, self._address, self._faults = selector, name, framing, version, address, faults
+    def __init__(
+        self,
+        selector: selectors.BaseSelector,
+        name: str,
+        framing: Framing,
+        version: int,
+        address: tuple[str, int],
+        faults: Faults,
+    ) -> None:
+        self._selector, self.name, self._framing, self._version, self._address, self._faults = (
+            selector,
+            name,
+            framing,
+            version,
+            address,
+            faults,
+        )
         self.complaints = Complaints(f"{name} {address[0]}")
         self.client: Client | None = None
         self._waiting: dict[Connection, tuple[str, float]] = {}
@@ -78,11 +92,11 @@ class Service(ABC):
     def on_datagrams(self) -> None:
         """Datagrams of the client wait in its link."""
 
-    def answer(self, message: Message, status: int, tail: bytes = b"") -> None:
-        """Answer the client that is served; without one, or if it is lost by this, nothing."""
+    def respond(self, message: Message, status: int, tail: bytes = b"") -> None:
+        """Respond to the client that is served; without one, or if it is lost by this, nothing."""
         if self.client is not None:
             connection = self.client.connection
-            self._guarded(connection, lambda: connection.answer(message.command, message.command_id, status, tail))
+            self._guarded(connection, lambda: connection.respond(message.command, message.command_id, status, tail))
             self._watch(connection)
 
     def housekeeping(self, now: float) -> None:
@@ -100,7 +114,7 @@ class Service(ABC):
         self._selector.unregister(self._listener)
         self._listener.close()
 
-    # -- connections -------------------------------------------------------------------------------------------------------------------
+    # -- connections ---------------------------------------------------------------------------------------------------
 
     def _on_listener(self, _: int) -> None:
         try:
@@ -140,7 +154,7 @@ class Service(ABC):
             raise BadMessageError(f"command {message.command} came before Connect")
         version, udp_port = CONNECT_PAYLOAD.unpack(message.payload)
         if version != self._version:
-            connection.answer(CONNECT, message.command_id, INCOMPATIBLE, VERSION.pack(self._version))
+            connection.respond(CONNECT, message.command_id, INCOMPATIBLE, VERSION.pack(self._version))
             raise BadMessageError(f"it speaks version {version}, this box version {self._version}")
         peer, _ = self._waiting[connection]
         if self.client is not None:
@@ -155,10 +169,10 @@ class Service(ABC):
         self.client = Client(connection, link, peer)
         self._selector.register(link.socket, READ, lambda _: self.on_datagrams())
         LOG.info("%s %s: %s is connected", self.name, self._address[0], peer)
-        connection.answer(CONNECT, message.command_id, 0, VERSION.pack(self._version))
+        connection.respond(CONNECT, message.command_id, 0, VERSION.pack(self._version))
         self.on_client()
 
-    # -- ends --------------------------------------------------------------------------------------------------------------------------
+    # -- ends ----------------------------------------------------------------------------------------------------------
 
     def _known(self, connection: Connection) -> bool:
         return connection in self._waiting or (self.client is not None and connection is self.client.connection)
@@ -212,5 +226,7 @@ def listen(address: tuple[str, int], name: str) -> socket.socket:
         listener.listen(16)
     except OSError as error:
         listener.close()
-        raise HricError(f"the {name} service cannot listen on {address[0]}:{address[1]}: {error.strerror or error}") from None
+        raise HricError(
+            f"the {name} service cannot listen on {address[0]}:{address[1]}: {error.strerror or error}"
+        ) from None
     return listener

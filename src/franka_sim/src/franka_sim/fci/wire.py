@@ -1,9 +1,8 @@
-"""Bytes of the Franka Control Interface: framing of requests, the state datagram, the command datagram. Little endian, packed, column-major.
+"""Bytes of the Franka Control Interface: framing of requests, the state datagram, the command datagram. Little endian,
+packed, column-major.
 
 The layouts are those of libfranka's public headers (libfranka-common e6aa0fc for protocol 5, d96c221 for protocol 10).
 """
-
-from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
@@ -65,13 +64,15 @@ _BEFORE_EE = ("O_T_EE", "O_T_EE_d", "F_T_EE", "EE_T_K", "F_T_NE", "NE_T_EE")
 _EE = ("I_ee", "F_x_Cee")
 _AFTER_LOAD = (
     *("I_load", "F_x_Cload", "elbow", "elbow_d", "tau_J", "tau_J_d", "dtau_J", "q", "q_d", "dq", "dq_d", "ddq_d"),
-    *("joint_contact", "cartesian_contact", "joint_collision", "cartesian_collision", "tau_ext_hat_filtered", "O_F_ext_hat_K", "K_F_ext_hat_K"),
-    *("O_dP_EE_d", "O_ddP_O", "elbow_c", "delbow_c", "ddelbow_c", "O_T_EE_c", "O_dP_EE_c", "O_ddP_EE_c", "theta", "dtheta"),
+    *("joint_contact", "cartesian_contact", "joint_collision", "cartesian_collision"),
+    *("tau_ext_hat_filtered", "O_F_ext_hat_K", "K_F_ext_hat_K", "O_dP_EE_d", "O_ddP_O"),
+    *("elbow_c", "delbow_c", "ddelbow_c", "O_T_EE_c", "O_dP_EE_c", "O_ddP_EE_c", "theta", "dtheta"),
 )
-NUMBERS = 284
-"""Real numbers before the modes, accelerometers aside: the two masses, and the fields above."""
+FLOATS = 284
+"""Numbers before the modes, accelerometers aside: the two masses, and the fields above."""
 ACCELEROMETERS = 36
-"""Accelerometers at the top and at the bottom of protocol 10, 6 times 3 each [m/s^2]; the emulated arm has none and sends zeros."""
+"""Accelerometers at the top and at the bottom of protocol 10, 6 times 3 each [m/s^2]; the emulated arm has none and
+sends zeros."""
 
 
 def error_bytes(names: Iterable[str]) -> bytes:
@@ -96,12 +97,16 @@ class StateCodec:
 
     def __init__(self, real: str, accelerometers: bool) -> None:
         extra = ACCELEROMETERS if accelerometers else 0
-        self._struct = struct.Struct(f"<Q{NUMBERS + extra}{real}BB41s41sB{real}")
+        self._struct = struct.Struct(f"<Q{FLOATS + extra}{real}BB41s41sB{real}")
         self._head, self._tail = struct.Struct("<Q"), struct.Struct(f"<BB41s41sB{real}")
         self.size = self._struct.size
         self.real, self._extra = real, [0.0] * extra
         self._no_accelerations = bytes(struct.calcsize(f"<{extra}{real}"))
-        self._before_ee, self._ee, self._after_load = attrgetter(*_BEFORE_EE), attrgetter(*_EE), attrgetter(*_AFTER_LOAD)
+        self._before_ee, self._ee, self._after_load = (
+            attrgetter(*_BEFORE_EE),
+            attrgetter(*_EE),
+            attrgetter(*_AFTER_LOAD),
+        )
         self._errors: dict[frozenset[str], bytes] = {}
 
     def encode(self, message_id: int, state: Any) -> bytes:
@@ -112,7 +117,13 @@ class StateCodec:
             state: a RobotState with `generator_mode` and `controller_mode`.
         """
         flat = chain.from_iterable
-        numbers = [*flat(self._before_ee(state)), state.m_ee, *flat(self._ee(state)), state.m_load, *flat(self._after_load(state))]
+        numbers = [
+            *flat(self._before_ee(state)),
+            state.m_ee,
+            *flat(self._ee(state)),
+            state.m_load,
+            *flat(self._after_load(state)),
+        ]
         tail = self._modes(state)
         try:
             return self._struct.pack(message_id, *numbers, *self._extra, *tail)
@@ -121,11 +132,12 @@ class StateCodec:
             return self._struct.pack(message_id, *numbers, *self._extra, *tail)
 
     def join(self, message_id: int, numbers: bytes, state: Any) -> bytes:
-        """The same datagram from numbers that were packed elsewhere: the fields of `names` one after the other, little endian."""
+        """The same datagram from numbers that were packed elsewhere: the fields of `names` one after the other, little
+        endian."""
         return self._head.pack(message_id) + numbers + self._no_accelerations + self._tail.pack(*self._modes(state))
 
     def _modes(self, state: Any) -> tuple[int, int, bytes, bytes, int, float]:
-        """What stands behind the numbers."""
+        """What follows the numbers."""
         return (
             state.generator_mode,
             state.controller_mode,
@@ -143,7 +155,8 @@ class StateCodec:
 
 
 class CommandCodec:
-    """The command datagram, 370 bytes, with the flag of finished torques (protocol 7 and later) 371; always 64-bit numbers."""
+    """The command datagram, 370 bytes, with the flag of finished torques (protocol 7 and later) 371; always 64-bit
+    numbers."""
 
     def __init__(self, torque_flag: bool) -> None:
         self._struct = struct.Struct("<Q38dBB7dB" if torque_flag else "<Q38dBB7d")
@@ -151,7 +164,7 @@ class CommandCodec:
         self._torque_flag = torque_flag
 
     def decode(self, datagram: bytes) -> tuple[int, MotionCommand]:
-        """(message_id of the state that it answers, command). The datagram has the right size."""
+        """(message_id of the state that it is for, command). The datagram has the right size."""
         values = self._struct.unpack(datagram)
         elbow = (values[37], values[38]) if values[39] else None
         finished = bool(values[40]) or (self._torque_flag and bool(values[48]))
@@ -169,11 +182,11 @@ class CommandCodec:
 
 @dataclass(frozen=True)
 class Framing:
-    """How requests and answers are framed on TCP.
+    """How requests and responses are framed on TCP.
 
     Attributes:
         header: command, command_id, size of the whole message.
-        status: first part of every answer's payload.
+        status: first part of every response's payload.
     """
 
     header: struct.Struct
@@ -191,4 +204,4 @@ CONNECT = 0
 CONNECT_PAYLOAD = struct.Struct("<HH")
 """Version of the client, its UDP port."""
 VERSION = struct.Struct("<H")
-"""Follows the status in the answer to Connect."""
+"""Follows the status in the response to Connect."""

@@ -1,1 +1,40 @@
-"""What every plant needs and no engine knows: worlds, wrenches, friction, stops, the description as a tree, checks of parameters."""
+"""What every plant needs and no engine knows: worlds, surfaces, wrenches, friction, stops, checks of parameters.
+
+This is the module to import from, but for `faces` (where two shapes lie on each other) and `resources` (files).
+"""
+
+from hric_control.plants.config import PlantConfig, rotor_inertia
+from hric_control.plants.divergence import DivergedError, Divergence
+from hric_control.plants.friction import PHI, JointLosses, Phi, sigmoid_parameters, sigmoid_torque
+from hric_control.plants.masks import load_masks, masked
+from hric_control.plants.spring_step import Springs
+from hric_control.plants.stops import StopMemory
+from hric_control.plants.surfaces import Surface, SurfaceRule, Surfaces, combine, friction_force
+from hric_control.plants.worlds import PLAIN_LINK, WorldObject, load_surfaces, load_world
+from hric_control.plants.wrenches import Wrenches
+
+__all__ = [
+    "PHI",
+    "PLAIN_LINK",
+    "DivergedError",
+    "Divergence",
+    "JointLosses",
+    "Phi",
+    "PlantConfig",
+    "Springs",
+    "StopMemory",
+    "Surface",
+    "SurfaceRule",
+    "Surfaces",
+    "WorldObject",
+    "Wrenches",
+    "combine",
+    "friction_force",
+    "load_masks",
+    "load_surfaces",
+    "load_world",
+    "masked",
+    "rotor_inertia",
+    "sigmoid_parameters",
+    "sigmoid_torque",
+]

@@ -1,24 +1,23 @@
 """When a simulation has diverged: one rule for all plants."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
 from hric_control.errors import HricError
 
 VELOCITY_FACTOR = 100.0
-"""Multiple of its velocity limit beyond which a joint has diverged [1]; default chosen by this project, unconfirmed. Limit cycles that clamps bound
-reach 7 times the limit: 16 rad/s on the Panda."""
+"""Multiple of its velocity limit beyond which a joint has diverged [1]; default chosen by this project, unconfirmed.
+Limit cycles that clamps bound reach 7 times the limit: 16 rad/s on the Panda."""
 LOWEST_BOUND = 20.0
-"""A joint never counts as diverged below this speed, however low its velocity limit is [rad/s or m/s]; default chosen by this project, unconfirmed.
-What touches a slow joint can throw it faster than its drive may."""
+"""A joint never counts as diverged below this speed, however low its velocity limit is [rad/s or m/s]; default chosen
+by this project, unconfirmed. What touches a slow joint can throw it faster than its drive may."""
 UNLIMITED_BOUND = 1000.0
-"""Speed beyond which a joint without a velocity limit has diverged [rad/s or m/s]; default chosen by this project, unconfirmed."""
+"""Speed beyond which a joint without a velocity limit has diverged [rad/s or m/s]; default chosen by this project,
+unconfirmed."""
 
 
 class DivergedError(HricError):
-    """The simulation has diverged; the message tells joint, simulation time and value in one line.
+    """The simulation has diverged; the message has joint, simulation time and value in one line.
 
     Attributes:
         joint: of the description.
@@ -42,7 +41,9 @@ class Divergence:
         time_step: of the plant [s].
     """
 
-    def __init__(self, joints: Sequence[str], velocity_limits: Sequence[float], prismatic: Sequence[bool], time_step: float) -> None:
+    def __init__(
+        self, joints: Sequence[str], velocity_limits: Sequence[float], prismatic: Sequence[bool], time_step: float
+    ) -> None:
         self._joints, self._limits = list(joints), list(velocity_limits)
         self._units = ["m" if slides else "rad" for slides in prismatic]
         self._bounds = [bound(limit) for limit in velocity_limits]
@@ -65,7 +66,8 @@ class Divergence:
             self._look(q, dq)
 
     def check_efforts(self, joints: Sequence[str], efforts: Sequence[float]) -> None:
-        """Look at efforts before an integrator with error control gets them: it would not come back from one that is not finite.
+        """Look at efforts before an integrator with error control gets them: it would not come back from one that is
+        not finite.
 
         Args:
             joints: their names.
@@ -88,7 +90,9 @@ class Divergence:
             why: what the integrator says.
         """
         worst = self._fastest(dq)
-        return DivergedError(self._joints[worst], self._steps * self._time_step, "speed", dq[worst], f"{self._units[worst]}/s", why)
+        return DivergedError(
+            self._joints[worst], self._steps * self._time_step, "speed", dq[worst], f"{self._units[worst]}/s", why
+        )
 
     def _fastest(self, dq: Sequence[float]) -> int:
         return max(range(len(dq)), key=lambda i: abs(dq[i]) / self._bounds[i])
@@ -105,8 +109,8 @@ class Divergence:
 
     def _reason(self, i: int) -> str:
         limit, unit = self._limits[i], f"{self._units[i]}/s"
-        told = f"velocity limit {limit:g} {unit}" if math.isfinite(limit) else "no velocity limit"
-        return f"beyond {self._bounds[i]:.4g} {unit} ({told})"
+        limited = f"velocity limit {limit:g} {unit}" if math.isfinite(limit) else "no velocity limit"
+        return f"beyond {self._bounds[i]:.4g} {unit} ({limited})"
 
 
 def bound(velocity_limit: float) -> float:

@@ -1,12 +1,11 @@
-"""Where two shapes lie on each other: the corners of the area in which the sides that they turn to each other meet.
+"""Where two shapes lie on each other: the corners of the area in which their facing sides meet.
 
-A library for collisions tells the deepest point of two convex shapes. Where a side lies on a side that point jumps from corner to corner, and a
-spring there would turn what should be pushed straight. So the side that each shape turns to the other is taken as a polygon (a box, the end of a
-cylinder, a hull), a line (a capsule, the side of a cylinder) or nothing (a ball); both are seen along the normal, cut with each other, and the
-overlap is told at each corner of what remains. Plain floats: sides have few corners.
+A collision library returns the deepest point of two convex shapes. Where a side lies on a side that point jumps from
+corner to corner, and a spring there would turn what should be pushed straight. So the side that each shape turns to the
+other is taken as a polygon (a box, the end of a cylinder, a hull), a line (a capsule, the side of a cylinder) or
+nothing (a ball); both are projected along the normal, cut with each other, and the overlap is taken at each corner of
+what remains. Plain floats: sides have few corners.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Sequence
@@ -16,22 +15,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_control.plants.spatial import FloatArray, cross
+from hric_control.geometry.transforms import FloatArray, cross
 
 KINDS = ("sphere", "capsule", "cylinder", "box", "plane", "hull")
 _ROUND = 12
 """Corners that stand for the edge of a round end (default chosen by this project, unconfirmed)."""
 _LYING = 0.7
-"""A cylinder whose axis is within 45 degrees of the normal stands on its end."""
+"""A cylinder whose axis is within 45 degrees of the normal lies on its end."""
 _PARALLEL = 0.05
 """Sine of the angle below which two lines lie along each other (default chosen by this project, unconfirmed)."""
 _FLAT = 1e-3
 """Points of a hull that are within this of its outermost side, per size of the hull, belong to that side."""
 _AGREES = 1e-4
-"""The deepest corner must be as deep as the deepest point of the shapes, to this and a twentieth of it [m]; else sides are not what meets there."""
+"""The deepest corner must be as deep as the deepest point of the shapes, to this and a twentieth of it [m]; else sides
+are not what meets there."""
 _TINY = 1e-9
 SOFTNESS = 5e-4
-"""Over this difference of depth the push goes from one corner of a side to another [m] (default chosen by this project, unconfirmed)."""
+"""Over this difference of depth the push goes from one corner of a side to another [m] (default chosen by this project,
+unconfirmed)."""
 
 Point = tuple[float, float]
 
@@ -94,7 +95,8 @@ def _cylinder_side(radius: float, length: float, d: FloatArray) -> FloatArray:
 
 
 def _hull_side(points: FloatArray, d: FloatArray) -> FloatArray:
-    """Its points that are outermost along d, in a tolerance. They need not be ordered: their hull is taken as all meet in one plane."""
+    """Its points that are outermost along d, in a tolerance. They need not be ordered: their hull is taken as all meet
+    in one plane."""
     heights = points @ d
     size = float(np.ptp(points, axis=0).max())
     side: FloatArray = points[heights > heights.max() - _FLAT * size]
@@ -102,7 +104,8 @@ def _hull_side(points: FloatArray, d: FloatArray) -> FloatArray:
 
 
 def _side(solid: Solid, T_world_link: FloatArray, direction: FloatArray) -> FloatArray | None:
-    """Corners of the side turned to a direction, shape (n, 3): two for a line, one or None for what has none. World frame."""
+    """Corners of the side turned to a direction, shape (n, 3): two for a line, one or None for what has none. World
+    frame."""
     if solid.kind in ("sphere", "plane"):
         return None
     T = T_world_link @ solid.T_link_solid
@@ -141,14 +144,14 @@ def _convex(points: Sequence[Point]) -> list[Point]:
     for run in (ordered, ordered[::-1]):
         half: list[Point] = []
         for p in run:
-            while len(half) > 1 and _turn(half[-2], half[-1], p) <= _TINY * _TINY:
+            while len(half) > 1 and _area(half[-2], half[-1], p) <= _TINY * _TINY:
                 half.pop()
             half.append(p)
         halves.append(half[:-1])
     return halves[0] + halves[1]
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
+def _area(a: Point, b: Point, c: Point) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
@@ -156,7 +159,7 @@ def _cut(shape: list[Point], window: list[Point]) -> list[Point]:
     """What of a convex polygon, or a line, lies within a convex polygon (Sutherland and Hodgman)."""
     for i, a in enumerate(window):
         b, kept = window[(i + 1) % len(window)], []
-        sides = [_turn(a, b, p) for p in shape]
+        sides = [_area(a, b, p) for p in shape]
         pairs = range(len(shape)) if len(shape) > 2 else range(len(shape) - 1)
         for k, p in enumerate(shape):
             if sides[k] >= -_TINY * _TINY:
@@ -173,8 +176,6 @@ def _cut(shape: list[Point], window: list[Point]) -> list[Point]:
 
 def _common(a: list[Point], b: list[Point]) -> list[Point]:
     """Corners of what two shapes share; none where they are lines that cross."""
-    if len(a) > 2 and len(b) > 2:
-        return _cut(a, b)
     if len(b) > 2:
         return _cut(a, b)
     if len(a) > 2:
@@ -191,17 +192,18 @@ def _common(a: list[Point], b: list[Point]) -> list[Point]:
 
 
 class _Heights:
-    """Height along the normal of a side at any place across it: a plane through its corners, of a line as it rises along itself.
+    """Height along the normal of a side at any point across it: a plane through its corners, of a line as it rises
+    along itself.
 
     Args:
-        places, heights: of its corners [m].
+        points, heights: of its corners [m].
     """
 
-    def __init__(self, places: Sequence[Point], heights: Sequence[float]) -> None:
-        n = len(places)
-        x0, y0, h0 = sum(x for x, _ in places) / n, sum(y for _, y in places) / n, sum(heights) / n
+    def __init__(self, points: Sequence[Point], heights: Sequence[float]) -> None:
+        n = len(points)
+        x0, y0, h0 = sum(x for x, _ in points) / n, sum(y for _, y in points) / n, sum(heights) / n
         xx = xy = yy = xh = yh = 0.0
-        for (x, y), h in zip(places, heights, strict=True):
+        for (x, y), h in zip(points, heights, strict=True):
             dx, dy, dh = x - x0, y - y0, h - h0
             xx, xy, yy, xh, yh = xx + dx * dx, xy + dx * dy, yy + dy * dy, xh + dx * dh, yh + dy * dh
         size, area = xx + yy, xx * yy - xy * xy
@@ -211,12 +213,19 @@ class _Heights:
             self._slope = (xh / size, yh / size) if size > 0.0 else (0.0, 0.0)
         self._offset = h0 - x0 * self._slope[0] - y0 * self._slope[1]
 
-    def __call__(self, place: Point) -> float:
-        height: float = self._offset + self._slope[0] * place[0] + self._slope[1] * place[1]
-        return height
+    def __call__(self, point: Point) -> float:
+        return float(self._offset + self._slope[0] * point[0] + self._slope[1] * point[1])
 
 
-def corners(a: Solid, T_world_a: FloatArray, b: Solid, T_world_b: FloatArray, normal: FloatArray, deepest: FloatArray, depth: float) -> list[Corner]:
+def corners(
+    a: Solid,
+    T_world_a: FloatArray,
+    b: Solid,
+    T_world_b: FloatArray,
+    normal: FloatArray,
+    deepest: FloatArray,
+    depth: float,
+) -> list[Corner]:
     """Where two shapes meet: one corner, the deepest point, unless a side of one lies on a side of the other.
 
     Args:
@@ -228,7 +237,8 @@ def corners(a: Solid, T_world_a: FloatArray, b: Solid, T_world_b: FloatArray, no
     """
     alone = [Corner(deepest, depth, 1.0)]
     side_a, side_b = _side(a, T_world_a, -normal), _side(b, T_world_b, normal)
-    if (side_a is None and a.kind != "plane") or (side_b is None and b.kind != "plane") or (side_a is None and side_b is None):
+    round_ones = [side is None and solid.kind != "plane" for side, solid in ((side_a, a), (side_b, b))]
+    if any(round_ones) or (side_a is None and side_b is None):
         return alone
     s, t = _across(normal)
     frame = np.column_stack([s, t, normal])
@@ -237,17 +247,17 @@ def corners(a: Solid, T_world_a: FloatArray, b: Solid, T_world_b: FloatArray, no
     for name, side in (("a", side_a), ("b", side_b)):
         if side is None:
             continue
-        seen = (side @ frame).tolist()
-        places = [(x, y) for x, y, _ in seen]
-        height[name] = _Heights(places, [z for *_, z in seen])
-        outlines.append(_convex(places) if len(seen) > 2 else places)
+        projected = (side @ frame).tolist()
+        points = [(x, y) for x, y, _ in projected]
+        height[name] = _Heights(points, [z for *_, z in projected])
+        outlines.append(_convex(points) if len(points) > 2 else points)
     shared = _common(outlines[0], outlines[1]) if len(outlines) == 2 else outlines[0]
     surface = middle + (0.5 * depth if side_b is None else -0.5 * depth)
     found = []
-    for place, share in zip(shared, _shares(shared), strict=True):
-        top = height["b"](place) if "b" in height else surface
-        bottom = height["a"](place) if "a" in height else surface
-        found.append(Corner(place[0] * s + place[1] * t + middle * normal, top - bottom, share))
+    for point, share in zip(shared, _shares(shared), strict=True):
+        top = height["b"](point) if "b" in height else surface
+        bottom = height["a"](point) if "a" in height else surface
+        found.append(Corner(point[0] * s + point[1] * t + middle * normal, top - bottom, share))
     if not found or abs(max(corner.depth for corner in found) - depth) > _AGREES + 0.05 * abs(depth):
         return alone
     return found
@@ -261,12 +271,13 @@ def _shares(shape: list[Point]) -> list[float]:
 
 
 def centre(found: Sequence[Corner], deepening: Sequence[float] = (), ahead: float = 0.0) -> tuple[FloatArray, float]:
-    """(position, shape (3,), depth [m]) at which one spring stands for a meeting.
+    """(position, shape (3,), depth [m]) at which one spring acts in place of a meeting.
 
-    Depth is D = s ln(sum_i a_i exp(d_i / s)) over the depths d_i of the corners, a_i their shares of their sides, s a softness: equal depths
-    give just these, one far deeper corner gives its own. The position is the mean of the corners by the derivatives of D, so that the spring's
-    force and its moment have one potential: it gives what it took, also where the side tilts meanwhile. (The mean by depth has none: 12 % of
-    the energy were gained in one impact of the hand on a box.)
+    Depth is D = s ln(sum_i a_i exp(d_i / s)) over the depths d_i of the corners, a_i their shares of their sides, s a
+    softness: equal depths give just these, one far deeper corner gives its own. The position is the mean of the corners
+    by the derivatives of D, so that the spring's force and its moment have one potential: it gives what it took, also
+    where the side tilts meanwhile. (The mean by depth has none: 12 % of the energy were gained in one impact of the
+    hand on a box.)
 
     Args:
         found: corners, of all shapes of a pair of links.

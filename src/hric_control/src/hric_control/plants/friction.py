@@ -1,9 +1,8 @@
 """Joint friction as efforts: viscous damping, and the sigmoid that was identified on the Panda.
 
-Coulomb friction, which can hold a joint still, is not a function of the velocity: it stands in the balance of `rotor_inertia.py`.
+Coulomb friction, which can hold a joint still, is not a function of the velocity: it is in the balance of
+`rotor_inertia.py`.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_control.errors import ParameterError
+from hric_control.parameters import as_number
 
 PHI = ("phi1", "phi2", "phi3")
 Phi = tuple[float, float, float]
@@ -44,15 +44,21 @@ def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[Phi]
         ParameterError: a joint or a value is missing.
     """
     if not isinstance(parameters, Mapping) or not parameters:
-        raise ParameterError("friction: identified needs friction_parameters: {phi1: [...], phi2: [...], phi3: [...]}, one value per joint")
+        raise ParameterError(
+            "friction: identified needs friction_parameters: {phi1: [...], phi2: [...], phi3: [...]}, one value "
+            "per joint"
+        )
     result = []
     for i, joint in enumerate(joint_names):
         per_joint = parameters.get(joint)
         try:
             source = per_joint if per_joint is not None else {phi: parameters[phi][i] for phi in PHI}
-            result.append((float(source["phi1"]), float(source["phi2"]), float(source["phi3"])))
+            result.append((as_number(source["phi1"]), as_number(source["phi2"]), as_number(source["phi3"])))
         except (KeyError, IndexError, TypeError, ValueError) as error:
-            raise ParameterError(f"friction_parameters: phi1, phi2 and phi3 of {joint} are missing or not numbers; got {dict(parameters)}") from error
+            raise ParameterError(
+                f"friction_parameters: phi1, phi2 and phi3 of {joint} are missing or not numbers; got "
+                f"{dict(parameters)}"
+            ) from error
     return result
 
 
@@ -67,7 +73,9 @@ class JointLosses:
     def __init__(self, damping: Sequence[float], sigmoid: Sequence[tuple[float, float, float]] | None) -> None:
         self._damping = list(damping)
         # phi1 / (1 + exp(-x)) = phi1/2 (1 + tanh(x/2)): the same curve, without overflow at high speed.
-        self._sigmoid = None if sigmoid is None else [(0.5 * a, 0.5 * b, c, math.tanh(0.5 * b * c)) for a, b, c in sigmoid]
+        self._sigmoid = (
+            None if sigmoid is None else [(0.5 * a, 0.5 * b, c, math.tanh(0.5 * b * c)) for a, b, c in sigmoid]
+        )
 
     @property
     def any(self) -> bool:
@@ -82,5 +90,8 @@ class JointLosses:
         result = [t - d * v for t, d, v in zip(tau, self._damping, dq, strict=True)]
         if self._sigmoid is not None:
             tanh = math.tanh
-            result = [t - a * (tanh(b * (v + c)) - rest) for t, v, (a, b, c, rest) in zip(result, dq, self._sigmoid, strict=True)]
+            result = [
+                t - a * (tanh(b * (v + c)) - rest)
+                for t, v, (a, b, c, rest) in zip(result, dq, self._sigmoid, strict=True)
+            ]
         return result

@@ -1,36 +1,37 @@
 """Pairs of links whose collision is not tested, by a YAML table with reasons."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
-import yaml
-
-from hric_control.errors import HricError
+from hric_control.parameters import Settings, listing, read_yaml, section, text
 from hric_control.plants.resources import resolve
 
 DEFAULT = "package://hric_control/config/collision_masks.yaml"
+
+
+@dataclass(frozen=True)
+class _Pair(Settings):
+    links: tuple[str, str] = listing(text(empty=False), 2)
+    reason: str = text(empty=False)
+
+
+@dataclass(frozen=True)
+class _Masks(Settings):
+    pairs: tuple[_Pair, ...] = listing(section(_Pair), default=())
 
 
 def load_masks(address: str) -> list[tuple[str, str]]:
     """Patterns of link pairs.
 
     Args:
-        address: path or package://..., "" for the table of this package.
+        address: path or package://..., "" for the masks of this package.
 
     Raises:
         HricError: an entry is not {links: [pattern, pattern], reason: text}.
     """
     path = resolve(address or DEFAULT)
-    table = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-    pairs = []
-    for entry in table.get("pairs", []):
-        links, reason = entry.get("links", []), entry.get("reason", "")
-        if len(links) != 2 or not reason:
-            raise HricError(f"{path}: each pair needs links: [pattern, pattern] and a reason; got {entry}")
-        pairs.append((str(links[0]), str(links[1])))
-    return pairs
+    return [pair.links for pair in _Masks.of(read_yaml(path), f"{path}:").pairs]
 
 
 def masked(a: str, b: str, masks: Iterable[tuple[str, str]]) -> bool:

@@ -1,14 +1,12 @@
 """Finding files that a URDF or a world names: plain paths, file:// and package:// addresses."""
 
-from __future__ import annotations
-
 import os
 from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 from xml.etree import ElementTree
 
-from hric_control.errors import HricError, UnknownNameError
+from hric_control.errors import HricError, check_known
 
 
 @lru_cache(maxsize=4)
@@ -32,8 +30,7 @@ def package_path(name: str) -> Path:
         UnknownNameError: no such package.
     """
     packages = _packages(os.environ.get("ROS_PACKAGE_PATH", ""))
-    if name not in packages:
-        raise UnknownNameError("package", name, packages, "ROS_PACKAGE_PATH")
+    check_known("package", [name], packages, "ROS_PACKAGE_PATH")
     return packages[name]
 
 

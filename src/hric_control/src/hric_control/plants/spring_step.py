@@ -1,23 +1,24 @@
 """Penalty contact within one step: the two bodies along their normal, as one mass on the spring.
 
-An engine holds a force over its step, and an impact on a stiff surface lasts a few steps only: a spring that is taken at one instant of the step
-gives a peak and an impulse that depend on where in the step the bodies met. Here the motion along the normal is integrated through the step,
+An engine holds a force over its step, and an impact on a stiff surface lasts a few steps only: a spring that is taken
+at one instant of the step gives a peak and an impulse that depend on where in the step the bodies met. Here the motion
+along the normal is integrated through the step,
     x'' = a - w max(k x + c x', 0)    while x > 0,
-with the pair's inverse effective mass w = n' J (M + B)^-1 J' n and the acceleration a that the pair would have without the spring. What is applied
-is the mean of the load, which has the same impulse. What is reported is the load at the end of the step or, where it had its maximum within the
-step, this maximum: what a sensor would read that samples once a step and holds a peak.
+with the pair's inverse effective mass w = n' J (M + B)^-1 J' n and the acceleration a that the pair would have without
+the spring. What is applied is the mean of the load, which has the same impulse. What is reported is the load at the end
+of the step or, where it had its maximum within the step, this maximum: what a sensor would read that samples once a
+step and holds a peak.
 """
-
-from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
 
 _PARTS = 8
-"""Parts of a step of the method of Runge and Kutta, for a spring that is slow beside the step (default chosen by this project, unconfirmed)."""
+"""Parts of a step of the method of Runge and Kutta, for a spring that is slow beside the step (default chosen by this
+project, unconfirmed)."""
 _PARTS_PER_RADIAN = 4
 """More of them for a spring that is not."""
-_MOST_PARTS = 64
+_MAX_PARTS = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,9 @@ def _touch_time(depth: float, speed: float, acceleration: float, step: float) ->
     return min(-2.0 * depth / pace, step) if pace > 0.0 else step
 
 
-def spring_step(depth: float, speed: float, acceleration: float, inverse_mass: float, stiffness: float, damping: float, step: float) -> SpringStep:
+def spring_step(
+    depth: float, speed: float, acceleration: float, inverse_mass: float, stiffness: float, damping: float, step: float
+) -> SpringStep:
     """Integrate one step.
 
     Args:
@@ -70,7 +73,7 @@ def spring_step(depth: float, speed: float, acceleration: float, inverse_mass: f
         if left <= 0.0:
             return NOTHING
         x, v = 0.0, speed + acceleration * free
-    parts = min(_PARTS + int(_PARTS_PER_RADIAN * math.sqrt(stiffness * inverse_mass) * left), _MOST_PARTS)
+    parts = min(_PARTS + int(_PARTS_PER_RADIAN * math.sqrt(stiffness * inverse_mass) * left), _MAX_PARTS)
     h = left / parts
     half, impulse = 0.5 * h, 0.0
     first = load = peak = _load(x, v, stiffness, damping)
@@ -122,8 +125,8 @@ class Springs:
     Args:
         time_step: [s].
 
-    The acceleration without the spring is what was measured over the last step plus what the spring took away in it, so that a body at rest on its
-    spring stays there, whatever presses it.
+    The acceleration without the spring is what was measured over the last step plus what the spring took away in it, so
+    that a body at rest on its spring stays there, whatever presses it.
     """
 
     time_step: float
@@ -139,7 +142,15 @@ class Springs:
         """A new step; pairs that are not pushed in it are forgotten."""
         self._before, self._now = self._now, {}
 
-    def push(self, pair: tuple[str, str], depth: float, speed: float, measured: float, inverse_mass: float, law: tuple[float, float]) -> SpringStep:
+    def push(
+        self,
+        pair: tuple[str, str],
+        depth: float,
+        speed: float,
+        measured: float,
+        inverse_mass: float,
+        law: tuple[float, float],
+    ) -> SpringStep:
         """One pair in this step.
 
         Args:
@@ -160,6 +171,6 @@ class Springs:
         return done
 
     def take_peaks(self) -> dict[tuple[str, str], float]:
-        """Largest reading per pair since this was last asked [N]."""
+        """Largest reading per pair since the last call [N]."""
         peaks, self._peaks = self._peaks, {}
         return peaks

@@ -1,19 +1,14 @@
 """Worlds: the objects around a robot, from a YAML file."""
 
-from __future__ import annotations
-
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import yaml
-
-from hric_control.errors import HricError
+from hric_control.errors import ParameterError
+from hric_control.geometry import FloatArray, transform_from_rpy
+from hric_control.node import REQUIRED
+from hric_control.parameters import Settings, choice, listing, number, numbers, read_yaml, refused, section, text
 from hric_control.plants.resources import resolve
-from hric_control.plants.spatial import FloatArray, transform
-from hric_control.plants.surfaces import Surface, SurfaceRule, read_rules, read_surface
+from hric_control.plants.surfaces import Surface, SurfaceRule, SurfaceSettings
 
 SIZES = {
     "box": ("length", "width", "height"),
@@ -26,18 +21,6 @@ SIZES = {
 """Shapes, and what their size lists [m]."""
 PLAIN_LINK = "link"
 """Name of the link of a plain shape."""
-_DEFAULTS: dict[str, Any] = {
-    "shape": None,
-    "size": [],
-    "urdf": "",
-    "mass": 0.0,
-    "pose": {},
-    "friction": 0.5,
-    "contact": "rigid",
-    "stiffness": None,
-    "damping": 0.0,
-    "velocity": {},
-}
 
 
 @dataclass(frozen=True)
@@ -66,76 +49,79 @@ class WorldObject:
     surface: Surface
 
 
-def _known(values: Any, valid: Mapping[str, Any] | tuple[str, ...], where: str) -> dict[str, Any]:
-    if not isinstance(values, dict):
-        raise HricError(f"{where}: must be a mapping with the keys {', '.join(valid)}; got {values!r}")
-    unknown = sorted(str(key) for key in set(values) - set(valid))
-    if unknown:
-        raise HricError(f"{where}: unknown key {', '.join(unknown)}; valid: {', '.join(valid)}")
-    return values
+@dataclass(frozen=True)
+class _Pose(Settings):
+    xyz: tuple[float, ...] = numbers(3, (0.0, 0.0, 0.0), unit="m")
+    rpy: tuple[float, ...] = numbers(3, (0.0, 0.0, 0.0), unit="rad")
 
 
-def _number(value: Any, where: str, least: float = -math.inf) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value < least:
-        raise HricError(f"{where}: must be a number" + (f" of at least {least}" if least > -math.inf else "") + f"; got {value!r}")
-    return float(value)
+@dataclass(frozen=True)
+class _Velocity(Settings):
+    linear: tuple[float, ...] = numbers(3, (0.0, 0.0, 0.0), unit="m/s")
+    angular: tuple[float, ...] = numbers(3, (0.0, 0.0, 0.0), unit="rad/s")
 
 
-def _numbers(value: Any, count: int, where: str) -> tuple[float, ...]:
-    values = value if isinstance(value, list) else [value]
-    if len(values) != count:
-        raise HricError(f"{where}: must be {count} number(s); got {value!r}")
-    return tuple(_number(v, where) for v in values)
+@dataclass(frozen=True)
+class _Object(SurfaceSettings):
+    """One object as the file has it."""
+
+    name: str = text(empty=False)
+    shape: str = choice(*SIZES, default=REQUIRED)
+    size: tuple[float, ...] = numbers(default=(), above=0.0, unit="m", single=True)
+    urdf: str = text("")
+    mass: float = number(0.0, minimum=0.0, unit="kg")
+    pose: _Pose = section(_Pose)
+    velocity: _Velocity = section(_Velocity)
+
+    def check(self, where: str) -> None:
+        """Refuse a size that is not that of the shape, and a plane with a mass."""
+        super().check(where)
+        if len(self.size) != len(SIZES[self.shape]):
+            raise refused(
+                f"{where}size", list(self.size), f"{', '.join(SIZES[self.shape]) or 'none'} of a {self.shape} [m]"
+            )
+        if self.shape == "plane" and self.mass > 0.0:
+            raise refused(f"{where}mass", self.mass, "0: a plane has no mass [kg]")
+
+    def built(self, folder: Path, default_stiffness: float) -> WorldObject:
+        """The object; folder: where relative addresses begin."""
+        return WorldObject(
+            self.name,
+            self.shape,
+            self.size,
+            resolve(self.urdf, folder) if self.shape == "urdf" else None,
+            self.mass,
+            transform_from_rpy(self.pose.xyz, self.pose.rpy),
+            self.velocity.linear,
+            self.velocity.angular,
+            self.over(Surface(), default_stiffness),
+        )
 
 
-def _choice(value: Any, valid: Any, where: str) -> str:
-    if value not in valid:
-        raise HricError(f"{where}: unknown {value!r}; valid: {', '.join(valid)}")
-    return str(value)
+@dataclass(frozen=True)
+class _World(Settings):
+    objects: tuple[_Object, ...] = listing(section(_Object), default=())
+    surfaces: tuple[SurfaceRule, ...] = listing(section(SurfaceRule), default=())
+
+    def check(self, where: str) -> None:
+        """Refuse a name that two objects have."""
+        names = [item.name for item in self.objects]
+        doubles = sorted({name for name in names if names.count(name) > 1})
+        if doubles:
+            raise ParameterError(f"{where}objects: names must differ; twice: {', '.join(doubles)}")
 
 
-def _object(item: Any, folder: Path, default_stiffness: float, number: int, where: str) -> WorldObject:
-    name = item.get("name") if isinstance(item, dict) else None
-    if not isinstance(name, str) or not name:
-        raise HricError(f"{where}: object {number} needs a name; got {item!r}")
-    where = f"{where}: object {name}"
-    data = {**_DEFAULTS, **_known(item, ("name", *_DEFAULTS), where)}
-    shape = _choice(data["shape"], SIZES, f"{where}: shape")
-    pose = _known(data["pose"], ("xyz", "rpy"), f"{where}: pose")
-    velocity = _known(data["velocity"], ("linear", "angular"), f"{where}: velocity")
-    size = _numbers(data["size"], len(SIZES[shape]), f"{where}: size ({', '.join(SIZES[shape]) or 'none'})")
-    if any(s <= 0.0 for s in size):
-        raise HricError(f"{where}: size must be positive; got {data['size']}")
-    mass = _number(data["mass"], f"{where}: mass", 0.0)
-    if shape == "plane" and mass > 0.0:
-        raise HricError(f"{where}: a plane has no mass; got {mass}")
-    return WorldObject(
-        name,
-        shape,
-        size,
-        resolve(str(data["urdf"]), folder) if shape == "urdf" else None,
-        mass,
-        transform(_numbers(pose.get("xyz", [0.0] * 3), 3, f"{where}: pose xyz"), _numbers(pose.get("rpy", [0.0] * 3), 3, f"{where}: pose rpy")),
-        _numbers(velocity.get("linear", [0.0] * 3), 3, f"{where}: velocity linear"),
-        _numbers(velocity.get("angular", [0.0] * 3), 3, f"{where}: velocity angular"),
-        read_surface(data, Surface(), default_stiffness, where),
-    )
-
-
-def _contents(path: Path) -> dict[str, Any]:
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise HricError(f"{path}: not YAML: {error}") from error
-    return _known(data or {}, ("objects", "surfaces"), str(path))
-
-
-def load_surfaces(address: str, default_stiffness: float) -> tuple[SurfaceRule, ...]:
-    """Rules for the surfaces of single links in a world file; arguments and errors as of `load_world`."""
+def _read(address: str) -> tuple[_World, Path]:
+    """The world, and where relative addresses begin."""
     if not address:
-        return ()
+        return _World(), Path()
     path = resolve(address)
-    return read_rules(_contents(path).get("surfaces") or [], default_stiffness, f"{path}: surfaces")
+    return _World.of(read_yaml(path), f"{path}:"), path.parent
+
+
+def load_surfaces(address: str) -> tuple[SurfaceRule, ...]:
+    """Rules for the surfaces of single links in a world file; argument and errors as of `load_world`."""
+    return _read(address)[0].surfaces
 
 
 def load_world(address: str, default_stiffness: float) -> list[WorldObject]:
@@ -148,15 +134,5 @@ def load_world(address: str, default_stiffness: float) -> list[WorldObject]:
     Raises:
         HricError: no such file, or a mistake in it; the message names the object and the valid choices.
     """
-    if not address:
-        return []
-    path = resolve(address)
-    items = _contents(path).get("objects") or []
-    if not isinstance(items, list):
-        raise HricError(f"{path}: objects must be a list; got {items!r}")
-    objects = [_object(item, path.parent, default_stiffness, i, str(path)) for i, item in enumerate(items, 1)]
-    names = [o.name for o in objects]
-    doubles = sorted({name for name in names if names.count(name) > 1})
-    if doubles:
-        raise HricError(f"{path}: object names must differ; twice: {', '.join(doubles)}")
-    return objects
+    world, folder = _read(address)
+    return [item.built(folder, default_stiffness) for item in world.objects]

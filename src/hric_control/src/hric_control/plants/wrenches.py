@@ -1,14 +1,12 @@
 """Wrenches from outside that act for some steps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from hric_control.errors import ParameterError
-from hric_control.plants.spatial import FloatArray
+from hric_control.geometry import FloatArray
 
 
 @dataclass
@@ -40,7 +38,9 @@ class Wrenches:
     time_step: float
     active: list[Wrench] = field(default_factory=list)
 
-    def add(self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float) -> None:
+    def add(
+        self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
+    ) -> None:
         """Begin one; see `hric_control.plant.Plant.apply_wrench`.
 
         Raises:
@@ -48,7 +48,10 @@ class Wrenches:
         """
         F, T, p = (np.array(v, dtype=float) for v in (force, torque, point))
         if any(v.shape != (3,) or not np.isfinite(v).all() for v in (F, T, p)):
-            raise ParameterError(f"wrench on {body}: force, torque and point must be three finite numbers each; got {force}, {torque}, {point}")
+            raise ParameterError(
+                f"wrench on {body}: force, torque and point must be three finite numbers each; got {force}, "
+                f"{torque}, {point}"
+            )
         steps = -1 if duration < 0.0 else round(duration / self.time_step)
         if steps != 0:
             self.active.append(Wrench(body, F, T, p, steps))

@@ -1,7 +1,5 @@
 """A log from a bag or a run folder: the control log, Franka states (tau_J) or joint states."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,16 +7,20 @@ from typing import Any
 import numpy as np
 
 from franka_hw_interface.arm_log import ArmLog, FloatArray, LogError
+from hric_bags.export import recording
+from hric_bags.export.recording import Source
+from hric_bags.export.table import Table
+from hric_bags.reader import FRANKA_TYPE, LOG_TYPE
 from hric_control.errors import UnknownNameError
-from hric_experiments.bag_reader import FRANKA_TYPE, LOG_TYPE
-from hric_experiments.export import recording
-from hric_experiments.export.recording import Source
-from hric_experiments.export.table import Table
 
 JOINT_TYPE = "sensor_msgs/msg/JointState"
 TYPES = (LOG_TYPE, FRANKA_TYPE, JOINT_TYPE)
 """Messages that hold position, velocity and torque of joints, the best first."""
-FIELDS = {LOG_TYPE: ("position", "velocity", "effort"), FRANKA_TYPE: ("q", "dq", "tau_J"), JOINT_TYPE: ("position", "velocity", "effort")}
+FIELDS = {
+    LOG_TYPE: ("position", "velocity", "effort"),
+    FRANKA_TYPE: ("q", "dq", "tau_J"),
+    JOINT_TYPE: ("position", "velocity", "effort"),
+}
 JOINTS = 7
 _SEVENTH = re.compile(r"(.*_)?joint7")
 
@@ -29,7 +31,8 @@ def read_bag(source: Source, topic: str = "", arm_id: str = "") -> tuple[ArmLog,
     Args:
         source: the bag.
         topic: empty: the control log if there is one, else the one with most messages, `*_desired` left out.
-        arm_id: prefix of the joints; empty: that of the only arm; Franka states, which name no joints, are of a Panda then.
+        arm_id: prefix of the joints; empty: that of the only arm; Franka states, which name no joints, are of a Panda
+            then.
 
     Raises:
         HricError: no such topic or joints; lists those that are there.
@@ -40,45 +43,55 @@ def read_bag(source: Source, topic: str = "", arm_id: str = "") -> tuple[ArmLog,
         there = ", ".join(sorted(reader.topics))
     if topic and topic not in kinds:
         raise UnknownNameError("topic with joints", topic, kinds, source.bag.name)
-    order = [topic] if topic else sorted(kinds, key=lambda name: (kinds[name] != LOG_TYPE, name.endswith("_desired"), -counts[name], name))
+    order = (
+        [topic]
+        if topic
+        else sorted(kinds, key=lambda name: (kinds[name] != LOG_TYPE, name.endswith("_desired"), -counts[name], name))
+    )
     if not order:
-        raise LogError(f"{source.bag.name} has no control log, Franka states or joint states; topics: {there or 'none'}")
+        raise LogError(
+            f"{source.bag.name} has no control log, Franka states or joint states; topics: {there or 'none'}"
+        )
     joints: set[str] = set()
     for name in order:
-        table = recording.read(source, (name,))[name]
-        arms = _arms(table, kinds[name], arm_id)
+        data = recording.read(source, (name,))[name]
+        arms = _arms(data, kinds[name], arm_id)
         if len(arms) == 1:
-            return _log(table, arms[0], FIELDS[kinds[name]]), name
+            return _log(data, arms[0], FIELDS[kinds[name]]), name
         if len(arms) > 1:
             raise LogError(f"{name} has the arms {', '.join(arms)}; choose one with --arm-id")
-        joints |= set(table.below("position"))
-    wanted, there = f"{arm_id or '<arm>'}_joint1 to 7", ", ".join(sorted(joints)) or "none"
-    raise LogError(f"{', '.join(order)} has no joints {wanted} with position, velocity and effort; joints there: {there}")
+        joints |= set(data.below("position"))
+    expected, there = f"{arm_id or '<arm>'}_joint1 to 7", ", ".join(sorted(joints)) or "none"
+    raise LogError(
+        f"{', '.join(order)} has no joints {expected} with position, velocity and effort; joints there: {there}"
+    )
 
 
-def _arms(table: Table, kind: str, arm_id: str) -> list[str]:
-    """Arms of which the table has everything."""
+def _arms(data: Table, kind: str, arm_id: str) -> list[str]:
+    """Arms of which the data has everything."""
     if kind == FRANKA_TYPE:
         return [arm_id or "panda"]
-    fields = [table.below(field) for field in FIELDS[kind]]
+    fields = [data.below(field) for field in FIELDS[kind]]
     arms = [(match[1] or "").removesuffix("_") for name in fields[0] if (match := _SEVENTH.fullmatch(name))]
-    return [arm for arm in arms if arm_id in ("", arm) and all(joint in field for field in fields for joint in _names(arm))]
+    return [
+        arm for arm in arms if arm_id in ("", arm) and all(joint in field for field in fields for joint in _names(arm))
+    ]
 
 
 def _names(arm: str) -> list[str]:
     return [f"{arm}_joint{i}" if arm else f"joint{i}" for i in range(1, JOINTS + 1)]
 
 
-def _log(table: Table, arm: str, fields: Sequence[str]) -> ArmLog:
+def _log(data: Table, arm: str, fields: Sequence[str]) -> ArmLog:
     names = _names(arm)
     labels = [str(i) for i in range(JOINTS)] if fields[0] == "q" else names
-    arrays = [_matrix(table.below(field), labels) for field in fields]
+    arrays = [_matrix(data.below(field), labels) for field in fields]
     # A message of somebody else on the same topic, such as the gripper's joint states, has nothing of the arm.
     own = ~np.isnan(np.hstack(arrays)).all(axis=1)
     columns = ("stamp", *(f"{field}.{label}" for field in fields for label in labels))
-    row = "cycle" if table.type_name == LOG_TYPE else "message"
+    row = "cycle" if data.type_name == LOG_TYPE else "message"
     q, dq, tau = (array[own] for array in arrays)
-    return ArmLog(tuple(names), table.time[own], q, dq, tau, columns, np.flatnonzero(own) + 1, row)
+    return ArmLog(tuple(names), data.time[own], q, dq, tau, columns, np.flatnonzero(own) + 1, row)
 
 
 def _matrix(columns: Mapping[str, Any], labels: Sequence[str]) -> FloatArray:

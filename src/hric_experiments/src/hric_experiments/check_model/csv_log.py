@@ -1,6 +1,5 @@
-"""A log from a CSV file: time, positions, velocities and torques of seven joints, in any order, by names that are usual or given."""
-
-from __future__ import annotations
+"""A log from a CSV file: time, positions, velocities and torques of seven joints, in any order, by names that are usual
+or given."""
 
 import csv
 import re
@@ -18,8 +17,14 @@ STEMS = {
     "dq": ("dq", "qd", "qdot", "velocity", "vel", "joint_velocity"),
     "tau": ("tau_j", "tau", "effort", "torque", "joint_torque"),
 }
-"""What comes before the joint's number or name, the best first; capitals do not count, and `field.` of `rostopic echo -p` may stand before it."""
-MEANINGS = {"t": "time [s]", "q": "joint positions [rad]", "dq": "joint velocities [rad/s]", "tau": "measured joint torques [N m]"}
+"""What comes before the joint's number or name, the best first; capitals do not count, and `field.` of `rostopic echo
+-p` may precede it."""
+MEANINGS = {
+    "t": "time [s]",
+    "q": "joint positions [rad]",
+    "dq": "joint velocities [rad/s]",
+    "tau": "measured joint torques [N m]",
+}
 USUAL = "t, q1 to q7, dq1 to dq7, tau1 to tau7"
 
 
@@ -34,7 +39,8 @@ def parse_columns(given: Sequence[str]) -> dict[str, str]:
         key, separator, value = text.partition("=")
         if key not in MEANINGS or not separator or not value:
             raise LogError(
-                f"cannot read {text!r} of --columns; valid: t=NAME, and q=, dq=, tau= with seven names and commas, or one with {{}} for 1 to 7"
+                f"cannot read {text!r} of --columns; valid: t=NAME, and q=, dq=, tau= with seven names and commas, "
+                f"or one with {{}} for 1 to 7"
             )
         found[key] = value
     return found
@@ -49,7 +55,7 @@ def read_csv(path: Path, joint_names: Sequence[str], given: Mapping[str, str]) -
         given: see `parse_columns`.
 
     Raises:
-        LogError: it cannot be read, columns are missing, or a cell is no number.
+        LogError: it cannot be read, columns are missing, or a cell is not a number.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -68,7 +74,8 @@ def read_csv(path: Path, joint_names: Sequence[str], given: Mapping[str, str]) -
 
 
 def _header(lines: list[tuple[int, str]], name: str) -> tuple[str, list[tuple[int, str]]]:
-    """The header and the lines of data: the header is the first line, or a comment right before the numbers, as numpy writes it."""
+    """The header and the lines of data: the header is the first line, or a comment right before the numbers, as numpy
+    writes it."""
     comments = [line for _, line in lines if line.startswith("#")]
     data = [(number, line) for number, line in lines if not line.startswith("#")]
     if data and not _is_data(data[0][1]):
@@ -104,13 +111,17 @@ def _columns(names: Sequence[str], given: Mapping[str, str], file: str) -> list[
 
 def _named(given: str, names: Sequence[str], count: int, file: str) -> list[str]:
     numbered = count > 1 and "{}" in given
-    wanted = [given.replace("{}", str(i)) for i in range(1, count + 1)] if numbered else [one.strip() for one in given.split(",")]
-    if len(wanted) != count:
-        raise LogError(f"--columns names {len(wanted)} columns in {given!r}; {count} are needed")
-    missing = [name for name in wanted if name not in names]
+    chosen = (
+        [given.replace("{}", str(i)) for i in range(1, count + 1)]
+        if numbered
+        else [one.strip() for one in given.split(",")]
+    )
+    if len(chosen) != count:
+        raise LogError(f"--columns names {len(chosen)} columns in {given!r}; {count} are needed")
+    missing = [name for name in chosen if name not in names]
     if missing:
         raise LogError(f"{file} has no column {', '.join(missing)}; columns there: {', '.join(names)}")
-    return wanted
+    return chosen
 
 
 def _plain(name: str) -> str:
@@ -139,26 +150,32 @@ def _joints(key: str, names: Sequence[str], file: str) -> list[str]:
 def _missing(key: str, names: Sequence[str], file: str) -> LogError:
     usual, how = ("t", "t=NAME") if key == "t" else (f"{key}1 to {key}7", f"{key}=NAME{{}}")
     return LogError(
-        f"{file} has no columns {usual} for the {MEANINGS[key]}; columns there: {', '.join(names)}; name them with --columns {how}"
-        + ("" if key == "t" else " ({} stands for 1 to 7), or seven names separated by commas")
+        f"{file} has no columns {usual} for the {MEANINGS[key]}; columns there: {', '.join(names)}; name them "
+        f"with --columns {how}" + ("" if key == "t" else " ({} stands for 1 to 7), or seven names separated by commas")
     )
 
 
-def _numbers(rows: list[tuple[int, str]], delimiter: str | None, places: Sequence[int], columns: Sequence[str]) -> FloatArray:
+def _numbers(
+    rows: list[tuple[int, str]], delimiter: str | None, indices: Sequence[int], columns: Sequence[str]
+) -> FloatArray:
     if not rows:
         raise LogError("the file has a header, but no samples")
     try:
-        values: FloatArray = np.loadtxt([line for _, line in rows], delimiter=delimiter, usecols=places, ndmin=2, quotechar='"')
+        values: FloatArray = np.loadtxt(
+            [line for _, line in rows], delimiter=delimiter, usecols=indices, ndmin=2, quotechar='"'
+        )
     except (ValueError, IndexError):
-        raise _bad_cell(rows, delimiter, places, columns) from None
+        raise _bad_cell(rows, delimiter, indices, columns) from None
     return values
 
 
-def _bad_cell(rows: list[tuple[int, str]], delimiter: str | None, places: Sequence[int], columns: Sequence[str]) -> LogError:
+def _bad_cell(
+    rows: list[tuple[int, str]], delimiter: str | None, indices: Sequence[int], columns: Sequence[str]
+) -> LogError:
     for number, line in rows:
         cells = _cells(line, delimiter)
-        for place, column in zip(places, columns, strict=True):
-            cell = cells[place].strip() if place < len(cells) else ""
+        for index, column in zip(indices, columns, strict=True):
+            cell = cells[index].strip() if index < len(cells) else ""
             try:
                 float(cell)
             except ValueError:

@@ -1,30 +1,23 @@
-"""Figures of a check (PNG): measured and modelled torque, what is left, and that over the velocity, where friction shows."""
+"""Figures of a check: measured and modelled torque, what is left, and that over the velocity, where friction shows."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import matplotlib.pyplot as plt
 import numpy as np
-import numpy.typing as npt
 
 from franka_hw_interface.friction_fit import JointFriction
 from franka_hw_interface.model_check import ModelCheck
-from hric_control.plants.friction import Phi, sigmoid_torque
-from hric_experiments.panels import MEASURED, PROFILE, RAW, STYLE, WANTED, legend, panels, save, widen
+from hric_control.plants import Phi, sigmoid_torque
+from hric_experiments.report import png
+from hric_experiments.report.figure import Curve, Figure, per_joint
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-FloatArray = npt.NDArray[np.float64]
-POINTS = 6000
-"""Drawn of each curve at most."""
+POINTS, LINE_POINTS = 6000, 300
+"""Of a curve over time at most; of a friction law."""
 
 
-def draw_all(folder: Path, check: ModelCheck, friction: Sequence[Phi] | None, fits: Sequence[JointFriction], title: str) -> list[Path]:
+def draw_all(
+    folder: Path, check: ModelCheck, friction: Sequence[Phi] | None, fits: Sequence[JointFriction], title: str
+) -> list[Path]:
     """Draw all figures into a folder.
 
     Args:
@@ -37,51 +30,34 @@ def draw_all(folder: Path, check: ModelCheck, friction: Sequence[Phi] | None, fi
     Returns:
         The files.
     """
-    with plt.rc_context(STYLE):
-        figures = {
-            "torques": _over_time(check, f"{title}: torque", ((check.measured, RAW, 2.4, "measured"), (check.modelled, MEASURED, 1.0, "modelled"))),
-            "residuals": _over_time(check, f"{title}: measured minus modelled torque", ((check.residual, MEASURED, 1.0, "residual"),)),
-            "friction": _friction(check, friction, fits, title),
-        }
-        return [save(figure, folder / f"{name}.png") for name, figure in figures.items()]
+    part = slice(None, None, -(-len(check.time) // POINTS))
+    time, unit, names = check.time[part], "torque [N m]", check.joint_names
+    measured = Curve("measured", "raw", time, check.measured[part])
+    modelled = Curve("modelled", "measured", time, check.modelled[part])
+    residual = Curve("residual", "measured", time, check.residual[part])
+    figures = [
+        per_joint("torques", "Torque", unit, names, [measured, modelled], min_height=0.2),
+        per_joint("residuals", "Measured minus modelled torque", unit, names, [residual], min_height=0.2),
+        _friction(check, friction, fits, part),
+    ]
+    return png.draw(folder, figures, title)
 
 
-def _thinned(check: ModelCheck) -> slice:
-    return slice(None, None, -(-len(check.time) // POINTS))
-
-
-def _panels(check: ModelCheck, axis: FloatArray, title: str, draw: Callable[[Axes, int], None]) -> Figure:
-    """A panel per joint, drawn into by `draw(axes, joint)`."""
-    figure, axes = panels(check.joint_names, axis, title, "torque [N m]")
-    for j in range(len(check.joint_names)):
-        draw(axes[j], j)
-        widen(axes[j], 0.2)
-    legend(figure, axes, len(check.joint_names))
-    return figure
-
-
-def _over_time(check: ModelCheck, title: str, curves: Sequence[tuple[FloatArray, str, float, str]]) -> Figure:
-    part = _thinned(check)
-
-    def draw(ax: Axes, j: int) -> None:
-        for values, color, width, label in curves:
-            ax.plot(check.time[part], values[part, j], color=color, linewidth=width, label=label)
-
-    return _panels(check, check.time, title, draw)
-
-
-def _friction(check: ModelCheck, friction: Sequence[Phi] | None, fits: Sequence[JointFriction], title: str) -> Figure:
-    part, rigid = _thinned(check), check.rigid[check.signals.kept]
-    ends = np.array([check.velocity.min(), check.velocity.max()])
-
-    def draw(ax: Axes, j: int) -> None:
-        velocity = np.linspace(check.velocity[:, j].min(), check.velocity[:, j].max(), 300)
-        ax.plot(check.velocity[part, j], (check.measured - rigid)[part, j], ".", color=RAW, markersize=1.5, label="measured minus M ddq + C dq + g")
-        if friction is not None:
-            ax.plot(velocity, sigmoid_torque(velocity, friction[j]), color=WANTED, linestyle="--", label="friction of the model")
-        if fits and fits[j].fitted:
-            ax.plot(velocity, sigmoid_torque(velocity, fits[j].phi), color=PROFILE, label="fitted")
-        if ax.get_xlabel():
-            ax.set_xlabel("velocity [rad/s]")
-
-    return _panels(check, ends, f"{title}: friction", draw)
+def _friction(check: ModelCheck, friction: Sequence[Phi] | None, fits: Sequence[JointFriction], part: slice) -> Figure:
+    rest = (check.measured - check.rigid[check.signals.kept])[part]
+    velocity = np.linspace(check.velocity.min(axis=0), check.velocity.max(axis=0), LINE_POINTS)
+    curves = [Curve("measured minus M ddq + C dq + g", "samples", check.velocity[part], rest)]
+    laws = {
+        ("friction of the model", "setpoint"): friction or (),
+        ("fitted", "desired"): [fit.phi if fit.fitted else None for fit in fits],
+    }
+    for (name, role), law in laws.items():
+        torque = np.full_like(velocity, np.nan)
+        for j, phi in enumerate(law):
+            if phi is not None:
+                torque[:, j] = sigmoid_torque(velocity[:, j], phi)
+        curves.append(Curve(name, role, velocity, torque))
+    abscissa = "velocity [rad/s]"
+    return per_joint(
+        "friction", "Friction", "torque [N m]", check.joint_names, curves, min_height=0.2, abscissa=abscissa
+    )

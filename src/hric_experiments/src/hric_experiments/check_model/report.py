@@ -1,17 +1,16 @@
 """The result as text."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from franka_hw_interface.friction_fit import JointFriction
 from franka_hw_interface.model_check import ModelCheck, root_mean_square
-from hric_experiments import table
+from hric_bags import text
 
 EXPECTED = (
-    "to expect: 0.07 to 0.58 N m per joint and a sum of 1.7 N m with the published friction, 2.7 N m without; measured on a public log of a real arm"
+    "to expect: 0.07 to 0.58 N m per joint and a sum of 1.7 N m with the published friction, 2.7 N m "
+    "without; measured on a public log of a real arm"
 )
 
 
@@ -30,16 +29,33 @@ def render(check: ModelCheck, about: Sequence[str]) -> str:
 
 def render_fit(fits: Sequence[JointFriction]) -> str:
     """Fitted friction with standard deviations."""
-    cells = [["joint", "phi1", "+-", "phi2", "+-", "phi3", "+-", "residual RMS"], ["", "N m", "", "s/rad", "", "rad/s", "", "N m"]]
+    cells = [
+        ["joint", "phi1", "+-", "phi2", "+-", "phi3", "+-", "residual RMS"],
+        ["", "N m", "", "s/rad", "", "rad/s", "", "N m"],
+    ]
     for one in fits:
-        values = [text for pair in zip(one.phi, one.deviation, strict=True) for text in (f"{pair[0]:.4f}", f"{pair[1]:.1g}" if one.fitted else "-")]
+        values = [
+            text
+            for pair in zip(one.phi, one.deviation, strict=True)
+            for text in (f"{pair[0]:.4f}", f"{pair[1]:.1g}" if one.fitted else "-")
+        ]
         cells.append([one.joint, *values, f"{one.rms:.3f}"])
     cells.append(["sum", *[""] * 6, f"{sum(one.rms for one in fits):.3f}"])
-    notes = [f"{one.joint}: {one.told()}" for one in fits if not one.fitted or one.loose()]
-    return "\n".join(["fitted friction (standard deviation by residual and bandwidth)", "", *_rows(cells), *(["", *notes] if notes else [])]) + "\n"
+    notes = [f"{one.joint}: {one.summary()}" for one in fits if not one.fitted or one.loose()]
+    return (
+        "\n".join(
+            [
+                "fitted friction (standard deviation by residual and bandwidth)",
+                "",
+                *_rows(cells),
+                *(["", *notes] if notes else []),
+            ]
+        )
+        + "\n"
+    )
 
 
 def _rows(cells: list[list[str]]) -> list[str]:
-    lines = list(table.rows(cells))
+    lines = list(text.rows(cells))
     lines[1], lines[2] = lines[2], lines[1]
     return lines

@@ -1,9 +1,7 @@
-"""What a check compares: the log, the model of the arm that made it, and its friction, by the arguments of the command and what a run tells."""
-
-from __future__ import annotations
+"""What a check compares: the log, the model of the arm that made it, and its friction, by the arguments of the command
+and the run."""
 
 import argparse
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +11,10 @@ import panda_description
 from franka_hw_interface.arm_log import ArmLog, LogError
 from franka_hw_interface.friction_file import JOINTS, read_friction
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from hric_control import urdf
-from hric_control.plants.friction import Phi, sigmoid_parameters
+from hric_bags.run_folder import runs_root
+from hric_control.plants import Phi, sigmoid_parameters
+from hric_control.urdf import read
 from hric_experiments.check_model import csv_log
-from hric_experiments.run_folder import runs_root
 
 FRICTIONS = ("none", "identified")
 PANDA = "panda"
@@ -29,7 +27,7 @@ class Source:
     Attributes:
         log: the log.
         name: of the file or run.
-        folder: where results go if nothing else is asked for.
+        folder: where results go by default.
         urdf: of the robot that ran; empty: not known.
         friction: that acted, of a simulated run; "identified" of anything else.
         simulated: values of that friction; None: none, or the published ones.
@@ -62,8 +60,8 @@ def find(given: argparse.Namespace) -> Source:
 
 
 def _from_bag(given: argparse.Namespace) -> Source:
+    from hric_bags.export import recording
     from hric_experiments.check_model import bag_log
-    from hric_experiments.export import recording
 
     found = recording.find(given.log, runs_root(given.runs))
     log, topic = bag_log.read_bag(found, given.topic, given.arm_id)
@@ -75,7 +73,9 @@ def _from_bag(given: argparse.Namespace) -> Source:
         return Source(log, name, output, found.urdf)
     plant = robot.get("plant") or {}
     acted = plant.get("friction", "none")
-    return Source(log, name, output, found.urdf, acted if acted in FRICTIONS else "none", plant.get("friction_parameters"))
+    return Source(
+        log, name, output, found.urdf, acted if acted in FRICTIONS else "none", plant.get("friction_parameters")
+    )
 
 
 def model(given: argparse.Namespace, source: Source) -> tuple[KdlFrankaModel, str, str]:
@@ -85,13 +85,17 @@ def model(given: argparse.Namespace, source: Source) -> tuple[KdlFrankaModel, st
         HricError: a description or a payload that cannot be used.
     """
     arm_id = source.log.joint_names[0].removesuffix("joint1").rstrip("_")
-    text, told, gravity_base = _description(given, source, arm_id)
-    made = KdlFrankaModel(text, arm_id) if gravity_base is None else KdlFrankaModel(text, arm_id, gravity_world=gravity_base)
-    return made, text, told + _loaded(made, given.load)
+    text, name, gravity_base = _description(given, source, arm_id)
+    made = (
+        KdlFrankaModel(text, arm_id)
+        if gravity_base is None
+        else KdlFrankaModel(text, arm_id, gravity_world=gravity_base)
+    )
+    return made, text, name + _loaded(made, given.load)
 
 
 def _description(given: argparse.Namespace, source: Source, arm_id: str) -> tuple[str, str, Sequence[float] | None]:
-    """URDF, what to call it, and gravity in the base where the URDF does not tell how it is mounted [m/s^2]."""
+    """URDF, what to call it, and gravity in the base where the URDF does not have its mounting [m/s^2]."""
     own = given.inertials is not None or given.no_hand
     if given.urdf is not None:
         if own:
@@ -99,7 +103,9 @@ def _description(given: argparse.Namespace, source: Source, arm_id: str) -> tupl
         try:
             return given.urdf.read_text(), given.urdf.name, None
         except (OSError, UnicodeDecodeError) as error:
-            raise LogError(f"cannot read {given.urdf}: {getattr(error, 'strerror', None) or 'it is no text'}") from error
+            raise LogError(
+                f"cannot read {given.urdf}: {getattr(error, 'strerror', None) or 'it is no text'}"
+            ) from error
     if source.urdf and not own:
         return source.urdf, "robot.urdf of the run", None
     hand = not given.no_hand and (not source.urdf or f'"{arm_id}_hand"' in source.urdf)
@@ -110,7 +116,7 @@ def _description(given: argparse.Namespace, source: Source, arm_id: str) -> tupl
 
 
 def _loaded(made: KdlFrankaModel, load: Sequence[float] | None) -> str:
-    """Give the model its payload; answers what to say of it."""
+    """Give the model its payload. Returns its description."""
     if load is None:
         return ""
     if len(load) not in (4, 10):
@@ -122,11 +128,9 @@ def _loaded(made: KdlFrankaModel, load: Sequence[float] | None) -> str:
 
 def ranges(text: str, joint_names: Sequence[str]) -> tuple[list[float], list[float]]:
     """Lower and upper end of each joint's range [rad]; text: the description."""
-    joints = urdf.joints(urdf.parse(text))
-    limits = [(joints[name].find("limit"), name) for name in joint_names]
-    lower = [-math.inf if limit is None else urdf.number(limit, "lower", f"joint {name}", -math.inf) for limit, name in limits]
-    upper = [math.inf if limit is None else urdf.number(limit, "upper", f"joint {name}", math.inf) for limit, name in limits]
-    return lower, upper
+    described = read(text).joints
+    joints = [described[name] for name in joint_names]
+    return [joint.lower for joint in joints], [joint.upper for joint in joints]
 
 
 def published() -> list[Phi]:
@@ -141,13 +145,16 @@ def friction(given: argparse.Namespace, source: Source) -> tuple[list[Phi] | Non
     Raises:
         HricError: a file that cannot be used.
     """
-    wanted = given.friction or source.friction
-    if wanted == "none":
+    chosen = given.friction or source.friction
+    if chosen == "none":
         return None, "none"
-    if wanted != "identified":
-        path = Path(wanted).expanduser()
+    if chosen != "identified":
+        path = Path(chosen).expanduser()
         if not path.is_file():
-            raise LogError(f"--friction {wanted}: no such file; valid: {', '.join(FRICTIONS)}, or a YAML file as --fit friction writes it")
+            raise LogError(
+                f"--friction {chosen}: no such file; valid: {', '.join(FRICTIONS)}, or a YAML file as --fit friction "
+                "writes it"
+            )
         return read_friction(path), f"of {path.name}"
     if given.friction is None and source.simulated:
         return sigmoid_parameters(source.simulated, source.log.joint_names), "identified, as it acted in the simulation"

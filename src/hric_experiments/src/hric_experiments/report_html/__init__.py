@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hric_experiments import files
-from hric_experiments.analysis import analyse
-from hric_experiments.run_folder import RunFolder, RunFolderError
+from hric_bags import files
+from hric_bags.run_folder import RunFolder, RunFolderError
+from hric_experiments.analysis.run import analyse
 
 if TYPE_CHECKING:
     from hric_experiments.report_html.page import Page
@@ -32,25 +32,29 @@ def write(folder: RunFolder, *, progress: bool = False) -> Path:
     return _write(folder.path, run_page.build(run_page.load(folder, metrics_of(folder), progress=progress)))
 
 
-def write_comparison(runs: Sequence[RunFolder], labels: Sequence[str], target: Path, *, fit: bool = False, progress: bool = False) -> Path:
-    """Write the page of two or more runs of the same motion, laid over the first of them.
+def write_comparison(
+    runs: Sequence[RunFolder], labels: Sequence[str], target: Path, *, fit: bool = False, progress: bool = False
+) -> Path:
+    """Write the page of two or more runs of the same motion, overlaid on the first of them.
 
     Args:
         runs: their folders.
         labels: what to call them, one per run.
         target: folder in which the page is written; made if missing.
-        fit: lay the runs over each other by their positions instead of the set points' time.
+        fit: lay the runs over each other by their positions instead of the setpoints' time.
         progress: show a progress bar while the bags are read.
 
     Raises:
         HricError: as `write`; or the runs do not match.
     """
-    from hric_experiments.compare import settings_of
+    from hric_experiments.analysis.compare import settings_of
     from hric_experiments.report_html import comparison_page, run_page
 
     data = [run_page.load(folder, metrics_of(folder), progress=progress) for folder in runs]
     laid = comparison_page.lay(data, labels, fit=fit)
-    return _write(target, comparison_page.build(laid, comparison_page.differing([settings_of(one.run) for one in data])))
+    return _write(
+        target, comparison_page.build(laid, comparison_page.differing([settings_of(one.run) for one in data]))
+    )
 
 
 def metrics_of(folder: RunFolder) -> dict[str, Any]:
@@ -60,7 +64,7 @@ def metrics_of(folder: RunFolder) -> dict[str, Any]:
     try:
         found: dict[str, Any] = json.loads(folder.metrics_path.read_text())
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"cannot read {folder.metrics_path}: {error}; `report` writes it anew") from error
+        raise RunFolderError(f"cannot read {folder.metrics_path}: {error}; `report` writes it again") from error
     return found
 
 

@@ -1,10 +1,9 @@
 """The two JavaScript libraries of a page, as they lie in pinned Python packages of the workspace; none is kept here.
 
 plotly.js (MIT): plotly/package_data/plotly.min.js of the wheel `plotly`.
-three.js (MIT): in the page that the wheel `trimesh` (MIT) shows meshes with; its first line of code is three.min.js as released, after its licence.
+three.js (MIT): in the page that the wheel `trimesh` (MIT) shows meshes with; its first line of code is three.min.js as
+released, after its licence.
 """
-
-from __future__ import annotations
 
 import importlib.util
 import zipfile
@@ -55,7 +54,9 @@ def three() -> Library:
         with zipfile.ZipFile(path) as archive:
             lines = archive.read(TEMPLATE).decode().splitlines()
     except (OSError, KeyError, zipfile.BadZipFile) as error:
-        raise HricError(f"cannot read three.js from {path}: {error}; scripts/setup installs the pinned package trimesh") from error
+        raise HricError(
+            f"cannot read three.js from {path}: {error}; scripts/setup installs the pinned package trimesh"
+        ) from error
     found = [line for line in lines if line.startswith(THREE_BEGINS)]
     if not found:
         raise HricError(f"{path} has no three.js in it any more; the pinned version of trimesh has")

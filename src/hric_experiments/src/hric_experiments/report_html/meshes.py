@@ -1,7 +1,5 @@
 """Meshes of a robot description as few plain triangles."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,15 +13,17 @@ from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 from urdf_to_osim.mesh_files import Surface, read_surface
 
 TRIANGLES = 3000
-"""Of one mesh at most: the Panda's links look round, and a page's meshes take half a megabyte. Our choice."""
+"""Of one mesh at most: the Panda's links look round, and a page's meshes take half a megabyte. Project default,
+unconfirmed."""
 
 
 SHARP = np.radians(35.0)
-"""Edges between planes farther apart stay edges when the browser shades the surface. Our choice."""
+"""Edges between planes farther apart stay edges when the browser shades the surface. Project default, unconfirmed."""
 
 
 def few_triangles(path: Path, scale: tuple[float, float, float]) -> Surface:
-    """A mesh file for the browser: few triangles, and vertices on sharp edges once per side, as smooth shading wants them.
+    """A mesh file for the browser: few triangles, and vertices on sharp edges once per side, as smooth shading wants
+    them.
 
     Raises:
         OSError, UnreadableMeshError: it cannot be read.
@@ -40,7 +40,8 @@ def _few_triangles(path: Path, changed: int, scale: tuple[float, float, float]) 
 
 
 def decimate(surface: Surface, triangles: int = TRIANGLES) -> Surface:
-    """At most about `triangles` triangles, by joining those whose planes agree best (quadric error); unchanged where there are no more."""
+    """At most about `triangles` triangles, by joining those whose planes agree best (quadric error); unchanged where
+    there are no more."""
     if len(surface.faces) <= triangles:
         return surface
     decimation = vtkQuadricDecimation()

@@ -1,6 +1,5 @@
-"""What a page shows of a bag beside the control log: sensors, moving frames and markers, and messages that tell of an event. No ROS."""
-
-from __future__ import annotations
+"""What a page shows of a bag beside the control log: sensors, moving frames and markers, and events. No
+ROS."""
 
 from collections import defaultdict
 from collections.abc import Callable
@@ -11,12 +10,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from tqdm import tqdm
 
-from hric_experiments.bag_parts import PartsReader
-from hric_experiments.bag_reader import RunTime, seconds
+from hric_bags.parts import PartsReader
+from hric_bags.reader import FloatArray, RobotTime, seconds
 
-FloatArray = npt.NDArray[np.float64]
 SignalKey = tuple[str, str, tuple[str, ...]]
 """Topic, unit, channels."""
 REPLAY_SPACING = 0.009
@@ -32,8 +29,8 @@ class Event:
     """Something that happened.
 
     Attributes:
-        time: run time [s].
-        kind: such as set point, warning, error, phase.
+        time: robot time [s].
+        kind: such as setpoint, warning, error, phase.
         source: node, topic or part.
         text: what.
     """
@@ -52,7 +49,7 @@ class Signal:
         topic: its name.
         unit: of all values.
         channels: names of the columns.
-        time: run time, shape (n,) [s].
+        time: robot time, shape (n,) [s].
         values: shape (n, channels).
     """
 
@@ -65,7 +62,8 @@ class Signal:
 
 @dataclass(frozen=True)
 class Moving:
-    """A frame or a marker: kind, name, frame_id in which it is given, run time (n,) [s], values (n, 7 or 3) as in `scene.Track`."""
+    """A frame or a marker: kind, name, frame_id in which it is given, robot time (n,) [s], values (n, 7 or 3) as in
+    `scene.Track`."""
 
     kind: str
     name: str
@@ -91,33 +89,34 @@ class Recordings:
     statics: dict[str, tuple[str, list[float], list[float]]] = field(default_factory=dict)
     layouts: dict[str, Any] = field(default_factory=dict)
     statuses: dict[str, Any] = field(default_factory=dict)
-    samples: dict[str, list[tuple[FloatArray, npt.NDArray[np.bool_]]]] = field(default_factory=lambda: defaultdict(list))
+    samples: dict[str, list[tuple[FloatArray, npt.NDArray[np.bool_]]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
 
 
-def read(path: Path, run_time: RunTime, *, progress: bool = False) -> Recordings:
+def read(path: Path, robot_time: RobotTime, *, progress: bool = False) -> Recordings:
     """Read a bag.
 
     Args:
         path: of the bag.
-        run_time: from stamps to run time.
+        robot_time: from stamps to robot time.
         progress: show a progress bar on the terminal.
     """
-    reading = _Reading(run_time)
+    reading = _Reading(robot_time)
     with PartsReader(path) as reader:
-        wanted = [c for c in reader.connections if reading.wants(c.topic, c.msgtype)]
-        count = sum(c.msgcount for c in wanted)
-        # Without connections `messages` means all.
-        stream = reader.messages(connections=wanted) if wanted else ()
-        for connection, stamp, raw in tqdm(stream, total=count, desc="reading the bag", unit=" messages", leave=False, disable=not progress):
-            reading.take(connection.topic, connection.msgtype, stamp * 1e-9, partial(reader.deserialize, raw, connection.msgtype))
+        label = "reading the bag" if progress else ""
+        for connection, stamp, raw in reader.chosen(lambda c: reading.wants(c.topic, c.msgtype), label):
+            reading.take(
+                connection.topic, connection.msgtype, stamp * 1e-9, partial(reader.deserialize, raw, connection.msgtype)
+            )
     return reading.finish()
 
 
 class _Reading:
     """Collects while the bag is read."""
 
-    def __init__(self, run_time: RunTime) -> None:
-        self._run_time = run_time
+    def __init__(self, robot_time: RobotTime) -> None:
+        self._robot_time = robot_time
         self._result = Recordings()
         self._last: dict[str, float] = {}
         self._chunks: dict[SignalKey, list[tuple[FloatArray, FloatArray]]] = defaultdict(list)
@@ -150,7 +149,7 @@ class _Reading:
         return kind in self._takers and topic != "/rosout_agg"
 
     def take(self, topic: str, kind: str, stamp: float, message: Callable[[], Any]) -> None:
-        """One message; stamp: when it was recorded [s]; message: answers it, at a price."""
+        """One message; stamp: when it was recorded [s]; message: deserialises it, which takes long."""
         if kind in self._thinned:
             if stamp - self._last.get(topic, -np.inf) < REPLAY_SPACING:
                 return
@@ -158,21 +157,21 @@ class _Reading:
         found = message()
         header = getattr(found, "header", None)
         measured = seconds(header.stamp) if header is not None else 0.0
-        self._takers[kind](topic, self._run_time(measured or stamp), found)
+        self._takers[kind](topic, self._robot_time(measured or stamp), found)
 
     def finish(self) -> Recordings:
         """What was collected."""
         for key, rows in self._rows.items():
-            table = np.array(rows)
-            self._chunks[key].append((table[:, 0], table[:, 1:]))
+            matrix = np.array(rows)
+            self._chunks[key].append((matrix[:, 0], matrix[:, 1:]))
         for (topic, unit, channels), chunks in self._chunks.items():
             time, values = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
             order = np.argsort(time, kind="stable")
             self._result.signals.append(Signal(topic, unit, channels, time[order], values[order]))
-        for (kind, name, frame), places in self._tracks.items():
-            places.sort(key=lambda place: place[0])
-            times = np.array([time for time, _ in places])
-            self._result.moving.append(Moving(kind, name, frame, times, np.array([values for _, values in places])))
+        for (kind, name, frame), poses in self._tracks.items():
+            poses.sort(key=lambda pose: pose[0])
+            times, values = (np.array(column) for column in zip(*poses, strict=True))
+            self._result.moving.append(Moving(kind, name, frame, times, values))
         self._result.events.sort(key=lambda event: event.time)
         return self._result
 
@@ -182,7 +181,9 @@ class _Reading:
     def _mocap(self, topic: str, time: float, message: Any) -> None:
         frame = message.header.frame_id.lstrip("/")
         for body in message.rigid_bodies:
-            self._tracks["frame", f"body {body.name}", frame].append((time, _pose(body.pose) if body.tracking_valid else (np.nan,) * 7))
+            self._tracks["frame", f"body {body.name}", frame].append(
+                (time, _pose(body.pose) if body.tracking_valid else (np.nan,) * 7)
+            )
         ids = [int(number) for number in message.labelled_marker_ids]
         for name, number, point in zip(message.labelled_marker_names, ids, message.labelled_markers, strict=True):
             self._tracks["marker", name or f"marker {number}", frame].append((time, _xyz(point)))
@@ -210,7 +211,9 @@ class _Reading:
         own = units if len(units) == len(channels) else [str(message.unit)] * len(channels)
         for unit in dict.fromkeys(own):
             columns = [k for k, one in enumerate(own) if one == unit]
-            self._chunks[topic, f"[{unit.replace('.', ' ')}]", tuple(channels[k] for k in columns)].append((times, values[:, columns]))
+            self._chunks[topic, f"[{unit.replace('.', ' ')}]", tuple(channels[k] for k in columns)].append(
+                (times, values[:, columns])
+            )
 
     def _layout(self, topic: str, time: float, message: Any) -> None:
         self._result.layouts[topic] = message
@@ -223,7 +226,9 @@ class _Reading:
         self._starving[topic] = starving
 
     def _sample(self, topic: str, time: float, message: Any) -> None:
-        self._result.samples[topic].append((np.asarray(message.age, dtype=float), np.asarray(message.valid, dtype=bool)))
+        self._result.samples[topic].append(
+            (np.asarray(message.age, dtype=float), np.asarray(message.valid, dtype=bool))
+        )
 
     def _log(self, topic: str, time: float, message: Any) -> None:
         if message.level in LEVELS:
@@ -239,7 +244,11 @@ class _Reading:
     def _transforms(self, topic: str, time: float, message: Any) -> None:
         for one in message.transforms:
             pose, q = one.transform.translation, one.transform.rotation
-            self._result.statics[one.child_frame_id.lstrip("/")] = (one.header.frame_id.lstrip("/"), list(_xyz(pose)), [q.x, q.y, q.z, q.w])
+            self._result.statics[one.child_frame_id.lstrip("/")] = (
+                one.header.frame_id.lstrip("/"),
+                list(_xyz(pose)),
+                [q.x, q.y, q.z, q.w],
+            )
 
     def _phase(self, topic: str, time: float, message: Any) -> None:
         self._event(time, "phase", topic, message.data)

@@ -1,7 +1,5 @@
 """Tables of a page: plain cells, and as HTML."""
 
-from __future__ import annotations
-
 import html
 import math
 import re
@@ -11,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from hric_experiments.report.text import setpoint_cells
 from hric_experiments.report_html.recordings import Event, Recordings
 
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( %)?$|[-–]$|never$")
+NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( %)?$|[-–]$|never$")
 SHOWN_EVENTS = 500
-"""More are counted, not listed. Our choice."""
+"""More are counted, not listed. Project default, unconfirmed."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +40,17 @@ class Table:
 
 def render(table: Table) -> str:
     """HTML."""
-    numeric = [all(NUMBER.match(cell) for cell in column) for column in zip(*table.rows, strict=True)] or [False] * len(table.head)
-    head = "".join(f"<th{' class=num' if right else ''}>{escape(name)}</th>" for name, right in zip(table.head, numeric, strict=True))
+    numeric = [bool(table.rows) and all(NUMERIC.match(row[k]) for row in table.rows) for k in range(len(table.head))]
+    head = "".join(
+        f"<th{' class=num' if right else ''}>{escape(name)}</th>"
+        for name, right in zip(table.head, numeric, strict=True)
+    )
     body = []
     for number, row in enumerate(table.rows):
         jump = f' class="event" data-time="{table.times[number]:.6f}"' if table.times else ""
-        cells = (f"<td{' class=num' if right else ''}>{escape(text)}</td>" for text, right in zip(row, numeric, strict=True))
+        cells = (
+            f"<td{' class=num' if right else ''}>{escape(text)}</td>" for text, right in zip(row, numeric, strict=True)
+        )
         body.append(f"<tr{jump}>" + "".join(cells) + "</tr>")
     note = f"<p class=note>{escape(table.note)}</p>" if table.note else ""
     content = f"{note}<div class=wide><table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"
@@ -88,13 +92,19 @@ def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
     rows = [
         ("experiment", f"{run.get('experiment', '')}: {run.get('description', '')}"),
         ("status", f"{run.get('status', '')} ({run.get('mode', '')})"),
-        ("stability", "; ".join([metrics["stability"]["verdict"] or "not judged: too short", *metrics["stability"]["reasons"]])),
+        (
+            "stability",
+            "; ".join([metrics["stability"]["verdict"] or "not judged: too short", *metrics["stability"]["reasons"]]),
+        ),
         ("arguments", " ".join(run.get("arguments") or []) or "none"),
         ("seed", number(run.get("seed", 0))),
         ("robot", " ".join(str(robot[key]) for key in ("hw", "plant_type") if robot.get(key)) or "-"),
         ("controllers", ", ".join((run.get("definition") or {}).get("controllers") or []) or "-"),
         ("started, finished", f"{run.get('started') or '-'}, {run.get('finished') or '-'}"),
-        ("run time", f"{log['duration']:.3f} s, {log['cycles']} cycles, {number(run.get('real_time_factor'))} times real time"),
+        (
+            "robot time",
+            f"{log['duration']:.3f} s, {log['cycles']} cycles, {number(run.get('real_time_factor'))} times real time",
+        ),
         ("cycles missing, repeated", f"{log['missing_cycles']}, {log['repeated_cycles']}"),
         ("revision", f"{str(revision.get('commit') or '-')[:12]}{' (changed since)' if revision.get('dirty') else ''}"),
         ("hash of the states", str(metrics.get("state_sha256") or "-")[:16]),
@@ -106,16 +116,10 @@ def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
 
 
 def move_table(move: Mapping[str, Any]) -> Table:
-    """How one set point was reached; move: of `setpoints` in metrics.json."""
-    tolerances = list(move["settling_time_max"])
-    head = ("joint", "start [rad]", "set point [rad]", "final error [rad]", *(f"settled {t} [s]" for t in tolerances), "overshoot [rad]")
-    rows = []
-    for name, joint in move["joints"].items():
-        settled = (joint["settling_time"][t] for t in tolerances)
-        times = ("never" if value is None else f"{value:.3f}" for value in settled)
-        error, overshoot = f"{joint['final_error']:.2e}", f"{joint['overshoot']:.2e}"
-        rows.append((name, f"{joint['start']:.4f}", f"{joint['target']:.4f}", error, *times, overshoot))
-    return Table(f"Set point at {move['time']:.3f} s through {move['controller']}", head, tuple(rows))
+    """How one setpoint was reached; move: of `setpoints` in metrics.json."""
+    columns, rows = setpoint_cells(move)
+    head = tuple(f"{name} [{unit}]" if unit else name for name, unit in columns)
+    return Table(f"Setpoint at {move['time']:.3f} s through {move['controller']}", head, tuple(map(tuple, rows)))
 
 
 def limits_table(joints: Mapping[str, Any], counted: bool) -> Table:
@@ -134,10 +138,10 @@ def limits_table(joints: Mapping[str, Any], counted: bool) -> Table:
         counts = joint.get("limited_cycles") or {}
         rows.append((*row, *(number(counts.get(kind)) for kind in kinds)))
     note = "" if counted else "The robot published no counts of the cycles in which a limit acted."
-    return _told("Joints and their limits", [*head, *(f"cycles limited: {kind}" for kind in kinds)], rows, note)
+    return _known("Joints and their limits", [*head, *(f"cycles limited: {kind}" for kind in kinds)], rows, note)
 
 
-def _told(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> Table:
+def _known(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> Table:
     """A table without the columns of which nothing is known."""
     kept = [k for k in range(len(head)) if any(row[k] != "-" for row in rows)]
     return Table(title, tuple(head[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in rows), note)
@@ -151,7 +155,10 @@ def tree_table(title: str, tree: Any, *, folded: bool = False) -> Table:
 def topics_table(metrics: Mapping[str, Any]) -> Table:
     """Messages per topic; rates as counts over the time of the control log."""
     duration = metrics["control_log"]["duration"]
-    rows = [(topic, str(count), number(count / duration, 3) if duration > 0 else "-") for topic, count in metrics.get("topics", {}).items()]
+    rows = [
+        (topic, str(count), number(count / duration, 3) if duration > 0 else "-")
+        for topic, count in metrics.get("topics", {}).items()
+    ]
     return Table("Topics in the bag", ("topic", "messages", "per second"), tuple(rows), folded=True)
 
 
@@ -165,33 +172,48 @@ def sync_tables(found: Recordings) -> list[Table]:
         usable = [(age, valid) for age, valid in samples if age.size == valid.size == width]
         ages, valid = (np.array(part) for part in zip(*usable, strict=True))
         names = sources if len(sources) == width else [f"source {k}" for k in range(width)]
-        told = f", {layout.policy}, {layout.reference or f'{layout.rate:g} Hz'}" if layout is not None else ""
+        policy = f", {layout.policy}, {layout.reference or f'{layout.rate:g} Hz'}" if layout is not None else ""
         rows = tuple(_source(name, ages[:, k].astype(float), valid[:, k]) for k, name in enumerate(names))
         head = ("source", "valid", "age, median [ms]", "age, 99 % [ms]", "age, largest [ms]")
-        tables.append(Table(f"Synchronised on {topic}: {len(samples)} samples{told}", head, rows))
+        tables.append(Table(f"Synchronised on {topic}: {len(samples)} samples{policy}", head, rows))
     return tables + [_status_table(topic, status) for topic, status in found.statuses.items()]
 
 
 def _source(name: str, age: Any, valid: Any) -> tuple[str, ...]:
     usable = np.abs(age[valid & np.isfinite(age)])
-    told = [number(1e3 * value, 3) for value in (np.median(usable), np.quantile(usable, 0.99), usable.max())] if usable.size else ["-"] * 3
-    return (name, f"{100.0 * float(valid.mean()):.2f} %", *told)
+    ages = (np.median(usable), np.quantile(usable, 0.99), usable.max()) if usable.size else (None,) * 3
+    cells = (number(None if value is None else 1e3 * value, 3) for value in ages)
+    return (name, f"{100.0 * float(valid.mean()):.2f} %", *cells)
 
 
 def _status_table(topic: str, status: Any) -> Table:
     head = ("source", "samples", "rate [Hz]", "refused", "late", "skew, mean [ms]", "skew, largest [ms]", "at the end")
-    columns = (status.samples, status.rate, status.refused, status.late, status.skew_mean, status.skew_max, status.reasons)
-    rows = [
-        (str(source), str(int(n)), number(float(rate)), str(int(no)), str(int(late)), number(1e3 * float(mean), 3), number(1e3 * float(most), 3), why)
-        for source, n, rate, no, late, mean, most, why in zip(status.sources, *columns, strict=True)
-    ]
-    note = f"{status.sent} samples went out, {status.incomplete} of them incomplete, {status.dropped} instants left out."
-    return Table(f"State of {topic} at the end", head, tuple((*row[:-1], row[-1] or "good") for row in rows), note)
+    rows = tuple(
+        (
+            str(source),
+            str(int(status.samples[k])),
+            number(float(status.rate[k])),
+            str(int(status.refused[k])),
+            str(int(status.late[k])),
+            number(1e3 * float(status.skew_mean[k]), 3),
+            number(1e3 * float(status.skew_max[k]), 3),
+            status.reasons[k] or "good",
+        )
+        for k, source in enumerate(status.sources)
+    )
+    note = (
+        f"{status.sent} samples went out, {status.incomplete} of them incomplete, {status.dropped} instants left out."
+    )
+    return Table(f"State of {topic} at the end", head, rows, note)
 
 
 def events_table(events: Sequence[Event]) -> Table:
     """What happened, in order of time."""
     shown = list(events)[:SHOWN_EVENTS]
     rows = tuple((f"{event.time:.3f}", event.kind, event.source, event.text) for event in shown)
-    note = "A click on a line shows that moment." if len(events) <= SHOWN_EVENTS else f"The first {SHOWN_EVENTS} of {len(events)}."
+    note = (
+        "A click on a line shows that moment."
+        if len(events) <= SHOWN_EVENTS
+        else f"The first {SHOWN_EVENTS} of {len(events)}."
+    )
     return Table("Events", ("time [s]", "what", "of", "text"), rows, note, times=tuple(event.time for event in shown))

@@ -1,21 +1,50 @@
-"""The envelope of EMG, sample by sample: band-pass, notch, rectify, low-pass, share of the maximum voluntary contraction. No ROS."""
+"""The envelope of EMG, sample by sample: band-pass, notch, rectify, low-pass, share of the maximum voluntary
+contraction. No ROS."""
 
-from __future__ import annotations
-
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from hric_control.errors import ParameterError
+from hric_control.parameters import Settings as Base
+from hric_control.parameters import mapping, number, numbers, whole
 from hric_perception.chunk import Chunk, FloatArray, Layout
-from hric_perception.emg.settings import Settings, read_settings
-
-__all__ = ["Envelope", "Settings", "band_sections", "low_sections", "read_settings"]
 
 SHORT_GAP = 0.05
-"""Filters go on over a gap that is not longer; after a longer one they begin anew [s] (our choice)."""
+"""Filters go on over a gap that is not longer; after a longer one they begin again [s] (project default,
+unconfirmed)."""
+
+
+@dataclass(frozen=True)
+class Settings(Base):
+    """The chain."""
+
+    band: tuple[float, ...] = numbers(
+        2,
+        (20.0, 450.0),
+        unit="Hz",
+        text="edges of the band-pass; 20 to 450 Hz is what surface EMG is recorded with by custom (SENIAM, ISEK; "
+        "textbook)",
+    )
+    band_order: int = whole(
+        2, minimum=1, maximum=8, text="of the Butterworth prototype; the band-pass has twice as many poles"
+    )
+    notch: tuple[float, ...] = numbers(
+        range(9), (50.0,), unit="Hz", text="frequencies that are cut out; 50 Hz: the mains"
+    )
+    notch_quality: float = number(30.0, above=0.0, text="frequency over width at -3 dB")
+    lowpass: float = number(6.0, above=0.0, unit="Hz", text="of the rectified signal; 3 to 6 Hz by custom (textbook)")
+    lowpass_order: int = whole(4, minimum=1, maximum=8, text="Butterworth")
+    mvc: Mapping[str, float] = mapping(
+        number(above=0.0),
+        {},
+        unit="unit of the channel",
+        text="envelope of the maximum voluntary contraction by channel; others are not normalised",
+    )
+    decimate: int = whole(10, minimum=1, maximum=10000, text="every so many samples one of the envelope")
 
 
 def band_sections(settings: Settings, rate: float) -> FloatArray:
@@ -27,24 +56,29 @@ def band_sections(settings: Settings, rate: float) -> FloatArray:
     half, (low, high) = rate / 2, settings.band
     for name, value in (("band", high), *(("notch", value) for value in settings.notch), ("lowpass", settings.lowpass)):
         if not 0 < value < half:
-            raise ParameterError(f"envelope: {name} has {value:g} Hz, which samples at {rate:g} Hz cannot hold; valid: above 0, below {half:g} Hz")
+            raise ParameterError(
+                f"envelope: {name} has {value:g} Hz, which samples at {rate:g} Hz cannot hold; valid: above 0, below "
+                f"{half:g} Hz"
+            )
     if not 0 < low < high:
         raise ParameterError(f"envelope: band is {low:g} to {high:g} Hz; valid: rising, above 0")
-    parts = [signal.butter(settings.band_order, settings.band, "bandpass", fs=rate, output="sos")]
-    parts += [signal.tf2sos(*signal.iirnotch(value, settings.notch_quality, fs=rate)) for value in settings.notch]
+    parts = [scipy.signal.butter(settings.band_order, settings.band, "bandpass", fs=rate, output="sos")]
+    parts += [
+        scipy.signal.tf2sos(*scipy.signal.iirnotch(value, settings.notch_quality, fs=rate)) for value in settings.notch
+    ]
     return np.vstack(parts)
 
 
 def low_sections(settings: Settings, rate: float) -> FloatArray:
     """Second-order sections of the low-pass."""
-    found: FloatArray = signal.butter(settings.lowpass_order, settings.lowpass, fs=rate, output="sos")
+    found: FloatArray = scipy.signal.butter(settings.lowpass_order, settings.lowpass, fs=rate, output="sos")
     return found
 
 
 class Envelope:
     """Filters with state: the sizes of the chunks make no difference.
 
-    A value that is no number is left out by the filters (they take the one before) and gives NaN in its place.
+    The filters replace a value that is not finite by the one before; the envelope of that sample is NaN.
 
     Args:
         settings: of the chain.
@@ -61,11 +95,13 @@ class Envelope:
         self._columns = [index for index, unit in enumerate(layout.units) if unit != "s"]
         self._band, self._low = band_sections(settings, layout.rate), low_sections(settings, layout.rate)
         self._decimate, self._rate = settings.decimate, layout.rate
-        names, mvc = [layout.channels[index] for index in self._columns], dict(settings.mvc)
+        names, mvc = [layout.channels[index] for index in self._columns], settings.mvc
         for name in mvc:
             if name not in names:
                 raise ParameterError(f"envelope: mvc names the channel {name!r}; valid: {', '.join(names)}")
-        units = ["MVC" if name in mvc else layout.units[index] for name, index in zip(names, self._columns, strict=True)]
+        units = [
+            "MVC" if name in mvc else layout.units[index] for name, index in zip(names, self._columns, strict=True)
+        ]
         self.layout = replace(layout, channels=tuple(names), units=tuple(units), rate=layout.rate / settings.decimate)
         self._scale = np.array([1.0 / mvc.get(name, 1.0) for name in names])
         self._next: int | None = None
@@ -82,17 +118,19 @@ class Envelope:
         if bad.any():
             data = self._filled(data, bad)
         self._before = data[-1]
-        banded, self._band_state = signal.sosfilt(self._band, data, axis=0, zi=self._band_state)
-        smooth, self._low_state = signal.sosfilt(self._low, np.abs(banded), axis=0, zi=self._low_state)
+        banded, self._band_state = scipy.signal.sosfilt(self._band, data, axis=0, zi=self._band_state)
+        smooth, self._low_state = scipy.signal.sosfilt(self._low, np.abs(banded), axis=0, zi=self._low_state)
         smooth[bad] = np.nan
         skip = -chunk.first % self._decimate
         if skip >= len(smooth):
             return None
         kept = smooth[skip :: self._decimate] * self._scale
-        return Chunk(self.layout, chunk.start + skip / chunk.rate, (chunk.first + skip) // self._decimate, kept, chunk.pace)
+        return Chunk(
+            self.layout, chunk.start + skip / chunk.rate, (chunk.first + skip) // self._decimate, kept, chunk.pace
+        )
 
     def _filled(self, data: FloatArray, bad: Any) -> FloatArray:
-        """Each value that is no number replaced by the one before."""
+        """Each value that is not finite replaced by the one before."""
         rows = np.where(bad, -1, np.arange(len(data))[:, None])
         newest = np.maximum.accumulate(rows, axis=0)
         known = np.take_along_axis(data, np.maximum(newest, 0), axis=0)

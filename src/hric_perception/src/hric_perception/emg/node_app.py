@@ -1,27 +1,89 @@
-"""The node `emg`: EMG from a device, as chunks, and its envelope."""
-
-from __future__ import annotations
+"""The node `emg`: EMG from a device, as chunks, its envelope, and the largest envelope of a contraction."""
 
 import logging
-from collections.abc import Callable
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from std_srvs.srv import SetBool, SetBoolResponse
 
 from hric_control.errors import HricError
-from hric_control.ros_node import RosNode
+from hric_control.node import Node
+from hric_control.parameters import Settings as Base
+from hric_control.parameters import choice, section
+from hric_control.ros import RosNode, run
 from hric_msgs.msg import SampleChunk
-from hric_perception.chunk import Chunk
-from hric_perception.chunk_messages import chunk_message
-from hric_perception.emg.envelope import Envelope, read_settings
-from hric_perception.emg.mvc import MvcService
-from hric_perception.lsl import lsl_driver
-from hric_perception.section import Section
-from hric_perception.sensor import Sensor
-from hric_perception.trigno.driver import trigno_driver
-from mocap_natnet.process import run
+from hric_perception.chunk import Chunk, FloatArray, chunk_message
+from hric_perception.emg.envelope import Envelope
+from hric_perception.emg.envelope import Settings as EnvelopeSettings
+from hric_perception.lsl import LslSettings
+from hric_perception.sensor import CHUNK, SensorNode
+from hric_perception.stream import Driver, SampleStream, StreamHealth
+from hric_perception.trigno.client import Settings, TrignoClient
 
 LOG = logging.getLogger("hric.perception.emg")
 
 
-class EmgNode:
+class MvcService:
+    """Service `record_mvc`: true begins, false ends, sets the parameter `measured_mvc` and responds with the largest
+    envelope of each channel.
+
+    Args:
+        node: private node.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._lock = node, threading.Lock()
+        self._recording = False
+        self._names: tuple[str, ...] = ()
+        self._largest: FloatArray | None = None
+        node.service("record_mvc", SetBool, self._serve)
+
+    def take(self, chunk: Chunk) -> None:
+        """Look at some of the envelope."""
+        with self._lock:
+            if self._recording and len(chunk.data):
+                largest = np.nan_to_num(chunk.data, nan=0.0).max(axis=0)
+                before = self._largest if self._names == chunk.layout.channels else None
+                self._largest = largest if before is None else np.maximum(before, largest)
+                self._names = chunk.layout.channels
+
+    def _serve(self, request: Any) -> Any:
+        with self._lock:
+            was, self._recording = self._recording, bool(request.data)
+            largest, names = self._largest, self._names
+            if request.data:
+                self._largest = None
+        if request.data:
+            return SetBoolResponse(True, "contract as hard as you can; call again with false")
+        if not was or largest is None:
+            return SetBoolResponse(False, "no envelope was recorded; call with true first, while samples come")
+        found = {name: float(value) for name, value in zip(names, largest, strict=True)}
+        self._node.set_param("measured_mvc", found)
+        return SetBoolResponse(
+            True, "envelope/mvc: {" + ", ".join(f"{name}: {value:.4g}" for name, value in found.items()) + "}"
+        )
+
+
+@dataclass(frozen=True)
+class EmgSettings(Base):
+    """Parameters of the node."""
+
+    source: str = choice("lsl", "trigno")
+    lsl: LslSettings = section(LslSettings)
+    trigno: Settings = section(Settings)
+    chunk: float = CHUNK
+    envelope: EnvelopeSettings = section(EnvelopeSettings)
+
+    def driver(self, stream: SampleStream, health: StreamHealth) -> Driver:
+        """Of the source."""
+        if self.source == "trigno":
+            return TrignoClient(self.trigno, stream, health)
+        return self.lsl.reader("EMG", stream, health, lambda layout: layout)
+
+
+class EmgNode(SensorNode):
     """Publishes from its construction on.
 
     Args:
@@ -32,22 +94,14 @@ class EmgNode:
     """
 
     def __init__(self, node: RosNode) -> None:
-        self._settings = read_settings(Section(node.resolve("envelope"), node.param("envelope", None)))
+        settings = EmgSettings.read(node)
+        self._settings = settings.envelope
         self._raw = node.advertise("/hric/perception/emg/raw", SampleChunk, queue_size=100)
         self._smooth = node.advertise("/hric/perception/emg/envelope", SampleChunk, queue_size=100)
         self._envelope: Envelope | None = None
         self._layout: object = None
         self._mvc = MvcService(node)
-        self._sensor = Sensor(node, {"lsl": lsl_driver("EMG"), "trigno": trigno_driver}, self._on_chunk, lambda layout: layout)
-        self._sensor.start()
-
-    def tick(self) -> None:
-        """Once a second. Raises HricError in a run that is not paced."""
-        self._sensor.tick()
-
-    def close(self) -> None:
-        """End."""
-        self._sensor.close()
+        super().__init__(node, settings.source, settings.chunk, settings.driver)
 
     def _on_chunk(self, chunk: Chunk) -> None:
         self._raw.publish(chunk_message(chunk))
@@ -64,14 +118,9 @@ class EmgNode:
             self._envelope = Envelope(self._settings, chunk.layout)
         except HricError as error:
             LOG.error("no envelope: %s", error)
-            self._sensor.health.event(f"no envelope: {error}")
+            self._health.event(f"no envelope: {error}")
 
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-
-    def make(node: RosNode) -> tuple[Callable[[], None], Callable[[], None]]:
-        emg = EmgNode(node)
-        return emg.tick, emg.close
-
-    return run("emg", text, make)
+    return run("emg", text, EmgNode)

@@ -1,17 +1,35 @@
-"""The hand: a program with a beginning, safe to ask from several threads. No ROS."""
-
-from __future__ import annotations
+"""The hand of the emulated human: what a program of its motion is, and the hand that runs one. No ROS."""
 
 import math
 import threading
 
 from hric_control.errors import HricError
-from hric_perception.human.programs import Program
-from hric_perception.section import Vector
-from mocap_natnet.poses import Pose
+from hric_control.geometry import Pose, Vector
 
+REST, MOVING, DONE = "rest", "moving", "done"
 BEFORE = -1.0
 """Any time before the program's start [s]."""
+
+
+class Program:
+    """A motion of the hand; a subclass overrides `pose` and `span`, one that reacts to the robot `phase` and `see`."""
+
+    def pose(self, time: float) -> Pose:
+        """Where the hand is `time` seconds after the start; times may come out of order, by a second at most."""
+        raise NotImplementedError
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """When the hand sets off and when it has come to rest, after the start [s]."""
+        raise NotImplementedError
+
+    def phase(self, time: float) -> str:
+        """What it does then: a word."""
+        begin, end = self.span
+        return REST if time < begin else MOVING if time < end else DONE
+
+    def see(self, time: float, position: Vector) -> None:
+        """The robot's end effector was at `position` [m] at `time` [s]."""
 
 
 class Hand:

@@ -1,36 +1,125 @@
-"""The emulated Motive that sees the hand: from what stands in an experiment file to its settings and scene. No ROS."""
+"""The emulated Motive that sees the hand, or the markers of a recorded trial: its settings and scene from a section of
+an experiment file. No ROS."""
 
-from __future__ import annotations
-
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from hric_control.errors import HricError, ParameterError
-from hric_perception.human.hand import Hand
-from hric_perception.human.programs import read_program
-from hric_perception.human.recorded import is_recorded, read_recorded
-from hric_perception.section import Section, Vector
-from mocap_natnet.codec import parse
-from mocap_natnet.poses import IDENTITY, ORIGIN, UP_AXES, Pose, compose, normalized
+from hric_control.geometry import UP_AXES, Pose, Vector, compose
+from hric_control.geometry.poses import PoseSettings, inverse
+from hric_control.parameters import Settings, choice, listing, mapping, names, number, numbers, text, variant, whole
+from hric_perception.human.hand import Hand, Program
+from hric_perception.human.programs import PROGRAMS, Human, program_of
+from hric_perception.replayed import TrialSettings
+from mocap_natnet.client.settings import bitstream
+from mocap_natnet.codec.layout import Version
+from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT
+from mocap_natnet.server.c3d_source import RecordedBody, labels_of
 from mocap_natnet.server.motive import Motive
-from mocap_natnet.server.scene import TRIANGLE, Body, Faults, Scene
-from mocap_natnet.server.settings import TRANSPORTS, Settings
+from mocap_natnet.server.scene import OCCLUSION, TRIANGLE, Body, Faults, Scene
+from mocap_natnet.server.settings import TRANSPORTS
+from mocap_natnet.server.settings import Settings as MotiveSettings
 
-STREAM_KEYS = (
-    *("rate", "bitstream", "transport", "up_axis", "command_port", "data_port", "latency", "jitter", "loss", "drift"),
-    *("noise", "rotation_noise", "marker_noise", "occlusions", "occlusion_rate", "occlusion_length"),
-)
+
+class Recorded(Program):
+    """A program whose hand follows a recorded one; it is as smooth as that was measured.
+
+    Args:
+        bodies: name -> body; the first is the hand.
+        T_base_mocap: pose of the laboratory's frame, z up, in the robot's base.
+    """
+
+    def __init__(self, bodies: dict[str, RecordedBody], T_base_mocap: Pose) -> None:
+        self._hand, self.bodies, self._T = next(iter(bodies.values())), bodies, T_base_mocap
+
+    def pose(self, time: float) -> Pose:
+        """See Program; where the hand was not seen, on the straight way between where it was."""
+        return compose(self._T, self._hand.pose(time))
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """See Program."""
+        return 0.0, self._hand.duration
+
+    def seen(self, hand: Hand) -> list[Body]:
+        """All bodies as the cameras see them, in the time of the hand."""
+        return [_body(name, number, body, hand.since) for number, (name, body) in enumerate(self.bodies.items(), 1)]
+
+
+def _body(name: str, number: int, body: RecordedBody, since: Callable[[float], float]) -> Body:
+    return Body(name, lambda time: body(since(time)), number, body.markers, lambda time: body.seen(since(time)))
 
 
 @dataclass(frozen=True)
-class Seen:
+class RecordedHuman(TrialSettings):
+    """The emulated human as the markers of a trial."""
+
+    name: str = text("hand", figures=True)
+    begin: float = number(0.0, minimum=0.0, maximum=3600.0, unit="s")
+    still: Mapping[str, Vector] = mapping(numbers(3, unit="m"), {})
+    labels: tuple[str, ...] | None = names(None, None, text="of the hand's markers")
+    bodies: Mapping[str, tuple[str, ...]] = mapping(names(), {}, text="further ones: name -> labels")
+
+    def check(self, where: str) -> None:
+        """Refuse a further body of the hand's name."""
+        if self.name in self.bodies:
+            raise ParameterError(f"{where}bodies has {self.name!r}, which is the hand; valid: other names")
+
+    def recorded(self, T_base_mocap: Pose) -> Recorded:
+        """The program. Raises ParameterError."""
+        trial = self.trial()
+        labelled = {self.name: self.labels, **self.bodies}
+        try:
+            bodies = {body: RecordedBody(trial, labels or labels_of(trial, body)) for body, labels in labelled.items()}
+        except HricError as error:
+            raise ParameterError(f"{self.prefix.rstrip('./')}: {error}") from error
+        return Recorded(bodies, T_base_mocap)
+
+
+@dataclass(frozen=True)
+class Stream(Settings):
+    """How the emulated Motive streams, and what goes wrong."""
+
+    rate: float = number(240.0, minimum=1.0, maximum=1000.0, unit="Hz")
+    version: Version = bitstream((4, 1), "newest that it speaks", "bitstream")
+    transport: str = choice(*TRANSPORTS, default="multicast")
+    up_axis: str = choice(*UP_AXES)
+    command_port: int = whole(COMMAND_PORT, minimum=1, maximum=65535)
+    data_port: int = whole(DATA_PORT, minimum=1, maximum=65535)
+    latency: float = number(0.0055, minimum=0.0, maximum=1.0, unit="s")
+    jitter: float = number(0.0, minimum=0.0, maximum=1.0, unit="s")
+    loss: float = number(0.0, minimum=0.0, maximum=1.0)
+    drift: float = number(0.0, minimum=-1e5, maximum=1e5, unit="1e-6")
+    noise: float = number(0.0, minimum=0.0, maximum=1.0, unit="m")
+    rotation_noise: float = number(0.0, minimum=0.0, maximum=1.0, unit="rad")
+    marker_noise: float = number(0.0, minimum=0.0, maximum=1.0, unit="m")
+    occlusions: tuple[tuple[float, float, str], ...] = listing(OCCLUSION, default=())
+    occlusion_rate: float = number(0.0, minimum=0.0, maximum=100.0, unit="1/s")
+    occlusion_length: float = number(0.3, minimum=0.0, maximum=60.0, unit="s")
+
+    def motive(self, seed: int) -> MotiveSettings:
+        """Of the emulated Motive; seed: of jitter and loss."""
+        shared = ("rate", "version", "transport", "command_port", "data_port", "latency", "jitter", "loss", "drift")
+        return MotiveSettings(**{name: getattr(self, name) for name in shared}, seed=seed)
+
+    def faults(self, seed: int) -> Faults:
+        """Of what is seen."""
+        shared = ("noise", "rotation_noise", "marker_noise", "occlusions", "occlusion_rate", "occlusion_length")
+        return Faults(**{name: getattr(self, name) for name in shared}, seed=seed)
+
+
+HUMAN: Any = variant("program", {**PROGRAMS, "c3d": RecordedHuman}, "sinusoid", {})
+"""The mapping `human`."""
+
+
+@dataclass(frozen=True)
+class CapturedHuman:
     """The human and who sees him.
 
     Attributes:
         hand: moves.
-        motive: sees it, and what stands still.
+        motive: sees it and the bodies at rest.
         name: of the hand's body.
     """
 
@@ -39,116 +128,47 @@ class Seen:
     name: str
 
 
-def see(human: Any, stream: Any, base_from_mocap: Any, seed: int, where: str = "") -> Seen:
+def see(human: Any, stream: Any, base_from_mocap: Any, seed: int, where: str = "") -> CapturedHuman:
     """Build all of it.
 
     Args:
         human: mapping: the program with its keys, `begin`, `name`, `markers`, `still`.
         stream: mapping: how Motive streams, and what goes wrong.
-        base_from_mocap: mapping `xyz`, `xyzw`: the pose of the mocap frame, z up, in the base, in which the program moves; None: the same frame.
+        base_from_mocap: mapping `xyz`, `xyzw`: the pose of the mocap frame, z up, in the base, in which the program
+            moves; None: the same frame.
         seed: of all that is random.
-        where: name of what the mappings stand in, for messages, e.g. "mocap.".
+        where: name of what contains the mappings, for messages, e.g. "mocap.".
 
     Raises:
         HricError: a value that cannot be; names the key.
     """
-    person, streaming = Section(f"{where}human", human), Section(f"{where}stream", stream)
-    name, begin = person.text("name", "hand"), person.number("begin", 0.0, 0.0, 3600.0)
-    T_base_mocap = read_pose(Section(f"{where}base_from_mocap", base_from_mocap))
-    if is_recorded(person):
-        recorded = read_recorded(person, T_base_mocap)
-        hand = Hand(recorded, begin)
+    person: Human | RecordedHuman = HUMAN.checked(human, f"{where}human")
+    streaming = Stream.of(stream, f"{where}stream")
+    T_base_mocap = PoseSettings.of(base_from_mocap, f"{where}base_from_mocap").pose
+    if isinstance(person, RecordedHuman):
+        recorded = person.recorded(T_base_mocap)
+        hand = Hand(recorded, person.begin)
         bodies = recorded.seen(hand)
     else:
-        hand = Hand(read_program(person, seed), begin)
-        bodies = [Body(name, _seen_from(inverse(T_base_mocap), hand), 1, _markers(person))]
-    bodies += _still(person.section("still"), inverse(T_base_mocap), len(bodies) + 1)
-    settings, faults, up = read_stream(streaming, seed)
+        hand = Hand(program_of(person, seed), person.begin)
+        bodies = [Body(person.name, _in_mocap(inverse(T_base_mocap), hand), 1, person.markers or TRIANGLE)]
+    bodies += _still(person.still, inverse(T_base_mocap), len(bodies) + 1)
     known = [body.name for body in bodies]
-    for _, _, body in faults.occlusions:
+    for _, _, body in streaming.occlusions:
         if body and body not in known:
-            raise ParameterError(f"{streaming.where}.occlusions names the body {body!r}; valid: {', '.join(known)}")
-    return Seen(hand, Motive(settings, Scene(tuple(bodies), (), faults, up)), name)
+            raise ParameterError(f"{streaming.prefix}occlusions names the body {body!r}; valid: {', '.join(known)}")
+    motive = Motive(streaming.motive(seed), Scene(tuple(bodies), (), streaming.faults(seed), streaming.up_axis))
+    return CapturedHuman(hand, motive, person.name)
 
 
-def _markers(person: Section) -> tuple[Vector, ...]:
-    """Of the hand's body."""
-    markers = tuple((x, y, z) for x, y, z in person.rows("markers", 3)) or TRIANGLE
-    if len(markers) < 3:
-        raise ParameterError(f"{person.where}.markers has {len(markers)} rows; valid: three markers or more make a body")
-    return markers
-
-
-def _seen_from(T_mocap_base: Pose, source: Callable[[float], Pose]) -> Callable[[float], Pose]:
+def _in_mocap(T_mocap_base: Pose, source: Callable[[float], Pose]) -> Callable[[float], Pose]:
     return lambda time: compose(T_mocap_base, source(time))
 
 
-def _still(section: Section, T_mocap_base: Pose, first: int) -> list[Body]:
+def _still(positions: Mapping[str, Vector], T_mocap_base: Pose, first: int) -> list[Body]:
     """Bodies that do not move: name -> [x, y, z] in the base [m]; first: streaming id of the first one."""
     found = []
-    for number, name in enumerate(section.content, first):
-        pose = compose(T_mocap_base, Pose(section.vector(name, ORIGIN)))
-        found.append(Body(name, lambda time, pose=pose: pose, number))  # type: ignore[misc]
+    for index, (name, position) in enumerate(positions.items(), first):
+        pose = compose(T_mocap_base, Pose(position))
+        found.append(Body(name, lambda time, pose=pose: pose, index))  # type: ignore[misc]
     return found
-
-
-def read_pose(section: Section) -> Pose:
-    """`xyz` [m] and `xyzw`, as natnet_client's parameter `base_from_mocap`. Raises HricError."""
-    section.only("xyz", "xyzw")
-    turn = section.numbers(f"{section.where}.xyzw", section.content.get("xyzw", list(IDENTITY)), (4,))
-    if abs(math.hypot(*turn) - 1.0) > 1e-3:
-        raise ParameterError(f"{section.where}.xyzw is {turn}; valid: a unit quaternion, x, y, z, w")
-    return Pose(section.vector("xyz", ORIGIN), normalized(turn))
-
-
-def inverse(pose: Pose) -> Pose:
-    """T_b_a of T_a_b."""
-    x, y, z, w = pose.orientation
-    back = Pose(ORIGIN, (-x, -y, -z, w))
-    px, py, pz = pose.position
-    return compose(back, Pose((-px, -py, -pz)))
-
-
-def read_stream(section: Section, seed: int) -> tuple[Settings, Faults, str]:
-    """(settings, faults, axis that points up). Raises HricError."""
-    section.only(*STREAM_KEYS)
-    base = Settings()
-    try:
-        settings = Settings(
-            version=parse(section.text("bitstream", "4.1")),
-            rate=section.number("rate", base.rate, 1.0, 1000.0),
-            transport=section.text("transport", base.transport, TRANSPORTS),
-            command_port=section.whole("command_port", base.command_port, 1, 65535),
-            data_port=section.whole("data_port", base.data_port, 1, 65535),
-            latency=section.number("latency", base.latency, 0.0, 1.0),
-            jitter=section.number("jitter", 0.0, 0.0, 1.0),
-            loss=section.number("loss", 0.0, 0.0, 1.0),
-            drift=section.number("drift", 0.0, -1e5, 1e5),
-            seed=seed,
-        )
-    except HricError as error:
-        text = str(error)
-        raise ParameterError(text if text.startswith(section.where) else f"{section.where}: {text}") from error
-    faults = Faults(
-        section.number("noise", 0.0, 0.0, 1.0),
-        section.number("rotation_noise", 0.0, 0.0, 1.0),
-        section.number("marker_noise", 0.0, 0.0, 1.0),
-        _occlusions(section),
-        section.number("occlusion_rate", 0.0, 0.0, 100.0),
-        section.number("occlusion_length", 0.3, 0.0, 60.0),
-        seed,
-    )
-    return settings, faults, section.text("up_axis", "y", UP_AXES)
-
-
-def _occlusions(section: Section) -> tuple[tuple[float, float, str], ...]:
-    """[begin [s], duration [s]] or with the name of a body besides."""
-    found = []
-    rows = section.content.get("occlusions") or []
-    if not isinstance(rows, list | tuple):
-        raise ParameterError(f"{section.where}.occlusions is {rows!r}; valid: a list of [begin, duration] or [begin, duration, body]")
-    for index, row in enumerate(rows):
-        body = row[2] if isinstance(row, list | tuple) and len(row) == 3 and isinstance(row[2], str) else ""
-        begin, duration = section.numbers(f"{section.where}.occlusions[{index}]", row[:2] if body else row, (2,))
-        found.append((begin, duration, body))
-    return tuple(found)

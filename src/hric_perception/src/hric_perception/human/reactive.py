@@ -1,10 +1,10 @@
-"""A hand that reacts to the robot: it takes something over from the arm at rest and draws back, also when the arm comes too near. No ROS.
+"""A hand that reacts to the robot: it takes something over from the arm at rest and draws back, also when the arm comes
+too near. No ROS.
 
-Each motion is the polynomial of fifth degree from the present position, velocity and acceleration to rest at the goal: from rest that is the one of
-least jerk (Flash and Hogan 1985), and where a goal changes on the way the acceleration stays continuous.
+Each motion is the polynomial of fifth degree from the present position, velocity and acceleration to rest at the goal:
+from rest that is the one of least jerk (Flash and Hogan 1985), and where a goal changes on the way the acceleration
+stays continuous.
 """
-
-from __future__ import annotations
 
 import math
 from bisect import bisect_right
@@ -14,53 +14,70 @@ from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
-import numpy.typing as npt
 
-from hric_perception.section import Section, Vector
-from mocap_natnet.poses import Pose
+from hric_control.geometry import FloatArray, Pose, Vector
+from hric_control.parameters import Settings, number, numbers, refused, section, whole
+from hric_perception.human.hand import Program
 
-FloatArray = npt.NDArray[np.float64]
 STEP = 0.01
-"""Between two decisions [s] (our choice)."""
+"""Between two decisions [s] (project default, unconfirmed)."""
 SPEED_SPAN = 0.1
-"""Over which the arm's speed is judged [s] (our choice)."""
+"""Over which the arm's speed is judged [s] (project default, unconfirmed)."""
 NEW_GOAL = 5e-3
-"""The goal of an approach follows the arm when it moved by more [m] (our choice)."""
-LEAST_TIME = 0.3
-"""A motion towards a goal that moved takes at least this long from then on [s] (our choice)."""
+"""The goal of an approach follows the arm when it moved by more [m] (project default, unconfirmed)."""
+MIN_TIME = 0.3
+"""A motion towards a goal that moved takes at least this long from then on [s] (project default, unconfirmed)."""
 KEPT = 2.0
-"""How long what was seen and planned is kept [s] (our choice)."""
+"""How long what was seen and planned is kept [s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
-class Reaction:
-    """How the hand reacts.
+class ReactionVariation(Settings):
+    """Standard deviations."""
 
-    Args:
-        rest: where it rests [m].
-        standoff: how far from the end effector it takes over, towards its place of rest [m].
-        delay: from what the robot does to what the hand does: visual reaction time [s].
-        still_speed: an arm that is slower is at rest [m/s].
-        too_near: it draws back from an end effector that is nearer [m]; 0: never.
-        approach, pause, retreat: durations [s].
-        dwell: at rest between two hand-overs [s].
-        repeats: hand-overs.
-        vary_time: standard deviation of the logarithm of durations.
-        vary_position: of the goal of each approach, per axis [m].
-    """
+    position: float = number(0.0, minimum=0.0, maximum=0.1, unit="m", text="of the goal of each approach, per axis")
+    time: float = number(0.0, minimum=0.0, maximum=0.3, text="of the logarithm of durations")
 
-    rest: Vector
-    standoff: float
-    delay: float
-    still_speed: float
-    too_near: float
-    approach: float
-    pause: float
-    retreat: float
-    dwell: float
-    repeats: int
-    vary_time: float
-    vary_position: float
+
+@dataclass(frozen=True)
+class Reaction(Settings):
+    """How the hand reacts."""
+
+    rest: Vector = numbers(3, (0.75, -0.45, 0.35), unit="m", text="where it rests")
+    standoff: float = number(
+        0.12,
+        above=0.0,
+        maximum=1.0,
+        unit="m",
+        text="how far from the end effector it takes over, towards its place of rest",
+    )
+    delay: float = number(
+        0.25,
+        minimum=0.05,
+        maximum=1.0,
+        unit="s",
+        name="reaction_delay",
+        text="from what the robot does to what the hand does: simple visual reaction time of adults, about a "
+        "quarter of a second",
+    )
+    still_speed: float = number(0.02, above=0.0, maximum=1.0, unit="m/s", text="an arm that is slower is at rest")
+    too_near: float = number(
+        0.06, minimum=0.0, unit="m", text="it draws back from an end effector that is nearer; 0: never"
+    )
+    approach: float = number(1.2, minimum=0.2, maximum=10.0, unit="s", text="duration")
+    pause: float = number(0.8, minimum=0.0, maximum=60.0, unit="s", text="duration")
+    retreat: float = number(1.0, minimum=0.2, maximum=10.0, unit="s", text="duration")
+    dwell: float = number(0.5, minimum=0.0, maximum=60.0, unit="s", text="at rest between two hand-overs")
+    repeats: int = whole(2, minimum=1, maximum=1000, text="hand-overs")
+    variation: ReactionVariation = section(ReactionVariation)
+
+    def check(self, where: str) -> None:
+        """Refuse to draw back from where it takes over."""
+        super().check(where)
+        if self.too_near > self.standoff:
+            raise refused(
+                f"{where}too_near", self.too_near, f"a finite number from 0 to standoff, {self.standoff:g} [m]"
+            )
 
 
 class _Piece:
@@ -93,7 +110,7 @@ class _Piece:
         return state
 
 
-class Reactive:
+class Reactive(Program):
     """See the module. Its phases: rest, approach, pause, retreat, done.
 
     Args:
@@ -101,15 +118,13 @@ class Reactive:
         random: of what varies.
     """
 
-    KEYS = ("rest", "standoff", "reaction_delay", "still_speed", "too_near", "approach", "pause", "retreat", "dwell", "repeats", "variation")
-
     def __init__(self, reaction: Reaction, random: np.random.Generator) -> None:
         self._how, self._random = reaction, random
         self._home = np.array(reaction.rest)
         still = np.array([self._home, np.zeros(3), np.zeros(3)])
         self._pieces = deque([_Piece(0.0, STEP, still, self._home)])
         self._phases: deque[tuple[float, str]] = deque([(-math.inf, "rest")])
-        self._seen: deque[tuple[float, FloatArray]] = deque()
+        self._observed: deque[tuple[float, FloatArray]] = deque()
         self._next, self._until = 0, reaction.dwell
         self._left, self._shift = reaction.repeats, np.zeros(3)
         self._decide: dict[str, Callable[[float], None]] = {
@@ -121,8 +136,8 @@ class Reactive:
 
     def see(self, time: float, position: Vector) -> None:
         """See Program."""
-        if not self._seen or time > self._seen[-1][0]:
-            self._seen.append((time, np.array(position)))
+        if not self._observed or time > self._observed[-1][0]:
+            self._observed.append((time, np.array(position)))
 
     def pose(self, time: float) -> Pose:
         """See Program."""
@@ -136,7 +151,7 @@ class Reactive:
         return self._phases[max(0, bisect_right(self._phases, time, key=itemgetter(0)) - 1)][1]
 
     def _advance(self, time: float) -> None:
-        """Decide all that is to be decided until then: on a grid, so that it does not depend on who asks when."""
+        """Decide all that is to be decided until then: on a grid, so that it does not depend on when it is called."""
         while self._next * STEP <= time:
             now = self._next * STEP
             if decide := self._decide.get(self._phases[-1][1]):
@@ -144,8 +159,8 @@ class Reactive:
             self._next += 1
             while len(self._pieces) > 1 and self._pieces[1].begin < now - KEPT:
                 self._pieces.popleft()
-            while len(self._seen) > 1 and self._seen[1][0] < now - KEPT - self._how.delay:
-                self._seen.popleft()
+            while len(self._observed) > 1 and self._observed[1][0] < now - KEPT - self._how.delay:
+                self._observed.popleft()
 
     def _state(self, time: float) -> FloatArray:
         found = max(0, bisect_right(self._pieces, time, key=lambda piece: piece.begin) - 1)
@@ -153,21 +168,23 @@ class Reactive:
 
     def _perceived(self, now: float) -> FloatArray | None:
         """Where the end effector was a reaction time ago [m]; None: not known."""
-        found = bisect_right(self._seen, now - self._how.delay, key=itemgetter(0)) - 1
-        return self._seen[found][1] if found >= 0 else None
+        found = bisect_right(self._observed, now - self._how.delay, key=itemgetter(0)) - 1
+        return self._observed[found][1] if found >= 0 else None
 
     def _at_rest(self, now: float) -> None:
         arm, before = self._perceived(now), self._perceived(now - SPEED_SPAN)
         if now < self._until or arm is None or before is None:
             return
         if np.linalg.norm(arm - before) <= self._how.still_speed * SPEED_SPAN:
-            self._shift = self._how.vary_position * self._random.standard_normal(3)
+            self._shift = self._how.variation.position * self._random.standard_normal(3)
             self._go("approach", now, self._goal(arm), self._varied(self._how.approach))
 
     def _goal(self, arm: FloatArray) -> FloatArray:
         """Where it takes over [m]."""
-        way = self._home - arm
-        goal: FloatArray = arm + way * min(1.0, self._how.standoff / max(float(np.linalg.norm(way)), 1e-9)) + self._shift
+        to_home = self._home - arm
+        goal: FloatArray = (
+            arm + to_home * min(1.0, self._how.standoff / max(float(np.linalg.norm(to_home)), 1e-9)) + self._shift
+        )
         return goal
 
     def _on_approach(self, now: float) -> None:
@@ -178,7 +195,7 @@ class Reactive:
             return
         arm = self._perceived(now)
         if arm is not None and np.linalg.norm(self._goal(arm) - self._pieces[-1].goal) > NEW_GOAL:
-            self._go("approach", now, self._goal(arm), max(self._until - now, LEAST_TIME))
+            self._go("approach", now, self._goal(arm), max(self._until - now, MIN_TIME))
 
     def _on_pause(self, now: float) -> None:
         if not self._shies(now) and now >= self._until:
@@ -210,27 +227,4 @@ class Reactive:
         self._until = now + duration
 
     def _varied(self, duration: float) -> float:
-        return duration * math.exp(self._how.vary_time * self._random.standard_normal())
-
-
-def read_reactive(section: Section, random: np.random.Generator) -> Reactive:
-    """The program of a mapping. Raises HricError."""
-    spread = section.section("variation")
-    spread.only("position", "time")
-    standoff = section.number("standoff", 0.12, 0.0, 1.0, above=True)
-    reaction = Reaction(
-        rest=section.vector("rest", (0.75, -0.45, 0.35)),
-        standoff=standoff,
-        # simple visual reaction time of adults, about a quarter of a second
-        delay=section.number("reaction_delay", 0.25, 0.05, 1.0),
-        still_speed=section.number("still_speed", 0.02, 0.0, 1.0, above=True),
-        too_near=section.number("too_near", 0.06, 0.0, standoff),
-        approach=section.number("approach", 1.2, 0.2, 10.0),
-        pause=section.number("pause", 0.8, 0.0, 60.0),
-        retreat=section.number("retreat", 1.0, 0.2, 10.0),
-        dwell=section.number("dwell", 0.5, 0.0, 60.0),
-        repeats=section.whole("repeats", 2, 1, 1000),
-        vary_time=spread.number("time", 0.0, 0.0, 0.3),
-        vary_position=spread.number("position", 0.0, 0.0, 0.1),
-    )
-    return Reactive(reaction, random)
+        return duration * math.exp(self._how.variation.time * self._random.standard_normal())

@@ -1,14 +1,12 @@
 """What the emulated human really does, on topics, beside what the motion capture sees of it."""
 
-from __future__ import annotations
-
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 
-from hric_control import stamps
+from hric_control.geometry import stamped
 from hric_control.node import Node
+from hric_control.robot_time import stamps
 from hric_perception.human.hand import Hand
-from mocap_natnet import messages
 
 RATE = 100.0
 """Of the hand's pose [Hz]."""
@@ -24,7 +22,7 @@ class Truth:
     """
 
     def __init__(self, node: Node, hand: Hand, frame: str) -> None:
-        self._hand, self._frame, self._told = hand, frame, ""
+        self._hand, self._frame, self._published = hand, frame, ""
         self._poses = node.advertise("/hric/human/hand", PoseStamped, queue_size=100)
         self._phases = node.advertise("/hric/human/phase", String, queue_size=10, latch=True)
         self._next: int | None = None
@@ -46,10 +44,10 @@ class Truth:
             return
         self._next, time = due + 1, due / RATE
         phase = self._hand.phase(time)
-        if phase != self._told:
-            self._told = phase
+        if phase != self._published:
+            self._published = phase
             self._phases.publish(String(phase))
         if not self._poses.subscribers():
             return
-        head = messages.header(stamps.to_time(time + offset), self._frame)
-        self._poses.publish(messages.pose_stamped(head, self._hand(time)))
+        head = stamped.header(stamps.to_time(time + offset), self._frame)
+        self._poses.publish(stamped.pose_stamped(head, self._hand(time)))

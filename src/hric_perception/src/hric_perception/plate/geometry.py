@@ -1,26 +1,50 @@
 """Wrench, centre of pressure and the frame of a force plate. No ROS."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from hric_control.errors import ParameterError
+from hric_control.geometry import ORIGIN, Pose, Vector, quaternion_from_rotation
+from hric_control.geometry.poses import PoseSettings, z_up
+from hric_control.parameters import numbers, text
 from hric_perception.chunk import Chunk, FloatArray, Layout
-from hric_perception.human.motion_capture import read_pose
-from hric_perception.section import Section
-from mocap_natnet.codec.types import Quaternion, Vector
-from mocap_natnet.poses import Pose, normalized, z_up
 
 CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
+PLATE_SIZE = (0.6, 0.4)
+"""Of the surface of a force plate along x and y, that of the emulated one [m] (default chosen by this project,
+unconfirmed)."""
 THRESHOLD = 20.0
-"""Least vertical force for which a centre of pressure is told [N]: below it noise decides (facts of practice, common in gait analysis)."""
+"""Minimum vertical force for which a centre of pressure is published [N]: below it noise decides (common in gait
+analysis)."""
+
+
+def plate_name(name: str) -> str:
+    """A part of topic names. Raises ValueError: letters, digits and _ only."""
+    if not name.replace("_", "").isalnum() or not name.isascii():
+        raise ValueError
+    return name
+
+
+PLATE_ID: Any = text(
+    "1", valid="letters, digits and _", figures=True, made=plate_name, name="id", text="in the names of topics"
+)
+
+
+@dataclass(frozen=True)
+class PlatePose(PoseSettings):
+    """Of the middle of the surface."""
+
+    xyz: Vector = numbers(3, ORIGIN, unit="m", text="of the middle of the surface, in `frame`")
+    frame: str = text("world")
 
 
 def mean_wrench(chunk: Chunk) -> tuple[float, FloatArray] | None:
-    """(run time [s], wrench shape (6,) [N, N m]) on average over the samples that are numbers; None where there is none."""
+    """(robot time [s], wrench shape (6,) [N, N m]) on average over the samples that are numbers; None where there is
+    none."""
     columns = [chunk.layout.channels.index(name) for name in CHANNELS]
     data = chunk.data[:, columns]
     good = np.isfinite(data).all(axis=1)
@@ -74,11 +98,14 @@ def frame_of(corners: Sequence[Vector], up: str) -> Pose:
     x, y = (a + b - c - d) / 2, (a + d - b - c) / 2
     z = np.cross(x, y)
     if not np.isfinite([a, b, c, d]).all() or np.linalg.norm(z) < 1e-6:
-        raise ParameterError(f"the corners of the force plate are {[tuple(corner) for corner in corners]}; valid: four that span a rectangle [m]")
+        raise ParameterError(
+            f"the corners of the force plate are {[tuple(corner) for corner in corners]}; valid: four that span a "
+            "rectangle [m]"
+        )
     z /= np.linalg.norm(z)
     x /= np.linalg.norm(x)
     px, py, pz = ((a + b + c + d) / 4).tolist()
-    return Pose((px, py, pz), _quaternion(np.column_stack([x, np.cross(z, x), z])))
+    return Pose((px, py, pz), quaternion_from_rotation(np.column_stack([x, np.cross(z, x), z])))
 
 
 def choose_channels(layout: Layout, frame: str) -> Layout:
@@ -97,24 +124,12 @@ def choose_channels(layout: Layout, frame: str) -> Layout:
         names = list(CHANNELS)
     missing = [name for name in CHANNELS if name not in names]
     if missing:
-        raise ParameterError(f"{layout.source} has no channel {', '.join(missing)}, but {', '.join(layout.channels)}; valid: {', '.join(CHANNELS)}")
-    units = [unit or dict(zip(CHANNELS, UNITS, strict=True)).get(name, "") for name, unit in zip(names, layout.units, strict=True)]
+        raise ParameterError(
+            f"{layout.source} has no channel {', '.join(missing)}, but {', '.join(layout.channels)}; valid: "
+            f"{', '.join(CHANNELS)}"
+        )
+    units = [
+        unit or dict(zip(CHANNELS, UNITS, strict=True)).get(name, "")
+        for name, unit in zip(names, layout.units, strict=True)
+    ]
     return Layout(layout.source, tuple(names), tuple(units), layout.rate, frame)
-
-
-def read_place(section: Section) -> tuple[str, Pose]:
-    """(frame, pose in it) of the middle of the surface: keys `frame` ("world"), `xyz` [m], `xyzw`. Raises HricError."""
-    pose = {key: value for key, value in section.content.items() if key != "frame"}
-    return section.text("frame", "world"), read_pose(Section(section.where, pose))
-
-
-def _quaternion(R: FloatArray) -> Quaternion:
-    """x, y, z, w of a rotation matrix, by its largest part (Shepperd 1978)."""
-    squares = [1 + R[0, 0] - R[1, 1] - R[2, 2], 1 - R[0, 0] + R[1, 1] - R[2, 2], 1 - R[0, 0] - R[1, 1] + R[2, 2], 1 + np.trace(R)]
-    off = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
-    both = [[0.0, R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]], [R[0, 1] + R[1, 0], 0.0, R[1, 2] + R[2, 1]], [R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], 0.0]]
-    largest = int(np.argmax(squares))
-    q = [*off, squares[3]] if largest == 3 else [*both[largest], off[largest]]
-    if largest < 3:
-        q[largest] = squares[largest]
-    return normalized([float(part) for part in q])

@@ -1,70 +1,81 @@
-"""The samples of a force plate that come within the frames of a motion capture system. No ROS."""
-
-from __future__ import annotations
+"""Force plates within the frames of a motion capture system: their samples, and an emulated Motive that has nothing but
+a plate. The one module of EMG, plates and the synchroniser that needs motion capture. No ROS but a node's
+parameters."""
 
 import struct
-import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from hric_control.errors import HricError
+from hric_control.geometry import UP_AXES, Pose, Vector, compose
+from hric_control.node import Node
+from hric_control.parameters import Settings, choice, number, numbers, refused, whole
+from hric_control.robot_time.stream_time import Clock
 from hric_perception.chunk import Layout
-from hric_perception.health import StreamHealth
-from hric_perception.plate.geometry import CHANNELS, UNITS
-from hric_perception.stream import SampleStream
-from mocap_natnet.client import NatNetClient, Received, Settings
+from hric_perception.emulation import BlockNoise, Faults
+from hric_perception.plate.geometry import CHANNELS, UNITS, frame_of
+from hric_perception.plate.loads import Load
+from hric_perception.stream import Driver, SampleStream, StreamHealth
+from mocap_natnet import client, server
+from mocap_natnet.client.settings import address
 from mocap_natnet.codec.descriptions import ForcePlateDescription, Model
+from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT
+from mocap_natnet.node.parameters import Publishing
 
 NS = 1e-9
 LOOK = 0.5
-"""Between looks at the conversation [s] (our choice)."""
+"""Between looks at the conversation [s] (project default, unconfirmed)."""
+CODE_PERIOD = 1.0
+"""A time code counts within a second: a 32 bit number holds no more digits [s]."""
 
 
-class NatNetPlate:
+class NatNetPlate(Driver):
     """A client of its own, which listens to the plate alone.
 
-    The protocol does not say when the samples of a frame were taken: they are spread evenly over the frame's period, the last one at its stamp.
+    The protocol does not say when the samples of a frame were taken: they are spread evenly over the frame's period,
+    the last one at its stamp.
 
     Args:
         settings: how to find the server.
         plate: id of the plate; 0: the first of the stream.
-        stream, health: are told.
+        stream: gets the samples.
+        health: is informed of trouble.
         choose: changes the layout.
         on_described: gets the plate's description.
     """
 
     def __init__(
         self,
-        settings: Settings,
+        settings: client.Settings,
         plate: int,
         stream: SampleStream,
         health: StreamHealth,
         choose: Callable[[Layout], Layout],
         on_described: Callable[[ForcePlateDescription], None] = lambda description: None,
     ) -> None:
+        super().__init__("natnet plate", 3.0)
         self._plate, self._stream, self._health = plate, stream, health
         self._choose, self._on_described = choose, on_described
-        self._client = NatNetClient(settings, self._on_frame, self._on_model, self._on_restart)
+        self._client = client.NatNetClient(settings, self._on_frame, self._on_model, self._on_restart)
         self._frame_rate: float | None = None
         self._count = 0
         self._number: int | None = None
         self._missing = ""
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._look, name="natnet plate", daemon=True)
 
     def start(self) -> None:
         """Begin."""
         self._client.start()
-        self._thread.start()
+        super().start()
 
     def close(self) -> None:
         """End."""
         self._stop.set()
         self._client.close()
-        self._thread.join(3.0)
+        super().close()
 
-    def _look(self) -> None:
+    def _run(self) -> None:
         while not self._stop.wait(LOOK):
             health = self._client.health()
             if health.level == 2:
@@ -72,9 +83,9 @@ class NatNetPlate:
                 self._frame_rate = None
             elif self._frame_rate is None and self._client.server:
                 try:
-                    (self._frame_rate,) = struct.unpack_from("<f", self._client.ask("FrameRate"))
+                    (self._frame_rate,) = struct.unpack_from("<f", self._client.request("FrameRate"))
                 except (HricError, struct.error) as error:
-                    self._health.trouble(f"{self._client.server} does not tell its frame rate: {error}")
+                    self._health.trouble(f"{self._client.server} does not report its frame rate: {error}")
             elif self._missing:
                 self._health.trouble(self._missing)
 
@@ -88,11 +99,14 @@ class NatNetPlate:
                 self._on_described(description)
                 return
 
-    def _on_frame(self, received: Received) -> None:
+    def _on_frame(self, received: client.Received) -> None:
         plates, rate = received.frame.force_plates, self._frame_rate
         found = next((plate for plate in plates if self._plate in (0, plate.id)), None)
         if found is None or len(found.channels) < len(CHANNELS):
-            self._missing = f"no force plate {self._plate or ''} in the stream; valid: {', '.join(str(plate.id) for plate in plates) or 'none'}"
+            self._missing = (
+                f"no force plate {self._plate or ''} in the stream; valid: "
+                f"{', '.join(str(plate.id) for plate in plates) or 'none'}"
+            )
             self._count = 0
             return
         self._missing = ""
@@ -109,3 +123,88 @@ class NatNetPlate:
         frames = received.frame.number - self._number if self._number is not None else 1
         self._number = received.frame.number
         self._stream.arrived(received.exposed * NS, data, max(0, frames - 1) * count)
+
+
+def plate_of(
+    node: Node,
+    stream: SampleStream,
+    health: StreamHealth,
+    choose: Callable[[Layout], Layout],
+    on_pose: Callable[[str, Pose], None],
+) -> NatNetPlate:
+    """The plate that the parameters of a node choose.
+
+    Args:
+        node: with the parameters of `natnet_client`, and `plate`.
+        stream, health, choose: see `NatNetPlate`.
+        on_pose: gets the frame that the stream is in, and the plate's pose in it, once the stream describes the plate.
+
+    Raises:
+        ParameterError: a parameter is not valid.
+    """
+    publishing = Publishing.read(node)
+
+    def describe(description: ForcePlateDescription) -> None:
+        pose = frame_of(description.corners, publishing.up_axis)
+        on_pose(publishing.frame, compose(publishing.base_from_mocap, pose) if publishing.base_frame else pose)
+
+    plate: int = whole(0, minimum=0, maximum=2**31 - 1).read(node, "plate")
+    return NatNetPlate(client.Settings.read(node), plate, stream, health, choose, describe)
+
+
+@dataclass(frozen=True)
+class PlateStream(Settings):
+    """How the emulated Motive streams a plate."""
+
+    rate: float = number(200.0, minimum=1.0, maximum=1000.0, unit="Hz", text="of frames")
+    ip: str = address("127.0.0.1", "address to listen on", empty=False)
+    command_port: int = whole(COMMAND_PORT, minimum=0, maximum=65535)
+    data_port: int = whole(DATA_PORT, minimum=1, maximum=65535)
+    transport: str = choice("unicast", "multicast")
+    up_axis: str = choice(*UP_AXES)
+    latency: float = number(0.0055, minimum=0.0, maximum=1.0, unit="s")
+    loss: float = number(0.0, minimum=0.0, maximum=1.0)
+    centre: Vector | None = numbers(3, None, unit="m")
+
+
+class PlateMotive:
+    """Streams from its construction on. Use `close`.
+
+    Args:
+        stream: how.
+        rate: of the plate, a multiple of that of the frames [Hz].
+        load: what presses.
+        faults: noise, bias and time code (in Mz) count, the others are those of Motive.
+        clock: by which it goes.
+
+    Raises:
+        HricError: a value that cannot be, or the port is taken.
+    """
+
+    def __init__(self, stream: PlateStream, rate: float, load: Load, faults: Faults, clock: Clock) -> None:
+        count = round(rate / stream.rate)
+        if count < 1 or abs(count * stream.rate - rate) > 1e-6 * rate:
+            valid = f"with a plate of {rate:g} Hz a whole number of samples per frame"
+            raise refused(f"{stream.prefix}rate", stream.rate, valid)
+        shared = ("rate", "ip", "command_port", "data_port", "transport", "latency", "loss")
+        settings = server.Settings(**{name: getattr(stream, name) for name in shared}, seed=faults.seed)
+        self._rate, self._load, self._faults, self._noise = rate, load, faults, BlockNoise(6, faults.seed)
+        plate = server.Plate(self._sample, centre=stream.centre or (0.0, 0.0, 0.0), samples=count)
+        scene = server.Scene((), (plate,), up=stream.up_axis)
+        self.server = server.MotiveServer(server.Motive(settings, scene), clock)
+        self.server.start()
+
+    def close(self) -> None:
+        """End."""
+        self.server.close()
+
+    def _sample(self, time: float) -> tuple[float, ...]:
+        """What the plate measures at a time of the stream [s]."""
+        robot_time, faults = self.server.robot_time(time), self._faults
+        robot_time = time if robot_time is None else robot_time
+        values = self._load(np.array([robot_time]))[0] + faults.bias
+        if faults.noise:
+            values = values + faults.noise * self._noise.values(max(0, round(time * self._rate)), 1)[0]
+        if faults.time_code:
+            values[5] = robot_time % CODE_PERIOD
+        return tuple(values.tolist())

@@ -1,34 +1,51 @@
 """The node `force_plate`: samples of a force plate, its wrench and its centre of pressure."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from geometry_msgs.msg import Point, PointStamped, Vector3, Wrench, WrenchStamped
 from tf2_msgs.msg import TFMessage
 
-from hric_control import stamps
-from hric_control.errors import ParameterError
-from hric_control.ros_node import RosNode
+from hric_control.geometry import Pose, stamped
+from hric_control.parameters import Settings, choice, flag, number, section, text
+from hric_control.robot_time import stamps
+from hric_control.ros import RosNode, run
 from hric_msgs.msg import SampleChunk
-from hric_perception.chunk import Chunk, Layout
-from hric_perception.chunk_messages import chunk_message
-from hric_perception.health import StreamHealth
-from hric_perception.lsl import lsl_driver
-from hric_perception.plate.geometry import at_surface, centre_of_pressure, choose_channels, frame_of, mean_wrench, read_place
-from hric_perception.plate.natnet import NatNetPlate
-from hric_perception.section import Section
-from hric_perception.sensor import MakeDriver, Sensor, section_of
-from hric_perception.stream import SampleStream
-from mocap_natnet import messages
-from mocap_natnet.codec.descriptions import ForcePlateDescription
-from mocap_natnet.parameters import read_publishing, read_settings
-from mocap_natnet.poses import Pose, compose
-from mocap_natnet.process import run
+from hric_perception.chunk import Chunk, Layout, chunk_message
+from hric_perception.lsl import LslSettings
+from hric_perception.plate.geometry import (
+    PLATE_ID,
+    PlatePose,
+    at_surface,
+    centre_of_pressure,
+    choose_channels,
+    mean_wrench,
+)
+from hric_perception.plate.natnet import plate_of
+from hric_perception.sensor import CHUNK, SensorNode
+from hric_perception.stream import Driver, SampleStream, StreamHealth
 
 
-class ForcePlateNode:
+@dataclass(frozen=True)
+class ForcePlateSettings(Settings):
+    """Parameters of the node; those below `natnet` are read where they are used."""
+
+    source: str = choice("lsl", "natnet")
+    lsl: LslSettings = section(LslSettings)
+    id: str = PLATE_ID
+    frame: str = text("", default_text="`force_plate_<id>`", text="of the vectors")
+    pose: PlatePose | None = section(PlatePose, None)
+    height: float = number(
+        0.0,
+        unit="m",
+        text="of the surface over the origin of the device's moments; its sign differs between makers: check with "
+        "a known weight",
+    )
+    invert: bool = flag(False, text="the device measures the reaction, not the load")
+    chunk: float = CHUNK
+
+
+class ForcePlateNode(SensorNode):
     """Publishes from its construction on.
 
     Args:
@@ -39,46 +56,38 @@ class ForcePlateNode:
     """
 
     def __init__(self, node: RosNode) -> None:
-        section = section_of(node, "id", "frame", "height", "invert", "pose")
-        name = section.text("id", "1")
-        if not name.replace("_", "").isalnum() or not name.isascii():
-            raise ParameterError(f"{node.resolve('id')} is {name!r}; valid: letters, digits and _")
-        self._node, self._frame = node, section.text("frame", f"force_plate_{name}")
-        self._height, self._sign = section.number("height", 0.0), -1.0 if section.content.get("invert", False) is True else 1.0
-        topic = f"/hric/perception/force_plate/{name}"
+        settings = ForcePlateSettings.read(node)
+        self._node, self._frame = node, settings.frame or f"force_plate_{settings.id}"
+        self._height, self._sign = settings.height, -1.0 if settings.invert else 1.0
+        topic = f"/hric/perception/force_plate/{settings.id}"
         self._samples = node.advertise(f"{topic}/samples", SampleChunk, queue_size=100)
         self._wrench = node.advertise(f"{topic}/wrench", WrenchStamped, queue_size=100)
         self._cop = node.advertise(f"{topic}/cop", PointStamped, queue_size=100)
         self._static: Any = None
-        if section.content.get("pose") is not None:
-            self._place(*read_place(section.section("pose")))
-        sources: dict[str, MakeDriver] = {"lsl": lsl_driver("Force"), "natnet": self._natnet}
-        self._sensor = Sensor(node, sources, self._on_chunk, lambda layout: choose_channels(layout, self._frame))
-        self._sensor.start()
+        if settings.pose is not None:
+            self._publish_pose(settings.pose.frame, settings.pose.pose)
 
-    def tick(self) -> None:
-        """Once a second. Raises HricError in a run that is not paced."""
-        self._sensor.tick()
+        def driver(stream: SampleStream, health: StreamHealth) -> Driver:
+            if settings.source == "natnet":
+                return plate_of(node.child("natnet"), stream, health, self._choose, self._described)
+            return settings.lsl.reader("Force", stream, health, self._choose)
 
-    def close(self) -> None:
-        """End."""
-        self._sensor.close()
+        super().__init__(node, settings.source, settings.chunk, driver)
 
-    def _natnet(self, section: Section, stream: SampleStream, health: StreamHealth, choose: Callable[[Layout], Layout]) -> NatNetPlate:
-        own = self._node.child("natnet")
-        publishing = read_publishing(own)
+    def _choose(self, layout: Layout) -> Layout:
+        return choose_channels(layout, self._frame)
 
-        def describe(description: ForcePlateDescription) -> None:
-            if self._static is None:
-                pose = frame_of(description.corners, publishing.up_axis)
-                self._place(publishing.frame, compose(publishing.base_from_mocap, pose) if publishing.base_frame else pose)
+    def _described(self, parent: str, pose: Pose) -> None:
+        """The stream describes the plate; the pose among the parameters has precedence."""
+        if self._static is None:
+            self._publish_pose(parent, pose)
 
-        return NatNetPlate(read_settings(own), section.whole("plate", 0, 0, 2**31 - 1), stream, health, choose, describe)
-
-    def _place(self, parent: str, pose: Pose) -> None:
-        """Tell where the plate is."""
+    def _publish_pose(self, parent: str, pose: Pose) -> None:
+        """The transform from a frame to that of the plate."""
         self._static = self._node.advertise("/tf_static", TFMessage, latch=True)
-        self._static.publish(TFMessage([messages.transform_stamped(messages.header(self._node.now(), parent), self._frame, pose)]))
+        self._static.publish(
+            TFMessage([stamped.transform_stamped(stamped.header(self._node.now(), parent), self._frame, pose)])
+        )
 
     def _on_chunk(self, chunk: Chunk) -> None:
         self._samples.publish(chunk_message(chunk))
@@ -86,7 +95,7 @@ class ForcePlateNode:
         if mean is None:
             return
         time, wrench = mean[0], at_surface(mean[1], self._height)
-        head = messages.header(stamps.to_time(time), self._frame)
+        head = stamped.header(stamps.to_time(time), self._frame)
         fx, fy, fz, mx, my, mz = (self._sign * wrench).tolist()
         self._wrench.publish(WrenchStamped(head, Wrench(Vector3(fx, fy, fz), Vector3(mx, my, mz))))
         point = centre_of_pressure(wrench)
@@ -96,9 +105,4 @@ class ForcePlateNode:
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-
-    def make(node: RosNode) -> tuple[Callable[[], None], Callable[[], None]]:
-        plate = ForcePlateNode(node)
-        return plate.tick, plate.close
-
-    return run("force_plate", text, make)
+    return run("force_plate", text, ForcePlateNode)

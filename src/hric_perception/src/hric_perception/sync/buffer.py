@@ -1,12 +1,10 @@
 """The latest samples of a source, sorted by time, for bisecting. No ROS."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 
 Stamps = npt.NDArray[np.int64]
-"""Run time [ns]: whole numbers, because a float has steps of 0.2 us at today's wall time."""
+"""Robot time [ns]: whole numbers, because a float has steps of 0.2 us at today's wall time."""
 Values = npt.NDArray[np.float64]
 
 
@@ -49,13 +47,6 @@ class StampBuffer:
         """Shape (n, width); valid until the next `extend`."""
         return self._values[self._begin : self._end]
 
-    def append(self, stamp: int, row: tuple[float, ...]) -> None:
-        """Add one sample, later than all others."""
-        self._make_room(1)
-        self._stamps[self._end] = stamp
-        self._values[self._end] = row
-        self._grow(1)
-
     def extend(self, stamps: Stamps, values: Values) -> None:
         """Add samples, sorted and later than all others.
 
@@ -66,22 +57,16 @@ class StampBuffer:
         count = min(len(stamps), self.capacity)
         if not count:
             return
-        self._make_room(count)
-        self._stamps[self._end : self._end + count] = stamps[-count:]
-        self._values[self._end : self._end + count] = values[-count:]
-        self._grow(count)
-
-    def clear(self) -> None:
-        """Forget all samples."""
-        self._begin = self._end = 0
-
-    def _make_room(self, count: int) -> None:
         if self._end + count > len(self._stamps):
             kept = min(len(self), self.capacity)
             self._stamps[:kept] = self._stamps[self._end - kept : self._end]
             self._values[:kept] = self._values[self._end - kept : self._end]
             self._begin, self._end = 0, kept
-
-    def _grow(self, count: int) -> None:
+        self._stamps[self._end : self._end + count] = stamps[-count:]
+        self._values[self._end : self._end + count] = values[-count:]
         self._end += count
         self._begin = max(self._begin, self._end - self.capacity)
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self._begin = self._end = 0

@@ -1,28 +1,90 @@
-"""The synchroniser: samples of many sources go in, at their own rates and late; samples of all of them at common instants come out. No ROS.
+"""The synchroniser: samples of many sources go in, at their own rates and late; samples of all of them at common
+instants come out. No ROS.
 
-An instant goes out when every source that is not starving has a sample at or after it, so that nothing that comes later can change it; at the latest
-when the newest stamp of all is `delay` past it. Time is that of the stamps: a paused run pauses the synchroniser, and a recorded bag gives the same
-samples as the run did, at any speed.
+An instant goes out when every source that is not starving has a sample at or after it, so that nothing that comes later
+can change it; at the latest when the newest stamp of all is `delay` past it. Time is that of the stamps: a paused run
+pauses the synchroniser, and a recorded bag gives the same samples as the run did, at any speed.
 """
 
-from __future__ import annotations
-
 import threading
+from collections import deque
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hric_perception.sync.buffer import Stamps, Values
-from hric_perception.sync.common_time import BusyClock, CommonTime, Verdict
 from hric_perception.sync.extract import BATCHES, MalformedError, NotForUsError, Samples, row_reader, stamp_of
-from hric_perception.sync.instants import ReferenceStamps, Ticks
+from hric_perception.sync.instants import BusyClock, CommonTime, ReferenceStamps, Ticks, Verdict
 from hric_perception.sync.intake import MALFORMED, NOT_FOR_US, Intake
 from hric_perception.sync.layout import APPROXIMATE, RESAMPLE, Plan
 from hric_perception.sync.sampling import Mask, Sampled, picker, resampler
-from hric_perception.sync.status import Window
 
+SPAN = 1_000_000_000
+"""[ns]"""
 NS = 1_000_000_000
+
+
+class _Row(NamedTuple):
+    stamp: int
+    skews: Sequence[Values | None]
+    valid: Mask
+    waited: int
+
+
+class Window:
+    """Skew of each source, and how long instants waited, over the last second. Figures are computed when
+    they are requested.
+
+    Args:
+        sources: how many.
+    """
+
+    def __init__(self, sources: int) -> None:
+        self._sources = sources
+        self._rows: deque[_Row] = deque()
+
+    def add(self, stamp: int, skews: Sequence[Values | None], valid: Mask, waited: int) -> None:
+        """A batch.
+
+        Args:
+            stamp: its last instant [ns].
+            skews: per source, at each instant [s]; NaN where there is no sample; None: all values are of the instant.
+            valid: whether each source is, shape (instants, sources).
+            waited: of the first of them [ns].
+        """
+        self._rows.append(_Row(stamp, skews, valid, waited))
+        while self._rows[0].stamp < stamp - SPAN:
+            self._rows.popleft()
+
+    def clear(self) -> None:
+        """Forget all of it."""
+        self._rows.clear()
+
+    def mean(self) -> list[float]:
+        """Mean skew of each source [s]; 0 where there was no sample."""
+        return [float(skews.mean()) if len(skews) else 0.0 for skews in map(self._skews, range(self._sources))]
+
+    def largest(self) -> list[float]:
+        """Largest skew of each source [s]."""
+        return [float(self._skews(index).max(initial=0.0)) for index in range(self._sources)]
+
+    def valid(self) -> list[float]:
+        """Share of the instants at which each source was valid [1]; 1 where there was none."""
+        if not self._rows:
+            return [1.0] * self._sources
+        shares: list[float] = np.concatenate([row.valid for row in self._rows]).mean(axis=0).tolist()
+        return shares
+
+    def delay(self) -> float:
+        """The longest that an instant waited [s]."""
+        return max((row.waited for row in self._rows), default=0) * 1e-9
+
+    def _skews(self, index: int) -> Values:
+        known = [row.skews[index] for row in self._rows]
+        skews: Values = np.concatenate([np.zeros(0), *(one for one in known if one is not None)])
+        finite: Values = skews[~np.isnan(skews)]
+        return finite
 
 
 class Batch(NamedTuple):
@@ -40,13 +102,10 @@ class Batch(NamedTuple):
     age: Values
     valid: Mask
 
-    def where(self, chosen: Mask) -> Batch:
-        """Some of them."""
-        return Batch(self.stamps[chosen], self.values[chosen], self.age[chosen], self.valid[chosen])
-
 
 class Synchroniser:
-    """All sources of a plan. `push_message` and `push` may be called from any threads beside that of `take`, and cost them little.
+    """All sources of a plan. `push_message` and `push` may be called from any threads beside that of `take`, and cost
+    them little.
 
     Args:
         plan: what, and how.
@@ -56,7 +115,8 @@ class Synchroniser:
         intakes: per source.
         last: the last instant that was handed out [ns]; None: none was.
         restarts: how often all sources went over to another time.
-        sent: samples handed out; incomplete: of these, such with a source that is not valid; dropped: instants left out.
+        sent: samples handed out; incomplete: of these, such with a source that is not valid; dropped: instants left
+            out.
     """
 
     def __init__(self, plan: Plan, now: float) -> None:
@@ -101,7 +161,7 @@ class Synchroniser:
             self.intakes[index].put(Samples(stamps, values), arrived)
 
     def take(self, now: float) -> Batch | None:
-        """The samples that are due, `instants.MOST` at most; None: none is.
+        """The samples that are due, `instants.MAX_INSTANTS` at most; None: none is.
 
         Args:
             now: by the clock that does not jump [s].
@@ -113,17 +173,19 @@ class Synchroniser:
             if stamps is None or not len(stamps):
                 return None
             self.last = int(stamps[-1])
-            sampled = [sample(intake.buffer, stamps) for sample, intake in zip(self._samplers, self.intakes, strict=True)]
+            sampled = [
+                sample(intake.buffer, stamps) for sample, intake in zip(self._samplers, self.intakes, strict=True)
+            ]
             return self._assemble(stamps, sampled)
 
     def _collect(self) -> None:
         """Look at what was put since the last time, in the order of its arrival."""
         found = [(*one, index) for index, intake in enumerate(self.intakes) if (one := intake.collect()) is not None]
         for arrived, samples, index in sorted(found, key=lambda one: one[0]):
-            self._busy.hear(arrived)
+            self._busy.received(arrived)
             busy = self._busy.at(arrived)
             verdict = self._time.see(samples.stamps, arrived)
-            if verdict is Verdict.ANEW:
+            if verdict is Verdict.RESTARTED:
                 self._restart(arrived, busy)
             self.intakes[index].take(samples.stamps, samples.values, verdict, self.last, arrived, busy)
 
@@ -155,12 +217,20 @@ class Synchroniser:
 
     def _assemble(self, stamps: Stamps, sampled: list[Sampled]) -> Batch | None:
         valid = np.array([one.valid for one in sampled]).T
-        batch = Batch(stamps, np.concatenate([one.values for one in sampled], axis=1), np.array([one.age for one in sampled]).T, valid)
+        batch = Batch(
+            stamps,
+            np.concatenate([one.values for one in sampled], axis=1),
+            np.array([one.age for one in sampled]).T,
+            valid,
+        )
         count = len(stamps)
         whole: Mask = np.all(valid, axis=1)
-        self.window.add(int(stamps[-1]), [one.skew for one in sampled], valid, (self._time.newest or 0) - int(stamps[0]))
+        self.window.add(
+            int(stamps[-1]), [one.skew for one in sampled], valid, (self._time.newest or 0) - int(stamps[0])
+        )
         if not self.plan.mark and not whole.all():
-            batch, count = batch.where(whole), int(whole.sum())
+            count = int(whole.sum())
+            batch = Batch(stamps[whole], batch.values[whole], batch.age[whole], valid[whole])
             self.dropped += len(stamps) - count
         else:
             self.incomplete += count - int(whole.sum())

@@ -3,8 +3,6 @@
 A message of most types is one sample. Those of `BATCHES` hold many, which are taken apart, each with its own stamp.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
@@ -96,7 +94,8 @@ def _numbers(field: str, steps: list[Step]) -> Fill:
 
 
 def _finder(steps: Sequence[Step]) -> Callable[[Any], list[int]]:
-    """A function that finds the elements that steps name in a message's own list of names; remembers them while the list stays as it is.
+    """A function that finds the elements that steps name in a message's own list of names; remembers them while the
+    list stays as it is.
 
     The function raises ValueError where there is no such name.
     """
@@ -119,7 +118,8 @@ def _finder(steps: Sequence[Step]) -> Callable[[Any], list[int]]:
 
 
 def _elements(field: str, group: list[_Path]) -> Fill:
-    """Elements of a list of messages. One that is not there, or is not tracked, gives NaN: the source lives, but does not see it."""
+    """Elements of a list of messages. One that is not there, or is not tracked, gives NaN: the source lives, but does
+    not see it."""
     parts = []
     for step, paths in groupby(group, lambda path: path[1][0]):
         inside = list(paths)
@@ -181,7 +181,10 @@ def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
         PathError: a leaf is no joint's value of each cycle.
     """
     steps = _columns(leaves, ("position", "velocity", "effort", "command_raw", "command"), where)
-    groups = [(field, list(range(len(steps))), _finder(list(group))) for field, group in groupby(steps, lambda step: step.field)]
+    groups = [
+        (field, list(range(len(steps))), _finder(list(group)))
+        for field, group in groupby(steps, lambda step: step.field)
+    ]
 
     def read(message: Any) -> Samples:
         times = np.asarray(message.time)
@@ -189,8 +192,11 @@ def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], Samples]:
         if len(times) == 0 or any(len(getattr(message, field)) != len(times) * joints for field, _, _ in groups):
             raise MalformedError(f"{len(times)} cycles of {joints} joints, but other numbers of values")
         stamps = stamp_of(message) + np.rint((times - times[0]) * NS).astype(np.int64)
-        tables = [np.asarray(getattr(message, field)).reshape(-1, joints)[:, _found(find, message)] for field, _, find in groups]
-        return Samples(stamps, np.hstack(tables))
+        values = [
+            np.asarray(getattr(message, field)).reshape(-1, joints)[:, _found(find, message)]
+            for field, _, find in groups
+        ]
+        return Samples(stamps, np.hstack(values))
 
     return read
 

@@ -1,14 +1,12 @@
 """What comes from one source: its samples, what was refused of them and why, and whether it starves. No ROS."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 
 import numpy as np
 
 from hric_perception.sync.buffer import StampBuffer, Stamps, Values
-from hric_perception.sync.common_time import AGREE, Verdict
 from hric_perception.sync.extract import Samples
+from hric_perception.sync.instants import AGREE, Verdict
 from hric_perception.sync.layout import Source
 
 NS = 1e-9
@@ -43,16 +41,18 @@ class Intake:
         self.samples = self.late = 0
         self.refused: Counter[str] = Counter()
         self._waiting: deque[tuple[float, Samples | tuple[int, list[float]]]] = deque()
-        self._heard: float | None = None
+        self._last: float | None = None
         self._begun, self._busy = now, 0.0
         self._trouble = ""
 
     def put(self, samples: Samples | tuple[int, list[float]], arrived: float) -> None:
-        """Samples, or the stamp [ns] and values of one, that arrived then [s]; from any thread. They wait for `collect`."""
+        """Samples, or the stamp [ns] and values of one, that arrived then [s]; from any thread. They wait for
+        `collect`."""
         self._waiting.append((arrived, samples))
 
     def collect(self) -> tuple[float, Samples] | None:
-        """(arrival of the last one [s], all samples that wait); None: there is none. Their stamps may be in any order."""
+        """(arrival of the last one [s], all samples that wait); None: there is none. Their stamps may be in any
+        order."""
         count = len(self._waiting)
         if not count:
             return None
@@ -62,10 +62,16 @@ class Intake:
             chunks = [one for _, one in waiting if isinstance(one, Samples)]
             if count == 1:
                 return arrived, chunks[0]
-            return arrived, Samples(np.concatenate([one.stamps for one in chunks]), np.concatenate([one.values for one in chunks]))
-        return arrived, Samples(np.array([one[0] for _, one in waiting], np.int64), np.array([one[1] for _, one in waiting], np.float64))
+            return arrived, Samples(
+                np.concatenate([one.stamps for one in chunks]), np.concatenate([one.values for one in chunks])
+            )
+        return arrived, Samples(
+            np.array([one[0] for _, one in waiting], np.int64), np.array([one[1] for _, one in waiting], np.float64)
+        )
 
-    def take(self, stamps: Stamps, values: Values, verdict: Verdict, sent: int | None, arrived: float, busy: float) -> None:
+    def take(
+        self, stamps: Stamps, values: Values, verdict: Verdict, sent: int | None, arrived: float, busy: float
+    ) -> None:
         """Keep samples that are later than those before them.
 
         Args:
@@ -88,7 +94,7 @@ class Intake:
             self.late += int(np.searchsorted(stamps, sent, side="right"))
         self.buffer.extend(stamps, values)
         self.samples += len(stamps)
-        self._heard, self._busy, self._trouble = arrived, busy, ""
+        self._last, self._busy, self._trouble = arrived, busy, ""
 
     def _in_order(self, stamps: Stamps, values: Values, last: int | None) -> tuple[Stamps, Values]:
         """Those that are of the time of the last of them, and later than all before them."""
@@ -113,12 +119,16 @@ class Intake:
         Args:
             now: by the clock that does not jump [s].
         """
-        since = self._begun if self._heard is None else self._heard
+        since = self._begun if self._last is None else self._last
         if now - since <= self.source.timeout:
             return ""
         if self._trouble:
-            return f"only samples that are {self._trouble}" if self._trouble != NOT_FOR_US else f"only messages {NOT_FOR_US}"
-        if self._heard is None:
+            return (
+                f"only samples that are {self._trouble}"
+                if self._trouble != NOT_FOR_US
+                else f"only messages {NOT_FOR_US}"
+            )
+        if self._last is None:
             return "never heard"
         return f"silent for {now - since:.1f} s" if now - since < 100 else "silent"
 
@@ -127,9 +137,9 @@ class Intake:
         return busy - self._busy <= self._patience
 
     def restart(self, now: float, busy: float) -> None:
-        """Another time begins; what waits is judged anew."""
+        """Another time begins; what waits is judged again."""
         self.buffer.clear()
-        self._heard, self._begun, self._busy = None, now, busy
+        self._last, self._begun, self._busy = None, now, busy
 
     def rate(self) -> float:
         """Samples per second, over the samples kept of the last second [Hz]; 0: fewer than two."""

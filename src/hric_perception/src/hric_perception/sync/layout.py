@@ -1,19 +1,18 @@
 """What is synchronised, and how: read from a mapping, such as a YAML file's. No ROS but the classes of its messages."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from hric_control.errors import ParameterError
-from hric_perception.section import Section
+from hric_control.parameters import Settings, choice, either, listing, number, refused, section, text, whole
 from hric_perception.sync.extract import BATCHES
-from hric_perception.sync.interpolation import EXACT, HOLD, LINEAR, NEAREST, SLERP
 from hric_perception.sync.paths import WHOLES, Leaf, leaves, message_class
 
-RESAMPLE, APPROXIMATE = "resample", "approximate"
+RESAMPLE, APPROXIMATE, EXACT = "resample", "approximate", "exact"
 POLICIES = (EXACT, APPROXIMATE, RESAMPLE)
-# Defaults of this file are our choice.
+LINEAR, HOLD, SLERP, NEAREST = "linear", "hold", "slerp", "nearest"
+"""How a value is brought to an instant; policy resample chooses one of the first three."""
+# Defaults of this file are project defaults, unconfirmed.
 RATE = 100.0
 TOLERANCE = 0.01
 DELAY = 0.25
@@ -32,7 +31,7 @@ class Column:
     Attributes:
         leaf: the number of the message.
         interpolation: how it is brought to the instant.
-        unit: empty: the message tells, or nobody.
+        unit: empty: that of the message, if it has one.
     """
 
     leaf: Leaf
@@ -76,7 +75,7 @@ class Plan:
         reference: number of the source whose stamps are the instants; None with policy resample.
         rate: of the instants, policy resample [Hz].
         tolerance: of policy approximate [s].
-        delay: how long an instant waits for a late source [s of run time].
+        delay: how long an instant waits for a late source [s of robot time].
         mark: whether instants at which a source has nothing go out, marked, or are dropped.
     """
 
@@ -94,6 +93,84 @@ class Plan:
         return [f"{source.topic}.{column.leaf}" for source in self.sources for column in source.columns]
 
 
+@dataclass(frozen=True)
+class SignalSettings(Settings):
+    """Fields of a message."""
+
+    field: str = text(empty=False)
+    interpolation: str | None = choice(LINEAR, HOLD, SLERP, default=None)
+    unit: str = text("")
+
+
+@dataclass(frozen=True)
+class SourceSettings(Settings):
+    """A topic, and what is taken from it."""
+
+    topic: str = text(valid="the name of a topic", empty=False)
+    type: str = text()
+    signals: tuple[str | SignalSettings, ...] = listing(either(text(), section(SignalSettings)), range(1, 10_000))
+    max_gap: float = number(MAX_GAP, above=0.0, unit="s")
+    timeout: float = number(TIMEOUT, above=0.0, maximum=3600.0, unit="s")
+    capacity: int = whole(CAPACITY, minimum=2, maximum=10_000_000)
+
+    def source(self, policy: str) -> Source:
+        """As the synchroniser takes it. Raises HricError."""
+        kind = message_class(self.type, f"{self.prefix}type")
+        columns = [
+            column for index, signal in enumerate(self.signals) for column in self._columns(index, signal, kind, policy)
+        ]
+        if kind._type in BATCHES:
+            BATCHES[kind._type]([column.leaf for column in columns], self.prefix.rstrip("./"))
+        return Source(self.topic, kind, tuple(columns), self.max_gap, self.timeout, self.capacity)
+
+    def _columns(self, index: int, given: str | SignalSettings, kind: Any, policy: str) -> list[Column]:
+        where = f"{self.prefix}signals[{index}]"
+        signal = given if isinstance(given, SignalSettings) else SignalSettings(field=given)
+        found = leaves(kind, signal.field, f"{where}.field")
+        if policy != RESAMPLE:
+            if signal.interpolation is not None:
+                raise ParameterError(
+                    f"{where}.interpolation is given, but policy {policy} takes samples as they are; valid: policy "
+                    f"{RESAMPLE}"
+                )
+            interpolations = [EXACT if policy == EXACT else NEAREST] * len(found)
+        else:
+            interpolations = _interpolations(signal.interpolation, found, where)
+        return [
+            Column(leaf, interpolation, signal.unit or leaf.unit)
+            for leaf, interpolation in zip(found, interpolations, strict=True)
+        ]
+
+
+@dataclass(frozen=True)
+class PlanSettings(Settings):
+    """All of it."""
+
+    policy: str = choice(*POLICIES, default=RESAMPLE)
+    rate: float | None = number(None, above=0.0, maximum=10_000.0, unit="Hz")
+    reference: str = text("")
+    tolerance: float = number(TOLERANCE, above=0.0, maximum=10.0, unit="s")
+    delay: float = number(DELAY, minimum=0.0, maximum=10.0, unit="s")
+    incomplete: str | None = choice("mark", "drop", default=None)
+    sources: tuple[SourceSettings, ...] = listing(section(SourceSettings), range(1, 10_000))
+
+    def check(self, where: str) -> None:
+        """Refuse a reference that is none."""
+        topics = [source.topic for source in self.sources]
+        _once(topics, f"{where}sources", "each topic once, with all its signals")
+        if self.policy == RESAMPLE and self.reference:
+            raise refused(
+                f"{where}reference", self.reference, f"rate, in Hz: the reference of policy {RESAMPLE} is a rate"
+            )
+        if self.policy != RESAMPLE and self.rate is not None:
+            raise ParameterError(
+                f"{where}rate is given, but the reference of policy {self.policy} is a topic; valid: reference, one "
+                f"of {topics}"
+            )
+        if self.policy != RESAMPLE and self.reference not in topics:
+            raise refused(f"{where}reference", self.reference, f"one of {', '.join(topics)}")
+
+
 def read_plan(where: str, content: Any) -> Plan:
     """The plan that a mapping describes; INTERFACE.md lists its keys.
 
@@ -104,25 +181,18 @@ def read_plan(where: str, content: Any) -> Plan:
     Raises:
         HricError: a key, value, type or field that is not valid; the message names it and the valid ones.
     """
-    section = Section(where, content)
-    section.only("policy", "rate", "reference", "tolerance", "delay", "incomplete", "sources")
-    policy = section.text("policy", RESAMPLE, POLICIES)
-    entries = section.content.get("sources")
-    if not isinstance(entries, list | tuple) or not entries:
-        raise ParameterError(f"{where}.sources is {entries!r}; valid: a list of mappings with topic, type and signals")
-    sources = tuple(_source(Section(f"{where}.sources[{index}]", entry), policy) for index, entry in enumerate(entries))
-    topics = [source.topic for source in sources]
-    _once(topics, f"{where}.sources", "each topic once, with all its signals")
+    given = PlanSettings.of(content, where)
+    resampled = given.policy == RESAMPLE
     plan = Plan(
-        policy=policy,
-        sources=sources,
-        reference=_reference(section, policy, topics),
-        rate=section.number("rate", RATE, 0.0, 10_000.0, above=True),
-        tolerance=section.number("tolerance", TOLERANCE, 0.0, 10.0, above=True),
-        delay=section.number("delay", DELAY, 0.0, 10.0),
-        mark=section.text("incomplete", "mark" if policy == RESAMPLE else "drop", ("mark", "drop")) == "mark",
+        policy=given.policy,
+        sources=tuple(source.source(given.policy) for source in given.sources),
+        reference=None if resampled else [source.topic for source in given.sources].index(given.reference),
+        rate=RATE if given.rate is None else given.rate,
+        tolerance=given.tolerance,
+        delay=given.delay,
+        mark=(given.incomplete or ("mark" if resampled else "drop")) == "mark",
     )
-    _once(plan.names, f"{where}.sources", "each value once")
+    _once(plan.names, f"{given.prefix}sources", "each value once")
     return plan
 
 
@@ -131,60 +201,12 @@ def _once(names: list[str], where: str, valid: str) -> None:
         raise ParameterError(f"{where} names {', '.join(doubles)} more than once; valid: {valid}")
 
 
-def _reference(section: Section, policy: str, topics: list[str]) -> int | None:
-    given = section.text("reference", "")
-    if policy == RESAMPLE:
-        if given:
-            raise ParameterError(f"{section.where}.reference is {given!r}, but the reference of policy {RESAMPLE} is a rate; valid: rate, in Hz")
-        return None
-    if "rate" in section.content:
-        raise ParameterError(f"{section.where}.rate is given, but the reference of policy {policy} is a topic; valid: reference, one of {topics}")
-    if given not in topics:
-        raise ParameterError(f"{section.where}.reference is {given!r}; valid: one of {', '.join(topics)}")
-    return topics.index(given)
-
-
-def _source(section: Section, policy: str) -> Source:
-    section.only("topic", "type", "signals", "max_gap", "timeout", "capacity")
-    topic = section.text("topic")
-    if not topic:
-        raise ParameterError(f"{section.where}.topic is missing; valid: the name of a topic")
-    kind = message_class(section.text("type"), f"{section.where}.type")
-    signals = section.content.get("signals")
-    if not isinstance(signals, list | tuple) or not signals:
-        raise ParameterError(f"{section.where}.signals is {signals!r}; valid: a list of fields, or of mappings with field, interpolation, unit")
-    columns = [column for index, signal in enumerate(signals) for column in _columns(f"{section.where}.signals[{index}]", signal, kind, policy)]
-    if kind._type in BATCHES:
-        BATCHES[kind._type]([column.leaf for column in columns], section.where)
-    return Source(
-        topic=topic,
-        message=kind,
-        columns=tuple(columns),
-        max_gap=section.number("max_gap", MAX_GAP, 0.0, above=True),
-        timeout=section.number("timeout", TIMEOUT, 0.0, 3600.0, above=True),
-        capacity=section.whole("capacity", CAPACITY, 2, 10_000_000),
-    )
-
-
-def _columns(where: str, signal: Any, kind: Any, policy: str) -> list[Column]:
-    section = Section(where, {"field": signal} if isinstance(signal, str) else signal)
-    section.only("field", "interpolation", "unit")
-    found = leaves(kind, section.text("field"), f"{where}.field")
-    if policy != RESAMPLE:
-        if "interpolation" in section.content:
-            raise ParameterError(f"{where}.interpolation is given, but policy {policy} takes samples as they are; valid: policy {RESAMPLE}")
-        ways = [EXACT if policy == EXACT else NEAREST] * len(found)
-    else:
-        ways = _interpolations(section, found)
-    unit = section.text("unit")
-    return [Column(replace(leaf), way, unit or leaf.unit) for leaf, way in zip(found, ways, strict=True)]
-
-
-def _interpolations(section: Section, found: list[Leaf]) -> list[str]:
+def _interpolations(given: str | None, found: list[Leaf], where: str) -> list[str]:
     """A quaternion turns, one that is not whole is held, and so are whole numbers; all else lies on a line."""
-    if "interpolation" not in section.content:
+    if given is None:
         return [SLERP if leaf.quaternion else HOLD if leaf.part or leaf.kind in WHOLES else LINEAR for leaf in found]
-    given = section.text("interpolation", "", (LINEAR, HOLD, SLERP))
     if given == SLERP and not all(leaf.quaternion for leaf in found):
-        raise ParameterError(f"{section.where}.interpolation is {SLERP} for what is no whole quaternion; valid: {LINEAR}, {HOLD}")
+        raise ParameterError(
+            f"{where}.interpolation is {SLERP} for what is no whole quaternion; valid: {LINEAR}, {HOLD}"
+        )
     return [given] * len(found)

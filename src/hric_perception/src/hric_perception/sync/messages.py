@@ -1,7 +1,5 @@
 """Synchronised samples as ROS messages."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 
@@ -32,31 +30,40 @@ def samples(batch: Batch, blanks: Iterator[Any]) -> Iterator[Any]:
 
 
 class Units:
-    """Units of the values; those that the plan does not know are told by the first SampleChunk of the source.
+    """Units of the values; those that the plan does not know come with the first SampleChunk of the source.
 
     Args:
         plan: what is synchronised.
     """
 
     def __init__(self, plan: Plan) -> None:
-        self._told: dict[str, list[str]] = {}
-        self._open = {source.topic for source in plan.sources if source.message._type == "hric_msgs/SampleChunk" and not all(_units(source))}
+        self._reported: dict[str, list[str]] = {}
+        self._open = {
+            source.topic
+            for source in plan.sources
+            if source.message._type == "hric_msgs/SampleChunk" and not all(_units(source))
+        }
 
     def see(self, source: Source, message: Any) -> bool:
-        """Look at a message; whether that told a unit."""
+        """Look at a message; whether units came with it."""
         if source.topic not in self._open:
             return False
         names, words = list(message.channels), message.unit.split()
-        by_channel = dict(zip(names, words, strict=True)) if len(words) == len(names) else dict.fromkeys(names, message.unit)
+        by_channel = (
+            dict(zip(names, words, strict=True)) if len(words) == len(names) else dict.fromkeys(names, message.unit)
+        )
         steps = [column.leaf.steps[0].element for column in source.columns]
-        self._told[source.topic] = [by_channel.get(names[step] if isinstance(step, int) and step < len(names) else str(step), "") for step in steps]
+        self._reported[source.topic] = [
+            by_channel.get(names[step] if isinstance(step, int) and step < len(names) else str(step), "")
+            for step in steps
+        ]
         self._open.discard(source.topic)
         return True
 
     def of(self, source: Source) -> list[str]:
         """Per column; empty where it is not known."""
         known = _units(source)
-        return [unit or told for unit, told in zip(known, self._told.get(source.topic, known), strict=True)]
+        return [unit or reported for unit, reported in zip(known, self._reported.get(source.topic, known), strict=True)]
 
 
 def _units(source: Source) -> list[str]:
@@ -124,7 +131,9 @@ def diagnostics(found: Any, synchroniser: Synchroniser, before: Any, standing: b
         level, text = DiagnosticStatus.WARN, "; ".join(losses)
     else:
         level, text = DiagnosticStatus.OK, f"{len(found.sources)} sources"
-    return DiagnosticStatus(level=level, message=text, values=[KeyValue(key, str(value)) for key, value in _figures(found, synchroniser)])
+    return DiagnosticStatus(
+        level=level, message=text, values=[KeyValue(key, str(value)) for key, value in _figures(found, synchroniser)]
+    )
 
 
 def _losses(found: Any, shares: list[float], before: Any) -> Iterator[tuple[str, str]]:
@@ -132,7 +141,10 @@ def _losses(found: Any, shares: list[float], before: Any) -> Iterator[tuple[str,
     for index, (topic, share) in enumerate(zip(found.sources, shares, strict=True)):
         if share < 1.0:
             yield topic, f"valid {100 * share:.0f} % of the time"
-        for word, now, was in (("refused", found.refused, before and before.refused), ("late", found.late, before and before.late)):
+        for word, now, was in (
+            ("refused", found.refused, before and before.refused),
+            ("late", found.late, before and before.late),
+        ):
             if grown := now[index] - (was[index] if was else 0):
                 yield topic, f"{grown} {word}"
 
@@ -142,7 +154,7 @@ def _figures(found: Any, synchroniser: Synchroniser) -> Iterator[tuple[str, obje
     yield "incomplete", found.incomplete
     yield "dropped", found.dropped
     yield "longest delay [ms]", f"{1e3 * found.delay:.1f}"
-    yield "times begun anew", synchroniser.restarts
+    yield "times begun again", synchroniser.restarts
     for index, (topic, intake) in enumerate(zip(found.sources, synchroniser.intakes, strict=True)):
         yield f"{topic} rate [Hz]", f"{found.rate[index]:.1f}"
         yield f"{topic} samples", found.samples[index]
@@ -150,3 +162,11 @@ def _figures(found: Any, synchroniser: Synchroniser) -> Iterator[tuple[str, obje
         yield f"{topic} late", found.late[index]
         for reason, count in intake.refused.copy().items():
             yield f"{topic} {reason}", count
+
+
+TOPIC = "/hric/perception/sync"
+
+
+def rate_topic(topic: str, rate: float) -> str:
+    """Where samples of one rate of several go, such as /hric/perception/sync_100hz."""
+    return f"{topic}_{f'{rate:g}'.replace('.', '_')}hz"

@@ -1,28 +1,146 @@
 """The node `synchronizer`."""
 
-from __future__ import annotations
-
 import threading
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import cycle, islice
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
 from hric_control.errors import ParameterError
-from hric_control.ros_node import RosNode
-from hric_perception.section import Section
+from hric_control.parameters import Settings, listing, mapping, number, text
+from hric_control.robot_time.follower import RobotTime
+from hric_control.ros import RosNode, run
+from hric_control.ros.process import NodeApp
+from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
+from hric_perception.sync import messages
+from hric_perception.sync.core import Synchroniser
 from hric_perception.sync.layout import RESAMPLE, Plan, Source, read_plan
-from hric_perception.sync.stream import SyncStream
-from hric_perception.sync.topics import TOPIC, rate_topic
-from mocap_natnet.process import run
-from mocap_natnet.run_time import RunTime
+from hric_perception.sync.messages import TOPIC, rate_topic
+
+QUEUE = 200
+"""Looks whose samples wait for a listener that is slow: 4 s (project default, unconfirmed)."""
+BURST, MIN_BURST = 2.0, 20
+"""At most so many times the samples of the time between two looks go out at once, and so many at least: listeners with
+a short queue, such as rosbag record with its 100 messages, lose nothing when a backlog is worked off (project default,
+unconfirmed)."""
+STATUS_PERIOD = 0.2
+"""[s]; a source that starves is reported after its time-out and this at most."""
+STATUSES = 5
+"""Diagnostics come with every fifth status (1 Hz, REP 107), and when a source begins or ends to starve."""
+
+
+class SyncStream:
+    """Messages are pushed into `synchroniser` from any threads; `work` is called by one.
+
+    Args:
+        node: private node.
+        plan: what, and how.
+        topic: of the samples; `_layout` and `_status` are added for the others.
+        topics: full names of the sources' topics.
+        robot_time: whether the run is paused.
+        period: between calls of `work` [s].
+        label: of the stream where the node has several, for diagnostics.
+    """
+
+    def __init__(
+        self,
+        node: RosNode,
+        plan: Plan,
+        topic: str,
+        topics: list[str],
+        robot_time: RobotTime,
+        period: float,
+        label: str = "",
+    ) -> None:
+        self._node, self._plan, self._topics, self._robot_time = node, plan, topics, robot_time
+        self.synchroniser, self._units = Synchroniser(plan, time.monotonic()), messages.Units(plan)
+        self._samples = node.advertise(topic, SyncedSample, queue_size=QUEUE)
+        self._layouts = node.advertise(f"{topic}_layout", SyncLayout, latch=True)
+        self._statuses = node.advertise(f"{topic}_status", SyncStatus)
+        self._diagnostics = node.advertise("/diagnostics", DiagnosticArray)
+        self._name = f"{node.namespace.strip('/')}: sources{label}"
+        self._layouts.publish(messages.layout(plan, self._units, topics))
+        self._burst = max(MIN_BURST, round(BURST * plan.rate * period))
+        self._blanks = cycle([SyncedSample() for _ in range(self._burst)])
+        self._waiting: Iterator[Any] = iter(())
+        self._before: Any = None
+        self._starving, self._count, self._status = "", 0, time.monotonic()
+
+    def see_units(self, source: Source, message: Any) -> None:
+        """A SampleChunk of a source: it may have units that were not known."""
+        if self._units.see(source, message):
+            self._layouts.publish(messages.layout(self._plan, self._units, self._topics))
+
+    def work(self, now: float) -> None:
+        """Publish what is due, by the monotonic clock [s]."""
+        due: list[Any] = []
+        while True:
+            due += islice(self._waiting, self._burst - len(due))
+            if len(due) == self._burst or (batch := self.synchroniser.take(now)) is None:
+                break
+            self._waiting = messages.samples(batch, self._blanks)
+        self._samples.publish_all(due)
+        if now >= self._status:
+            self._status = now + STATUS_PERIOD
+            self._report(now)
+
+    def _report(self, now: float) -> None:
+        found = messages.status(self.synchroniser, now, self._topics)
+        self._statuses.publish(found)
+        starving = "; ".join(
+            f"{topic}: {reason.split(' for ')[0]}"
+            for topic, reason in zip(found.sources, found.reasons, strict=True)
+            if reason
+        )
+        if starving == self._starving and self._count % STATUSES:
+            self._count += 1
+            return
+        state = messages.diagnostics(found, self.synchroniser, self._before, self._robot_time.standing)
+        if starving != self._starving:
+            self._log(state, starving)
+        self._count, self._before = 1, found
+        state.name, state.hardware_id = self._name, ""
+        message = DiagnosticArray(status=[state])
+        message.header.stamp = self._node.now()
+        self._diagnostics.publish(message)
+
+    def _log(self, state: Any, starving: str) -> None:
+        if state.level == DiagnosticStatus.ERROR:
+            self._node.log_error(state.message)
+        elif not starving:
+            self._node.log_info("all sources send")
+        self._starving = starving
+
 
 PERIOD = 0.02
-"""Between looks at what is due [s] (our choice): all instants of a look are computed together, and a look costs half a millisecond or more. The
-robot's cycles come in pieces as long."""
+"""Between looks at what is due [s] (project default, unconfirmed): all instants of a look are computed together, and a
+look costs half a millisecond or more. The robot's cycles come in pieces as long."""
 
 
-class SynchronizerNode:
+@dataclass(frozen=True)
+class SyncSettings(Settings):
+    """Parameters of the node."""
+
+    plan: Mapping[str, Any] = mapping(text='what is synchronised, and how: see "Synchroniser"')
+    rates: tuple[float, ...] | None = listing(
+        number(above=0.0, maximum=10_000.0),
+        range(1, 100),
+        None,
+        different=True,
+        unit="Hz",
+        text="several streams of one plan with policy resample, each with its own rate, on `<topic>_<rate>hz`: "
+        "one subscription to each source serves all; not of `synchronizer_cpp`",
+    )
+    topic: str = text(TOPIC, empty=False, text="of the samples; `_layout` and `_status` are added for the others")
+    period: float = number(
+        PERIOD, above=0.0, maximum=1.0, unit="s", text="between looks at what is due; not of `synchronizer_cpp`"
+    )
+
+
+class SynchronizerNode(NodeApp):
     """Subscribes to all sources and publishes the samples of all of them, from a thread of its own.
 
     Several rates cost one subscription to each source, whose messages are the same.
@@ -35,22 +153,25 @@ class SynchronizerNode:
     """
 
     def __init__(self, node: RosNode) -> None:
-        plan, topic = read_plan(node.resolve("plan"), node.param("plan")), str(node.param("topic", TOPIC))
-        period = node.param("period", PERIOD)
-        if not isinstance(period, int | float) or isinstance(period, bool) or not 0.0 < period <= 1.0:
-            raise ParameterError(f"{node.resolve('period')} is {period!r}; valid: a number above 0 to 1 s")
-        self._period = float(period)
+        settings = SyncSettings.read(node)
+        plan, topic, self._period = read_plan(node.resolve("plan"), settings.plan), settings.topic, settings.period
         # Topics of sources are relative to the namespace that the node is in, as those of its subscriptions.
         topics = [node.resolve(_relative(source.topic, node)) for source in plan.sources]
-        self._run_time = RunTime(node)
-        outputs = outputs_of(plan, topic, read_rates(node.resolve("rates"), node.param("rates", None), plan))
+        self._robot_time = RobotTime(node)
+        outputs = outputs_of(plan, topic, checked_rates(node.resolve("rates"), settings.rates or (), plan))
         self._streams = [
-            SyncStream(node, one, name, topics, self._run_time, self._period, f" at {one.rate:g} Hz" * (name != topic)) for one, name in outputs
+            SyncStream(
+                node, one, name, topics, self._robot_time, self._period, f" at {one.rate:g} Hz" * (name != topic)
+            )
+            for one, name in outputs
         ]
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="synchronizer", daemon=True)
         pairs = enumerate(zip(plan.sources, topics, strict=True))
-        self._subscriptions = [node.subscribe(name, source.message, self._hearer(index, source), queue_size=0) for index, (source, name) in pairs]
+        self._subscriptions = [
+            node.subscribe(name, source.message, self._receiver(index, source), queue_size=0)
+            for index, (source, name) in pairs
+        ]
         self._thread.start()
         node.log_info(f"{plan.policy} of {', '.join(topics)} on {', '.join(node.resolve(name) for _, name in outputs)}")
 
@@ -60,19 +181,19 @@ class SynchronizerNode:
             one.unregister()
         self._stop.set()
         self._thread.join(2.0)
-        self._run_time.close()
+        self._robot_time.close()
 
-    def _hearer(self, index: int, source: Source) -> Callable[[Any], None]:
+    def _receiver(self, index: int, source: Source) -> Callable[[Any], None]:
         streams, chunked = self._streams, source.message._type == "hric_msgs/SampleChunk"
 
-        def hear(message: Any) -> None:
+        def receive(message: Any) -> None:
             arrived = time.monotonic()
             for stream in streams:
                 if chunked:
                     stream.see_units(source, message)
                 stream.synchroniser.push_message(index, message, arrived)
 
-        return hear
+        return receive
 
     def _work(self) -> None:
         look = time.monotonic()
@@ -83,25 +204,12 @@ class SynchronizerNode:
                 stream.work(now)
 
 
-def read_rates(where: str, content: Any, plan: Plan) -> list[float]:
-    """Several rates of one plan; empty: the plan's own alone.
-
-    Args:
-        where: full name of the parameter, for messages.
-        content: None, or a list of rates [Hz].
-        plan: whose policy must be resample.
-
-    Raises:
-        ParameterError: not a list of different rates, or another policy.
-    """
-    if content is None:
-        return []
-    if plan.policy != RESAMPLE:
-        raise ParameterError(f"{where} is given, but the reference of policy {plan.policy} is a topic; valid: policy {RESAMPLE}")
-    section = Section(where, {str(index): value for index, value in enumerate(content)} if isinstance(content, list | tuple) else {})
-    rates = [section.number(name, 0.0, 0.0, 10_000.0, above=True) for name in section.content]
-    if not rates or len(set(rates)) != len(rates):
-        raise ParameterError(f"{where} is {content!r}; valid: a list of different rates above 0 [Hz]")
+def checked_rates(where: str, rates: Sequence[float], plan: Plan) -> Sequence[float]:
+    """Several rates of one plan, whose policy must be resample; empty: the plan's own alone. Raises ParameterError."""
+    if rates and plan.policy != RESAMPLE:
+        raise ParameterError(
+            f"{where} is given, but the reference of policy {plan.policy} is a topic; valid: policy {RESAMPLE}"
+        )
     return rates
 
 
@@ -117,10 +225,12 @@ def _relative(topic: str, node: RosNode) -> str:
     return topic if topic.startswith("/") else f"{node.namespace.rsplit('/', 1)[0]}/{topic}"
 
 
-def main(text: str) -> int:
-    """Run the node; text: for --help. Returns the exit code."""
+def main(text: str, warning: str = "") -> int:
+    """Run the node; text: for --help; warning: logged at its start. Returns the exit code."""
 
-    def make(node: RosNode) -> tuple[Callable[[], None], Callable[[], None]]:
-        return (lambda: None), SynchronizerNode(node).close
+    def start(node: RosNode) -> SynchronizerNode:
+        if warning:
+            node.log_warn(warning)
+        return SynchronizerNode(node)
 
-    return run("synchronizer", text, make)
+    return run("synchronizer", text, start)

@@ -1,10 +1,10 @@
-"""Which values of a message are meant: `position[panda_joint1, panda_joint2]`, `rigid_bodies[hand].pose`, `wrench.force`. No ROS.
+"""Which values of a message are meant: `position[panda_joint1, panda_joint2]`, `rigid_bodies[hand].pose`,
+`wrench.force`. No ROS.
 
-A path names a field; one that holds further fields stands for all numbers below it. Brackets choose elements of an array, by number or by name:
-elements of a list of messages by their field `name`, those of a list of numbers by the message's own list of names.
+A path names a field; one that has further fields means all numbers below it. Brackets choose elements of an
+array, by number or by name: elements of a list of messages by their field `name`, those of a list of numbers by the
+message's own list of names.
 """
-
-from __future__ import annotations
 
 import itertools
 import re
@@ -12,10 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from roslib.message import get_message_class
-
 from hric_control.errors import HricError, UnknownNameError
-from hric_perception.sync.units import UNITS
 
 FLOATS = ("float32", "float64")
 WHOLES = ("bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "byte", "char")
@@ -37,7 +34,8 @@ class Step:
     Attributes:
         field: the field.
         element: of the array that it is, by number or by name; None: it is none.
-        names: the list of names that a name is looked up in, of the same message; empty: the elements have a field `name`.
+        names: the list of names that a name is looked up in, of the same message; empty: the elements have a field
+            `name`.
     """
 
     field: str
@@ -57,7 +55,7 @@ class Leaf:
         kind: type of the number.
         quaternion: whether it is one of the four of a quaternion that is chosen as a whole.
         part: whether it is one of a quaternion of which others are left out.
-        unit: as the type of the message tells; empty: it does not.
+        unit: by the type of the message; empty: not known.
     """
 
     steps: tuple[Step, ...]
@@ -77,14 +75,24 @@ def message_class(name: str, where: str) -> Any:
         PathError: there is no such type, or it carries no time of measurement.
     """
     try:
-        found = get_message_class(name)
+        found = _class_of(name)
     except Exception as error:
-        raise PathError(f"{where} is {name!r}: {error}; valid: a message type that is built, such as sensor_msgs/JointState") from None
+        raise PathError(
+            f"{where} is {name!r}: {error}; valid: a message type that is built, such as sensor_msgs/JointState"
+        ) from None
     if found is None:
         raise PathError(f"{where} is {name!r}; valid: a message type that is built, such as sensor_msgs/JointState")
     if "header" not in found.__slots__:
-        raise PathError(f"{where} is {name!r}, which has no header and so no time of measurement; valid: a type with a header")
+        raise PathError(
+            f"{where} is {name!r}, which has no header and so no time of measurement; valid: a type with a header"
+        )
     return found
+
+
+def _class_of(name: str) -> Any:
+    from roslib.message import get_message_class  # here: tools that work without ROS read the units below
+
+    return get_message_class(name)
 
 
 def leaves(message_type: Any, path: str, where: str) -> list[Leaf]:
@@ -96,11 +104,14 @@ def leaves(message_type: Any, path: str, where: str) -> list[Leaf]:
         where: of the path, for messages.
 
     Raises:
-        HricError: it names nothing, or what is no number.
+        HricError: it names nothing, or what is not numeric.
     """
     parts = [_PART.match(part.strip()) for part in re.split(r"\.(?![^\[]*\])", path)]
     if not all(parts):
-        raise PathError(f"{where} is {path!r}; valid: fields with dots in between and elements in brackets, such as rigid_bodies[hand].pose")
+        raise PathError(
+            f"{where} is {path!r}; valid: fields with dots in between and elements in brackets, such as "
+            "rigid_bodies[hand].pose"
+        )
     alternatives: list[list[tuple[str, str | None]]] = []
     for part in parts:
         assert part is not None
@@ -113,7 +124,9 @@ def leaves(message_type: Any, path: str, where: str) -> list[Leaf]:
     return found
 
 
-def _walk(message_type: Any, choice: list[tuple[str, str | None]], steps: tuple[Step, ...], where: str, unit: str) -> Iterator[Leaf]:
+def _walk(
+    message_type: Any, choice: list[tuple[str, str | None]], steps: tuple[Step, ...], where: str, unit: str
+) -> Iterator[Leaf]:
     (field, chosen), rest = choice[0], choice[1:]
     if field not in message_type.__slots__:
         raise UnknownNameError("field", field, message_type.__slots__, f"{message_type._type} ({where})")
@@ -132,18 +145,24 @@ def _walk(message_type: Any, choice: list[tuple[str, str | None]], steps: tuple[
 
 def _all(array: re.Match[str], field: str, message_type: Any, where: str) -> list[str]:
     if not array["length"]:
-        raise PathError(f"{where}: {field} of {message_type._type} is a list of any length; valid: its elements in brackets, such as {field}[0]")
+        raise PathError(
+            f"{where}: {field} of {message_type._type} is a list of any length; valid: its elements in brackets, "
+            f"such as {field}[0]"
+        )
     return [str(index) for index in range(int(array["length"]))]
 
 
 def _element(field: str, chosen: str, array: re.Match[str], message_type: Any, where: str) -> Step:
     if chosen.isdigit():
         if array["length"] and int(chosen) >= int(array["length"]):
-            raise PathError(f"{where}: {field} of {message_type._type} has {array['length']} elements; valid: 0 to {int(array['length']) - 1}")
+            raise PathError(
+                f"{where}: {field} of {message_type._type} has {array['length']} elements; valid: 0 to "
+                f"{int(array['length']) - 1}"
+            )
         return Step(field, int(chosen))
     if not chosen:
         raise PathError(f"{where}: empty brackets after {field}; valid: numbers or names with commas in between")
-    if "/" in array["element"] and "name" in get_message_class(array["element"]).__slots__:
+    if "/" in array["element"] and "name" in _class_of(array["element"]).__slots__:
         return Step(field, chosen)
     for name, kind in zip(message_type.__slots__, message_type._slot_types, strict=True):
         if name in NAME_FIELDS and kind == "string[]" and name != field:
@@ -151,13 +170,17 @@ def _element(field: str, chosen: str, array: re.Match[str], message_type: Any, w
     raise PathError(f"{where}: nothing in {message_type._type} names the elements of {field}; valid: numbers from 0")
 
 
-def _down(kind: str, parent: Any, rest: list[tuple[str, str | None]], steps: tuple[Step, ...], where: str, unit: str) -> Iterator[Leaf]:
+def _down(
+    kind: str, parent: Any, rest: list[tuple[str, str | None]], steps: tuple[Step, ...], where: str, unit: str
+) -> Iterator[Leaf]:
     if kind in FLOATS or kind in WHOLES:
         if rest:
-            raise PathError(f"{where}: {steps[-1].field} of {parent._type} is a number, which has no field {rest[0][0]!r}")
+            raise PathError(
+                f"{where}: {steps[-1].field} of {parent._type} is a number, which has no field {rest[0][0]!r}"
+            )
         yield Leaf(steps, kind, part=parent._type == QUATERNION, unit=unit)
         return
-    inner = get_message_class(kind) if "/" in kind else None
+    inner = _class_of(kind) if "/" in kind else None
     if inner is None:
         raise PathError(f"{where}: {steps[-1].field} of {parent._type} is a {kind}, not a number")
     if rest:
@@ -167,3 +190,37 @@ def _down(kind: str, parent: Any, rest: list[tuple[str, str | None]], steps: tup
     else:
         for field in inner.__slots__:
             yield from _walk(inner, [(field, None)], steps, where, unit)
+
+
+_JOINTS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}
+_FRANKA = {
+    **dict.fromkeys(("q", "q_d", "theta"), "rad"),
+    **dict.fromkeys(("dq", "dq_d", "dtheta"), "rad/s"),
+    **dict.fromkeys(("tau_J", "tau_J_d", "tau_ext_hat_filtered"), "N m"),
+    "ddq_d": "rad/s^2",
+    "dtau_J": "N m/s",
+}
+
+UNITS: dict[tuple[str, str], str] = {
+    **{("sensor_msgs/JointState", field): unit for field, unit in _JOINTS.items()},
+    **{("hric_msgs/ControlLog", field): unit for field, unit in _JOINTS.items()},
+    **{("franka_msgs/FrankaState", field): unit for field, unit in _FRANKA.items()},
+    ("geometry_msgs/Pose", "position"): "m",
+    ("geometry_msgs/Pose", "orientation"): "1",
+    ("geometry_msgs/Transform", "translation"): "m",
+    ("geometry_msgs/Transform", "rotation"): "1",
+    ("geometry_msgs/PointStamped", "point"): "m",
+    ("geometry_msgs/Wrench", "force"): "N",
+    ("geometry_msgs/Wrench", "torque"): "N m",
+    ("geometry_msgs/Twist", "linear"): "m/s",
+    ("geometry_msgs/Twist", "angular"): "rad/s",
+    ("sensor_msgs/Imu", "orientation"): "1",
+    ("sensor_msgs/Imu", "angular_velocity"): "rad/s",
+    ("sensor_msgs/Imu", "linear_acceleration"): "m/s^2",
+    ("hric_msgs/MocapData", "labelled_markers"): "m",
+    ("hric_msgs/MocapData", "marker_sizes"): "m",
+    ("hric_msgs/MocapData", "latency"): "s",
+    ("hric_msgs/RigidBodyState", "mean_error"): "m",
+}
+"""(type of the message, field) -> unit of the field and of all numbers below it, unless a type in between says
+otherwise."""

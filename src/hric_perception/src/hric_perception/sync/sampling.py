@@ -1,7 +1,5 @@
 """The values of one source at instants. No ROS."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import groupby
 from typing import NamedTuple
@@ -10,10 +8,127 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_perception.sync.buffer import StampBuffer, Stamps, Values
-from hric_perception.sync.interpolation import HOLD, LINEAR, SLERP, Bracket, bracket, hold, linear, nearest, slerp
-from hric_perception.sync.layout import Source
+from hric_perception.sync.layout import HOLD, LINEAR, SLERP, Source
 
+Indices = npt.NDArray[np.intp]
+NS = 1e-9
+STRAIGHT = 1e-4
+"""Quaternions nearer to each other than this angle [rad] are interpolated on the chord: the error is below its cube
+over 24, 1e-13 (project default, unconfirmed)."""
 Mask = npt.NDArray[np.bool_]
+
+
+class Bracket(NamedTuple):
+    """Where instants lie between samples; all of shape (instants,).
+
+    Attributes:
+        low: the last sample at or before the instant; -1: there is none.
+        high: the sample after that; the last one where there is none.
+        weight: 0 at the low one, 1 at the high one.
+        age: from the low one to the instant [s]; infinite where there is none.
+        gap: from the low one to the high one [s]; 0 where the low one is hit; infinite where one is missing.
+    """
+
+    low: Indices
+    high: Indices
+    weight: Values
+    age: Values
+    gap: Values
+
+
+def bracket(stamps: Stamps, instants: Stamps) -> Bracket:
+    """Find the samples around instants; stamps [ns], sorted, shape (n,), not empty; instants [ns], sorted, shape
+    (m,)."""
+    last = len(stamps) - 1
+    low = stamps.searchsorted(instants, side="right") - 1
+    inside = low[0] >= 0 and low[-1] < last
+    first, second = (low, low + 1) if inside else (np.maximum(low, 0), np.minimum(low + 1, last))
+    before = stamps[first]
+    # Differences of whole nanoseconds first: only these are small enough for a float.
+    age: Values = (instants - before) * np.float64(NS)
+    span: Values = (stamps[second] - before) * np.float64(NS)
+    hit = age == 0.0
+    if inside:
+        return Bracket(low, second, age / span, age, np.where(hit, 0.0, span) if hit.any() else span)
+    outside = (low < 0) | ((low == last) & ~hit)
+    weight = np.where(hit | outside, 0.0, age / np.where(span > 0.0, span, 1.0))
+    return Bracket(
+        low, second, weight, np.where(low < 0, np.inf, age), np.where(outside, np.inf, np.where(hit, 0.0, span))
+    )
+
+
+def linear(values: Values, at: Bracket, reach: float) -> Values:
+    """On the straight line between the samples around the instant, where these are no further apart than reach [s];
+    never beyond the last sample."""
+    return _between(values, at, reach, _straight)
+
+
+def hold(values: Values, at: Bracket, reach: float) -> Values:
+    """The last sample at or before the instant, where it is no older than reach [s]."""
+    out = values[at.low]
+    out[at.age > reach] = np.nan
+    return out
+
+
+def slerp(quaternions: Values, at: Bracket, reach: float) -> Values:
+    """At constant angular velocity on the shorter way between the samples around the instant, as `linear` else.
+
+    Args:
+        quaternions: x, y, z, w, shape (n, 4); each is normalised. One of norm 0 is none.
+        at: the instants.
+        reach: [s].
+    """
+    return _between(quaternions, at, reach, _rotate)
+
+
+def _between(values: Values, at: Bracket, reach: float, mix: Callable[[Values, Values, Values], Values]) -> Values:
+    """Both ends are right to the last bit, and a sample that is hit does not suffer from a NaN beside it."""
+    out = mix(values[at.low], values[at.high], at.weight[:, None])
+    hit = at.weight == 0.0
+    if hit.any():
+        low = values[at.low[hit]]
+        out[hit] = low if mix is _straight else _unit(low)
+    if at.gap.max() > reach:
+        out[at.gap > reach] = np.nan
+    return out
+
+
+def _straight(low: Values, high: Values, weight: Values) -> Values:
+    return low * (1.0 - weight) + high * weight
+
+
+def _rotate(low: Values, high: Values, weight: Values) -> Values:
+    low, high = _unit(low), _unit(high)
+    high = np.where(_dot(low, high) < 0.0, -high, high)
+    # From the chord: arccos loses half of the digits where the quaternions are near each other.
+    chord = high - low
+    angle = 2.0 * np.arcsin(np.minimum(0.5 * np.sqrt(_dot(chord, chord)), 1.0))
+    straight = ~(angle > STRAIGHT)
+    sine = np.sin(angle)
+    sine[straight] = angle[straight] = 1.0
+    a, b = np.sin((1.0 - weight) * angle) / sine, np.sin(weight * angle) / sine
+    if straight.any():
+        a, b = np.where(straight, 1.0 - weight, a), np.where(straight, weight, b)
+    return _unit(a * low + b * high)
+
+
+def nearest(stamps: Stamps, instants: Stamps) -> tuple[Indices, Values]:
+    """(the sample nearest to each instant, the earlier of two; from its stamp to the instant [s], negative if it is
+    later). `stamps`: not empty."""
+    high = np.minimum(np.searchsorted(stamps, instants, side="left"), len(stamps) - 1)
+    low = np.maximum(high - 1, 0)
+    index = np.where(np.abs(instants - stamps[low]) <= np.abs(stamps[high] - instants), low, high)
+    return index, (instants - stamps[index]).astype(np.float64) * NS
+
+
+def _dot(a: Values, b: Values) -> Values:
+    out: Values = np.einsum("ij,ij->i", a, b)[:, None]
+    return out
+
+
+def _unit(quaternions: Values) -> Values:
+    norm = np.sqrt(_dot(quaternions, quaternions))
+    return quaternions / np.where(norm > 0.0, norm, np.nan)
 
 
 class Sampled(NamedTuple):
@@ -23,7 +138,8 @@ class Sampled(NamedTuple):
         values: shape (instants, columns), NaN where there is none.
         age: from the sample's stamp to the instant, shape (instants,) [s]; NaN where there is none.
         valid: whether all values are finite, shape (instants,).
-        skew: distance in time from the value to the instant, shape (instants,) [s]; NaN where there is none. None: all values are of the instant.
+        skew: distance in time from the value to the instant, shape (instants,) [s]; NaN where there is none. None: all
+            values are of the instant.
     """
 
     values: Values
@@ -39,11 +155,12 @@ def resampler(source: Source) -> Sampler:
     """Brings a source to instants by the interpolation of each column."""
     runs = []
     begin = 0
-    for way, group in groupby(column.interpolation for column in source.columns):
+    for interpolation, group in groupby(column.interpolation for column in source.columns):
         end = begin + len(list(group))
         # A run of slerp may be several quaternions.
-        parts = range(begin, end, 4) if way == SLERP else (begin,)
-        runs += [(_WAYS[way], slice(first, first + 4 if way == SLERP else end)) for first in parts]
+        parts = range(begin, end, 4) if interpolation == SLERP else (begin,)
+        function = _INTERPOLATIONS[interpolation]
+        runs += [(function, slice(first, first + 4 if interpolation == SLERP else end)) for first in parts]
         begin = end
     held = any(column.interpolation == HOLD for column in source.columns)
     reach, width = source.max_gap, len(source.columns)
@@ -52,7 +169,7 @@ def resampler(source: Source) -> Sampler:
         if not len(buffer):
             return _nothing(len(instants), width)
         at, values = bracket(buffer.stamps, instants), buffer.values
-        parts = [way(values[:, columns], at, reach) for way, columns in runs]
+        parts = [function(values[:, columns], at, reach) for function, columns in runs]
         out = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         age = at.age if at.low[0] >= 0 else np.where(at.low < 0, np.nan, at.age)
         return Sampled(out, age, _finite(out), age if held else None)
@@ -61,7 +178,8 @@ def resampler(source: Source) -> Sampler:
 
 
 def picker(source: Source, tolerance: float) -> Sampler:
-    """Takes the sample of a source that is nearest to each instant, where it is no further than tolerance [s] away; 0: of the very same stamp."""
+    """Takes the sample of a source that is nearest to each instant, where it is no further than tolerance [s] away; 0:
+    of the very same stamp."""
     width = len(source.columns)
 
     def sample(buffer: StampBuffer, instants: Stamps) -> Sampled:
@@ -76,11 +194,12 @@ def picker(source: Source, tolerance: float) -> Sampler:
     return sample
 
 
-_WAYS: dict[str, Callable[[Values, Bracket, float], Values]] = {LINEAR: linear, HOLD: hold, SLERP: slerp}
+_INTERPOLATIONS: dict[str, Callable[[Values, Bracket, float], Values]] = {LINEAR: linear, HOLD: hold, SLERP: slerp}
 
 
 def _finite(values: Values) -> Mask:
-    """Whether all values of each row are: what is not finite stays so times 0. In fewer calls of numpy, whose number is what a look costs."""
+    """Whether all values of each row are: what is not finite stays so times 0. In fewer calls of numpy, whose number is
+    what a look costs."""
     finite: Mask = ~np.isnan(values @ np.zeros(values.shape[1]))
     return finite
 

@@ -1,24 +1,22 @@
 """Reads EMG from a Trigno server, and connects again when it was lost. No ROS."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import socket
-import threading
 import time
 from dataclasses import dataclass
 
 import numpy as np
 
+from hric_control.parameters import Settings as Base
+from hric_control.parameters import names, number, text, whole
 from hric_perception.chunk import Layout
-from hric_perception.health import StreamHealth
-from hric_perception.stream import SampleStream
+from hric_perception.stream import Driver, SampleStream, StreamHealth
 from hric_perception.trigno import protocol
 
 LOG = logging.getLogger("hric.perception.trigno")
 TIMEOUT = 2.0
-"""For an answer [s]; the constants of this file are our choice."""
+"""For a response [s]; the constants of this file are project defaults, unconfirmed."""
 AGAIN = 0.5
 """Between attempts to connect [s]."""
 IDLE = 0.1
@@ -28,47 +26,35 @@ BUFFER = 1 << 16
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Where the server is.
+class Settings(Base):
+    """Where the server is."""
 
-    Args:
-        host: address.
-        command_port, data_port: TCP.
-        channels: names of the first sensors; a channel named `time` carries a time code [s].
-        rate: of a server that does not tell it [Hz].
-        latency: least time from a sample to its arrival here [s].
-    """
-
-    host: str = "127.0.0.1"
-    command_port: int = protocol.COMMAND_PORT
-    data_port: int = protocol.EMG_PORT
-    channels: tuple[str, ...] = tuple(f"emg{number}" for number in range(1, protocol.CHANNELS + 1))
-    rate: float = protocol.RATE
-    latency: float = 0.0
+    host: str = text("127.0.0.1", empty=False, text="address")
+    command_port: int = whole(protocol.COMMAND_PORT, minimum=1, maximum=65535, text="TCP")
+    data_port: int = whole(protocol.EMG_PORT, minimum=1, maximum=65535, text="TCP")
+    channels: tuple[str, ...] = names(
+        range(1, protocol.CHANNELS + 1),
+        tuple(f"emg{index}" for index in range(1, protocol.CHANNELS + 1)),
+        text="names of the first sensors; a channel named `time` carries a time code [s]",
+    )
+    rate: float = number(protocol.RATE, minimum=1.0, maximum=1e5, unit="Hz", text="of a server that does not report it")
+    latency: float = number(
+        0.0, minimum=0.0, maximum=1.0, unit="s", text="minimum time from a sample to its arrival here"
+    )
 
 
-class TrignoClient:
-    """Reads in a thread of its own from `start` on. Use `close`.
+class TrignoClient(Driver):
+    """Reads the EMG of a server.
 
     Args:
         settings: where the server is.
         stream: gets the samples.
-        health: is told of trouble.
+        health: is informed of trouble.
     """
 
     def __init__(self, settings: Settings, stream: SampleStream, health: StreamHealth) -> None:
+        super().__init__("trigno client", TIMEOUT + 1.0)
         self._settings, self._stream, self._health = settings, stream, health
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="trigno client", daemon=True)
-
-    def start(self) -> None:
-        """Begin."""
-        self._thread.start()
-
-    def close(self) -> None:
-        """End."""
-        self._stop.set()
-        self._thread.join(TIMEOUT + 1.0)
 
     def _run(self) -> None:
         settings = self._settings
@@ -89,20 +75,20 @@ class TrignoClient:
             socket.create_connection((settings.host, settings.command_port), TIMEOUT) as command,
             socket.create_connection((settings.host, settings.data_port), TIMEOUT) as data,
         ):
-            _answer(command)  # the greeting
+            _response(command)  # the greeting
             rate = _rate(command) or settings.rate
             units = tuple("s" if name == "time" else "V" for name in settings.channels)
             layout = Layout(protocol.trigno_name(settings.host, settings.data_port), settings.channels, units, rate)
             data.settimeout(IDLE)
-            if (answer := _ask(command, "START")) != "OK":
-                raise ValueError(f"START is answered by {answer!r}")
+            if (response := _request(command, "START")) != "OK":
+                raise ValueError(f"the response to START is {response!r}")
             self._stream.begin(layout, settings.latency)
             LOG.info("%s at %g Hz", layout.source, rate)
             try:
                 self._read(data)
             finally:
                 with contextlib.suppress(OSError):
-                    _ask(command, "STOP")
+                    _request(command, "STOP")
 
     def _read(self, data: socket.socket) -> None:
         rest, columns = b"", len(self._settings.channels)
@@ -122,24 +108,27 @@ class TrignoClient:
 
 
 def _rate(command: socket.socket) -> float | None:
-    """Of a server that tells it [Hz]."""
+    """As reported by the server [Hz]."""
     try:
-        interval, count = float(_ask(command, protocol.FRAME_INTERVAL)), int(_ask(command, protocol.FRAME_COUNT))
+        interval, count = (
+            float(_request(command, protocol.FRAME_INTERVAL)),
+            int(_request(command, protocol.FRAME_COUNT)),
+        )
     except ValueError:
         return None
     return count / interval if interval > 0 and count > 0 else None
 
 
-def _ask(command: socket.socket, word: str) -> str:
+def _request(command: socket.socket, word: str) -> str:
     command.sendall(word.encode() + protocol.END)
-    return _answer(command)
+    return _response(command)
 
 
-def _answer(command: socket.socket) -> str:
-    heard = b""
-    while not heard.endswith(protocol.END):
+def _response(command: socket.socket) -> str:
+    received = b""
+    while not received.endswith(protocol.END):
         data = command.recv(4096)
         if not data:
             raise ConnectionResetError("the connection was closed")
-        heard += data
-    return heard.decode(errors="replace").strip()
+        received += data
+    return received.decode(errors="replace").strip()

@@ -1,7 +1,5 @@
 """What both sides of a Trigno connection must know. The data carry neither stamps nor numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 COMMAND_PORT, EMG_PORT = 50040, 50043
@@ -14,10 +12,10 @@ SAMPLE = np.dtype("<f4")
 """Little-endian volts."""
 SAMPLE_SIZE = CHANNELS * SAMPLE.itemsize
 END = b"\r\n\r\n"
-"""Of each command and answer."""
+"""Of each command and response."""
 GREETING = b"Delsys Trigno System Digital Protocol Version 3.6.0" + END
 FRAME_INTERVAL, FRAME_COUNT = "FRAME INTERVAL?", "MAX SAMPLES EMG?"
-"""Questions for the seconds and the samples of a frame; the rate is their quotient. Older servers do not know them."""
+"""Requests for the seconds and the samples of a frame; the rate is their quotient. Older servers do not know them."""
 
 
 def trigno_name(host: str, data_port: int) -> str:

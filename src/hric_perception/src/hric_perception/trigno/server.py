@@ -1,7 +1,5 @@
 """An emulated Trigno server. No ROS."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os
@@ -23,7 +21,7 @@ CODE_PERIOD = 1.0
 
 
 class TrignoServer:
-    """An outlet for `Emulator`: sends whole frames to every listener while it was told to START.
+    """An outlet for `Emulator`: sends whole frames to every listener between the commands START and STOP.
 
     Args:
         rate: of samples [Hz].
@@ -35,7 +33,9 @@ class TrignoServer:
         HricError: a port is taken.
     """
 
-    def __init__(self, rate: float, ip: str = "127.0.0.1", command_port: int = 0, data_port: int = 0, time_code: bool = False) -> None:
+    def __init__(
+        self, rate: float, ip: str = "127.0.0.1", command_port: int = 0, data_port: int = 0, time_code: bool = False
+    ) -> None:
         self._rate, self._time_code = rate, time_code
         self._frame = max(1, round(rate * protocol.FRAME_SAMPLES / protocol.RATE))
         self._rest = np.empty((0, protocol.CHANNELS), dtype=protocol.SAMPLE)
@@ -58,7 +58,9 @@ class TrignoServer:
     def start(self) -> None:
         """Listen, in threads."""
         for work, one in zip((self._talk, self._listen), self._sockets, strict=True):
-            self._threads.append(threading.Thread(target=self._accept, args=(one, work), name="trigno server", daemon=True))
+            self._threads.append(
+                threading.Thread(target=self._accept, args=(one, work), name="trigno server", daemon=True)
+            )
             self._threads[-1].start()
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
@@ -117,7 +119,7 @@ class TrignoServer:
 
     def _converse(self, one: socket.socket) -> None:
         one.settimeout(IDLE)
-        heard = b""
+        received = b""
         with contextlib.suppress(OSError), one:
             one.sendall(protocol.GREETING)
             while not self._stop.is_set():
@@ -127,18 +129,22 @@ class TrignoServer:
                     continue
                 if not data:
                     break
-                heard += data
-                while protocol.END in heard:
-                    word, heard = heard.split(protocol.END, 1)
-                    one.sendall(self._answer(word.decode(errors="replace").strip()).encode() + protocol.END)
+                received += data
+                while protocol.END in received:
+                    word, received = received.split(protocol.END, 1)
+                    one.sendall(self._response(word.decode(errors="replace").strip()).encode() + protocol.END)
         with self._lock:
             self._started = False
 
-    def _answer(self, word: str) -> str:
+    def _response(self, word: str) -> str:
         if word in ("START", "STOP"):
             with self._lock:
                 self._started = word == "START"
             LOG.info("%s", word)
             return "OK"
-        answers = {protocol.FRAME_INTERVAL: f"{self._frame / self._rate:.9g}", protocol.FRAME_COUNT: str(self._frame), "QUIT": "BYE"}
-        return answers.get(word, "INVALID COMMAND")
+        responses = {
+            protocol.FRAME_INTERVAL: f"{self._frame / self._rate:.9g}",
+            protocol.FRAME_COUNT: str(self._frame),
+            "QUIT": "BYE",
+        }
+        return responses.get(word, "INVALID COMMAND")

@@ -1,7 +1,5 @@
 """Curves of the last seconds: what a message adds to them, and their picture. Matplotlib, no ROS."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 WINDOW = 10.0
-"""What is shown [s]; our choice."""
+"""What is shown [s]; project default, unconfirmed."""
 Sample = tuple[tuple[str, ...], tuple[float, ...], str]
 """Names of curves, as many values, their unit."""
 
@@ -74,7 +72,7 @@ class History:
         self._rows: deque[tuple[float, ...]] = deque()
 
     def add(self, time: float, sample: Sample) -> None:
-        """A sample; time: its stamp [s]. Other names, or a time that goes back, begin anew."""
+        """A sample; time: its stamp [s]. Other names, or a time that goes back, begin again."""
         names, values, unit = sample
         if len(values) != len(names):
             return
@@ -92,7 +90,12 @@ class History:
     def read(self) -> tuple[tuple[str, ...], str, Any, Any]:
         """Names, unit, times (n,) [s] and values (n, names)."""
         with self._lock:
-            return self._names, self._unit, np.array(self._times), np.array(self._rows).reshape(len(self._rows), len(self._names))
+            return (
+                self._names,
+                self._unit,
+                np.array(self._times),
+                np.array(self._rows).reshape(len(self._rows), len(self._names)),
+            )
 
 
 class Picture:
@@ -111,13 +114,15 @@ class Picture:
         for axes, panel in zip(self._axes, shown, strict=True):
             axes.set_title(panel.title, fontsize=9, loc="left")
             axes.grid(alpha=0.3)
-        self._axes[-1].set_xlabel("run time [s]")
+        self._axes[-1].set_xlabel("robot time [s]")
 
     def update(self) -> None:
         """Take in what came since."""
         found = [history.read() for _, history in self._histories]
         newest = max((times[-1] for *_, times, _ in found if len(times)), default=0.0)
-        for axes, lines, (panel, _), (names, unit, times, values) in zip(self._axes, self._lines, self._histories, found, strict=True):
+        for axes, lines, (panel, _), (names, unit, times, values) in zip(
+            self._axes, self._lines, self._histories, found, strict=True
+        ):
             if tuple(lines) != names:
                 _begin(axes, lines, names, unit)
             if not len(times):

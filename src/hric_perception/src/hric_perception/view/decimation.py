@@ -1,7 +1,5 @@
 """From streams to the rate at which people look: the newest message, or the mean of what came since. No node."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from typing import Any
@@ -11,8 +9,7 @@ from geometry_msgs.msg import Vector3, Wrench, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from hric_perception.chunk import Chunk
-from hric_perception.chunk_messages import chunk_message, read_chunk
+from hric_perception.chunk import Chunk, chunk_message, read_chunk
 
 NAN = float("nan")
 
@@ -42,7 +39,9 @@ class Reaction(Newest):
         if message is None:
             return None
         force, torque = message.wrench.force, message.wrench.torque
-        return WrenchStamped(message.header, Wrench(Vector3(-force.x, -force.y, -force.z), Vector3(-torque.x, -torque.y, -torque.z)))
+        return WrenchStamped(
+            message.header, Wrench(Vector3(-force.x, -force.y, -force.z), Vector3(-torque.x, -torque.y, -torque.z))
+        )
 
 
 class NewestJoints:
@@ -60,15 +59,23 @@ class NewestJoints:
     def push(self, message: Any) -> None:
         """It came."""
         missing = [NAN] * len(message.name)
-        rows = [list(values) if len(values) == len(missing) else missing for values in (message.position, message.velocity, message.effort)]
-        known = {name: state for name, state in zip(message.name, zip(*rows, strict=True), strict=True) if name in self._names}
+        rows = [
+            list(values) if len(values) == len(missing) else missing
+            for values in (message.position, message.velocity, message.effort)
+        ]
+        known = {
+            name: state
+            for name, state in zip(message.name, zip(*rows, strict=True), strict=True)
+            if name in self._names
+        }
         if known:
             with self._lock:
                 self._states.update(known)
                 self._header = message.header
 
     def take(self) -> Any:
-        """sensor_msgs/JointState of all joints heard of, with the stamp of the newest message; None: nothing came since the last call."""
+        """sensor_msgs/JointState of all joints received, with the stamp of the newest message; None: nothing came since
+        the last call."""
         with self._lock:
             header, self._header = self._header, None
             names = [name for name in self._names if name in self._states]
@@ -82,7 +89,8 @@ class NewestJoints:
 class MeanChunk:
     """The mean of the samples that came, as a SampleChunk of one sample, once. From any thread.
 
-    The stamp is the mean time of the samples; `first_sample` the number of the first of them; `rate` that at which means are taken.
+    The stamp is the mean time of the samples; `first_sample` the number of the first of them; `rate` that at which
+    means are taken.
 
     Args:
         rate: of `take` [Hz].
@@ -100,7 +108,7 @@ class MeanChunk:
             self._chunks.append(message)
 
     def take(self) -> Any:
-        """hric_msgs/SampleChunk; None: nothing came since the last call. A channel that gave no number is NaN."""
+        """hric_msgs/SampleChunk; None: nothing came since the last call. A channel without a finite value is NaN."""
         with self._lock:
             messages, self._chunks = self._chunks, []
         chunks = [chunk for chunk in map(read_chunk, messages) if len(chunk.data)]

@@ -1,13 +1,12 @@
-"""Limits as markers for rviz: a ring about each joint with its range, a hand that stands at its position, words where a limit is near. No node."""
-
-from __future__ import annotations
+"""Limits as markers for rviz: a ring about each joint with its range, a hand at its position, words where a limit is
+near. No node."""
 
 import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
@@ -15,13 +14,16 @@ from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
-from hric_control import stamps, urdf
-from hric_control.joint_limits import JointLimits
-from hric_perception.view import nearness
-from hric_perception.view.nearness import Level, Nearness, Wall
+from hric_control.limits import JointLimits
+from hric_control.robot_time import stamps
+from hric_control.urdf import Joint, read
 
-COLOURS = {Level.FAR: (0.25, 0.55, 0.35, 0.55), Level.NEAR: (0.95, 0.65, 0.1, 0.95), Level.AT: (0.85, 0.1, 0.1, 1.0)}
-"""Green, amber, red: red, green, blue, alpha. The constants of this file are our choice."""
+NEAR_POSITION, AT_POSITION = 0.2, 0.05
+"""Distance to the end of the range below which a joint is near it, or at it; project default, unconfirmed [rad]."""
+NEAR_RATIO, AT_RATIO = 0.8, 0.95
+"""Share of the velocity or effort limit above which a joint is near it, or at it; project default, unconfirmed [1]."""
+NEAR_WALL, AT_WALL = 0.1, 0.02
+"""Distance of the end effector to the border of its workspace, likewise; project default, unconfirmed [m]."""
 RADIUS = 0.12
 """Of a ring, outside of the links [m]."""
 STEP = math.radians(7.5)
@@ -33,8 +35,94 @@ LIFETIME = 1.0
 RING_LIFETIME = 5.0
 
 
+class Level(IntEnum):
+    """How near."""
+
+    FAR = 0
+    NEAR = 1
+    AT = 2
+
+
 @dataclass(frozen=True)
-class JointPlace:
+class Nearness:
+    """How near something is to its limits.
+
+    Attributes:
+        level: of the nearest limit.
+        text: which limits are near, for people; empty: none.
+    """
+
+    level: Level
+    text: str
+
+
+def of_distance(distance: float, near: float, at: float) -> Level:
+    """Level of what is `distance` away; negative: beyond."""
+    return Level.AT if distance < at else Level.NEAR if distance < near else Level.FAR
+
+
+def of_joint(limits: JointLimits, q: float, dq: float, tau: float) -> Nearness:
+    """Nearness of a revolute joint.
+
+    Args:
+        limits: its limits; infinite ones do not count.
+        q, dq, tau: position, velocity, measured effort [rad, rad/s, N m]; NaN: not known.
+    """
+    found: list[tuple[Level, str]] = []
+    for distance, end in ((q - limits.lower, "lower"), (limits.upper - q, "upper")):
+        level = of_distance(distance, NEAR_POSITION, AT_POSITION)
+        found.append(
+            (
+                level,
+                f"{distance:.2f} rad from its {end} end"
+                if distance >= 0.0
+                else f"{-distance:.2f} rad beyond its {end} end",
+            )
+        )
+    for value, limit, what in ((dq, limits.velocity, "velocity"), (tau, limits.effort, "effort")):
+        ratio = abs(value) / limit if limit > 0.0 else 0.0
+        found.append(
+            (of_distance(1.0 - ratio, 1.0 - NEAR_RATIO, 1.0 - AT_RATIO), f"{100.0 * ratio:.0f} % of its {what}")
+        )
+    near = [(level, text) for level, text in found if level]
+    return Nearness(max((level for level, _ in near), default=Level.FAR), ", ".join(text for _, text in near))
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A side of a workspace that the end effector is near to.
+
+    Attributes:
+        axis, side: 0 to 2 for x, y, z; 0: the lower side, 1: the upper one.
+        level: how near.
+    """
+
+    axis: int
+    side: int
+    level: Level
+
+
+def walls(lower: Sequence[float], upper: Sequence[float], p: Sequence[float]) -> list[Wall]:
+    """The sides of a box that a point is near to.
+
+    Args:
+        lower, upper: corners, shape (3,) [m].
+        p: position, shape (3,) [m].
+    """
+    found = []
+    for axis in range(3):
+        for side, distance in enumerate((p[axis] - lower[axis], upper[axis] - p[axis])):
+            if level := of_distance(distance, NEAR_WALL, AT_WALL):
+                found.append(Wall(axis, side, level))
+    return found
+
+
+COLOURS = {Level.FAR: (0.25, 0.55, 0.35, 0.55), Level.NEAR: (0.95, 0.65, 0.1, 0.95), Level.AT: (0.85, 0.1, 0.1, 1.0)}
+"""Green, amber, red: red, green, blue, alpha. The constants of this file are project defaults, unconfirmed."""
+
+
+@dataclass(frozen=True)
+class JointRing:
     """A revolute joint of the description.
 
     Attributes:
@@ -55,7 +143,7 @@ class JointPlace:
         return Pose(Point(*self.p), Quaternion(*self.R.as_quat()))
 
 
-def places(description: str, limits: Mapping[str, JointLimits]) -> dict[str, JointPlace]:
+def rings(description: str, limits: Mapping[str, JointLimits]) -> dict[str, JointRing]:
     """The joints that turn within a range, by name; others have no ring.
 
     Args:
@@ -65,67 +153,70 @@ def places(description: str, limits: Mapping[str, JointLimits]) -> dict[str, Joi
     Raises:
         HricError: the description cannot be read.
     """
-    found = {}
-    for name, joint in urdf.joints(urdf.parse(description)).items():
-        if name in limits and joint.get("type") == "revolute" and math.isfinite(limits[name].lower) and math.isfinite(limits[name].upper):
-            found[name] = _place(name, joint, limits[name])
-    return found
+    turning = (
+        (limits[name], joint)
+        for name, joint in read(description).joints.items()
+        if name in limits and joint.type == "revolute"
+    )
+    return {
+        of.name: _ring_of(joint, of) for of, joint in turning if math.isfinite(of.lower) and math.isfinite(of.upper)
+    }
 
 
-def _place(name: str, joint: ElementTree.Element, limits: JointLimits) -> JointPlace:
-    parent, origin, axis = joint.find("parent"), joint.find("origin"), joint.find("axis")
-    p = _vector(origin, "xyz", (0.0, 0.0, 0.0), name)
-    rpy = _vector(origin, "rpy", (0.0, 0.0, 0.0), name)
-    z = np.array(_vector(axis, "xyz", (1.0, 0.0, 0.0), name))
-    turned, _ = Rotation.align_vectors([z], [[0.0, 0.0, 1.0]])
-    return JointPlace(limits, "" if parent is None else parent.get("link", ""), p, Rotation.from_euler("xyz", rpy) * turned)
+def _ring_of(joint: Joint, limits: JointLimits) -> JointRing:
+    R, (x, y, z) = Rotation.from_matrix(joint.T_parent_joint[:3, :3]), joint.T_parent_joint[:3, 3].tolist()
+    turned, _ = Rotation.align_vectors([joint.axis], [[0.0, 0.0, 1.0]])
+    return JointRing(limits, joint.parent, (x, y, z), R * turned)
 
 
-def _vector(element: ElementTree.Element | None, attribute: str, default: tuple[float, float, float], name: str) -> tuple[float, float, float]:
-    text = "" if element is None else element.get(attribute, "")
-    x, y, z = (urdf.as_number(word, f"joint {name}: {attribute}") for word in text.split()) if text else default
-    return x, y, z
-
-
-def ring(place: JointPlace, number: int) -> Any:
-    """The range of a joint, its ends in the colours of what is near them; without a stamp, so that it is drawn at once."""
-    low, high = place.limits.lower, place.limits.upper
+def ring(joint_ring: JointRing, number: int) -> Any:
+    """The range of a joint, its ends in the colours of what is near them; without a stamp, so that it is drawn at
+    once."""
+    low, high = joint_ring.limits.lower, joint_ring.limits.upper
     angles = np.linspace(low, high, max(2, round((high - low) / STEP) + 1))
-    marker = _marker("limits/ranges", number, Marker.LINE_LIST, place.parent, RING_LIFETIME, LINE)
-    marker.pose = place.pose
+    marker = _marker("limits/ranges", number, Marker.LINE_LIST, joint_ring.parent, RING_LIFETIME, LINE)
+    marker.pose = joint_ring.pose
     for first, second in itertools.pairwise(angles):
         distance = min(0.5 * (first + second) - low, high - 0.5 * (first + second))
-        _line(marker, _at(first, RADIUS), _at(second, RADIUS), nearness.of_distance(distance, nearness.NEAR_POSITION, nearness.AT_POSITION))
+        _line(
+            marker,
+            _at(first, RADIUS),
+            _at(second, RADIUS),
+            of_distance(distance, NEAR_POSITION, AT_POSITION),
+        )
     for end in (low, high):
         _line(marker, _at(end, 0.9 * RADIUS), _at(end, 1.1 * RADIUS), Level.AT)
     return marker
 
 
-def hand(place: JointPlace, number: int, q: float, near: Nearness) -> list[Any]:
-    """Where a joint stands in its range, and in words what it is near to.
+def hand(joint_ring: JointRing, number: int, q: float, near: Nearness) -> list[Any]:
+    """The position of a joint in its range, and in words what it is near to.
 
     Args:
-        place: the joint.
+        joint_ring: the joint.
         number: of the marker.
         q: position [rad].
         near: how near it is to which limits.
     """
-    line = _marker("limits/positions", number, Marker.LINE_LIST, place.parent, LIFETIME, HAND)
-    line.pose = place.pose
+    line = _marker("limits/positions", number, Marker.LINE_LIST, joint_ring.parent, LIFETIME, HAND)
+    line.pose = joint_ring.pose
     _line(line, _at(q, 0.75 * RADIUS), _at(q, 1.15 * RADIUS), near.level)
     if not near.text:
         return [line]
-    words = _marker("limits/words", number, Marker.TEXT_VIEW_FACING, place.parent, LIFETIME, 0.0)
+    words = _marker("limits/words", number, Marker.TEXT_VIEW_FACING, joint_ring.parent, LIFETIME, 0.0)
     words.scale.z, words.color = TEXT, ColorRGBA(*COLOURS[near.level])
-    words.pose.position = Point(*(np.array(place.p) + place.R.apply(_at(q, 1.6 * RADIUS))))
-    words.text = f"{place.limits.name}: {near.text}"
+    words.pose.position = Point(*(np.array(joint_ring.p) + joint_ring.R.apply(_at(q, 1.6 * RADIUS))))
+    words.text = f"{joint_ring.limits.name}: {near.text}"
     return [line, words]
 
 
 def wall(found: Wall, lower: Sequence[float], upper: Sequence[float], frame: str) -> Any:
     """A side of the workspace, as a thin plate in the frame of the box."""
     marker = _marker("limits/workspace", 2 * found.axis + found.side, Marker.CUBE, frame, LIFETIME, 0.0)
-    centre, size = [0.5 * (low + high) for low, high in zip(lower, upper, strict=True)], [high - low for low, high in zip(lower, upper, strict=True)]
+    centre, size = (
+        [0.5 * (low + high) for low, high in zip(lower, upper, strict=True)],
+        [high - low for low, high in zip(lower, upper, strict=True)],
+    )
     centre[found.axis], size[found.axis] = (upper if found.side else lower)[found.axis], LINE
     marker.pose.position = Point(*centre)
     marker.scale.x, marker.scale.y, marker.scale.z = size
@@ -134,7 +225,9 @@ def wall(found: Wall, lower: Sequence[float], upper: Sequence[float], frame: str
 
 
 def _marker(namespace: str, number: int, kind: int, frame: str, lifetime: float, width: float) -> Any:
-    marker = Marker(header=Header(frame_id=frame), ns=namespace, id=number, type=kind, action=Marker.ADD, frame_locked=True)
+    marker = Marker(
+        header=Header(frame_id=frame), ns=namespace, id=number, type=kind, action=Marker.ADD, frame_locked=True
+    )
     marker.pose.orientation.w, marker.scale.x, marker.lifetime = 1.0, width, stamps.to_duration(lifetime)
     marker.color.a = 1.0
     return marker

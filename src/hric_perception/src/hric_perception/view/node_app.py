@@ -1,11 +1,10 @@
 """The node `live_view`: decimated topics and limits for those who look on."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import rospy
@@ -14,26 +13,42 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from franka_msgs.msg import FrankaState
-from hric_control.errors import HricError, ParameterError
-from hric_control.joint_limits import JointLimits, load_limits
-from hric_control.ros_node import RosNode
-from hric_control.urdf import joints, parse, root_link
+from hric_control.errors import HricError
+from hric_control.limits import JointLimits, load_limits
+from hric_control.parameters import Settings, listing, number, text
+from hric_control.ros import RosNode, run
+from hric_control.ros.process import NodeApp
+from hric_control.urdf import read
 from hric_msgs.msg import SampleChunk
-from hric_perception.section import Section
-from hric_perception.sensor import section_of
-from hric_perception.view import limit_markers, nearness
+from hric_perception.plate.geometry import PLATE_ID
+from hric_perception.view import limit_markers
 from hric_perception.view.decimation import Keeper, MeanChunk, Newest, NewestJoints, Reaction
-from mocap_natnet.process import run
 
-RINGS_EVERY = 2.0
-"""Rings are sent anew so often, for an rviz that comes later [s]; our choice."""
+RINGS_PERIOD = 2.0
+"""Rings are sent again so often, for an rviz that comes later [s]; project default, unconfirmed."""
 FOLLOWERS = ("cartesian_pose_controller", "cartesian_pose_impedance_controller")
 """Controllers with a workspace."""
-HEARD_FOR = 1.0
-"""A controller whose state came within this time is running [s of wall time]; our choice."""
+RUNNING_TIMEOUT = 1.0
+"""A controller whose state came within this time is running [s of wall time]; project default, unconfirmed."""
 
 
-class LiveView:
+@dataclass(frozen=True)
+class ViewSettings(Settings):
+    """Parameters of the node."""
+
+    rate: float = number(
+        30.0, minimum=1.0, maximum=200.0, unit="Hz", text="of its topics, in wall time; a topic without news is silent"
+    )
+    limits_rate: float = number(10.0, minimum=0.0, maximum=100.0, unit="Hz", text="of the markers; 0: none")
+    plates: tuple[str, ...] = listing(
+        PLATE_ID, default=("1",), single=True, text="force plates whose wrench is published"
+    )
+    robot_description: str = text(
+        "robot_description", empty=False, text="parameter with the URDF, in the node's namespace"
+    )
+
+
+class LiveView(NodeApp):
     """Publishes from its construction on.
 
     Args:
@@ -44,17 +59,21 @@ class LiveView:
     """
 
     def __init__(self, node: RosNode) -> None:
-        section = section_of(node, "rate", "limits_rate", "plates", "robot_description")
-        rate, limits_rate = section.number("rate", 30.0, 1.0, 200.0), section.number("limits_rate", 10.0, 0.0, 100.0)
+        settings = ViewSettings.read(node)
+        rate, limits_rate = settings.rate, settings.limits_rate
         self._root = RosNode()
         self._relays: list[tuple[Keeper, Any]] = []
-        description = str(self._root.param(section.text("robot_description", "robot_description")))
-        turning = [name for name, joint in joints(parse(description)).items() if joint.get("type") in ("revolute", "continuous")]
+        description = str(self._root.param(settings.robot_description))
+        turning = [
+            joint.name for joint in read(description).joints.values() if joint.type in ("revolute", "continuous")
+        ]
         self._relay("joint_states", "joints", JointState, NewestJoints(turning))
         self._relay("franka_state_controller/F_ext", "arm_wrench", WrenchStamped, Reaction())
         self._relay("/hric/perception/emg/envelope", "emg", SampleChunk, MeanChunk(rate))
-        for plate in _plates(section):
-            self._relay(f"/hric/perception/force_plate/{plate}/wrench", f"force_plate/{plate}/wrench", WrenchStamped, Newest())
+        for plate in settings.plates:
+            self._relay(
+                f"/hric/perception/force_plate/{plate}/wrench", f"force_plate/{plate}/wrench", WrenchStamped, Newest()
+            )
         self._limits = _Limits(self._root, description, turning) if limits_rate else None
         self._stop = threading.Event()
         loops = [(rate, self._send)] + ([(limits_rate, self._limits.send)] if self._limits is not None else [])
@@ -90,27 +109,31 @@ class _Limits:
 
     def __init__(self, root: RosNode, description: str, names: list[str]) -> None:
         limits: dict[str, JointLimits] = {one.name: one for one in load_limits(description, root, names)}
-        self._places = limit_markers.places(description, limits)
-        self._base = root_link(parse(description))
+        self._rings = limit_markers.rings(description, limits)
+        self._base = read(description).root
         self._joints, self._state = NewestJoints(names), Newest()
         self._publisher = root.advertise("hric/view/limits", MarkerArray)
         self._rings_sent = -math.inf
         self._boxes: dict[str, tuple[list[float], list[float], str]] = {}
-        self._heard: dict[str, float] = {}
+        self._received: dict[str, float] = {}
         self._root = root
         root.subscribe("joint_states", JointState, self._joints.push)
         root.subscribe("franka_state_controller/franka_states", FrankaState, self._state.push)
         for name in FOLLOWERS:
             # Only that it speaks is of interest.
-            rospy.Subscriber(root.resolve(f"{name}/state"), rospy.AnyMsg, self._on_follower, callback_args=name, queue_size=1)
+            rospy.Subscriber(
+                root.resolve(f"{name}/state"), rospy.AnyMsg, self._on_follower, callback_args=name, queue_size=1
+            )
 
     def send(self) -> None:
         """What is near now."""
         markers: list[Any] = []
         now = time.monotonic()
-        if now - self._rings_sent > RINGS_EVERY:
+        if now - self._rings_sent > RINGS_PERIOD:
             self._rings_sent = now
-            markers += [limit_markers.ring(place, number) for number, place in enumerate(self._places.values())]
+            markers += [
+                limit_markers.ring(joint_ring, number) for number, joint_ring in enumerate(self._rings.values())
+            ]
         markers += self._hands(self._joints.take()) + self._walls(self._state.take(), now)
         if markers:
             self._publisher.publish(MarkerArray(markers))
@@ -118,45 +141,43 @@ class _Limits:
     def _hands(self, message: Any) -> list[Any]:
         if message is None:
             return []
-        states = dict(zip(message.name, zip(message.position, message.velocity, message.effort, strict=True), strict=True))
+        states = dict(
+            zip(message.name, zip(message.position, message.velocity, message.effort, strict=True), strict=True)
+        )
         found: list[Any] = []
-        for number, (name, place) in enumerate(self._places.items()):
+        for index, (name, joint_ring) in enumerate(self._rings.items()):
             if name in states:
-                found += limit_markers.hand(place, number, states[name][0], nearness.of_joint(place.limits, *states[name]))
+                found += limit_markers.hand(
+                    joint_ring, index, states[name][0], limit_markers.of_joint(joint_ring.limits, *states[name])
+                )
         return found
 
     def _walls(self, state: Any, now: float) -> list[Any]:
         if state is None:
             return []
         found: list[Any] = []
-        for name, heard in self._heard.copy().items():
-            if now - heard < HEARD_FOR and name in self._boxes:
+        for name, received in self._received.copy().items():
+            if now - received < RUNNING_TIMEOUT and name in self._boxes:
                 lower, upper, frame = self._boxes[name]
-                found += [limit_markers.wall(wall, lower, upper, frame) for wall in nearness.walls(lower, upper, state.O_T_EE[12:15])]
+                found += [
+                    limit_markers.wall(wall, lower, upper, frame)
+                    for wall in limit_markers.walls(lower, upper, state.O_T_EE[12:15])
+                ]
         return found
 
     def _on_follower(self, _: Any, name: str) -> None:
-        if name not in self._heard:
+        if name not in self._received:
             lower, upper = (self._root.param(f"{name}/workspace/{end}", None) for end in ("lower", "upper"))
             arm = self._root.param(f"{name}/arm_id", "")
             if lower and upper:
-                self._boxes[name] = (list(map(float, lower)), list(map(float, upper)), f"{arm}_link0" if arm else self._base)
-        self._heard[name] = time.monotonic()
-
-
-def _plates(section: Section) -> list[str]:
-    given = section.content.get("plates", ["1"])
-    names = [str(name) for name in given] if isinstance(given, list) else [str(given)]
-    if not all(name.replace("_", "").isalnum() and name.isascii() for name in names):
-        raise ParameterError(f"{section.where}/plates is {given!r}; valid: a list of names of force plates, letters, digits and _")
-    return names
+                self._boxes[name] = (
+                    list(map(float, lower)),
+                    list(map(float, upper)),
+                    f"{arm}_link0" if arm else self._base,
+                )
+        self._received[name] = time.monotonic()
 
 
 def main(text: str) -> int:
     """Run the node; text: for --help. Returns the exit code."""
-
-    def make(node: RosNode) -> tuple[Callable[[], None], Callable[[], None]]:
-        view = LiveView(node)
-        return (lambda: None), view.close
-
-    return run("live_view", text, make)
+    return run("live_view", text, LiveView)

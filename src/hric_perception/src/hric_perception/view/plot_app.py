@@ -1,7 +1,5 @@
 """The node `live_plot`: a window with the curves of the last seconds, or a picture of it."""
 
-from __future__ import annotations
-
 import argparse
 import signal
 import sys
@@ -27,7 +25,12 @@ SIZE = (9.0, 2.2)
 REFRESH = 200
 """Between pictures in the window [ms]."""
 DEFAULT = ("positions", "velocities", "efforts", "wrench")
-TYPES: dict[str, type] = {"joints": JointState, "wrench": WrenchStamped, "arm_wrench": WrenchStamped, "emg": SampleChunk}
+TYPES: dict[str, type] = {
+    "joints": JointState,
+    "wrench": WrenchStamped,
+    "arm_wrench": WrenchStamped,
+    "emg": SampleChunk,
+}
 """Message type by the last word of a topic."""
 
 
@@ -44,10 +47,23 @@ def main(text: str, arguments: Sequence[str]) -> int:
     """
     known = curves.panels()
     parser = argparse.ArgumentParser("rosrun hric_perception live_plot", description=text.splitlines()[0])
-    parser.add_argument("panels", nargs="*", metavar="PANEL", help=f"of {', '.join(known)}, from top to bottom (default: {' '.join(DEFAULT)})")
+    parser.add_argument(
+        "panels",
+        nargs="*",
+        metavar="PANEL",
+        help=f"of {', '.join(known)}, from top to bottom (default: {' '.join(DEFAULT)})",
+    )
     parser.add_argument("--plate", default="1", metavar="ID", help="name of the force plate (default: 1)")
-    parser.add_argument("--screenshot", type=Path, metavar="FILE", help="no window: save a picture, .png, .svg or .pdf, and end")
-    parser.add_argument("--after", type=float, default=curves.WINDOW, metavar="SECONDS", help="save the picture so much later (default: %(default)g)")
+    parser.add_argument(
+        "--screenshot", type=Path, metavar="FILE", help="no window: save a picture, .png, .svg or .pdf, and end"
+    )
+    parser.add_argument(
+        "--after",
+        type=float,
+        default=curves.WINDOW,
+        metavar="SECONDS",
+        help="save the picture so much later (default: %(default)g)",
+    )
     given = parser.parse_args(list(arguments))
     try:
         return _show(given)
@@ -62,20 +78,20 @@ def _show(given: argparse.Namespace) -> int:
         if name not in known:
             raise UnknownNameError("panel", name, known)
     shown = [known[name] for name in given.panels or DEFAULT]
-    told_to_end = threading.Event()
+    shutdown = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: told_to_end.set())
+        signal.signal(number, lambda *_: shutdown.set())
     show = _window() if given.screenshot is None else None
     rospy.init_node("live_plot", anonymous=True, disable_signals=True)
-    rospy.on_shutdown(told_to_end.set)
+    rospy.on_shutdown(shutdown.set)
     histories = {panel.title: _listen(panel) for panel in shown}
     try:
         if show is not None:
-            show(shown, histories, told_to_end)
+            show(shown, histories, shutdown)
         else:
-            _save(given.screenshot, given.after, shown, histories, told_to_end)
+            _save(given.screenshot, given.after, shown, histories, shutdown)
     finally:
-        rospy.signal_shutdown("told to end")
+        rospy.signal_shutdown("shutdown requested")
     return 0
 
 
@@ -89,12 +105,14 @@ def _listen(panel: Panel) -> History:
     return history
 
 
-def _save(path: Path, after: float, shown: Sequence[Panel], histories: dict[str, History], told_to_end: threading.Event) -> None:
+def _save(
+    path: Path, after: float, shown: Sequence[Panel], histories: dict[str, History], shutdown: threading.Event
+) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     end = time.monotonic() + after
-    while not told_to_end.is_set() and time.monotonic() < end:
-        told_to_end.wait(0.1)
+    while not shutdown.is_set() and time.monotonic() < end:
+        shutdown.wait(0.1)
     figure = _figure(len(shown))
     FigureCanvasAgg(figure)
     Picture(figure, shown, histories).update()
@@ -105,20 +123,23 @@ def _save(path: Path, after: float, shown: Sequence[Panel], histories: dict[str,
 
 
 def _window() -> Any:
-    """Shows panels until the window is closed; made before ROS begins, so that a missing display is told at once."""
+    """Shows panels until the window is closed; made before ROS begins, so that a missing display is an error at
+    once."""
     try:
         import tkinter
 
         root = tkinter.Tk(className="live_plot")
     except ImportError as error:
-        raise PlotError("a window needs the Debian package python3-tk (scripts/setup --gui); without it: --screenshot FILE") from error
+        raise PlotError(
+            "a window needs the Debian package python3-tk (scripts/setup --gui); without it: --screenshot FILE"
+        ) from error
     except tkinter.TclError as error:
         raise PlotError(f"no window: {error}; without a display: --screenshot FILE") from error
     root.title("live_plot")
     return partial(_run_window, root)
 
 
-def _run_window(root: Any, shown: Sequence[Panel], histories: dict[str, History], told_to_end: threading.Event) -> None:
+def _run_window(root: Any, shown: Sequence[Panel], histories: dict[str, History], shutdown: threading.Event) -> None:
     from matplotlib.backends.backend_tkagg import FigureCanvasTkAgg
 
     figure = _figure(len(shown))
@@ -129,7 +150,7 @@ def _run_window(root: Any, shown: Sequence[Panel], histories: dict[str, History]
     picture = Picture(figure, shown, histories)
 
     def refresh() -> None:
-        if told_to_end.is_set():
+        if shutdown.is_set():
             root.destroy()
             return
         picture.update()

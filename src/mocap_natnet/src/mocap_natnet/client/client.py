@@ -1,31 +1,115 @@
 """The client on UDP: sockets and a thread around a `Session`."""
 
-from __future__ import annotations
-
 import contextlib
 import select
 import socket
 import threading
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
-from mocap_natnet.client.health import Health, health
 from mocap_natnet.client.received import Received
 from mocap_natnet.client.session import CONNECT_PERIOD, NAME, Session
 from mocap_natnet.client.settings import Route, Settings
-from mocap_natnet.codec import CodecError
+from mocap_natnet.codec import CodecError, text
 from mocap_natnet.codec.descriptions import Model
 from mocap_natnet.codec.packets import HEADER, MAX_PAYLOAD, NAME_SIZE, Message, packet, split
-from mocap_natnet.sockets import datagram_socket
 
+OK, WARN, ERROR = 0, 1, 2
+"""Levels as in diagnostic_msgs/DiagnosticStatus."""
 POLL = 0.02
 """Longest sleep [s]."""
-LEAST = 10_000_000
-"""Least time between two looks at whether something is to be sent [ns] (our choice)."""
+SEND_PERIOD = 10_000_000
+"""Minimum time between two looks at whether something is to be sent [ns] (project default, unconfirmed)."""
 RECEIVE_BUFFER = 1 << 22
-"""Asked of the kernel, which may grant less [bytes]; it holds seconds of frames."""
-
+"""Requested of the kernel, which may grant less [bytes]; enough for seconds of frames."""
 _FRAME = HEADER.pack(Message.FRAMEOFDATA, 0)[:2]
+
+
+def datagram_socket() -> socket.socket:
+    """A UDP socket without time-out.
+
+    rospy sets a time-out of 60 s for all new sockets of its process (`socket.setdefaulttimeout`); with one, Python
+    waits for a datagram even with MSG_DONTWAIT.
+    """
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    made.settimeout(None)
+    return made
+
+
+class Health(NamedTuple):
+    """A level and one sentence."""
+
+    level: int
+    text: str
+
+
+def health(session: Session, server: str, now: int, trouble: str = "") -> Health:
+    """How the conversation goes.
+
+    Args:
+        session: whose.
+        server: address of the server, "" while it is looked for.
+        now: monotonic clock [ns].
+        trouble: what the sockets complain about, or "".
+    """
+    command_silent, data_silent = session.silent(now)
+    if trouble and (command_silent or data_silent):
+        return Health(ERROR, trouble)
+    if session.complaint:
+        return Health(ERROR, session.complaint)
+    if session.info is None or command_silent:
+        return Health(WARN if not data_silent else ERROR, _no_response(session, server))
+    if data_silent:
+        return Health(ERROR, _no_frames(session))
+    echo = session.clock.echo
+    if echo is not None and not echo.synchronised:
+        return Health(
+            WARN, "frames arrive, but the server does not respond to echoes: their times are those of their arrival"
+        )
+    return Health(OK, f"bitstream {text(session.info.version)}, {session.statistics.rate(now):.0f} frames per second")
+
+
+def _no_response(session: Session, server: str) -> str:
+    port = session.settings.command_port
+    if not server:
+        return (
+            "command channel silent: no server responds to the discovery sent to "
+            f"{session.settings.discovery}:{port}; name its address (server)"
+        )
+    return (
+        f"command channel silent: {server}:{port} does not respond; is that Motive's address, is its streaming on, "
+        f"does a firewall hold back UDP port {port}?"
+    )
+
+
+def _no_frames(session: Session) -> str:
+    route, info, refused = session.route, session.info, session.statistics.refused.copy()
+    assert route is not None and info is not None
+    parts = ["data channel silent: the server responds, but no frame arrives"]
+    if info.multicast and not route.multicast:
+        parts.append("it streams to a group while unicast is requested: set transport to auto")
+    elif info.multicast is False and not route.unicast:
+        parts.append("it streams by unicast while multicast is requested: set transport to auto")
+    elif route.multicast and info.group and route.group != info.group:
+        parts.append(
+            f"it streams to group {info.group}, this client listens to {route.group}: correct or leave out the group"
+        )
+    elif info.data_port and route.port != info.data_port:
+        parts.append(
+            f"it streams to port {info.data_port}, this client listens to {route.port}: correct or leave out the "
+            "data port"
+        )
+    elif route.multicast:
+        parts.append(
+            f"group {route.group}:{route.port}: is `local` the address of the network card that faces the server, "
+            "is Motive live?"
+        )
+    else:
+        parts.append("is Motive live, does a firewall hold back UDP from the server?")
+    if refused:
+        parts.append("refused so far: " + ", ".join(f"{reason} {count}" for reason, count in sorted(refused.items())))
+    return "; ".join(parts)
 
 
 class NatNetClient:
@@ -36,7 +120,8 @@ class NatNetClient:
     Args:
         settings: how to find the server.
         on_frame, on_model, on_restart: see `Session`.
-        work: what else is done in that thread, a piece at a time, each after all that arrived was taken; returns whether a piece is left.
+        work: what else is done in that thread, a piece at a time, each after all that arrived was taken; returns
+            whether a piece is left.
     """
 
     def __init__(
@@ -83,16 +168,16 @@ class NatNetClient:
         for one in (self._command, *self._data):
             one.close()
 
-    def __enter__(self) -> NatNetClient:
+    def __enter__(self) -> "NatNetClient":
         self.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def ask(self, words: str, timeout: float = 2.0) -> bytes:
-        """Send a request and wait for its answer; not from a callback. Raises CommandError."""
-        return self.session.requests.ask(words, timeout)
+    def request(self, words: str, timeout: float = 2.0) -> bytes:
+        """Send a request and wait for its response; not from a callback. Raises CommandError."""
+        return self.session.requests.send(words, timeout)
 
     def health(self) -> Health:
         """How the conversation goes."""
@@ -103,7 +188,7 @@ class NatNetClient:
         while not self._stop.is_set():
             now = time.monotonic_ns()
             if now >= due:
-                due = now + LEAST
+                due = now + SEND_PERIOD
                 self._send(now)
                 self._listen()
             ready, _, _ = select.select([self._command, *self._data], [], [], 0.0 if left else POLL)
@@ -118,7 +203,7 @@ class NatNetClient:
                 datagram, sender = one.recvfrom(MAX_PAYLOAD + 5, socket.MSG_DONTWAIT)
             except BlockingIOError:
                 return
-            except OSError:  # a port that nobody listens on, told by the network
+            except OSError:  # the network reports a port that nobody listens on
                 continue
             now = time.monotonic_ns()
             if one is not self._command and not datagram.startswith(_FRAME):
@@ -129,7 +214,7 @@ class NatNetClient:
                 self.session.receive(datagram, now)
 
     def _is_server(self, datagram: bytes, sender: str) -> bool:
-        """Whether the server sent this; without one, who tells of itself becomes it."""
+        """Whether the server sent this; without one, the sender of server information becomes it."""
         if not self._server:
             with contextlib.suppress(CodecError):
                 if split(datagram)[0] == Message.SERVERINFO:
@@ -141,7 +226,10 @@ class NatNetClient:
             datagrams, where = self.session.poll(now), self._server
         elif now >= self._next_discovery:
             self._next_discovery = now + CONNECT_PERIOD
-            datagrams, where = [packet(Message.DISCOVERY, NAME.encode().ljust(NAME_SIZE + 8, b"\0"))], self.settings.discovery
+            datagrams, where = (
+                [packet(Message.DISCOVERY, NAME.encode().ljust(NAME_SIZE + 8, b"\0"))],
+                self.settings.discovery,
+            )
         else:
             return
         for datagram in datagrams:
@@ -152,7 +240,7 @@ class NatNetClient:
                 self._send_trouble = f"command channel: nothing can be sent to {where}: {error.strerror or error}"
 
     def _listen(self) -> None:
-        """Open the sockets of the route that the server tells; again after trouble."""
+        """Open the sockets of the route to the server; again after trouble."""
         route = self.session.route
         now = time.monotonic_ns()
         if route is None or (route == self._route and (not self._trouble or now < self._next_route)):
@@ -172,11 +260,18 @@ class NatNetClient:
             one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
             one.bind((address, port))
             if group:
-                one.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + socket.inet_aton(self._local()))
+                one.setsockopt(
+                    socket.IPPROTO_IP,
+                    socket.IP_ADD_MEMBERSHIP,
+                    socket.inet_aton(group) + socket.inet_aton(self._local()),
+                )
         except OSError as error:
             one.close()
             if group:  # unicast frames may come to the command socket all the same
-                self._trouble = f"data channel: cannot join group {group}:{port} on {self._local()}: {error.strerror or error}; set `local`"
+                self._trouble = (
+                    f"data channel: cannot join group {group}:{port} on {self._local()}: "
+                    f"{error.strerror or error}; set `local`"
+                )
             return
         self._data.append(one)
 

@@ -1,14 +1,12 @@
-"""The client's side of the conversation, without sockets: datagrams and times in, frames out, and what is to be sent."""
-
-from __future__ import annotations
+"""The client's side of the conversation, without sockets: datagrams and times in, frames out, and what is to be
+sent."""
 
 from collections.abc import Callable
 
-from mocap_natnet.client.received import Received
+from mocap_natnet.client.frame_clock import ExposureClock
+from mocap_natnet.client.received import Received, Statistics
 from mocap_natnet.client.requests import Requests
 from mocap_natnet.client.settings import Route, Settings
-from mocap_natnet.client.statistics import Statistics
-from mocap_natnet.clock import ExposureClock
 from mocap_natnet.codec import Codec, CodecError, packets
 from mocap_natnet.codec.descriptions import Model
 from mocap_natnet.codec.packets import DATA_PORT, HEADER, MULTICAST_GROUP, Connect, Message, ServerInfo, packet
@@ -16,44 +14,46 @@ from mocap_natnet.codec.types import MODEL_CHANGED, VERSION_CHANGED, Frame
 
 NS = 1_000_000_000
 CONNECT_PERIOD = NS // 2
-"""Between attempts to connect [ns] (our choice)."""
+"""Between attempts to connect [ns] (project default, unconfirmed)."""
 MODEL_PERIOD = NS // 2
-"""Between requests for the description until it comes [ns] (our choice)."""
+"""Between requests for the description until it comes [ns] (project default, unconfirmed)."""
 ECHO_PERIOD = NS // 10
 """Between echoes [ns]; ten a second keep the fit within 10 us."""
 FIRST_ECHOES, FIRST_ECHO_PERIOD = 8, NS // 50
-"""The first ones follow each other faster [ns] (our choice)."""
+"""The first ones follow each other faster [ns] (project default, unconfirmed)."""
 GOOD_ROUND_TRIP = 1e-3
-"""Of the best echo [s]: the times that it gives are wrong by at most half of it. Until there is one, frames are not used, ... (our choice)"""
+"""Of the best echo [s]: the times that it gives are wrong by at most half of it. Until there is one, frames are not
+used, ... (project default, unconfirmed)"""
 CLOCK_PATIENCE = NS
-"""... for so long [ns]; then they are used with such times as there are (our choice)."""
+"""... for so long [ns]; then they are used with such times as there are (project default, unconfirmed)."""
 KEEP_ALIVE_PERIOD = NS
 """Between signs of life [ns]; the vendor's sample sends one at least every 2 s."""
 SILENT = NS // 2
-"""A channel that says nothing for this long is silent [ns] (our choice)."""
+"""A channel that says nothing for this long is silent [ns] (project default, unconfirmed)."""
 REORDERED, GAP, AHEAD = 100, 5, 5000
-"""A frame that is late by no more frames than the first came by another way; one that is ahead by no more than the second follows a gap.
-Any other number is believed once a second frame goes on from it, since a single one is a fault of the network: up to the third ahead it is
-a long gap, else another stream (our choice)."""
+"""A frame that is late by no more frames than the first came by another way; one that is ahead by no more than the
+second follows a gap. Any other number counts once a second frame follows it, since a single one is a fault of
+the network: up to the third ahead it is a long gap, else another stream (project default, unconfirmed)."""
 FAILED_CONNECT_PERIOD = NS // 4
-"""Least time between attempts after a datagram that could not be read [ns] (our choice)."""
+"""Least time between attempts after a datagram that could not be read [ns] (project default, unconfirmed)."""
 NAME = "mocap_natnet"
 
 
 class Session:
-    """A conversation that begins, breaks and begins anew by itself. Not thread-safe: one thread calls all of it but `requests.ask`.
+    """A conversation that begins, breaks and begins again by itself. Not thread-safe: one thread calls all of it but
+    `requests.send`.
 
     Args:
         settings: how to find the server.
         on_frame: gets each frame that is newer than those before.
         on_model: gets each description.
-        on_restart: called when the stream begins anew or is another one.
+        on_restart: called when the stream begins again or is another one.
 
     Attributes:
-        info: what the server says of itself, or None before it answered.
-        complaint: why the server's answer cannot be used, or "".
+        info: what the server says of itself, or None before it responded.
+        complaint: why the server's information cannot be used, or "".
         model: the newest description, or None.
-        last_answer, last_frame: when the command and the data channel spoke last [ns], or None.
+        last_response, last_frame: when the command and the data channel spoke last [ns], or None.
     """
 
     def __init__(
@@ -68,23 +68,23 @@ class Session:
         self.info: ServerInfo | None = None
         self.complaint = ""
         self.model: Model | None = None
-        self.last_answer: int | None = None
+        self.last_response: int | None = None
         self.last_frame: int | None = None
         self._on_frame, self._on_model, self._on_restart = on_frame, on_model, on_restart
         self._codec: Codec | None = None
-        self._last_number: int | None = None
+        self._sequence: int | None = None
         self._echoes: dict[int, None] = {}
         self._echoes_sent = 0
         self._suspect: int | None = None
-        self._connect_asked, self._connecting = True, False
+        self._connect_due, self._connecting = True, False
         self._described: frozenset[int] = frozenset()
-        self._undescribed, self._clock_wanted = False, 0
+        self._undescribed, self._clock_deadline = False, 0
         self._due = dict.fromkeys(("model", "echo", "keep alive"), 0)
         self._last_connect = -NS
 
     @property
     def route(self) -> Route | None:
-        """Where frames come from; None before the server answered."""
+        """Where frames come from; None before the server responded."""
         if self.info is None or self._codec is None:
             return None
         settings, info = self.settings, self.info
@@ -105,7 +105,7 @@ class Session:
             refusal = self._take(message, datagram, end, now)
         except CodecError as error:
             refusal = error.reason
-            self._connect_asked = True  # perhaps it speaks another bitstream now
+            self._connect_due = True  # perhaps it speaks another bitstream now
         if refusal:
             self.statistics.refused[refusal] += 1
         else:
@@ -115,7 +115,7 @@ class Session:
         """What is to be sent to the server now. Call it every 20 ms or more often."""
         out: list[bytes] = []
         if self._wants_connect(now):
-            self._connect_asked, self._connecting, self._last_connect = False, True, now
+            self._connect_due, self._connecting, self._last_connect = False, True, now
             self.statistics.connects += 1
             out.append(packet(Message.CONNECT, packets.encode_connect(Connect(NAME, self.settings.bitstream))))
         if self._codec is None or self.info is None:
@@ -131,25 +131,26 @@ class Session:
         return out + self.requests.poll(now)
 
     def silent(self, now: int) -> tuple[bool, bool]:
-        """Whether the command channel and whether the data channel is silent. A server below 3.0 answers no echo and may stay silent for longer."""
+        """Whether the command channel and whether the data channel is silent. A server below 3.0 responds to no echo
+        and may stay silent for longer."""
         patience = SILENT if self.clock.echo is not None else 2 * KEEP_ALIVE_PERIOD + SILENT
         return (
-            self.last_answer is None or now - self.last_answer > patience,
+            self.last_response is None or now - self.last_response > patience,
             self.last_frame is None or now - self.last_frame > SILENT,
         )
 
     def _wants_connect(self, now: int) -> bool:
         since = now - self._last_connect
-        if self._connect_asked and since >= FAILED_CONNECT_PERIOD:
+        if self._connect_due and since >= FAILED_CONNECT_PERIOD:
             return True
         if since < CONNECT_PERIOD:
             return False
-        old_server = self.clock.echo is None and since >= KEEP_ALIVE_PERIOD  # it answers nothing but this
+        old_server = self.clock.echo is None and since >= KEEP_ALIVE_PERIOD  # it responds to nothing but this
         return self._codec is None or old_server or any(self.silent(now))
 
     @property
     def _unsure(self) -> bool:
-        """Whether no echo told the server's clock well enough."""
+        """Whether no echo gave the server's clock well enough."""
         echo = self.clock.echo
         return echo is not None and (echo.round_trip is None or echo.round_trip > GOOD_ROUND_TRIP)
 
@@ -170,22 +171,22 @@ class Session:
         elif message == Message.ECHO_RESPONSE:
             refusal = self._echoed(*packets.decode_echo_response(payload), now)
         elif message in (Message.RESPONSE, Message.UNRECOGNIZED_REQUEST):
-            self.requests.answered(payload if message == Message.RESPONSE else None)
+            self.requests.respond(payload if message == Message.RESPONSE else None)
         elif message == Message.DISCONNECT_BY_TIMEOUT:
-            self._connect_asked = True
+            self._connect_due = True
         elif message != Message.MESSAGESTRING:
             raise CodecError("unknown message", f"{Message(message).name} is no message of a server")
-        self.last_answer = now
+        self.last_response = now
         return refusal
 
     def _server_info(self, info: ServerInfo) -> str:
-        """News of the server count when they were asked for; else they are asked for."""
-        asked, self._connecting = self._connecting, False
+        """Server information counts where it was requested; where it is new without a request, it is requested."""
+        requested, self._connecting = self._connecting, False
         if info == self.info and self._codec is not None:
             self.complaint = ""
             return ""
-        if self.info is not None and not asked:
-            self._connect_asked = True
+        if self.info is not None and not requested:
+            self._connect_due = True
             return "unasked"
         try:
             codec = Codec(info.version)
@@ -193,19 +194,23 @@ class Session:
             self.complaint = f"{info.name or 'the server'} {'.'.join(map(str, info.application))}: {error}"
             raise
         changed = self.info is not None
-        self._codec, self.info, self.complaint = codec, info, ""  # in this order: others may look at `info` and then at `route`
+        self._codec, self.info, self.complaint = (
+            codec,
+            info,
+            "",
+        )  # in this order: others may look at `info` and then at `route`
         self._begin(changed)
         return ""
 
-    def _begin(self, anew: bool) -> None:
+    def _begin(self, again: bool) -> None:
         """Another stream, or the first one."""
         assert self.info is not None
         self.clock.restart(self.info.clock_frequency)
-        self.model, self._last_number, self._suspect = None, None, None
+        self.model, self._sequence, self._suspect = None, None, None
         self._echoes.clear()
-        self._echoes_sent = self._clock_wanted = 0
+        self._echoes_sent = self._clock_deadline = 0
         self._due = dict.fromkeys(self._due, 0)
-        if anew:
+        if again:
             self.statistics.restarts += 1
         self._on_restart()
 
@@ -215,10 +220,10 @@ class Session:
         frame = self._codec.decode_frame(datagram, end)
         if refusal := self._out_of_order(frame.number):
             return refusal
-        self._last_number, self.last_frame = frame.number, now
+        self._sequence, self.last_frame = frame.number, now
         self._heed(frame)
-        self._clock_wanted = self._clock_wanted or now + CLOCK_PATIENCE
-        if self._unsure and now < self._clock_wanted:
+        self._clock_deadline = self._clock_deadline or now + CLOCK_PATIENCE
+        if self._unsure and now < self._clock_deadline:
             return "before the clock is known"
         exposed, means = self.clock.exposed(frame, now)
         self.statistics.frame(now, exposed, means, frame.skipped)
@@ -226,9 +231,9 @@ class Session:
         return ""
 
     def _heed(self, frame: Frame) -> None:
-        """What a frame tells of the stream."""
+        """Note what the flags and bodies of a frame say of the stream."""
         if frame.suffix.flags & VERSION_CHANGED:
-            self._connect_asked = True
+            self._connect_due = True
         if frame.suffix.flags & MODEL_CHANGED:
             self.model = None
         elif self.model is not None and not self._described.issuperset([body.id for body in frame.bodies]):
@@ -236,9 +241,9 @@ class Session:
 
     def _out_of_order(self, number: int) -> str:
         """Why a frame does not follow the last one, or ""; counts what lies between."""
-        if self._last_number is None:
+        if self._sequence is None:
             return ""
-        step = number - self._last_number
+        step = number - self._sequence
         if -REORDERED <= step <= 0:
             return "late" if step else "duplicate"
         if not 0 < step <= GAP and (self._suspect is None or not 0 < number - self._suspect <= GAP):
@@ -247,8 +252,8 @@ class Session:
         if 0 < step <= AHEAD:
             self.statistics.lost += step - 1
         else:
-            self._begin(anew=True)
-            self._connect_asked = True
+            self._begin(again=True)
+            self._connect_due = True
         self._suspect = None
         return ""
 
@@ -264,14 +269,16 @@ class Session:
 
     def _echo(self, now: int) -> bytes:
         self._echoes_sent += 1
-        self._due["echo"] = now + (FIRST_ECHO_PERIOD if self._echoes_sent < FIRST_ECHOES or self._unsure else ECHO_PERIOD)
+        self._due["echo"] = now + (
+            FIRST_ECHO_PERIOD if self._echoes_sent < FIRST_ECHOES or self._unsure else ECHO_PERIOD
+        )
         self._echoes[now] = None
         while len(self._echoes) > 50:
             self._echoes.pop(next(iter(self._echoes)))
         return packet(Message.ECHO_REQUEST, packets.encode_echo_request(now))
 
     def _echoed(self, stamp: int, ticks: int, now: int) -> str:
-        """The answer to an echo of ours; another one is refused."""
+        """The response to an echo of this client; another one is refused."""
         if stamp not in self._echoes:
             return "echo"
         del self._echoes[stamp]
@@ -280,5 +287,5 @@ class Session:
             before = echo.restarts
             echo.add(stamp, now, ticks)
             if echo.restarts > before:  # another server, or one whose frequency was misread
-                self._connect_asked = True
+                self._connect_due = True
         return ""

@@ -1,62 +1,75 @@
 """How the client looks for its server."""
 
-from __future__ import annotations
-
 import ipaddress
 from dataclasses import dataclass
+from typing import Any
 
-from hric_control.errors import ParameterError
-from mocap_natnet.codec.layout import Version, layout
+from hric_control.parameters import Settings as Base
+from hric_control.parameters import choice, either, listing, number, text, whole
+from mocap_natnet.codec.layout import Version, layout, parse
 from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT
 
-TRANSPORTS = ("auto", "unicast", "multicast")
 BROADCAST = "255.255.255.255"
+TRANSPORTS = ("auto", "unicast", "multicast")
+
+
+def _address(given: str) -> str:
+    return str(ipaddress.IPv4Address(given)) if given else given
+
+
+def _group(given: str) -> str:
+    if given and not ipaddress.IPv4Address(given).is_multicast:
+        raise ValueError
+    return given
+
+
+def _version(given: str | Version) -> Version | None:
+    found = parse(given) if isinstance(given, str) and given else given or None
+    if found is not None:
+        layout(found)
+    return found
+
+
+def address(default: str, said: str, empty: bool = True) -> Any:
+    """A parameter with an address."""
+    valid = "an IPv4 address" + ", or nothing" * empty
+    return text(default, valid=valid, empty=empty, made=_address, text=said)
+
+
+def group(default: str, said: str, empty: bool = True) -> Any:
+    """A parameter with a multicast group."""
+    valid = "a multicast address, 224.0.0.0 to 239.255.255.255" + ", or nothing" * empty
+    return text(default, valid=valid, empty=empty, made=_group, text=said)
+
+
+def bitstream(default: Version | None, said: str, name: str) -> Any:
+    """A parameter with a version of the protocol, as text such as 4.1, or as numbers."""
+    kinds = either(text(figures=True), listing(whole(), 2), default=default, made=_version, name=name, text=said)
+    kinds.kind, kinds.accepts = "string", "major.minor, e.g. 4.1"
+    return kinds
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Parameters of the client.
+class Settings(Base):
+    """Parameters of the client."""
 
-    Args:
-        server: address of the server; "": the first one that answers a discovery.
-        discovery: address that a discovery is sent to.
-        local: address of the network card that faces the server; "": the one by which this machine reaches it.
-        command_port: of the server.
-        data_port: where frames arrive; 0: as the server says.
-        group: multicast group; "": as the server says.
-        transport: "auto": as the server says.
-        bitstream: wanted from a unicast server; None: its newest.
-        nominal_latency: from the middle of the exposure to the arrival, where the server does not tell [s].
-    """
-
-    server: str = "127.0.0.1"
-    discovery: str = BROADCAST
-    local: str = ""
-    command_port: int = COMMAND_PORT
-    data_port: int = 0
-    group: str = ""
-    transport: str = "auto"
-    bitstream: Version | None = None
-    nominal_latency: float = 0.0055
-
-    def __post_init__(self) -> None:
-        for name in ("server", "discovery", "local", "group"):
-            value = getattr(self, name)
-            try:
-                address = ipaddress.IPv4Address(value or "239.0.0.1")
-            except ValueError:
-                raise ParameterError(f"{name} is {value!r}; valid: an IPv4 address, or nothing") from None
-            if name == "group" and not address.is_multicast:
-                raise ParameterError(f"group is {value}; valid: a multicast address, 224.0.0.0 to 239.255.255.255")
-        if self.transport not in TRANSPORTS:
-            raise ParameterError(f"transport is {self.transport!r}; valid: {', '.join(TRANSPORTS)}")
-        for name, low in (("command_port", 1), ("data_port", 0)):
-            if not low <= getattr(self, name) <= 65535:
-                raise ParameterError(f"{name} is {getattr(self, name)}; valid: {low} to 65535")
-        if self.bitstream is not None:
-            layout(self.bitstream)
-        if not 0 <= self.nominal_latency < 10:
-            raise ParameterError(f"nominal_latency is {self.nominal_latency}; valid: 0 to 10 [s]")
+    server: str = address("127.0.0.1", "address of Motive's machine; empty: the first one that responds to a discovery")
+    discovery: str = address(BROADCAST, "where the discovery is sent")
+    local: str = address("", "address of the network card that faces Motive; empty: the one by which Motive is reached")
+    command_port: int = whole(COMMAND_PORT, minimum=1, maximum=65535, text="UDP")
+    data_port: int = whole(0, minimum=0, maximum=65535, text="UDP; 0: as Motive says")
+    group: str = group("", "multicast group; empty: as Motive says")
+    transport: str = choice(*TRANSPORTS, text="`auto`: as Motive says")
+    bitstream: Version | None = bitstream(
+        None, "requested of a unicast server, e.g. `4.1`; empty: its newest. 2.5 to 4.5 are read", "bitstream"
+    )
+    nominal_latency: float = number(
+        0.0055,
+        minimum=0.0,
+        maximum=10.0,
+        unit="s",
+        text="from exposure to arrival, where the server does not report it",
+    )
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,15 @@
 """NatNet on the wire: bytes to values and back, without sockets. Little endian, packed.
 
-`Codec` reads and writes one bitstream; a datagram that cannot be read is a `CodecError` with a reason, whatever its bytes are.
+`Codec` reads and writes one bitstream; a datagram that cannot be read is a `CodecError` with a reason, whatever its
+bytes are.
 """
 
-from __future__ import annotations
-
 from mocap_natnet.codec.descriptions import Model
-from mocap_natnet.codec.errors import REASONS, CodecError
-from mocap_natnet.codec.frame import FrameDecoder
-from mocap_natnet.codec.frame_writer import FrameEncoder
+from mocap_natnet.codec.frame import FrameDecoder, FrameEncoder
 from mocap_natnet.codec.layout import FIRST, LAST, Version, layout, parse, text
-from mocap_natnet.codec.model import decode_model
-from mocap_natnet.codec.model_writer import encode_model
+from mocap_natnet.codec.model import decode_model, encode_model
 from mocap_natnet.codec.packets import HEADER, Message, packet
+from mocap_natnet.codec.reader import REASONS, CodecError
 from mocap_natnet.codec.types import Frame
 
 __all__ = ["FIRST", "LAST", "REASONS", "Codec", "CodecError", "Version", "parse", "text"]

@@ -1,14 +1,10 @@
 """What a model description holds. Positions are metres, orientations x, y, z, w."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
-from mocap_natnet.codec.types import Quaternion, Vector
+from hric_control.geometry import IDENTITY, ORIGIN, Quaternion, Vector
 
 NO_PARENT = -1
-IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
-ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
 class MarkerSetDescription(NamedTuple):
@@ -22,7 +18,8 @@ class DescribedMarker(NamedTuple):
     """A marker of a rigid body.
 
     Attributes:
-        position: in the body. In a capture of Motive 2.1 (3.0) the sign of x was reversed against the streamed pose: try both.
+        position: in the body. In a capture of Motive 2.1 (3.0) the sign of x was reversed against the streamed pose:
+            try both.
         label: required active label, 0 for passive ones.
         name: from 4.0 on.
     """

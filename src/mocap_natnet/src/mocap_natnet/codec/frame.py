@@ -1,15 +1,26 @@
-"""The payload of FRAMEOFDATA."""
+"""The payload of FRAMEOFDATA, read and written."""
 
-from __future__ import annotations
-
+import functools
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import chain
 from typing import Any, TypeVar
 
-from mocap_natnet.codec.errors import CodecError
+from hric_control.geometry import Vector
 from mocap_natnet.codec.layout import Layout
-from mocap_natnet.codec.reader import COUNT_AND_SIZE, INT, VECTOR, Reader
-from mocap_natnet.codec.types import TRACKED, Analog, Asset, BodyMarker, Frame, Marker, MarkerSet, RigidBody, Skeleton, Suffix, Vector
+from mocap_natnet.codec.reader import COUNT_AND_SIZE, INT, VECTOR, CodecError, Reader
+from mocap_natnet.codec.types import (
+    TRACKED,
+    Analog,
+    Asset,
+    BodyMarker,
+    Frame,
+    Marker,
+    MarkerSet,
+    RigidBody,
+    Skeleton,
+    Suffix,
+)
 
 T = TypeVar("T")
 
@@ -18,6 +29,8 @@ _ASSET_MARKER = struct.Struct("<i3ffhf")
 _MIN_BODY = 32
 """Bytes of id, position and orientation: the least that a rigid body takes."""
 _BODY_HEAD = struct.Struct("<i3f4f")
+_NOTHING, _NO_ELEMENTS = INT.pack(0), COUNT_AND_SIZE.pack(0, 0)
+"""Empty sections, without and with their size."""
 
 
 class FrameDecoder:
@@ -34,8 +47,6 @@ class FrameDecoder:
         self._sections += [self._markers]
         self._sections += [_analogs if flag else _nothing for flag in (layout.force_plates, layout.devices)]
         self._sized = layout.sizes
-        self._body_tail = struct.Struct("<fh" if layout.body_flags else "<f")
-        self._plain_suffix = layout.suffix_fields == (*Suffix._fields[1:], "end_tag")
 
     def decode(self, data: bytes, offset: int = 0, end: int | None = None) -> Frame:
         """A frame.
@@ -89,7 +100,7 @@ class FrameDecoder:
         ids = reader.unpack(struct.Struct(f"<{number}i"))
         sizes = reader.unpack(struct.Struct(f"<{number}f"))
         markers = tuple(map(BodyMarker, positions, ids, sizes))
-        mean_error, *flags = reader.unpack(self._body_tail)
+        mean_error, *flags = reader.unpack(self._layout.body_tail)
         return RigidBody(head[0], head[1:4], head[4:8], mean_error, flags[0] if flags else TRACKED, markers)
 
     def _skeletons(self, reader: Reader, number: int) -> tuple[Skeleton, ...]:
@@ -105,14 +116,16 @@ class FrameDecoder:
         values = reader.unpack(self._layout.suffix)
         if values[-1] != 0 and self._layout.tail_known:
             raise CodecError("end tag", f"{values[-1]} instead of 0 at {reader.offset - INT.size}")
-        if self._plain_suffix:
+        if self._layout.plain_suffix:
             return Suffix(0.0, *values[:-1])
         return Suffix(**dict(zip(self._layout.suffix_fields[:-1], values, strict=False)))
 
 
 def _check(reader: Reader, number: int, size: int) -> None:
     if number * size > reader.left:
-        raise CodecError("count", f"{number} elements of {size} bytes or more at {reader.offset}, {reader.left} bytes are left")
+        raise CodecError(
+            "count", f"{number} elements of {size} bytes or more at {reader.offset}, {reader.left} bytes are left"
+        )
 
 
 def _nothing(reader: Reader, number: int) -> tuple[()]:
@@ -137,15 +150,118 @@ def _assets(reader: Reader, number: int) -> tuple[Asset, ...]:
 
 def _asset(reader: Reader) -> Asset:
     asset = reader.integer()
-    bodies = [RigidBody(v[0], v[1:4], v[4:8], v[8], v[9]) for v in reader.array(_ASSET_BODY, reader.count(_ASSET_BODY.size))]
+    bodies = [
+        RigidBody(v[0], v[1:4], v[4:8], v[8], v[9]) for v in reader.array(_ASSET_BODY, reader.count(_ASSET_BODY.size))
+    ]
     markers = [Marker(v[0], v[1:4], *v[4:]) for v in reader.array(_ASSET_MARKER, reader.count(_ASSET_MARKER.size))]
     return Asset(asset, tuple(bodies), tuple(markers))
 
 
 def _analogs(reader: Reader, number: int) -> tuple[Analog, ...]:
     _check(reader, number, 8)
-    return tuple(Analog(reader.integer(), tuple(_samples(reader) for _ in range(reader.count(4)))) for _ in range(number))
+    return tuple(
+        Analog(reader.integer(), tuple(_samples(reader) for _ in range(reader.count(4)))) for _ in range(number)
+    )
 
 
 def _samples(reader: Reader) -> tuple[float, ...]:
     return reader.unpack(struct.Struct(f"<{reader.count(4)}f"))
+
+
+class FrameEncoder:
+    """Writes frames of one bitstream; what the bitstream lacks is left out.
+
+    Args:
+        layout: of the bitstream.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        self._plain_body = not layout.body_markers and layout.body_flags
+
+    def encode(self, frame: Frame) -> bytes:
+        """The payload."""
+        layout = self._layout
+        parts = [
+            INT.pack(frame.number),
+            self._section(frame.marker_sets, _pack_marker_set),
+            self._section(frame.unlabelled, _pack_vector),
+            self._section(frame.bodies, self._body),
+            self._section(frame.skeletons, self._skeleton),
+            self._section(frame.assets, _pack_asset) if layout.assets else b"",
+            self._section(frame.markers, self._marker),
+            self._section(frame.force_plates, _pack_analog) if layout.force_plates else b"",
+            self._section(frame.devices, _pack_analog) if layout.devices else b"",
+            self._suffix(frame.suffix),
+        ]
+        return b"".join(parts)
+
+    def _suffix(self, suffix: Suffix) -> bytes:
+        if self._layout.plain_suffix:
+            return self._layout.suffix.pack(*suffix[1:], 0)
+        fields = suffix._asdict()
+        return self._layout.suffix.pack(*(fields[name] for name in self._layout.suffix_fields[:-1]), 0)
+
+    def _section(self, elements: Sequence[object], write) -> bytes:  # type: ignore[no-untyped-def]
+        if not elements:
+            return _NO_ELEMENTS if self._layout.sizes else _NOTHING
+        content = b"".join(map(write, elements))
+        head = COUNT_AND_SIZE.pack(len(elements), len(content)) if self._layout.sizes else INT.pack(len(elements))
+        return head + content
+
+    def _body(self, body: RigidBody) -> bytes:
+        if self._plain_body:
+            return self._layout.body.pack(body.id, *body.position, *body.orientation, body.mean_error, body.flags)
+        head = _BODY_HEAD.pack(body.id, *body.position, *body.orientation)
+        tail = (body.mean_error, body.flags)[: 1 + self._layout.body_flags]
+        markers = _pack_body_markers(body) if self._layout.body_markers else b""
+        return head + markers + self._layout.body_tail.pack(*tail)
+
+    def _skeleton(self, skeleton: Skeleton) -> bytes:
+        return struct.pack("<ii", skeleton.id, len(skeleton.bodies)) + b"".join(map(self._body, skeleton.bodies))
+
+    def _marker(self, marker: Marker) -> bytes:
+        layout = self._layout
+        if layout.residual:
+            return layout.marker.pack(marker.id, *marker.position, marker.size, marker.flags, marker.residual)
+        return layout.marker.pack(*(marker.id, *marker.position, marker.size, marker.flags)[: 5 + layout.marker_flags])
+
+
+def _pack_body_markers(body: RigidBody) -> bytes:
+    number = len(body.markers)
+    positions = chain.from_iterable(marker.position for marker in body.markers)
+    ids, sizes = (marker.id for marker in body.markers), (marker.size for marker in body.markers)
+    return struct.pack(f"<i{3 * number}f{number}i{number}f", number, *positions, *ids, *sizes)
+
+
+def _pack_vector(position: Vector) -> bytes:
+    return VECTOR.pack(*position)
+
+
+def _pack_marker_set(markers: MarkerSet) -> bytes:
+    number = len(markers.positions)
+    return (
+        markers.name.encode() + b"\0" + _counted_vectors(number).pack(number, *chain.from_iterable(markers.positions))
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def _counted_vectors(number: int) -> struct.Struct:
+    return struct.Struct(f"<i{3 * number}f")
+
+
+def _pack_asset(asset: Asset) -> bytes:
+    bodies = [
+        _ASSET_BODY.pack(body.id, *body.position, *body.orientation, body.mean_error, body.flags)
+        for body in asset.bodies
+    ]
+    markers = [
+        _ASSET_MARKER.pack(marker.id, *marker.position, marker.size, marker.flags, marker.residual)
+        for marker in asset.markers
+    ]
+    return INT.pack(asset.id) + INT.pack(len(bodies)) + b"".join(bodies) + INT.pack(len(markers)) + b"".join(markers)
+
+
+def _pack_analog(analog: Analog) -> bytes:
+    channels = [struct.pack(f"<i{len(samples)}f", len(samples), *samples) for samples in analog.channels]
+    return struct.pack("<ii", analog.id, len(channels)) + b"".join(channels)

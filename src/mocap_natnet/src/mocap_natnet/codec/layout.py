@@ -1,17 +1,16 @@
-"""Which field exists in which bitstream: the one table that depends on the version.
+"""Which field exists in which bitstream: the one place that depends on the version.
 
-Sources: public captures of Motive sessions (2.5 to 3.0) and what several independent public decoders agree on (3.0 to 4.2).
-Later bitstreams are read as 4.2.
+Sources: public captures of Motive sessions (2.5 to 3.0) and what several independent public decoders agree on (3.0 to
+4.2). Later bitstreams are read as 4.2.
 """
-
-from __future__ import annotations
 
 import functools
 import re
 from dataclasses import dataclass
 from struct import Struct
 
-from mocap_natnet.codec.errors import CodecError
+from mocap_natnet.codec.reader import CodecError
+from mocap_natnet.codec.types import Suffix
 
 Version = tuple[int, int]
 """Major and minor number of a bitstream; 2.10 is (2, 10) and later than (2, 9)."""
@@ -20,7 +19,8 @@ FIRST: Version = (2, 5)
 LAST: Version = (4, 5)
 """The oldest and the newest bitstream that is read."""
 NEWEST_KNOWN: Version = (4, 2)
-"""The newest one whose layout is known; those after it are read by their section sizes, and what follows their known part is left alone."""
+"""The newest one whose layout is known; those after it are read by their section sizes, and what follows their known
+part is left alone."""
 
 SINCE: dict[str, Version] = {
     "body_flags": (2, 6),
@@ -41,7 +41,8 @@ SINCE: dict[str, Version] = {
 }
 """First bitstream that has the field. Skeletons and labelled markers are in all that are read."""
 UNTIL: dict[str, Version] = {"body_markers": (3, 0), "latency": (3, 0)}
-"""First bitstream that lacks the field: the markers of a body within the frame (in the description from 3.0 on), and the software latency."""
+"""First bitstream that lacks the field: the markers of a body within the frame (in the description from 3.0 on), and
+the software latency."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +53,11 @@ class Layout:
         version: the bitstream.
         tail_known: whether what follows a known part is an error of the stream.
         body: rigid body without markers: id, position, orientation, mean error, flags.
+        body_tail: what follows the markers of a body: mean error, flags.
         marker: labelled marker.
         suffix: everything behind the last section.
         suffix_fields: its names, in order.
+        plain_suffix: whether these are all fields of `Suffix` but the latency, and the end tag.
     """
 
     version: Version
@@ -77,9 +80,11 @@ class Layout:
     latency: bool
     tail_known: bool
     body: Struct
+    body_tail: Struct
     marker: Struct
     suffix: Struct
     suffix_fields: tuple[str, ...]
+    plain_suffix: bool
 
 
 @functools.cache
@@ -87,15 +92,19 @@ def layout(version: Version) -> Layout:
     """The layout of a bitstream. Raises CodecError where the bitstream is not known."""
     if not FIRST <= version <= LAST:
         raise CodecError("version", f"bitstream {text(version)}; this codec reads {text(FIRST)} to {text(LAST)}")
-    flags = {name: version >= since for name, since in SINCE.items()} | {name: version < until for name, until in UNTIL.items()}
+    flags = {name: version >= since for name, since in SINCE.items()} | {
+        name: version < until for name, until in UNTIL.items()
+    }
     fields = _suffix_fields(flags)
     return Layout(
         version=version,
         tail_known=version <= NEWEST_KNOWN,
         body=Struct("<i3f4ff" + "h" * flags["body_flags"]),
+        body_tail=Struct("<f" + "h" * flags["body_flags"]),
         marker=Struct("<i3ff" + "h" * flags["marker_flags"] + "f" * flags["residual"]),
         suffix=Struct("<" + "".join(fields.values())),
         suffix_fields=tuple(fields),
+        plain_suffix=tuple(fields) == (*Suffix._fields[1:], "end_tag"),
         **flags,
     )
 

@@ -1,14 +1,12 @@
 """Message ids, the header of a datagram, and the small messages: connection, server information, echo."""
 
-from __future__ import annotations
-
 import socket
 import struct
 from enum import IntEnum
 from typing import NamedTuple
 
-from mocap_natnet.codec.errors import CodecError
 from mocap_natnet.codec.layout import Version, text
+from mocap_natnet.codec.reader import CodecError
 
 COMMAND_PORT = 1510
 DATA_PORT = 1511
@@ -59,7 +57,8 @@ def packet(message: Message, payload: bytes = b"") -> bytes:
 def split(datagram: bytes) -> tuple[int, int]:
     """(message id, end of the payload); the payload begins behind the header.
 
-    A datagram may be longer than its header says (vendor samples append a NUL), not shorter; the lengths of UNRECOGNIZED_REQUEST mean nothing.
+    A datagram may be longer than its header says (vendor samples append a NUL), not shorter; the lengths of
+    UNRECOGNIZED_REQUEST mean nothing.
 
     Raises:
         CodecError: no header, an unknown message, or fewer bytes than said.
@@ -110,31 +109,43 @@ def encode_server_info(info: ServerInfo, rubbish: bytes = b"") -> bytes:
     head = (name, *info.application, *info.version, 0, 0)
     if info.version < (3, 0):
         return _SERVER_OLD.pack(*head)
-    return _SERVER_NEW.pack(*head, info.clock_frequency, info.data_port, bool(info.multicast), socket.inet_aton(info.group or MULTICAST_GROUP))
+    return _SERVER_NEW.pack(
+        *head,
+        info.clock_frequency,
+        info.data_port,
+        bool(info.multicast),
+        socket.inet_aton(info.group or MULTICAST_GROUP),
+    )
 
 
 def decode_server_info(payload: bytes) -> ServerInfo:
-    """The payload of SERVERINFO; a bitstream that the codec does not know is told, not refused here. Raises CodecError."""
+    """The payload of SERVERINFO; a bitstream that the codec does not know is returned, not refused here. Raises
+    CodecError."""
     if len(payload) < _SERVER_OLD.size:
-        raise CodecError("short", f"server information of {len(payload)} bytes; valid: {_SERVER_OLD.size} or {_SERVER_NEW.size}")
+        raise CodecError(
+            "short", f"server information of {len(payload)} bytes; valid: {_SERVER_OLD.size} or {_SERVER_NEW.size}"
+        )
     raw, *numbers = _SERVER_OLD.unpack_from(payload)
     name = raw.split(b"\0", 1)[0].decode(errors="replace")
     application, version = (numbers[0], numbers[1], numbers[2], numbers[3]), (numbers[4], numbers[5])
     if version < (3, 0):
         return ServerInfo(name, application, version)
     if len(payload) < _SERVER_NEW.size:
-        raise CodecError("short", f"server information of {len(payload)} bytes for bitstream {text(version)}; valid: {_SERVER_NEW.size}")
+        raise CodecError(
+            "short",
+            f"server information of {len(payload)} bytes for bitstream {text(version)}; valid: {_SERVER_NEW.size}",
+        )
     frequency, port, multicast, group = _SERVER_NEW.unpack_from(payload)[-4:]
     return ServerInfo(name, application, version, frequency, port, multicast != 0, socket.inet_ntoa(group))
 
 
 class Connect(NamedTuple):
-    """What a client asks for when it connects.
+    """What a client requests when it connects.
 
     Attributes:
         name: of the application, "" where it says none.
-        version: wanted bitstream, None for the server's newest.
-        subscribed_only: whether it wants only the data that it subscribes to.
+        version: requested bitstream, None for the server's newest.
+        subscribed_only: whether it receives only the data that it subscribes to.
     """
 
     name: str = ""

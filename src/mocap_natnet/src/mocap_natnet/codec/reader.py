@@ -1,13 +1,12 @@
-"""Reads a datagram front to back; every count and length is checked against the bytes that are left before it is used."""
-
-from __future__ import annotations
+"""Reads a datagram front to back; every count and length is checked against the bytes that are left before it is
+used."""
 
 import struct
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from mocap_natnet.codec.errors import CodecError
-from mocap_natnet.codec.types import Vector
+from hric_control.errors import HricError
+from hric_control.geometry import Vector
 
 T = TypeVar("T")
 
@@ -43,7 +42,7 @@ class Reader:
         begin = self.offset
         stop = begin + layout.size
         if stop > self.end:
-            raise CodecError("short", f"{layout.size} bytes wanted at {begin}, {self.end - begin} are left")
+            raise CodecError("short", f"{layout.size} bytes expected at {begin}, {self.end - begin} are left")
         self.offset = stop
         return layout.unpack_from(self.data, begin)
 
@@ -56,7 +55,9 @@ class Reader:
         """A count of elements that take at least `size` bytes each."""
         number = self.integer()
         if number < 0 or number * size > self.end - self.offset:
-            raise CodecError("count", f"{number} elements of {size} bytes or more at {self.offset}, {self.left} bytes are left")
+            raise CodecError(
+                "count", f"{number} elements of {size} bytes or more at {self.offset}, {self.left} bytes are left"
+            )
         return number
 
     def name(self) -> str:
@@ -75,7 +76,10 @@ class Reader:
         begin = self.offset
         self.offset = begin + number * layout.size
         if self.offset > self.end:
-            raise CodecError("short", f"{number} elements of {layout.size} bytes wanted at {begin}, {self.end - begin} bytes are left")
+            raise CodecError(
+                "short",
+                f"{number} elements of {layout.size} bytes expected at {begin}, {self.end - begin} bytes are left",
+            )
         return list(layout.iter_unpack(self.data[begin : self.offset]))
 
     def vectors(self) -> tuple[Vector, ...]:
@@ -100,9 +104,30 @@ class Reader:
         self.skipped += self.end - self.offset
         self.offset, self.end = self.end, end
 
-    def sized(self, size: int, read: Callable[[Reader], T]) -> T:
+    def sized(self, size: int, read: "Callable[[Reader], T]") -> T:
         """Read what the next `size` bytes hold."""
         end = self.begin_sized(size)
         value = read(self)
         self.end_sized(end)
         return value
+
+
+REASONS = ("short", "length", "count", "size", "name", "end tag", "version", "unknown message", "unknown type")
+"""Why a datagram is refused: shorter than its layout, another length than its header says, a count or a section size
+that the bytes left cannot hold, a name that does not end or is not UTF-8, no end tag where the frame ends, a bitstream
+that this codec does not know, a message id that does not exist or does not belong here, a description of a type that
+cannot be skipped."""
+
+
+class CodecError(HricError):
+    """A datagram that cannot be read; nothing of it is used.
+
+    Args:
+        reason: one of REASONS, to count by.
+        text: what was found where.
+    """
+
+    def __init__(self, reason: str, text: str) -> None:
+        assert reason in REASONS
+        self.reason = reason
+        super().__init__(f"NatNet datagram refused ({reason}): {text}")

@@ -1,16 +1,14 @@
 """What a frame holds. Positions are metres and orientations x, y, z, w, both in the axes of the stream."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
-"""x, y, z, w."""
+from hric_control.geometry import Quaternion, Vector
 
 TRACKED = 0x01
 """Flag of a rigid body: tracking is valid in this frame. Without it the pose means nothing."""
-OCCLUDED, POINT_CLOUD, MODEL_FILLED, OF_ASSET, UNLABELLED, ACTIVE, ESTABLISHED, MEASUREMENT = (1 << bit for bit in range(8))
+OCCLUDED, POINT_CLOUD, MODEL_FILLED, OF_ASSET, UNLABELLED, ACTIVE, ESTABLISHED, MEASUREMENT = (
+    1 << bit for bit in range(8)
+)
 """Flags of a labelled marker."""
 RECORDING, MODEL_CHANGED, EDIT_MODE, VERSION_CHANGED = (1 << bit for bit in range(4))
 """Flags of a frame."""
@@ -81,19 +79,21 @@ class Asset(NamedTuple):
 
 
 class Analog(NamedTuple):
-    """A force plate or another analogue device: the samples of each channel that came with this frame; their number may differ."""
+    """A force plate or another analogue device: the samples of each channel that came with this frame; their number may
+    differ."""
 
     id: int
     channels: tuple[tuple[float, ...], ...]
 
 
 class Suffix(NamedTuple):
-    """What stands at the end of a frame; 0 where the bitstream lacks it.
+    """The end of a frame; 0 where the bitstream lacks it.
 
     Attributes:
         latency: of the software, below 3.0 [s, or ms in 2.10].
         time_stamp: since the software started [s].
-        mid_exposure, received, transmitted: ticks of the server's clock, from 3.0 on; mid_exposure is 0 when the cameras cannot tell.
+        mid_exposure, received, transmitted: ticks of the server's clock, from 3.0 on; mid_exposure is 0 when the
+            cameras do not know it.
         precision_seconds, precision_fraction: precision time protocol, from 4.1 on.
         flags: RECORDING, MODEL_CHANGED, EDIT_MODE, VERSION_CHANGED.
     """
@@ -115,7 +115,8 @@ class Frame(NamedTuple):
 
     Attributes:
         unlabelled: positions of the legacy list; prefer `markers`.
-        skipped: bytes at the ends of sections and of the frame that were not understood; 0 in the bitstreams that are known.
+        skipped: bytes at the ends of sections and of the frame that were not understood; 0 in the bitstreams that are
+            known.
     """
 
     number: int

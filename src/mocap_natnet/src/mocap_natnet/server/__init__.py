@@ -6,4 +6,16 @@ from mocap_natnet.server.server import MotiveServer
 from mocap_natnet.server.settings import Settings
 from mocap_natnet.server.sources import Sinusoid, Source, Track, from_file
 
-__all__ = ["Body", "Faults", "Motive", "MotiveServer", "Plate", "Scene", "Settings", "Sinusoid", "Source", "Track", "from_file"]
+__all__ = [
+    "Body",
+    "Faults",
+    "Motive",
+    "MotiveServer",
+    "Plate",
+    "Scene",
+    "Settings",
+    "Sinusoid",
+    "Source",
+    "Track",
+    "from_file",
+]

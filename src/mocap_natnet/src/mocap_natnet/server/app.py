@@ -1,7 +1,5 @@
 """The command `emulated_motive`."""
 
-from __future__ import annotations
-
 import argparse
 import logging
 import math
@@ -14,18 +12,25 @@ from pathlib import Path
 from typing import Protocol
 
 from hric_control.errors import HricError, ParameterError
+from hric_control.geometry import UP_AXES
+from hric_control.parameters import Settings as Declared
+from hric_control.parameters import declared
+from hric_control.processes import run_command
+from hric_control.robot_time.stream_time import Clock
 from mocap_natnet.codec import FIRST, LAST, parse, text
-from mocap_natnet.poses import UP_AXES
 from mocap_natnet.server.motive import Motive
 from mocap_natnet.server.scene import Faults, Scene
 from mocap_natnet.server.scene_file import DEFAULT_BODIES, Live, load
 from mocap_natnet.server.server import LOG, MotiveServer
-from mocap_natnet.server.settings import TRANSPORTS, UNICAST_TO, Settings
-from mocap_natnet.server.stream_time import Clock
+from mocap_natnet.server.settings import Settings
 
 CLOCKS = ("run", "wall")
 TICK = 1.0
 """Between ticks [s]."""
+STREAM = ("rate", "transport", "unicast_to", "ip", "command_port", "data_port", "group", "client_timeout")
+FAULTS = ("latency", "jitter", "loss", "drift", "seed")
+SCENE_FAULTS = ("noise", "rotation_noise", "marker_noise", "occlusion_rate", "occlusion_length", "seed")
+"""Options that are parameters of `Settings`, and of the scene's `Faults`."""
 
 
 class LiveScene(Live, Protocol):
@@ -38,53 +43,72 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     made = argparse.ArgumentParser(
         prog="rosrun mocap_natnet emulated_motive",
-        description="An emulated Motive that streams by NatNet to any client. Needs no ROS master; where one is, the stream goes by the run's time.",
+        description="An emulated Motive that streams by NatNet to any client. Needs no ROS master; where one is, the "
+        "stream goes by the run's time.",
     )
     add = made.add_argument
-    add("--scene", type=Path, metavar="FILE", help="YAML with bodies and plates (default: a body `marker` on a sinusoid of 0.1 m, 0.25 Hz along x)")
+    add(
+        "--scene",
+        type=Path,
+        metavar="FILE",
+        help="YAML with bodies and plates (default: a body `marker` on a sinusoid of 0.1 m, 0.25 Hz along x)",
+    )
     add("--up", choices=UP_AXES, default="y", help="axis that points up in the stream (default: %(default)s)")
-    add("--hide-plates", action="store_true", help="stream force plates without describing them, for clients that cannot read that")
-    add("--clock", choices=CLOCKS, default="run", help="run: stream in the time of the run where a ROS master answers; wall (default: %(default)s)")
-    add("--duration", type=float, default=0.0, metavar="S", help="end after this time [s]; 0: never (default: %(default)s)")
-    _add_stream(made)
-    _add_faults(made)
+    add(
+        "--hide-plates",
+        action="store_true",
+        help="stream force plates without describing them, for clients that cannot read that",
+    )
+    add(
+        "--clock",
+        choices=CLOCKS,
+        default="run",
+        help="run: stream in the time of the run where a ROS master runs; wall (default: %(default)s)",
+    )
+    add(
+        "--duration",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="end after this time [s]; 0: never (default: %(default)s)",
+    )
+    _add_groups(made)
     return made
 
 
-def _add_stream(made: argparse.ArgumentParser) -> None:
-    base = Settings()
-    add = made.add_argument_group("stream").add_argument
-    add("--bitstream", default=text(base.version), metavar="V", help=f"{text(FIRST)} to {text(LAST)} (default: %(default)s)")
-    add("--rate", type=float, default=base.rate, metavar="HZ", help="frames per second (default: %(default)s)")
-    add("--transport", choices=TRANSPORTS, default=base.transport, help="(default: %(default)s)")
-    add("--unicast-to", choices=UNICAST_TO, default=base.unicast_to, help="where a client's frames go (default: %(default)s)")
-    add("--ip", default=base.ip, help="address to listen on (default: %(default)s, this machine only)")
-    add("--command-port", type=int, default=base.command_port, metavar="N", help="UDP (default: %(default)s)")
-    add("--data-port", type=int, default=base.data_port, metavar="N", help="UDP (default: %(default)s)")
-    add("--group", default=base.group, help="multicast group (default: %(default)s)")
-    add(
-        "--client-timeout",
-        type=float,
-        default=base.client_timeout,
-        metavar="S",
-        help="silence that ends unicast [s]; 0: never (default: %(default)s)",
+def _add_groups(made: argparse.ArgumentParser) -> None:
+    stream, faults = made.add_argument_group("stream"), made.add_argument_group("faults")
+    stream.add_argument(
+        "--bitstream",
+        default=text(Settings().version),
+        metavar="V",
+        help=f"{text(FIRST)} to {text(LAST)} (default: %(default)s)",
+    )
+    _add(stream, Settings(), STREAM)
+    _add(faults, Settings(), FAULTS[:-1])
+    _add(faults, Faults(), SCENE_FAULTS)
+    faults.add_argument(
+        "--occlude",
+        action="append",
+        default=[],
+        metavar="BEGIN:DURATION[:BODY]",
+        help="nothing of BODY (default: of all) is seen; may be repeated",
     )
 
 
-def _add_faults(made: argparse.ArgumentParser) -> None:
-    base = Settings()
-    add = made.add_argument_group("faults").add_argument
-    add("--latency", type=float, default=base.latency, metavar="S", help="from the exposure to the sending (default: %(default)s)")
-    add("--jitter", type=float, default=0.0, metavar="S", help="added to it, from 0 to this")
-    add("--loss", type=float, default=0.0, metavar="SHARE", help="share of frames lost, 0 to 1")
-    add("--drift", type=float, default=0.0, metavar="PPM", help="how much faster the server's clock runs")
-    add("--noise", type=float, default=0.0, metavar="M", help="of positions of bodies, standard deviation per axis")
-    add("--rotation-noise", type=float, default=0.0, metavar="RAD", help="of their orientations, per axis")
-    add("--marker-noise", type=float, default=0.0, metavar="M", help="of each marker besides")
-    add("--occlude", action="append", default=[], metavar="BEGIN:DURATION[:BODY]", help="nothing of BODY (default: of all) is seen; may be repeated")
-    add("--occlusion-rate", type=float, default=0.0, metavar="HZ", help="random occlusions of all bodies per second")
-    add("--occlusion-length", type=float, default=0.3, metavar="S", help="their mean duration (default: %(default)s)")
-    add("--seed", type=int, default=0, metavar="N", help="of all that is random")
+def _add(group: argparse._ArgumentGroup, settings: Declared, names: Sequence[str]) -> None:
+    """Options of declared parameters, with the values of `settings` as defaults."""
+    for name in names:
+        parameter, default = declared(type(settings))[name], getattr(settings, name)
+        choices = parameter.accepts.split(", ") if parameter.kind.startswith("`") else None
+        group.add_argument(
+            f"--{name.replace('_', '-')}",
+            type=type(default),
+            default=default,
+            choices=choices,
+            metavar=None if choices else (parameter.unit or parameter.kind).upper(),
+            help=f"{parameter.text_with_unit} (default: %(default)s)",
+        )
 
 
 def occlusion(words: str) -> tuple[float, float, str]:
@@ -94,25 +118,23 @@ def occlusion(words: str) -> tuple[float, float, str]:
     try:
         return float(begin), float(duration), body
     except ValueError:
-        raise ParameterError(f"--occlude is {words!r}; valid: BEGIN:DURATION or BEGIN:DURATION:BODY, e.g. 2:0.5:marker [s]") from None
+        raise ParameterError(
+            f"--occlude is {words!r}; valid: BEGIN:DURATION or BEGIN:DURATION:BODY, e.g. 2:0.5:marker [s]"
+        ) from None
 
 
 def make_motive(options: argparse.Namespace, live: Live | None = None) -> Motive:
-    """What the arguments describe; `live` makes sources that hear the running system. Raises HricError."""
-    faults = Faults(
-        options.noise,
-        options.rotation_noise,
-        options.marker_noise,
-        tuple(map(occlusion, options.occlude)),
-        options.occlusion_rate,
-        options.occlusion_length,
-        options.seed,
-    )
-    names = ("rate", "transport", "unicast_to", "ip", "command_port", "data_port", "group", "client_timeout")
-    stream = {name: getattr(options, name) for name in (*names, "latency", "jitter", "loss", "drift", "seed")}
-    settings = Settings(version=parse(options.bitstream), **stream)
+    """What the arguments describe; `live` makes sources that follow the running system. Raises HricError."""
+    given = vars(options)
+    settings = Settings(version=parse(options.bitstream), **{name: given[name] for name in (*STREAM, *FAULTS)})
+    occlusions = tuple(map(occlusion, options.occlude))
+    faults = Faults(occlusions=occlusions, **{name: given[name] for name in SCENE_FAULTS})
     described = not options.hide_plates
-    scene = load(options.scene, faults, options.up, described, live) if options.scene else Scene(DEFAULT_BODIES, (), faults, options.up, described)
+    scene = (
+        load(options.scene, faults, options.up, described, live)
+        if options.scene
+        else Scene(DEFAULT_BODIES, (), faults, options.up, described)
+    )
     known = {body.name for body in scene.bodies}
     for _, _, body in faults.occlusions:
         if body and body not in known:
@@ -120,14 +142,19 @@ def make_motive(options: argparse.Namespace, live: Live | None = None) -> Motive
     return Motive(settings, scene)
 
 
-def serve(options: argparse.Namespace, clock: Clock | None = None, tick: Callable[[], None] = lambda: None, live: LiveScene | None = None) -> None:
+def serve(
+    options: argparse.Namespace,
+    clock: Clock | None = None,
+    tick: Callable[[], None] = lambda: None,
+    live: LiveScene | None = None,
+) -> None:
     """Run until SIGINT, SIGTERM or the end of the duration.
 
     Args:
         options: of `parser`.
         clock: by which the stream goes; None: the wall's.
         tick: called once a second; a HricError of it ends the server.
-        live: makes sources that hear the running system, and is told how the stream's time and the clock's belong together.
+        live: makes sources that follow the running system; gets the map from the stream's time to the clock's.
 
     Raises:
         HricError: the options cannot be used, or `tick` says so.
@@ -137,12 +164,19 @@ def serve(options: argparse.Namespace, clock: Clock | None = None, tick: Callabl
     motive = make_motive(options, live)
     server = MotiveServer(motive, clock)
     if live is not None:
-        live.run_of = server.run_time
+        live.run_of = server.robot_time
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: server.stop())
     settings = motive.settings
     where = f"group {settings.group}" if settings.transport == "multicast" else "unicast"
-    LOG.info("bitstream %s at %g Hz, %s, commands at %s:%d", text(settings.version), settings.rate, where, settings.ip, server.command_port)
+    LOG.info(
+        "bitstream %s at %g Hz, %s, commands at %s:%d",
+        text(settings.version),
+        settings.rate,
+        where,
+        settings.ip,
+        server.command_port,
+    )
     ticker = _Ticker(server, tick, options.duration or math.inf)
     try:
         server.run()
@@ -191,17 +225,4 @@ def main(words: Sequence[str] | None = None) -> int:
     """The command without ROS. Returns its exit code."""
     options = options_of(words)
     logging.basicConfig(level=logging.INFO, format="[%(levelname)s] %(message)s")
-    return run(lambda: serve(options))
-
-
-def run(work: Callable[[], None]) -> int:
-    """Do the work; a HricError becomes one line and the exit code 1."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # until the server stands
-    try:
-        work()
-    except HricError as error:
-        LOG.critical("%s", error)
-        return 1
-    except KeyboardInterrupt:
-        return 0
-    return 0
+    return run_command(lambda: serve(options), LOG)

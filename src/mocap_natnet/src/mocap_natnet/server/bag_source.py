@@ -1,7 +1,5 @@
 """The motion of a body from a recorded bag. Needs no ROS."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -10,11 +8,12 @@ from typing import Any
 from rosbags.highlevel import AnyReader, AnyReaderError
 
 from hric_control.errors import ParameterError, UnknownNameError
-from mocap_natnet.poses import Pose, normalized, pose_z_up
+from hric_control.geometry.messages import pose_of
+from hric_control.geometry.poses import Pose, pose_z_up
 from mocap_natnet.server.sources import Track
 
 FRAMES, POSES = "hric_msgs/msg/MocapData", "geometry_msgs/msg/PoseStamped"
-"""Types of topics that tell where a body was."""
+"""Types of topics with poses of a body."""
 
 
 def from_bag(path: Path, topic: str, body: str = "", up: str = "z") -> Track:
@@ -43,13 +42,15 @@ def from_bag(path: Path, topic: str, body: str = "", up: str = "z") -> Track:
 
 
 def _poses(reader: Any, path: Path, topic: str, body: str) -> Iterator[tuple[float, Pose | None]]:
-    usable = {connection.topic: connection for connection in reader.connections if connection.msgtype in (FRAMES, POSES)}
+    usable = {
+        connection.topic: connection for connection in reader.connections if connection.msgtype in (FRAMES, POSES)
+    }
     if topic not in usable:
         raise UnknownNameError("topic of poses", topic, sorted(usable), f"bag {path}")
     for connection, _, raw in reader.messages([usable[topic]]):
         message = reader.deserialize(raw, connection.msgtype)
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        yield stamp, _pose(message.pose) if connection.msgtype == POSES else _body(message, body, path)
+        yield stamp, pose_of(message.pose) if connection.msgtype == POSES else _body(message, body, path)
 
 
 def _body(message: Any, body: str, path: Path) -> Pose | None:
@@ -57,9 +58,4 @@ def _body(message: Any, body: str, path: Path) -> Pose | None:
     found = [one for one in message.rigid_bodies if body in ("", one.name)]
     if not found:
         raise UnknownNameError("body", body, [one.name for one in message.rigid_bodies], f"bag {path}")
-    return _pose(found[0].pose) if found[0].tracking_valid else None
-
-
-def _pose(pose: Any) -> Pose:
-    p, q = pose.position, pose.orientation
-    return Pose((p.x, p.y, p.z), normalized((q.x, q.y, q.z, q.w)))
+    return pose_of(found[0].pose) if found[0].tracking_valid else None

@@ -1,7 +1,5 @@
 """The motion of a body, and of each of its markers, from a c3d file. Needs no ROS."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
@@ -9,14 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hric_control.errors import ParameterError
-from hric_control.poses import quaternion
-from mocap_natnet.codec.types import Vector
-from mocap_natnet.poses import Pose
-from mocap_natnet.rigid_body import COLLINEAR
+from hric_control.geometry import FloatArray, Pose, Vector, quaternion_from_rotation
+from hric_control.trial.c3d import Trial
+from mocap_natnet.rigid_body import on_one_line, poses_of_points
 from mocap_natnet.server.sources import Track
-from mocap_natnet.trial import Trial
-
-FloatArray = NDArray[np.float64]
 
 ON_FRAME = 1e-6
 """A time so near to one of a frame is that of the frame [frames]."""
@@ -25,9 +19,10 @@ ON_FRAME = 1e-6
 class RecordedBody:
     """A rigid body made of markers of a trial: a source of its pose, and what was seen of its markers.
 
-    The body's axes are those of the laboratory in the first frame that shows all of its markers, its origin is their middle. With three markers or
-    more its pose is fitted to those that are seen, three at least; with one or two it keeps its axes, and all have to be seen. Before the first frame
-    it rests where it is seen first, after the last one as it is there.
+    The body's axes are those of the laboratory in the first frame that shows all of its markers, its origin is their
+    middle. With three markers or more its pose is fitted to those that are seen, three at least; with one or two it
+    keeps its axes, and all have to be seen. Before the first frame it rests where it is seen first, after the last one
+    as it is there.
 
     Args:
         trial: what was recorded.
@@ -42,20 +37,28 @@ class RecordedBody:
     """
 
     def __init__(self, trial: Trial, labels: Sequence[str]) -> None:
-        self._seen, self._rate = trial.markers(labels), trial.rate
+        self._positions, self._rate = trial.markers(labels), trial.rate
         self.duration = trial.duration
-        there = np.asarray(np.isfinite(self._seen).all(axis=2))
+        there = np.asarray(np.isfinite(self._positions).all(axis=2))
         whole = np.flatnonzero(there.all(axis=1))
         if not len(whole):
-            raise ParameterError(f"no frame of {trial.name} shows all of {', '.join(labels)}; valid: markers that are seen together")
-        first = self._seen[whole[0]]
+            raise ParameterError(
+                f"no frame of {trial.name} shows all of {', '.join(labels)}; valid: markers that are seen together"
+            )
+        first = self._positions[whole[0]]
         in_body = first - first.mean(axis=0)
-        if len(labels) > 2 and _on_one_line(in_body):
-            raise ParameterError(f"the markers {', '.join(labels)} of {trial.name} are on one line; valid: three that span a triangle, or one or two")
+        if len(labels) > 2 and on_one_line(in_body):
+            raise ParameterError(
+                f"the markers {', '.join(labels)} of {trial.name} are on one line; valid: three that span a "
+                "triangle, or one or two"
+            )
         self.markers: tuple[Vector, ...] = tuple((x, y, z) for x, y, z in in_body.tolist())
-        p, R, self._tracked = _fit(in_body, self._seen, there)
+        p, R, self._tracked = _fit(in_body, self._positions, there)
         frames = np.flatnonzero(self._tracked)
-        poses = [Pose((x, y, z), quaternion(turn)) for (x, y, z), turn in zip(p[frames].tolist(), R[frames], strict=True)]
+        poses = [
+            Pose((x, y, z), quaternion_from_rotation(rotation))
+            for (x, y, z), rotation in zip(p[frames].tolist(), R[frames], strict=True)
+        ]
         self._track = Track((frames / self._rate).tolist(), poses)
 
     def pose(self, time: float) -> Pose:
@@ -70,21 +73,23 @@ class RecordedBody:
     def seen(self, time: float) -> tuple[Vector | None, ...]:
         """Where each of its markers was [m], on a straight line between two frames; None: not seen in one of them."""
         before, after, share = self._frames(time)
-        points = (1 - share) * self._seen[before] + share * self._seen[after] if share else self._seen[before]
+        points = (
+            (1 - share) * self._positions[before] + share * self._positions[after] if share else self._positions[before]
+        )
         return tuple((x, y, z) if x == x else None for x, y, z in points.tolist())
 
     def _frames(self, time: float) -> tuple[int, int, float]:
-        """The frames about a time, and how far it is on its way from the one to the other."""
-        last = len(self._seen) - 1
+        """The frames about a time, and what share of the step from the one to the other it is past the first."""
+        last = len(self._positions) - 1
         if time < 0.0:
             first = int(np.argmax(self._tracked))
             return first, first, 0.0
-        place = min(max(time * self._rate, 0.0), float(last))
-        near = round(place)
-        if abs(place - near) < ON_FRAME:
+        position = min(max(time * self._rate, 0.0), float(last))
+        near = round(position)
+        if abs(position - near) < ON_FRAME:
             return near, near, 0.0
-        before = math.floor(place)
-        return before, before + 1, place - before
+        before = math.floor(position)
+        return before, before + 1, position - before
 
 
 def labels_of(trial: Trial, name: str) -> list[str]:
@@ -97,12 +102,17 @@ def labels_of(trial: Trial, name: str) -> list[str]:
     if not found and not trial.labels:
         raise ParameterError(f"{trial.name} has no markers")
     if not found:
-        raise ParameterError(f"no marker of {trial.name} begins with {name!r}; give labels; valid: {', '.join(trial.labels)}")
+        raise ParameterError(
+            f"no marker of {trial.name} begins with {name!r}; give labels; valid: {', '.join(trial.labels)}"
+        )
     return found
 
 
-def _fit(in_body: FloatArray, seen: FloatArray, there: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """(p (frames, 3), R (frames, 3, 3), which frames have them (frames,)): as `rigid_body.Fit`, for all frames that show the same markers at once."""
+def _fit(
+    in_body: FloatArray, seen: FloatArray, there: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """(p (frames, 3), R (frames, 3, 3), which frames have them (frames,)): of the body in each frame that shows enough
+    of it."""
     frames, count = there.shape
     p, R, tracked = np.zeros((frames, 3)), np.tile(np.eye(3), (frames, 1, 1)), np.zeros(frames, dtype=bool)
     patterns, which = np.unique(there, axis=0, return_inverse=True)
@@ -111,18 +121,7 @@ def _fit(in_body: FloatArray, seen: FloatArray, there: NDArray[np.bool_]) -> tup
         body = in_body[shown]
         if count < 3 and shown.all():
             p[rows], tracked[rows] = seen[rows].mean(axis=1), True
-        elif count >= 3 and len(body) >= 3 and not _on_one_line(body - body.mean(axis=0)):
-            q = seen[np.ix_(rows, np.flatnonzero(shown))]
-            centre_b, centre_q = body.mean(axis=0), q.mean(axis=1)
-            u, _, vt = np.linalg.svd(np.einsum("mi,fmj->fij", body - centre_b, q - centre_q[:, None]))
-            v, ut = np.swapaxes(vt, 1, 2), np.swapaxes(u, 1, 2)
-            v[:, :, 2] *= np.sign(np.linalg.det(v @ ut))[:, None]
-            R[rows] = v @ ut
-            p[rows], tracked[rows] = centre_q - R[rows] @ centre_b, True
+        elif count >= 3 and len(body) >= 3 and not on_one_line(body):
+            p[rows], R[rows] = poses_of_points(body, seen[np.ix_(rows, np.flatnonzero(shown))])
+            tracked[rows] = True
     return p, R, tracked
-
-
-def _on_one_line(points: FloatArray) -> bool:
-    """Whether points about their middle, shape (n, 3), give no orientation."""
-    extents = np.linalg.svd(points, compute_uv=False)
-    return bool(extents[1] <= COLLINEAR * extents[0])

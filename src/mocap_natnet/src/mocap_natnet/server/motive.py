@@ -1,6 +1,4 @@
-"""What Motive says on the wire, without sockets: frames of a scene, answers to requests, who gets what."""
-
-from __future__ import annotations
+"""What Motive says on the wire, without sockets: frames of a scene, responses to requests, who gets what."""
 
 import struct
 from collections.abc import Callable
@@ -23,12 +21,29 @@ RUBBISH = bytes(range(0x80, 0x100)) * 2
 """Real packets hold what the memory held before behind the name."""
 _OK = struct.pack("<i", 0)
 _FAILED = struct.pack("<i", 1)
-_DONE_BY_NAME = ("LiveMode", "EditMode", "StartRecording", "StopRecording", "TimelinePlay", "TimelineStop", "SetRecordTakeName")
-_ACCEPTED = frozenset((
-    *("SetPlaybackTakeName", "SetPlaybackStartFrame", "SetPlaybackStopFrame", "SetPlaybackCurrentFrame", "SetPlaybackLooping", "SetCurrentSession"),
-    *("EnableAsset", "DisableAsset", "SubscribeToData", "SubscribeByID", "SubscribedDataOnly"),
-))  # fmt: skip
-"""Answered with "done" and without effect."""
+_DONE_BY_NAME = (
+    "LiveMode",
+    "EditMode",
+    "StartRecording",
+    "StopRecording",
+    "TimelinePlay",
+    "TimelineStop",
+    "SetRecordTakeName",
+)
+_ACCEPTED = frozenset(
+    (
+        *(
+            "SetPlaybackTakeName",
+            "SetPlaybackStartFrame",
+            "SetPlaybackStopFrame",
+            "SetPlaybackCurrentFrame",
+            "SetPlaybackLooping",
+            "SetCurrentSession",
+        ),
+        *("EnableAsset", "DisableAsset", "SubscribeToData", "SubscribeByID", "SubscribedDataOnly"),
+    )
+)
+"""The response is "done"; they have no effect."""
 
 
 @dataclass
@@ -36,7 +51,7 @@ class _Client:
     """Who gets frames by unicast."""
 
     version: Version
-    heard: float
+    received: float
 
 
 class Motive:
@@ -50,7 +65,8 @@ class Motive:
         recording: whether a take is being recorded.
         take: its name.
         live: False in edit mode, in which nothing is streamed.
-        hardware: time of the stream -> time by the server's own clock, which goes on while a stream in run time stands [s].
+        hardware: time of the stream -> time by the server's own clock, which goes on while a stream in robot time
+            pauses [s].
     """
 
     def __init__(self, settings: Settings, scene: Scene) -> None:
@@ -80,7 +96,7 @@ class Motive:
             client.version = version
 
     def change_scene(self, scene: Scene) -> None:
-        """See something else from the next frame on; that frame tells that the description changed."""
+        """See something else from the next frame on; a flag of that frame says that the description changed."""
         self.scene, self._pending_flags = scene, self._pending_flags | MODEL_CHANGED
 
     def delay(self, number: int) -> float | None:
@@ -102,7 +118,9 @@ class Motive:
         suffix = Suffix(
             time_stamp=exposed,
             mid_exposure=settings.ticks(exposed) if settings.exposure_known else 0,
-            received=settings.ticks(max(exposed, transmitted - min(settings.latency, 0.0009))),  # a capture shows 0.9 ms of software
+            received=settings.ticks(
+                max(exposed, transmitted - min(settings.latency, 0.0009))
+            ),  # a capture shows 0.9 ms of software
             transmitted=settings.ticks(transmitted),
             flags=flags,
         )
@@ -125,7 +143,11 @@ class Motive:
         if settings.transport == "multicast":
             return [(self.datagram(frame), (settings.group, settings.data_port))]
         if settings.client_timeout:
-            self._clients = {key: client for key, client in self._clients.items() if time - client.heard <= settings.client_timeout}
+            self._clients = {
+                key: client
+                for key, client in self._clients.items()
+                if time - client.received <= settings.client_timeout
+            }
         made = {client.version: b"" for client in self._clients.values()}
         for version in made:
             made[version] = self.datagram(frame, version)
@@ -137,8 +159,8 @@ class Motive:
                 found.append((made[client.version], (address[0], settings.data_port)))
         return found
 
-    def answer(self, datagram: bytes, sender: Address, time: float, latest: int | None = None) -> Outgoing:
-        """The answers to a datagram; none to what is no request.
+    def respond(self, datagram: bytes, sender: Address, time: float, latest: int | None = None) -> Outgoing:
+        """The responses to a datagram; none to what is no request.
 
         Args:
             datagram: as it came.
@@ -152,7 +174,7 @@ class Motive:
             return []
         payload = datagram[HEADER.size : end]
         if client := self._clients.get(sender):
-            client.heard = time
+            client.received = time
         if message == Message.CONNECT:
             return [(self._connect(datagram[HEADER.size :], sender, time), sender)]
         if message == Message.DISCOVERY:
@@ -180,19 +202,27 @@ class Motive:
         return client.version if client else self._version
 
     def _may_speak(self, version: Version) -> bool:
-        """Whether a unicast client may ask for a bitstream."""
+        """Whether a unicast client may request a bitstream."""
         return self.settings.transport == "unicast" and self._version >= (3, 0) and (3, 0) <= version <= self._version
 
     def _connect(self, payload: bytes, sender: Address, time: float) -> bytes:
-        wanted = packets.decode_connect(payload).version
-        version = wanted if wanted and self._may_speak(wanted) else self._version
+        requested = packets.decode_connect(payload).version
+        version = requested if requested and self._may_speak(requested) else self._version
         if self.settings.transport == "unicast":
             self._clients[sender] = _Client(version, time)
         return self._server_info(version)
 
     def _server_info(self, version: Version) -> bytes:
         settings = self.settings
-        info = ServerInfo(NAME, APPLICATION, version, settings.frequency, settings.data_port, settings.transport == "multicast", settings.group)
+        info = ServerInfo(
+            NAME,
+            APPLICATION,
+            version,
+            settings.frequency,
+            settings.data_port,
+            settings.transport == "multicast",
+            settings.group,
+        )
         return packet(Message.SERVERINFO, packets.encode_server_info(info, RUBBISH))
 
     def _echo(self, payload: bytes, sender: Address, time: float) -> Outgoing:
@@ -209,7 +239,9 @@ class Motive:
             "FrameRate": struct.pack("<f", self.settings.rate),
             "UnitsToMillimeters": struct.pack("<f", 1000.0),
             "CurrentMode": struct.pack("<i", 0 if self.live else 2),
-            "AnalogSamplesPerMocapFrame": struct.pack("<i", max((plate.samples for plate in self.scene.plates), default=0)),
+            "AnalogSamplesPerMocapFrame": struct.pack(
+                "<i", max((plate.samples for plate in self.scene.plates), default=0)
+            ),
             "CurrentTakeLength": _OK,
             "CurrentSessionPath": b"emulated\0",
         }

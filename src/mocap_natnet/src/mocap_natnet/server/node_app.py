@@ -1,28 +1,138 @@
 """The node `emulated_motive`: the command, in the time of the run where there is one."""
 
-from __future__ import annotations
-
+import contextlib
 import logging
 import os
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import rosgraph
 import rospy
+import tf2_ros
+from geometry_msgs.msg import PoseStamped
 
-from hric_control.ros_logging import forward_to_ros
-from hric_control.ros_node import RosNode
-from mocap_natnet.run_time import RunTime
+from gazebo_msgs.msg import LinkStates
+from gazebo_msgs.srv import GetLinkState
+from hric_control.geometry import Pose, normalized
+from hric_control.geometry.messages import pose_of
+from hric_control.processes import run_command
+from hric_control.robot_time.follower import RobotTime
+from hric_control.ros import RosNode, forward_to_ros
 from mocap_natnet.server import app
-from mocap_natnet.server.live_sources import LiveSources
+from mocap_natnet.server.server import LOG
+from mocap_natnet.server.sources import History, Source
 
+LOOK = 0.02
+"""Between two looks at a link [s of wall time]. The constants of this file are project defaults, unconfirmed."""
+REQUEST_PERIOD = 0.1
+"""Between two requests for a link that tf does not know [s of wall time]."""
+STATES, SERVICE = "sim/link_states", "sim/get_link_state"
 NAME = "emulated_motive"
 
 
+class LiveSources:
+    """Makes sources that follow the running system.
+
+    Args:
+        node: private node.
+        robot_time: the time of the run.
+
+    Attributes:
+        run_of: time of the stream [s] -> time of the run [s], None while that is not known; of the server that calls
+            the sources.
+    """
+
+    def __init__(self, node: RosNode, robot_time: RobotTime) -> None:
+        self._node, self._robot_time = node, robot_time
+        self.run_of: Callable[[float], float | None] = lambda stream: None
+        self._ended = threading.Event()
+        self._links: list[_Link] = []
+
+    def close(self) -> None:
+        """Look no more."""
+        self._ended.set()
+
+    def topic(self, name: str) -> Source:
+        """Follows geometry_msgs/PoseStamped by its stamps; a stamp of 0 counts as the time of arrival."""
+        history = History()
+
+        def add(message: Any) -> None:
+            stamp = message.header.stamp.to_sec() or self._robot_time.now()
+            if stamp is not None:
+                history.add(stamp, pose_of(message.pose))
+
+        self._node.subscribe(rospy.resolve_name(name), PoseStamped, add, queue_size=0)
+        return self._in_stream(history)
+
+    def link(self, name: str, frame: str) -> Source:
+        """Follows a link: by `sim/link_states` where somebody publishes it, by tf, or by the service
+        `sim/get_link_state`.
+
+        Args:
+            name: of the link; `model::link` of another model of the simulation.
+            frame: in which its poses are.
+        """
+        if not self._links:
+            self._buffer = tf2_ros.Buffer()
+            self._listener = tf2_ros.TransformListener(self._buffer)
+            self._get_link_state = rospy.ServiceProxy(rospy.resolve_name(SERVICE), GetLinkState)
+            self._node.subscribe(rospy.resolve_name(STATES), LinkStates, self._on_states, queue_size=1)
+            threading.Thread(target=self._look, name="links", daemon=True).start()
+        link = _Link(name, frame)
+        self._links.append(link)
+        return self._in_stream(link.history)
+
+    def _in_stream(self, history: History) -> Source:
+        def source(stream: float) -> Pose | None:
+            run = self.run_of(stream)
+            return None if run is None else history(run)
+
+        return source
+
+    def _on_states(self, message: Any) -> None:
+        now = self._robot_time.now()
+        for link in self._links:
+            if now is not None and link.name in message.name:
+                link.published = True
+                link.history.add(now, pose_of(message.pose[message.name.index(link.name)]))
+
+    def _look(self) -> None:
+        looks, interval = 0, round(REQUEST_PERIOD / LOOK)
+        while not self._ended.wait(LOOK) and not rospy.is_shutdown():
+            looks += 1
+            for link in self._links:
+                if not link.published and not self._transformed(link) and looks % interval == 0:
+                    self._requested(link)
+
+    def _transformed(self, link: "_Link") -> bool:
+        try:
+            found = self._buffer.lookup_transform(link.frame, link.name, rospy.Time(0))
+        except tf2_ros.TransformException:
+            return False
+        t, r = found.transform.translation, found.transform.rotation
+        stamp = found.header.stamp.to_sec() or self._robot_time.now()  # 0: it never moves
+        if stamp is not None and stamp > link.history.last:
+            link.history.add(stamp, Pose((t.x, t.y, t.z), normalized((r.x, r.y, r.z, r.w))))
+        return True
+
+    def _requested(self, link: "_Link") -> None:
+        with contextlib.suppress(rospy.ServiceException, rospy.ROSException):
+            response, now = self._get_link_state(link.name, link.frame), self._robot_time.now()
+            if response.success and now is not None and now > link.history.last:
+                link.history.add(now, pose_of(response.link_state.pose))
+
+
+class _Link:
+    def __init__(self, name: str, frame: str) -> None:
+        self.name, self.frame, self.history, self.published = name, frame, History(), False
+
+
 def main(words: Sequence[str] | None = None) -> int:
-    """Run until told to end; without a master, or with --clock wall, as the command without ROS. Returns the exit code."""
+    """Run until the shutdown request; without a master, or with --clock wall, as the command without ROS. Returns the
+    exit code."""
     options = app.options_of(words)
     if options.clock == "wall" or not rosgraph.is_master_online():
         return app.main(words)
@@ -31,16 +141,16 @@ def main(words: Sequence[str] | None = None) -> int:
         rospy.init_node(NAME, argv=sys.argv if words is None else [NAME, *words], disable_signals=True)
         forward_to_ros(logging.getLogger("hric"))
         node, serving = RosNode("~"), threading.Event()
-        run_time = RunTime(node)
-        live = LiveSources(node, run_time)
+        robot_time = RobotTime(node)
+        live = LiveSources(node, robot_time)
         rospy.on_shutdown(lambda: os.kill(os.getpid(), signal.SIGTERM) if serving.is_set() else None)  # `rosnode kill`
         try:
             serving.set()
-            app.serve(options, run_time, run_time.tick, live)
+            app.serve(options, robot_time, robot_time.tick, live)
         finally:
             serving.clear()
             live.close()
-            run_time.close()
-            rospy.signal_shutdown("told to end")
+            robot_time.close()
+            rospy.signal_shutdown("shutdown requested")
 
-    return app.run(work)
+    return run_command(work, LOG)

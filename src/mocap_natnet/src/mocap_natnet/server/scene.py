@@ -1,22 +1,22 @@
 """What the emulated cameras see: rigid bodies with markers, force plates, and what goes wrong with them."""
 
-from __future__ import annotations
-
-import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from hric_control.errors import ParameterError
+from hric_control.geometry.poses import UP_AXES, Pose, from_z_up, pose_from_z_up, transformed
+from hric_control.geometry.quaternions import Vector, from_rotation_vector, product
+from hric_control.parameters import Parameter, Settings, listing, number, numbers, whole
 from mocap_natnet.codec import descriptions as d
-from mocap_natnet.codec.types import OF_ASSET, POINT_CLOUD, TRACKED, Analog, Frame, Marker, MarkerSet, RigidBody, Suffix, Vector
-from mocap_natnet.poses import UP_AXES, Pose, from_rotation_vector, multiply, pose_stream_axes, stream_axes, transform
+from mocap_natnet.codec.types import OF_ASSET, POINT_CLOUD, TRACKED, Analog, Frame, Marker, MarkerSet, RigidBody, Suffix
 from mocap_natnet.server.sources import Source
 
 TRIANGLE: tuple[Vector, ...] = ((0.06, -0.02, 0.0), (-0.04, -0.03, 0.0), (-0.02, 0.05, 0.0))
-"""Three markers about their centroid, no two sides alike [m] (our choice)."""
+"""Three markers about their centroid, no two sides alike [m] (project default, unconfirmed)."""
 MARKER_SIZE = 0.014
 """Diameter of a common passive marker [m]."""
 MARKER_FLAGS = POINT_CLOUD | OF_ASSET
@@ -36,7 +36,8 @@ class Body:
         source: what moves it.
         id: streaming id, 1 to 32767.
         markers: in the body, z up [m].
-        seen: time of the stream [s] -> where each of the markers is seen, z up [m], None: it is not; None: where the pose puts them.
+        seen: time of the stream [s] -> where each of the markers is seen, z up [m], None: it is not; None: where the
+            pose puts them.
     """
 
     name: str
@@ -68,37 +69,30 @@ class Plate:
     samples: int = 5
 
 
+def _occlusion(given: Any, where: str, joints: Sequence[str]) -> tuple[float, float, str]:
+    """[begin [s], duration [s]] or with the name of a body besides."""
+    named = isinstance(given, list | tuple) and len(given) == 3
+    span, body = (given[:2], given[2]) if named else (given, "")
+    if not isinstance(body, str):
+        raise ValueError
+    begin, duration = numbers(2, unit="s").checked(span, where)
+    return begin, duration, body
+
+
+OCCLUSION = Parameter("row", "[begin, duration] or [begin, duration, body]", _occlusion, unit="s")
+
+
 @dataclass(frozen=True)
-class Faults:
-    """What is wrong with what is seen; all of it repeats with the seed.
+class Faults(Settings):
+    """What is wrong with what is seen; all of it repeats with the seed."""
 
-    Args:
-        noise: of a body's position, standard deviation per axis [m].
-        rotation_noise: of its orientation, per axis [rad].
-        marker_noise: of each marker besides [m].
-        occlusions: (begin [s], duration [s], name of the body or "" for all).
-        occlusion_rate: random ones of all bodies [1/s].
-        occlusion_length: mean duration of those [s].
-        seed: of all that is random.
-    """
-
-    noise: float = 0.0
-    rotation_noise: float = 0.0
-    marker_noise: float = 0.0
-    occlusions: tuple[tuple[float, float, str], ...] = ()
-    occlusion_rate: float = 0.0
-    occlusion_length: float = 0.3
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("noise", "rotation_noise", "marker_noise", "occlusion_rate", "occlusion_length"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ParameterError(f"{name} is {value}; valid: finite, 0 or more")
-        if not all(math.isfinite(begin) and math.isfinite(duration) for begin, duration, _ in self.occlusions):
-            raise ParameterError(f"occlusions are {self.occlusions}; valid: finite begin and duration")
-        if self.seed < 0:
-            raise ParameterError(f"seed is {self.seed}; valid: 0 or more")
+    noise: float = number(0.0, minimum=0.0, unit="m", text="of positions of bodies, standard deviation per axis")
+    rotation_noise: float = number(0.0, minimum=0.0, unit="rad", text="of their orientations, per axis")
+    marker_noise: float = number(0.0, minimum=0.0, unit="m", text="of each marker besides")
+    occlusions: tuple[tuple[float, float, str], ...] = listing(OCCLUSION, default=(), text="body: empty for all")
+    occlusion_rate: float = number(0.0, minimum=0.0, unit="1/s", text="random occlusions of all bodies")
+    occlusion_length: float = number(0.3, minimum=0.0, unit="s", text="their mean duration")
+    seed: int = whole(0, minimum=0, text="of all that is random")
 
 
 @dataclass
@@ -110,7 +104,7 @@ class Scene:
         plates: force plates.
         faults: what is wrong with what is seen.
         up: axis that points up in the stream, y or z.
-        describe_plates: whether the description tells of the plates; some clients cannot read it.
+        describe_plates: whether the description has the plates; some clients cannot read that.
     """
 
     bodies: tuple[Body, ...] = ()
@@ -122,9 +116,15 @@ class Scene:
     def __post_init__(self) -> None:
         if self.up not in UP_AXES:
             raise ParameterError(f"the axis that points up is {self.up!r}; valid: {', '.join(UP_AXES)}")
-        for what, keys in (("names", {body.name for body in self.bodies}), ("streaming ids", {body.id for body in self.bodies})):
+        for what, keys in (
+            ("names", {body.name for body in self.bodies}),
+            ("streaming ids", {body.id for body in self.bodies}),
+        ):
             if len(keys) != len(self.bodies):
-                raise ParameterError(f"two bodies share one of the {what}: {', '.join(f'{body.name} ({body.id})' for body in self.bodies)}")
+                raise ParameterError(
+                    f"two bodies share one of the {what}: "
+                    f"{', '.join(f'{body.name} ({body.id})' for body in self.bodies)}"
+                )
         self._last: dict[str, Pose] = {}
         self._blinks, self._noise = _Blinks(self.faults), _Noise(self.faults, self.bodies)
 
@@ -149,12 +149,23 @@ class Scene:
                 seen = self._markers(body, pose, noise, time)
                 markers += seen
                 sets.append(MarkerSet(body.name, tuple([marker.position for marker in seen])))
-            told = pose_stream_axes(self.up, self._last.get(body.name, Pose()))
+            streamed = pose_from_z_up(self.up, self._last.get(body.name, Pose()))
             error = self.faults.marker_noise
-            bodies.append(RigidBody(body.id, told.position, told.orientation, error, 0 if hidden else TRACKED))
+            bodies.append(RigidBody(body.id, streamed.position, streamed.orientation, error, 0 if hidden else TRACKED))
         positions = tuple([marker.position for marker in markers])
         plates = tuple([self._plate(plate, time, period) for plate in self.plates])
-        return Frame(number, (*sets, MarkerSet("all", positions)), positions, tuple(bodies), (), (), tuple(markers), plates, (), suffix)
+        return Frame(
+            number,
+            (*sets, MarkerSet("all", positions)),
+            positions,
+            tuple(bodies),
+            (),
+            (),
+            tuple(markers),
+            plates,
+            (),
+            suffix,
+        )
 
     def model(self) -> d.Model:
         """The description."""
@@ -163,10 +174,16 @@ class Scene:
             names = tuple(f"Marker{index}" for index in range(1, len(body.markers) + 1))
             found.append(d.MarkerSetDescription(body.name, names))
         found.append(
-            d.MarkerSetDescription("all", tuple(f"{body.name}_{index}" for body in self.bodies for index in range(1, len(body.markers) + 1)))
+            d.MarkerSetDescription(
+                "all",
+                tuple(f"{body.name}_{index}" for body in self.bodies for index in range(1, len(body.markers) + 1)),
+            )
         )
         for body in self.bodies:
-            markers = [d.DescribedMarker(stream_axes(self.up, marker), 0, f"Marker{index}") for index, marker in enumerate(body.markers, 1)]
+            markers = [
+                d.DescribedMarker(from_z_up(self.up, marker), 0, f"Marker{index}")
+                for index, marker in enumerate(body.markers, 1)
+            ]
             found.append(d.RigidBodyDescription(body.name, body.id, markers=tuple(markers)))
         if self.describe_plates:
             found += [self._described(plate) for plate in self.plates]
@@ -181,19 +198,19 @@ class Scene:
     def _noisy(self, pose: Pose, noise: Sequence[float]) -> Pose:
         faults, (x, y, z), orientation = self.faults, pose.position, pose.orientation
         if faults.rotation_noise:
-            turn = from_rotation_vector([faults.rotation_noise * part for part in noise[3:6]])
-            orientation = multiply(turn, orientation)
+            error = from_rotation_vector([faults.rotation_noise * part for part in noise[3:6]])
+            orientation = product(error, orientation)
         size = faults.noise
         return Pose((x + size * noise[0], y + size * noise[1], z + size * noise[2]), orientation)
 
     def _markers(self, body: Body, pose: Pose, noise: Sequence[float], time: float) -> list[Marker]:
         size, up, found = self.faults.marker_noise, self.up, list[Marker]()
-        places = [transform(pose, marker) for marker in body.markers] if body.seen is None else body.seen(time)
-        for index, place in enumerate(places, 1):
-            if place is None:
+        positions = [transformed(pose, marker) for marker in body.markers] if body.seen is None else body.seen(time)
+        for index, exact in enumerate(positions, 1):
+            if exact is None:
                 continue
-            (x, y, z), (dx, dy, dz) = place, noise[3 + 3 * index : 6 + 3 * index]
-            position = stream_axes(up, (x + size * dx, y + size * dy, z + size * dz))
+            (x, y, z), (dx, dy, dz) = exact, noise[3 + 3 * index : 6 + 3 * index]
+            position = from_z_up(up, (x + size * dx, y + size * dy, z + size * dz))
             found.append(Marker(body.id << 16 | index, position, MARKER_SIZE, MARKER_FLAGS, size))
         return found
 
@@ -204,14 +221,18 @@ class Scene:
 
     def _described(self, plate: Plate) -> d.ForcePlateDescription:
         x, y, z = plate.centre
-        a, b, c, e = (stream_axes(self.up, (x + dx, y + dy, z)) for dx, dy in ((0.3, 0.2), (0.3, -0.2), (-0.3, -0.2), (-0.3, 0.2)))
+        a, b, c, e = (
+            from_z_up(self.up, (x + dx, y + dy, z)) for dx, dy in ((0.3, 0.2), (0.3, -0.2), (-0.3, -0.2), (-0.3, 0.2))
+        )
         identity = tuple(np.eye(12).ravel().tolist())
-        return d.ForcePlateDescription(plate.id, plate.serial, 0.6, 0.4, (0.0, 0.0, 0.0), identity, (a, b, c, e), 2, 0, PLATE_CHANNELS)
+        return d.ForcePlateDescription(
+            plate.id, plate.serial, 0.6, 0.4, (0.0, 0.0, 0.0), identity, (a, b, c, e), 2, 0, PLATE_CHANNELS
+        )
 
 
 class _Noise:
-    """Standard normal numbers of each body in each frame: three for its position, three for its orientation, three for each marker. The same whoever
-    asks for which frame when."""
+    """Standard normal numbers of each body in each frame: three for its position, three for its orientation, three for
+    each marker. They do not depend on the order of calls."""
 
     def __init__(self, faults: Faults, bodies: Sequence[Body]) -> None:
         self._seed, self._sizes = faults.seed, [6 + 3 * len(body.markers) for body in bodies]
@@ -227,7 +248,10 @@ class _Noise:
         if block != self._block:
             drawn = np.random.default_rng((self._seed, block)).standard_normal((BLOCK, sum(self._sizes)))
             bodies = np.split(drawn, np.cumsum(self._sizes)[:-1], axis=1) if self._sizes else []
-            self._block, self._rows = block, [list(row) for row in zip(*(body.tolist() for body in bodies), strict=True)] or [[]] * BLOCK
+            self._block, self._rows = (
+                block,
+                [list(row) for row in zip(*(body.tolist() for body in bodies), strict=True)] or [[]] * BLOCK,
+            )
         return self._rows[index]
 
 

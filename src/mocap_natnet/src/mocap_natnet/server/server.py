@@ -1,7 +1,5 @@
 """The emulated Motive on UDP."""
 
-from __future__ import annotations
-
 import contextlib
 import heapq
 import logging
@@ -10,32 +8,34 @@ import socket
 import threading
 
 from hric_control.errors import HricError
+from hric_control.robot_time.stream_time import Clock, StreamTime, WallClock
+from mocap_natnet.client.client import datagram_socket
 from mocap_natnet.server.motive import Motive, Outgoing
-from mocap_natnet.server.stream_time import Clock, StreamTime, WallClock
-from mocap_natnet.sockets import datagram_socket
 
 LOG = logging.getLogger("hric.mocap_natnet")
 MAX_DATAGRAM = 65536
 LATE = 1.0
-"""A stream that is this far behind goes on from now instead of catching up [s] (our choice)."""
+"""A stream that is this far behind goes on from now instead of catching up [s] (project default, unconfirmed)."""
 IDLE = 0.1
 """Longest sleep, after which a request to stop is noticed [s]."""
 STANDING = 0.005
-"""Sleep while the stream stands, as it does in a paused run [s]."""
+"""Sleep while the stream pauses, as it does in a paused run [s]."""
 
 
 class MotiveServer:
     """Streams. Use as a context, or `start()` and `close()`, or `run()` in the calling thread.
 
-    The scene is looked at when a frame is sent, its latency after the exposure, so that a source may be told of the exposure until then.
+    The scene is looked at when a frame is sent, its latency after the exposure, so that a source may receive what
+    happens at the exposure until then.
 
     Args:
         motive: what it says.
-        clock: by which the stream goes: the wall's, or a `RunTime`, so that the cameras stand while the run is paused. The stream's time begins at 0
-            when the server starts and the clock is known. What the server's ticks count goes on all the time.
+        clock: by which the stream goes: the wall's, or a `RobotTime`, so that the cameras pause with the run. The
+            stream's time begins at 0 when the server starts and the clock is known. What the server's ticks count goes
+            on all the time.
 
     Attributes:
-        sent: frames that were sent, whether anybody wanted them or not.
+        sent: frames that were sent, whether a client received them or not.
         progress: (number of the latest of them, how many), both of the same moment.
 
     Raises:
@@ -50,7 +50,8 @@ class MotiveServer:
         self._thread: threading.Thread | None = None
         settings = motive.settings
         self._command = datagram_socket()
-        # The port of the data socket is any that is free: bound to the data port it would take this machine's unicast frames away from the clients.
+        # The port of the data socket is any that is free: bound to the data port it would take this machine's unicast
+        # frames away from the clients.
         self._data = datagram_socket()
         try:
             self._command.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
@@ -61,7 +62,9 @@ class MotiveServer:
             self._data.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 2)
         except OSError as error:
             self._close_sockets()
-            raise HricError(f"cannot listen on {settings.ip}, UDP port {settings.command_port}: {error.strerror or error}") from error
+            raise HricError(
+                f"cannot listen on {settings.ip}, UDP port {settings.command_port}: {error.strerror or error}"
+            ) from error
         self._time = StreamTime(self._clock)
 
     @property
@@ -75,7 +78,7 @@ class MotiveServer:
         """Of the stream [s]."""
         return self._time.now()
 
-    def run_time(self, stream: float) -> float | None:
+    def robot_time(self, stream: float) -> float | None:
         """The time by the clock [s] at a time of the stream [s]; None while it is not known."""
         return self._time.clock_time(stream)
 
@@ -84,7 +87,7 @@ class MotiveServer:
         self._thread = threading.Thread(target=self.run, name="emulated motive", daemon=True)
         self._thread.start()
 
-    def __enter__(self) -> MotiveServer:
+    def __enter__(self) -> "MotiveServer":
         self.start()
         return self
 
@@ -117,7 +120,7 @@ class MotiveServer:
                 self.sent += 1
                 self.progress = (due, self.sent)
                 pending.look_ahead(now)
-            self._answer(self.wait(min(now + IDLE, pending.next)))
+            self._respond(self.wait(min(now + IDLE, pending.next)))
 
     def wait(self, until: float) -> float:
         """How long to sleep until a time of the stream [s of wall time]; 0: it has come. At most `IDLE`."""
@@ -126,17 +129,17 @@ class MotiveServer:
             return min(IDLE, wait)
         return 0.0 if until <= self.time else STANDING
 
-    def _answer(self, wait: float) -> None:
-        """Answer what comes within `wait` [s]."""
+    def _respond(self, wait: float) -> None:
+        """Respond to what comes within `wait` [s]."""
         ready, _, _ = select.select([self._command], [], [], wait)
         while ready:
             try:
                 datagram, sender = self._command.recvfrom(MAX_DATAGRAM, socket.MSG_DONTWAIT)
             except BlockingIOError:
                 return
-            except OSError:  # a client that is gone answers with a port that nobody listens on
+            except OSError:  # a client that is gone: nobody listens on its port
                 continue
-            self._send(self._command, self.motive.answer(datagram, sender, self._time.hardware_now(), self._latest))
+            self._send(self._command, self.motive.respond(datagram, sender, self._time.hardware_now(), self._latest))
 
     def _send(self, out: socket.socket, datagrams: Outgoing) -> None:
         for datagram, address in datagrams:
@@ -161,7 +164,8 @@ class _Pending:
         return self._heap[0][0] if self._heap else float("inf")
 
     def look_ahead(self, now: float) -> None:
-        """Find the next one that is due within `IDLE`, so that nobody need wake at an exposure: those beyond it are all due later."""
+        """Find the next one that is due within `IDLE`, so that nobody need wake at an exposure: those beyond it are all
+        due later."""
         settings = self._motive.settings
         period, latency = settings.period, settings.latency
         late = now - latency - self._number * period

@@ -1,4 +1,39 @@
-"""Motion generators of the control box: what a client commands each millisecond, checked and turned into a desired joint motion."""
+"""Motion generators of the control box: what a client commands each millisecond, checked and turned into a desired
+joint motion."""
 
-from franka_sim.box.motion.factory import make_generator as make_generator
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.limits import FrankaLimits
+from franka_sim.box.config import motion_parameters
+from franka_sim.box.motion.cartesian import CartesianPositionGenerator, CartesianVelocityGenerator
 from franka_sim.box.motion.generator import MotionGenerator as MotionGenerator
+from franka_sim.box.motion.joint import JointPositionGenerator, JointVelocityGenerator
+from franka_sim.box.requests import GeneratorMode
+from hric_control.errors import UnknownNameError
+
+
+def make_generator(
+    kind: GeneratorMode, model: KdlFrankaModel, limits: FrankaLimits, time_step: float = 0.001
+) -> MotionGenerator:
+    """A generator; one serves any number of motions, one after the other.
+
+    Args:
+        kind: one of the four modes that generate a motion.
+        model: of the arm; Cartesian generators follow its end effector, the others need its joints' names.
+        limits: nominal limits of the arm, without libfranka's margins.
+        time_step: [s].
+
+    Raises:
+        UnknownNameError: the mode generates no motion.
+    """
+    joint = {GeneratorMode.JOINT_POSITION: JointPositionGenerator, GeneratorMode.JOINT_VELOCITY: JointVelocityGenerator}
+    cartesian = {
+        GeneratorMode.CARTESIAN_POSITION: CartesianPositionGenerator,
+        GeneratorMode.CARTESIAN_VELOCITY: CartesianVelocityGenerator,
+    }
+    if kind in joint:
+        return joint[kind](limits, model.joint_names, motion_parameters(), time_step)
+    if kind in cartesian:
+        return cartesian[kind](model, limits, motion_parameters(), time_step)
+    raise UnknownNameError(
+        "motion generator", kind.name, [mode.name for mode in (*joint, *cartesian)], "make_generator"
+    )

@@ -1,6 +1,5 @@
-"""Cartesian pose and Cartesian velocity generators: the commanded motion is checked, then joints follow by inverse kinematics with elbow."""
-
-from __future__ import annotations
+"""Cartesian pose and Cartesian velocity generators: the commanded motion is checked, then joints follow by inverse
+kinematics with elbow."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -8,11 +7,12 @@ from collections.abc import Sequence
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotState
+from franka_hw_interface.transforms import is_pose
+from franka_sim.box.config import MotionParameters
 from franka_sim.box.inverse_kinematics import ElbowInverseKinematics, elbow_side
+from franka_sim.box.kinematics import moved, twist_between
 from franka_sim.box.motion.elbow import ElbowMotion
 from franka_sim.box.motion.generator import UNFINISHED, MotionGenerator
-from franka_sim.box.motion_parameters import MotionParameters
-from franka_sim.box.pose_lists import is_pose, moved, twist_between
 from franka_sim.box.rate_limits import CARTESIAN_ERRORS, CARTESIAN_JOINT_ERRORS, JointRates, SpaceRates
 from franka_sim.box.requests import MotionCommand
 
@@ -34,9 +34,13 @@ class CartesianGenerator(MotionGenerator):
         time_step: [s].
     """
 
-    def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, parameters: MotionParameters, time_step: float) -> None:
+    def __init__(
+        self, model: KdlFrankaModel, limits: FrankaLimits, parameters: MotionParameters, time_step: float
+    ) -> None:
         self._ik = ElbowInverseKinematics(model, parameters, time_step)
-        self._joints = JointRates(limits, model.joint_names, CARTESIAN_JOINT_ERRORS, parameters, time_step, with_jerk=False)
+        self._joints = JointRates(
+            limits, model.joint_names, CARTESIAN_JOINT_ERRORS, parameters, time_step, with_jerk=False
+        )
         self._translation = SpaceRates("translation", "m", limits.translation, parameters, time_step)
         self._rotation = SpaceRates("rotation", "rad", limits.rotation, parameters, time_step)
         self._elbow = ElbowMotion(SpaceRates("elbow", "rad", limits.elbow, parameters, time_step), time_step)
@@ -50,7 +54,7 @@ class CartesianGenerator(MotionGenerator):
         self._state, self._moving, self._lost, self.reason = state, False, False, ""
         state.dq_d[:] = state.ddq_d[:] = [0.0] * 7
         self._ik.begin(state.q_d)
-        self._T = self._ik.kinematics.end_effector(state.q_d).T
+        self._T = self._ik.kinematics.pose(state.q_d)
         self._twist, self._acceleration = [0.0] * 6, [0.0] * 6
         self._elbow.start(state.q_d)
         self._publish()
@@ -74,7 +78,11 @@ class CartesianGenerator(MotionGenerator):
             return self._bridge() if self._moving else NO_ERRORS
         T, twist, errors = self._commanded(command)
         errors = errors or self._elbow.refused(command.elbow, self._moving)
-        if not errors and command.finished and not (self._translation.can_stop(twist[:3]) and self._rotation.can_stop(twist[3:])):
+        if (
+            not errors
+            and command.finished
+            and not (self._translation.can_stop(twist[:3]) and self._rotation.can_stop(twist[3:]))
+        ):
             errors, self.reason = NOT_AT_REST, UNFINISHED
         if errors:
             return errors
@@ -100,9 +108,15 @@ class CartesianGenerator(MotionGenerator):
     def _take_joints(self, T: list[float], twist: list[float], acceleration: list[float]) -> Errors:
         state, dt = self._state, self._dt
         guess = [x + v * dt + a * dt * dt for x, v, a in zip(state.q_d, state.dq_d, state.ddq_d, strict=True)]
-        q = self._ik.solve(T, self._elbow.wanted, guess) if self._elbow.commanded else self._ik.follow(T, self._elbow.wanted, state.q_d, guess)
+        q = (
+            self._ik.solve(T, self._elbow.desired, guess)
+            if self._elbow.commanded
+            else self._ik.follow(T, self._elbow.desired, state.q_d, guess)
+        )
         if q is None:
-            self.reason = "no joint motion leads to the commanded pose: it is at the border of the workspace, or singular"
+            self.reason = (
+                "no joint motion leads to the commanded pose: it is at the border of the workspace, or singular"
+            )
             return NO_JOINT_MOTION
         dq = [(x - last) / dt for x, last in zip(q, state.q_d, strict=True)]
         ddq = [(v - last) / dt for v, last in zip(dq, state.dq_d, strict=True)]
@@ -125,11 +139,14 @@ class CartesianGenerator(MotionGenerator):
         velocity, sudden, jerk = (a or b for a, b in zip(linear, angular, strict=True))
         if not (velocity or sudden or jerk):
             return NO_ERRORS
-        self.reason = "; ".join(self._translation.reasons(linear, *motions[0]) + self._rotation.reasons(angular, *motions[1]))
+        self.reason = "; ".join(
+            self._translation.reasons(linear, *motions[0]) + self._rotation.reasons(angular, *motions[1])
+        )
         return CARTESIAN_ERRORS.named(False, velocity, sudden, jerk)
 
     def _publish(self) -> None:
-        """Write the Cartesian fields of the state; new lists, for a state may compute these fields when they are read."""
+        """Write the Cartesian fields of the state; new lists, for a state may compute these fields when they are
+        read."""
         state, elbow = self._state, self._elbow
         state.O_T_EE_d, state.O_T_EE_c = self._T[:], self._T[:]
         state.O_dP_EE_d, state.O_dP_EE_c, state.O_ddP_EE_c = self._twist[:], self._twist[:], self._acceleration[:]

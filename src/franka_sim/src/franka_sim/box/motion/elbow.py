@@ -1,13 +1,10 @@
 """The elbow of a Cartesian motion: position of joint 3 and side of joint 4, commanded or held."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
 from franka_hw_interface.robot_state import NO_ERRORS, Errors
-from franka_sim.box.inverse_kinematics import elbow_side
-from franka_sim.box.newton import ELBOW_JOINT
+from franka_sim.box.inverse_kinematics import ELBOW_JOINT, elbow_side
 from franka_sim.box.rate_limits import SpaceRates
 
 LIMIT_VIOLATION = frozenset({"cartesian_motion_generator_elbow_limit_violation"})
@@ -20,9 +17,10 @@ class ElbowMotion:
     """Position of joint 3 over time, with its limits.
 
     Attributes:
-        commanded: whether the client commands the elbow; else the joint is held at `wanted` as well as the pose allows.
-        wanted: where joint 3 shall be after this step [rad].
-        reason: what `violations` found last, in words.
+        commanded: whether the client commands the elbow; else the joint is held at `desired` as well as the pose
+            allows.
+        desired: position of joint 3 after this step [rad].
+        reason: what `violations` returned last, in words.
         position, velocity, acceleration: after the last step taken [rad], [rad/s], [rad/s^2].
 
     Args:
@@ -36,7 +34,7 @@ class ElbowMotion:
 
     def start(self, q_d: Sequence[float]) -> None:
         """Begin at rest at q_d, 7 floats [rad]."""
-        self.position = self.wanted = q_d[ELBOW_JOINT]
+        self.position = self.desired = q_d[ELBOW_JOINT]
         self.velocity = self.acceleration = 0.0
         self._next = (0.0, 0.0)
         self._side, self.commanded, self.reason = elbow_side(q_d), False, ""
@@ -57,10 +55,10 @@ class ElbowMotion:
         """Take what is commanded for this step; a client that stops commanding the elbow leaves it where it is."""
         if elbow is None:
             if self.commanded:
-                self.wanted = self.position
+                self.desired = self.position
             self.commanded = False
             return
-        self.commanded, self.wanted = True, elbow[0]
+        self.commanded, self.desired = True, elbow[0]
         velocity = (elbow[0] - self.position) / self._dt
         self._next = velocity, (velocity - self.velocity) / self._dt
 
@@ -68,7 +66,7 @@ class ElbowMotion:
         """A lost packet: a commanded elbow goes on with constant acceleration."""
         if self.commanded:
             velocity = self.velocity + self.acceleration * self._dt
-            self._next, self.wanted = (velocity, self.acceleration), self.position + velocity * self._dt
+            self._next, self.desired = (velocity, self.acceleration), self.position + velocity * self._dt
 
     def violations(self, after_loss: bool) -> Errors:
         """What a commanded elbow violates in this step; libfranka has one name for velocity, acceleration and jerk."""
@@ -90,6 +88,6 @@ class ElbowMotion:
         """The step was taken; 7 floats each [rad], [rad/s], [rad/s^2]."""
         self._side = elbow_side(q)
         if self.commanded:
-            self.position, (self.velocity, self.acceleration) = self.wanted, self._next
+            self.position, (self.velocity, self.acceleration) = self.desired, self._next
         else:
             self.position, self.velocity, self.acceleration = q[ELBOW_JOINT], dq[ELBOW_JOINT], ddq[ELBOW_JOINT]

@@ -1,14 +1,12 @@
 """Joint position and joint velocity generators."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Sequence
 
 from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.robot_state import NO_ERRORS, Errors, RobotState
+from franka_sim.box.config import MotionParameters
 from franka_sim.box.motion.generator import UNFINISHED, MotionGenerator
-from franka_sim.box.motion_parameters import MotionParameters
 from franka_sim.box.rate_limits import JOINT_ERRORS, JointRates
 from franka_sim.box.requests import MotionCommand
 
@@ -27,7 +25,9 @@ class JointGenerator(MotionGenerator):
         time_step: [s].
     """
 
-    def __init__(self, limits: FrankaLimits, joint_names: Sequence[str], parameters: MotionParameters, time_step: float) -> None:
+    def __init__(
+        self, limits: FrankaLimits, joint_names: Sequence[str], parameters: MotionParameters, time_step: float
+    ) -> None:
         self._rates, self._dt = JointRates(limits, joint_names, JOINT_ERRORS, parameters, time_step), time_step
         self._state = RobotState()
         self._moving = self._lost = False
@@ -104,7 +104,8 @@ class JointVelocityGenerator(JointGenerator):
         return [x + v * dt for x, v in zip(self._state.q_d, dq, strict=True)], dq
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """One millisecond. At rest nothing is to be done: torque control of protocol 5 runs beside this generator with zero velocity."""
+        """One millisecond. At rest nothing is to be done: torque control of protocol 5 runs beside this generator with
+        zero velocity."""
         state = self._state
         if command is not None and command.dq == REST and state.dq_d == REST and state.ddq_d == REST:
             self._moving, self._lost = True, False

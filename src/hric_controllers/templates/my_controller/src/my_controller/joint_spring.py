@@ -19,4 +19,6 @@ class JointSpring(Controller):
 
     def update(self, time, period):
         """Every millisecond: read, compute, command. No ROS calls, no files, no waiting."""
-        self.joints.command = self.stiffness * (self.q_start - self.joints.position) - self.damping * self.joints.velocity
+        self.joints.command = (
+            self.stiffness * (self.q_start - self.joints.position) - self.damping * self.joints.velocity
+        )

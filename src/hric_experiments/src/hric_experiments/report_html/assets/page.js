@@ -43,10 +43,10 @@
     if (next >= report.end) setPlaying(false); else requestAnimationFrame(play);
   };
 
-  const setPlaying = (wanted) => {
-    playing = wanted;
-    find("play").textContent = wanted ? "pause" : "play";
-    if (!wanted) return;
+  const setPlaying = (desired) => {
+    playing = desired;
+    find("play").textContent = desired ? "pause" : "play";
+    if (!desired) return;
     if (report.time >= report.end) report.setTime(report.begin);
     before = performance.now();
     requestAnimationFrame(play);

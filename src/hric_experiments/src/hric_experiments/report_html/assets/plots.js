@@ -2,7 +2,7 @@
 // The plots. Each is drawn when it comes into sight, with as many points as its width can show; a zoom shows the finer ones.
 {
   const POINTS = 900, MARGIN = { l: 62, r: 14, t: 52, b: 40 }, ROW = 175, PAPER_ROW = 140, GAP = 0.07;
-  const STROKES = { wanted: { dash: "dash", width: 1.2 }, profile: { width: 2.6 }, raw: { width: 2.2 }, measured: { width: 1.3 } };
+  const STROKES = { setpoint: { dash: "dash", width: 1.2 }, desired: { width: 2.6 }, raw: { width: 2.2 }, measured: { width: 1.3 } };
 
   // The part of a curve between two times, one point beyond each: as it is, or least and greatest of equal parts.
   const part = (curve, [begin, end]) => {
@@ -22,24 +22,6 @@
     return { x, y };
   };
 
-  // Range of an axis: the curves with some room, and a bound that is not far from them.
-  const heights = (panel, least, logarithmic) => {
-    let low = Infinity, high = -Infinity;
-    for (const curve of panel.curves) for (const value of curve.values) {
-      if (value < low) low = value;
-      if (value > high) high = value;
-    }
-    if (low > high) [low, high] = [0, 1];
-    if (logarithmic) return [Math.log10(low) - 0.1, Math.log10(high) + 0.3];
-    const span = Math.max(high - low, least, 1e-12), middle = (low + high) / 2;
-    [low, high] = [middle - 0.55 * span, middle + 0.55 * span];
-    for (const [, bound] of panel.bounds) {
-      if (bound < low && bound > low - 0.6 * span) low = bound - 0.05 * span;
-      if (bound > high && bound < high + 0.6 * span) high = bound + 0.05 * span;
-    }
-    return [low, high];
-  };
-
   class PlotView {
     constructor(spec, parent) {
       this.spec = spec;
@@ -53,9 +35,8 @@
       const section = parent.appendChild(document.createElement("section"));
       section.className = "plot";
       section.id = "plot-" + spec.key;
-      section.innerHTML = "<h3></h3><p class=note></p><div class=canvas><div class=graph></div></div>";
+      section.innerHTML = "<h3></h3><div class=canvas><div class=graph></div></div>";
       section.querySelector("h3").textContent = spec.title;
-      section.querySelector(".note").textContent = spec.note;
       this.frame = section.querySelector(".canvas");
       this.graph = section.querySelector(".graph");
       this.frame.style.minHeight = this.height + "px";
@@ -98,12 +79,16 @@
         const number = k ? k + 1 : "", { x, y } = this.domain(k), common = { gridcolor: line, zerolinecolor: line, linecolor: line, automargin: false };
         const title = (words) => ({ text: words, standoff: 4, font: { size: 10.5 } });
         const lowest = k + this.columns >= this.panels.length;
-        layout["xaxis" + number] = { ...common, domain: x, anchor: "y" + number, range: [...this.range], ...(k ? { matches: "x" } : {}), ...(lowest ? { title: title(report.data.timeTitle) } : {}) };
-        const range = heights(panel, this.spec.least, this.spec.logarithmic);
+        layout["xaxis" + number] = { ...common, domain: x, anchor: "y" + number, range: [...this.range], ...(k ? { matches: "x" } : {}), ...(lowest ? { title: title(this.spec.timeTitle) } : {}) };
+        const range = this.spec.logarithmic ? panel.range.map(Math.log10) : panel.range;
         const kind = this.spec.logarithmic ? { type: "log", exponentformat: "power", dtick: 2 } : {};
-        layout["yaxis" + number] = { ...common, ...kind, domain: y, anchor: "x" + number, range, title: title(this.spec.unit), nticks: 6 };
+        layout["yaxis" + number] = { ...common, ...kind, domain: y, anchor: "x" + number, range, title: title(panel.unit), nticks: 6 };
         layout.annotations.push({ text: panel.title, xref: "paper", yref: "paper", x: x[0], y: y[1], xanchor: "left", yanchor: "bottom", showarrow: false, font: { size: 11.5 } });
-        for (const [, bound] of panel.bounds) {
+        for (const [begin, end] of this.spec.bands) {
+          const place = { xref: "x" + number, yref: "y" + number + " domain", x0: begin, x1: end, y0: 0, y1: 1 };
+          layout.shapes.push({ type: "rect", ...place, fillcolor: report.colour("limit"), opacity: 0.12, line: { width: 0 } });
+        }
+        for (const bound of panel.bounds) {
           const place = { xref: "x" + number + " domain", yref: "y" + number, x0: 0, x1: 1, y0: bound, y1: bound };
           layout.shapes.push({ type: "line", ...place, line: { color: report.colour("limit"), width: 1.2, dash: "dot" } });
         }

@@ -1,0 +1,252 @@
+"""One motion from its start to its end: generator and controller, as the client requested them, and its packets."""
+
+from collections.abc import Sequence
+from math import acos, dist, isfinite
+
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.robot_state import NO_ERRORS, Errors
+from franka_sim.box.config import BoxConfig
+from franka_sim.box.internal_impedance import ImpedanceLaw
+from franka_sim.box.motion import MotionGenerator, make_generator
+from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest
+from franka_sim.box.state import BoxState
+from hric_control.errors import CommandError
+from hric_control.native.vectors import near, smaller
+
+
+def invalid(request: MoveRequest) -> str:
+    """What is wrong with a request in itself; an empty text if nothing is."""
+    if request.controller is ControllerMode.OTHER:
+        return "a motion needs a controller"
+    if request.generator is GeneratorMode.IDLE:
+        return "a motion needs a motion generator, or none with torque control"
+    if request.generator is GeneratorMode.NONE and request.controller is not ControllerMode.EXTERNAL:
+        return "an internal controller needs a motion generator"
+    if not all(isfinite(x) and x >= 0.0 for x in (*request.max_path_deviation, *request.max_goal_deviation)):
+        return "deviations must be finite and not negative"
+    return ""
+
+
+class MotionRun:
+    """Turns commands into torques while a motion runs.
+
+    Args:
+        state: of the arm; the generators move its desired values.
+        model: what the box knows of the arm.
+        config: parameters of the box.
+    """
+
+    def __init__(self, state: BoxState, model: KdlFrankaModel, config: BoxConfig) -> None:
+        self._state, self._model, self._config = state, model, config
+        self._checks = TorqueChecks(config)
+        self._generators: dict[GeneratorMode, MotionGenerator] = {}
+        self._revision = -1
+        self._generator: MotionGenerator | None = None
+        self._law: ImpedanceLaw | None = None
+        self._start_errors: Errors = NO_ERRORS
+        self._gain, self._still = 1.0, False
+        self._limits: DeviationLimits | None = None
+
+    def start(self, request: MoveRequest, law: ImpedanceLaw | None, filter_gain: float) -> bool:
+        """Begin at the state's q_d, at rest; False: the pose is singular for this motion.
+
+        Args:
+            request: generator and deviations.
+            law: makes the torques of the desired motion; None: they are commanded.
+            filter_gain: what one cycle takes of a new torque command, 0 to 1.
+        """
+        state = self._state
+        self._law, self._gain = law, filter_gain
+        self._generator, self._start_errors = self._make(request.generator), NO_ERRORS
+        limits = DeviationLimits(request)
+        self._limits = limits if limits.path or limits.goal else None
+        # libfranka 0.9 requests a joint velocity generator for torque control alone, and leaves it at zero.
+        self._still = law is None and request.generator in (GeneratorMode.NONE, GeneratorMode.JOINT_VELOCITY)
+        if self._generator is not None:
+            if self._generator.is_singular(state):
+                return False
+            self._start_errors = self._generator.start(state)
+        return True
+
+    def _make(self, kind: GeneratorMode) -> MotionGenerator | None:
+        if kind is GeneratorMode.NONE:
+            return None
+        model, config = self._model, self._config
+        if self._revision != model.revision:
+            self._generators.clear()
+            self._revision = model.revision
+        if kind not in self._generators:
+            self._generators[kind] = make_generator(kind, model, config.limits, config.time_step)
+        return self._generators[kind]
+
+    @property
+    def reason(self) -> str:
+        """What the motion generator refused and which limit was passed, in words; empty where there is nothing to add
+        to the errors' names."""
+        return "" if self._generator is None else self._generator.reason
+
+    def torque(self, command: MotionCommand | None) -> tuple[list[float], Errors]:
+        """(torque without gravity, 7 floats [N m]; what is wrong with the command by libfranka's names) for one
+        cycle."""
+        wrong = self._generate(command)
+        if not wrong and self._limits is not None and self._config.reflexes:
+            wrong = self._limits.errors(self._state, command is not None and command.finished)
+        if wrong:
+            return [], wrong
+        if self._law is not None:
+            return self._law.torque(self._state), NO_ERRORS
+        before = self._state.tau_J_d
+        return (before[:], NO_ERRORS) if command is None else self._external(command.tau, before)
+
+    def _external(self, desired: list[float], before: list[float]) -> tuple[list[float], Errors]:
+        wrong = self._checks.errors(desired, before)
+        if wrong:
+            if self._config.reflexes or not all(map(isfinite, desired)):
+                return [], wrong
+            desired = self._checks.limited(desired, before)
+        if self._gain < 1.0:
+            gain = self._gain
+            desired = [b + gain * (a - b) for a, b in zip(desired, before, strict=True)]
+        return desired[:], NO_ERRORS
+
+    def _generate(self, command: MotionCommand | None) -> Errors:
+        """Desired motion of this cycle."""
+        state, generator = self._state, self._generator
+        if self._still and self._stays(command):
+            state.q_d[:] = state.q
+            state.desired_changed()
+            return self._start_errors
+        if generator is None:
+            return NO_ERRORS
+        wrong = self._start_errors or generator.advance(command)
+        state.desired_changed()
+        if wrong and not self._config.reflexes:
+            self._start_errors = NO_ERRORS
+            generator.start(state)
+            return NO_ERRORS
+        return wrong
+
+    def _stays(self, command: MotionCommand | None) -> bool:
+        """Whether the generator beside torque control is at zero; once it has moved it counts."""
+        self._still = self._generator is None or command is None or not any(command.dq)
+        if not self._still and self._generator is not None:
+            self._start_errors = self._start_errors or self._generator.start(self._state)
+        return self._still
+
+
+PATH: Errors = frozenset(("max_path_pose_deviation_violation",))
+GOAL: Errors = frozenset(("max_goal_pose_deviation_violation",))
+_USUAL = MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE)
+
+
+def deviation(state: BoxState) -> tuple[float, float, float]:
+    """Distance of the measured from the desired end effector: translation [m], rotation [rad], elbow (joint 3)
+    [rad]."""
+    a, b = state.O_T_EE, state.O_T_EE_d
+    # Trace of R_a' R_b: the sum of the products of equal elements.
+    trace = sum(a[i] * b[i] for i in (0, 1, 2, 4, 5, 6, 8, 9, 10))
+    return (
+        dist(a[12:15], b[12:15]),
+        acos(min(max(0.5 * (trace - 1.0), -1.0), 1.0)),
+        abs(state.elbow[0] - state.elbow_d[0]),
+    )
+
+
+class DeviationLimits:
+    """Limits of path and goal; libfranka's defaults are wider than any pose can be wrong, and cost nothing.
+
+    Attributes:
+        path, goal: translation [m], rotation [rad], elbow [rad]; None: no limit.
+    """
+
+    def __init__(self, request: MoveRequest) -> None:
+        path, goal = request.max_path_deviation, request.max_goal_deviation
+        self.path = path if any(a < b for a, b in zip(path, _USUAL.max_path_deviation, strict=True)) else None
+        self.goal = goal if any(a < b for a, b in zip(goal, _USUAL.max_goal_deviation, strict=True)) else None
+
+    def errors(self, state: BoxState, finished: bool) -> Errors:
+        """What is violated; finished: the motion ends here, so that the limits of the goal hold too."""
+        limits = [(self.path, PATH)] + ([(self.goal, GOAL)] if finished else [])
+        for limit, names in limits:
+            if limit is not None and any(x > maximum for x, maximum in zip(deviation(state), limit, strict=True)):
+                return names
+        return NO_ERRORS
+
+
+DISCONTINUITY: Errors = frozenset(("controller_torque_discontinuity",))
+OUT_OF_RANGE: Errors = frozenset(("tau_j_range_violation",))
+
+
+class TorqueChecks:
+    """Torque and torque-rate limits of a command, with libfranka's numbers.
+
+    What is not finite, or changes faster than the limit of the torque rate, is a controller_torque_discontinuity; what
+    is larger than the limit of the torque a tau_j_range_violation. (libfranka names the errors; which of the two a NaN
+    is, is project default, unconfirmed.)
+    """
+
+    def __init__(self, config: BoxConfig) -> None:
+        limits = config.limits
+        per_cycle = (1.0 + config.torque_rate_tolerance) * config.time_step
+        self._jump = tuple(rate * per_cycle for rate in limits.effort_rate)
+        self._range = tuple(effort * (1.0 + 1e-9) for effort in limits.effort)
+
+    def errors(self, tau: Sequence[float], before: Sequence[float]) -> Errors:
+        """What is wrong with a command; tau: 7 floats [N m], before: the command accepted last.
+
+        Raises:
+            CommandError: not seven numbers; a mistake of the caller, not of the client.
+        """
+        if len(tau) != 7:
+            raise CommandError(f"a torque command is 7 numbers [N m]; got {len(tau)}")
+        if not near(tau, before, self._jump):  # NaN is near nothing
+            return DISCONTINUITY
+        return NO_ERRORS if smaller(tau, self._range) else OUT_OF_RANGE
+
+    def limited(self, tau: Sequence[float], before: Sequence[float]) -> list[float]:
+        """The nearest torque within the limits, 7 floats [N m]: for a box without reflexes."""
+        rows = zip(tau, before, self._jump, self._range, strict=True)
+        return [min(max(a, b - j, -limit), b + j, limit) for a, b, j, limit in rows]
+
+
+class PacketCount:
+    """Counts lost packets in a row and the share of cycles with a command; counting begins with the first command of a
+    motion.
+
+    Args:
+        window: cycles over which the share is taken.
+
+    Attributes:
+        started: whether the motion's first command has come.
+        lost_in_a_row: packets lost since the last command.
+        success_rate: share of the last `window` cycles (of those so far, while there are fewer) that had a command, 0
+            to 1; 0 before the first.
+    """
+
+    def __init__(self, window: int) -> None:
+        self._window, self._mask = window, (1 << window) - 1
+        self.reset()
+
+    def reset(self) -> None:
+        """A motion begins or ended."""
+        self.started, self.lost_in_a_row, self.success_rate = False, 0, 0.0
+        self._history, self._cycles, self._all = 0, 0, False
+
+    def accept(self) -> None:
+        """A command came in time."""
+        self.started, self.lost_in_a_row = True, 0
+        if not self._all:
+            self._count(1)
+
+    def lose(self) -> None:
+        """No command came."""
+        if self.started:
+            self.lost_in_a_row += 1
+            self._count(0)
+
+    def _count(self, bit: int) -> None:
+        self._history = (self._history << 1 | bit) & self._mask
+        self._cycles = min(self._cycles + 1, self._window)
+        good = self._history.bit_count()
+        self.success_rate = good / self._cycles
+        self._all = good == self._window

@@ -1,0 +1,1 @@
+"""Reading runs and bags without ROS: parts, run folders, health, export."""

@@ -1,0 +1,95 @@
+"""A trial as a c3d file, through ezc3d."""
+
+import textwrap
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hric_bags.export.c3d_trial import C3dTrial
+
+MAX_FRAMES = 65535
+"""The header counts frames with 16 bits; a longer trial becomes several files."""
+MM = 1000.0
+WIDTH = 120
+"""Of a line of text in a parameter, which holds 255 letters at most."""
+INTEGER = 2
+"""ezc3d's type of whole numbers."""
+
+
+def parts(trial: C3dTrial) -> Iterator[C3dTrial]:
+    """The trial in pieces that a file can hold, each with its own start."""
+    for first in range(0, len(trial.positions), MAX_FRAMES):
+        last = min(first + MAX_FRAMES, len(trial.positions))
+        offset, samples = first / trial.rate, slice(first * trial.per_frame, last * trial.per_frame)
+        yield replace(
+            trial,
+            start=trial.start + offset,
+            positions=trial.positions[first:last],
+            channels=tuple(replace(channel, values=channel.values[samples]) for channel in trial.channels),
+            events=tuple(
+                (time - offset, label)
+                for time, label in trial.events
+                if 0 <= time - offset < (last - first) / trial.rate
+            ),
+        )
+
+
+def write(trial: C3dTrial, path: Path, started: str = "") -> None:
+    """Write one file.
+
+    Args:
+        trial: at most MAX_FRAMES frames.
+        path: where to.
+        started: when the run began, for people.
+    """
+    import ezc3d  # not before somebody wants such a file
+
+    file = ezc3d.c3d()
+    _points(file, trial)
+    if trial.channels:
+        _analogs(file, trial)
+    if trial.plates:
+        _plates(file, trial)
+    for time, label in trial.events:
+        file.add_event([float(time // 60), time % 60], "General", label)
+    file.add_parameter("MANUFACTURER", "SOFTWARE", "hric_experiments")
+    file.add_parameter("HRIC", "START_TIME", float(trial.start), "of the first frame [s]")
+    for name, note in {**trial.notes, **({"STARTED": started} if started else {})}.items():
+        file.add_parameter("HRIC", name, textwrap.wrap(note, WIDTH))
+    file.write(str(path))
+
+
+def _points(file: Any, trial: C3dTrial) -> None:
+    group, p = file["parameters"]["POINT"], trial.positions
+    group["RATE"]["value"], group["UNITS"]["value"], group["LABELS"]["value"] = [trial.rate], ["mm"], list(trial.labels)
+    points = np.ones((4, p.shape[1], p.shape[0]))
+    points[:3] = MM * p.transpose(2, 1, 0)
+    file["data"]["points"] = points
+    file["data"]["meta_points"]["residuals"] = np.where(np.isfinite(p).all(axis=2).T, 0.0, -1.0)[None]
+    file.add_parameter("POINT", "X_SCREEN", "+X")
+    file.add_parameter("POINT", "Y_SCREEN", "+Y", "y of OpenSim's ground points up")
+
+
+def _analogs(file: Any, trial: C3dTrial) -> None:
+    group = file["parameters"]["ANALOG"]
+    group["RATE"]["value"] = [trial.rate * trial.per_frame]
+    group["LABELS"]["value"] = [channel.label for channel in trial.channels]
+    group["UNITS"]["value"] = [channel.unit for channel in trial.channels]
+    group["SCALE"]["value"] = np.ones(len(trial.channels))
+    group["OFFSET"]["value"] = np.zeros(len(trial.channels), dtype=int)
+    file["data"]["analogs"] = np.stack([channel.values for channel in trial.channels])[None]
+
+
+def _plates(file: Any, trial: C3dTrial) -> None:
+    group, plates = file["parameters"]["FORCE_PLATFORM"], trial.plates
+    channels = 1 + np.arange(6 * len(plates)).reshape(len(plates), 6).T
+    whole = {"USED": [len(plates)], "TYPE": [plate.kind for plate in plates], "ZERO": [0, 0], "CHANNEL": channels}
+    for name, values in whole.items():
+        group[name].update(type=INTEGER, value=np.array(values))
+    file.add_parameter("FORCE_PLATFORM", "CORNERS", MM * np.stack([plate.corners.T for plate in plates], axis=2))
+    file.add_parameter("FORCE_PLATFORM", "ORIGIN", MM * np.stack([plate.origin for plate in plates], axis=1))
+    file.add_parameter("FORCE_PLATFORM", "CAL_MATRIX", np.stack([plate.calibration for plate in plates], axis=2))
+    file.add_parameter("FORCE_PLATFORM", "UNITS", "N")

@@ -1,0 +1,243 @@
+"""What a c3d file holds of a run: markers, force plates and EMG on one grid of time, in the axes of OpenSim's
+ground."""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_bags.export import batches, opensim_formats, resampling
+from hric_bags.export.c3d_plates import C3dPlate, PlateSettings, plate_of, plate_settings
+from hric_bags.export.frames import Frames
+from hric_bags.export.opensim_text import GROUND, marker_name
+from hric_bags.export.table import ExportError, FloatArray, Table
+
+FRAME_RATE = 100.0
+"""Of the frames of a run without motion capture [Hz] (default chosen by this project, unconfirmed)."""
+TRIGGER_TYPE, PHASE_TYPE = "std_msgs/msg/Empty", "std_msgs/msg/String"
+TRIGGER, PHASE = "/trigger", "/phase"
+"""How topics of events end."""
+TIME_CODE = "time"
+"""Channel of an emulated device that has the time of each sample; it says nothing that the file's own time does not."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """An analog channel.
+
+    Attributes:
+        label, unit: of it.
+        values: at the times of the analog samples, shape (frames * per_frame,).
+    """
+
+    label: str
+    unit: str
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class C3dTrial:
+    """All of it; frame k is at start + k / rate.
+
+    Attributes:
+        start: time of the first frame, on the clock of the tables [s].
+        rate: of the frames [Hz].
+        per_frame: analog samples of a frame; 0: there are none.
+        labels: of the markers.
+        positions: shape (frames, markers, 3) [m]; NaN: not seen.
+        channels: those of the plates first, six each, then EMG.
+        plates: in the order of their channels.
+        events: (seconds since the first frame, what happened).
+        notes: name -> a sentence: how the file was made.
+    """
+
+    start: float
+    rate: float
+    per_frame: int
+    labels: tuple[str, ...]
+    positions: FloatArray
+    channels: tuple[Channel, ...]
+    plates: tuple[C3dPlate, ...]
+    events: tuple[tuple[float, str], ...]
+    notes: Mapping[str, str]
+
+
+def collect(tables: Mapping[str, Table], frames: Frames, run: Mapping[str, Any], surface: float = 0.0) -> C3dTrial:
+    """The trial of a run, over the time that all of its sources have.
+
+    Args:
+        tables: of the bag, by topic.
+        frames: where frames are.
+        run: contents of run.yaml; may be empty.
+        surface: height of the plates' surface over their electrical origin [m]; 0: as in the run.
+
+    Raises:
+        ExportError: there is nothing, more than one motion capture, or no time that all sources have.
+    """
+    captures, plates, emg = _sources(tables)
+    markers = opensim_formats.markers_of(captures[0], frames) if captures else None
+    sampled = [resampling.Sampled(table) for table in [*plates, *emg]]
+    grid = _Grid(markers, sampled)
+    settings = plate_settings(run)
+    c3d_plates, channels = [], list[Channel]()
+    for number, (table, source) in enumerate(zip(plates, sampled, strict=False), 1):
+        own = settings.get(opensim_formats.plate_name(table), PlateSettings())
+        plate, signals = plate_of(
+            table, frames, own.over(surface), source.values(opensim_formats.CHANNELS, grid.analog)
+        )
+        c3d_plates.append(plate)
+        names = zip(opensim_formats.CHANNELS, plate.units, signals.T, strict=True)
+        channels += [Channel(f"{name}{number}", unit, values) for name, unit, values in names]
+    for table, source in zip(emg, sampled[len(plates) :], strict=True):
+        channels += _emg(table, source, grid.analog, [channel.label for channel in channels])
+    return C3dTrial(
+        grid.start,
+        grid.rate,
+        grid.per_frame,
+        tuple(_differ([marker_name(name) for name in markers.positions])) if markers is not None else (),
+        grid.positions(markers),
+        tuple(channels),
+        tuple(c3d_plates),
+        _events(tables, grid.start, grid.count / grid.rate),
+        _notes(markers, c3d_plates, sampled, grid, next(iter([*captures, *plates, *emg])).clock),
+    )
+
+
+def _sources(tables: Mapping[str, Table]) -> tuple[list[Table], list[Table], list[Table]]:
+    """Motion captures (one at most), force plates and EMG. Raises ExportError where there is none of them."""
+    captures = [table for table in tables.values() if opensim_formats.is_capture(table)]
+    plates = [table for table in tables.values() if opensim_formats.is_plate(table)]
+    others = [table for table in tables.values() if table.type_name == batches.CHUNK and table not in plates]
+    emg = sorted(others, key=lambda table: -len(table.time))  # what was recorded before its envelope
+    if not (captures or plates or emg):
+        raise ExportError(
+            f"format c3d needs motion capture, force plates or EMG (hric_msgs/MocapData, {batches.CHUNK}), among "
+            "the requested topics"
+        )
+    if len(captures) > 1:
+        topics = ", ".join(table.topic for table in captures)
+        raise ExportError(f"a c3d file holds one motion capture, the bag has {topics}; choose one with --topics")
+    return captures, plates, emg
+
+
+class _Grid:
+    """The times of frames and samples.
+
+    Attributes:
+        start, rate, per_frame: see C3dTrial.
+        count: of frames.
+        analog: times of the analog samples, shape (count * per_frame,) [s].
+    """
+
+    def __init__(self, markers: opensim_formats.Markers | None, sampled: Sequence[resampling.Sampled]) -> None:
+        self.rate, first = (
+            resampling.frame_grid(markers.time, _numbers(markers)) if markers is not None else (FRAME_RATE, 0.0)
+        )
+        begins = [source.time[0] for source in sampled] + ([markers.time[0]] if markers is not None else [])
+        ends = [source.time[-1] for source in sampled]
+        fastest = max((source.rate for source in sampled), default=0.0)
+        self.per_frame = math.ceil(fastest / self.rate - resampling.ALMOST) if sampled else 0
+        begin = max(begins)
+        if markers is None:
+            first = begin
+        self.start = first + math.ceil((begin - first) * self.rate - resampling.ALMOST) / self.rate
+        counts = [math.floor((markers.time[-1] - self.start) * self.rate + 0.5) + 1] if markers is not None else []
+        counts += [math.floor((end - self.start) * self.rate + 1 / self.per_frame + resampling.ALMOST) for end in ends]
+        self.count = min(counts)
+        if self.count < 1:
+            raise ExportError(
+                "format c3d needs a time that motion capture, force plates and EMG have in common; the bag has none"
+            )
+        self.analog = self.start + np.arange(self.count * self.per_frame) / (self.rate * max(1, self.per_frame))
+
+    def positions(self, markers: opensim_formats.Markers | None) -> FloatArray:
+        """Of each frame that of the recorded one that is nearest, at most half a period away; shape (frames, markers,
+        3) [m]."""
+        if markers is None:
+            return np.empty((self.count, 0, 3))
+        index = np.rint((markers.time - self.start) * self.rate).astype(int)
+        inside = (index >= 0) & (index < self.count)
+        found = np.full((self.count, len(markers.positions), 3), np.nan)
+        for number, p in enumerate(markers.positions.values()):
+            found[index[inside], number] = p[inside]
+        return found
+
+
+def _numbers(markers: opensim_formats.Markers) -> FloatArray:
+    """Of the frames; empty: not known."""
+    column = markers.table.column("frame_number")
+    return np.empty(0) if column is None else np.asarray(column.values, dtype=float)[markers.rows]
+
+
+def _emg(table: Table, source: resampling.Sampled, times: FloatArray, taken: Sequence[str]) -> list[Channel]:
+    names = [column.name for column in table.columns if column.values.dtype.kind == "f" and column.name != TIME_CODE]
+    kind = table.topic.rpartition("/")[2]
+    units = {column.name: column.unit for column in table.columns}
+    labels = _differ([f"{name}_{kind}" if name in taken else name for name in names], taken)
+    values = source.values(names, times).T if names else ()
+    return [Channel(label, units[name], column) for name, label, column in zip(names, labels, values, strict=True)]
+
+
+def _differ(labels: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
+    """The same labels, those that are there already with a number."""
+    found: list[str] = []
+    for label in labels:
+        names = itertools.chain([label], (f"{label}_{number}" for number in itertools.count(2)))
+        found.append(next(name for name in names if name not in found and name not in taken))
+    return found
+
+
+def _events(tables: Mapping[str, Table], start: float, duration: float) -> tuple[tuple[float, str], ...]:
+    """Triggers, and what the emulated human does, within the file."""
+    found = []
+    for table in tables.values():
+        if table.type_name == TRIGGER_TYPE and table.topic.endswith(TRIGGER):
+            found += [(time, "trigger") for time in table.time.tolist()]
+        elif (
+            table.type_name == PHASE_TYPE
+            and table.topic.endswith(PHASE)
+            and (column := table.column("data")) is not None
+        ):
+            found += list(zip(table.time.tolist(), map(str, column.values), strict=True))
+    return tuple(sorted((time - start, label) for time, label in found if 0 <= time - start < duration))
+
+
+def _notes(
+    markers: opensim_formats.Markers | None,
+    plates: Sequence[C3dPlate],
+    sampled: Sequence[resampling.Sampled],
+    grid: _Grid,
+    clock: str,
+) -> dict[str, str]:
+    axes = [markers.axes] if markers is not None else [f"{GROUND}; {plate.axes}" for plate in plates[:1]]
+    notes = {"CLOCK": f"START_TIME is seconds since {clock}, of the first frame", "AXES": axes[0] if axes else GROUND}
+    if markers is not None:
+        notes["MARKERS"] = (
+            f"from {markers.table.topic}; of each frame the recorded one that is nearest, half a period away at "
+            "most; else not seen"
+        )
+    if plates:
+        notes["FORCES"] = (
+            "what the plate does to the body on it, in the plate's axes with z down; moments about the origin of "
+            "the plate"
+        )
+    if sampled:
+        notes["RESAMPLING"] = f"analog samples at {grid.rate * grid.per_frame:g} Hz: " + "; ".join(
+            source.how(grid.analog) for source in sampled
+        )
+    return notes
+
+
+def describe(trial: C3dTrial) -> str:
+    """One line on what is in the file and how it was made."""
+    analog = f"; {trial.notes['RESAMPLING']}" if trial.channels else ""
+    plates = "".join(f", plate {plate.name} of type {plate.kind}" for plate in trial.plates)
+    emg = len(trial.channels) - 6 * len(trial.plates)
+    held = (
+        f"{len(trial.positions)} frames at {trial.rate:g} Hz from {trial.start:.3f} s, {len(trial.labels)} "
+        f"markers{plates}, {emg} other channels"
+    )
+    return f"{held}; mm, N, N mm, {trial.notes['AXES']}{analog}"

@@ -1,0 +1,199 @@
+"""One export: which formats, into which folder; what is there already is left alone."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from tqdm import tqdm
+
+from hric_bags.export import batches, c3d_trial, frames, opensim_formats, recording, unbatched
+from hric_bags.export.output import Output
+from hric_bags.export.recording import Source
+from hric_bags.export.table import ExportError, Table
+from hric_control.errors import HricError, UnknownNameError
+
+PLAIN = ("npz", "csv", "parquet")
+FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", "c3d", "bag")
+NEEDED: dict[str, tuple[str, ...]] = {
+    "trc": (opensim_formats.MOCAP_TYPE, frames.STATIC),
+    "mot": (batches.CONTROL_LOG, opensim_formats.JOINTS_TYPE),
+    "sto": (*opensim_formats.SIGNALS, batches.LAYOUT),
+    "external_loads": (batches.CHUNK, frames.STATIC),
+    "c3d": (opensim_formats.MOCAP_TYPE, batches.CHUNK, frames.STATIC, c3d_trial.TRIGGER_TYPE, c3d_trial.PHASE_TYPE),
+}
+"""Message types that a format needs; other formats need all."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to write.
+
+    Attributes:
+        formats: some of FORMATS.
+        topics: names; empty: all.
+        load_body: body of a model that the plates' loads act on; empty: no set-up file for them.
+        surface: height of the plates' surface over their electrical origin [m].
+    """
+
+    formats: Sequence[str]
+    topics: tuple[str, ...] = ()
+    load_body: str = ""
+    surface: float = 0.0
+
+    def __post_init__(self) -> None:
+        for kind in self.formats:
+            if kind not in FORMATS:
+                raise UnknownNameError("format", kind, FORMATS)
+
+
+@dataclass
+class Result:
+    """What was done.
+
+    Attributes:
+        files: per format, those that are there now.
+        seconds: per format, what writing took, without reading the bag (but for "bag") [s]; absent: it was there
+            already.
+        reading: what reading the bag into tables took [s].
+        notes: lines on how a format was made, or why there was nothing to write.
+        failures: per format that could not be written, why: one line.
+    """
+
+    files: dict[str, list[Path]] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    reading: float = 0.0
+    notes: list[str] = field(default_factory=list)
+    failures: dict[str, str] = field(default_factory=dict)
+
+
+def export(
+    source: Source, request: Request, folder: Path | None = None, *, again: bool = False, progress: bool = False
+) -> Result:
+    """Write the formats that are not there yet; one that cannot be written does not keep the others from it.
+
+    Args:
+        source: see `recording.find`.
+        request: what to write.
+        folder: where to; default: `export` in the run folder, or `<bag>_export` beside a bag.
+        again: write also what is there.
+        progress: whether to draw bars.
+
+    Raises:
+        HricError: the bag is damaged, or has no such topic.
+    """
+    settings = {"topics": sorted(request.topics), "load_body": request.load_body, "surface": request.surface}
+    output = Output(folder or source.output, source.bags, settings, again=again)
+    result = Result()
+    missing = [kind for kind in request.formats if output.done(kind) is None]
+    from_tables = [kind for kind in missing if kind != "bag"]
+    tables: dict[str, Table] = {}
+    if from_tables:
+        begin = time.perf_counter()
+        types = () if set(from_tables) & set(PLAIN) else tuple(name for kind in from_tables for name in NEEDED[kind])
+        tables = recording.read(source, request.topics, progress=progress, types=types)
+        result.reading = time.perf_counter() - begin
+    job = _Job(source, request, output, tables, result.notes, progress)
+    for kind in request.formats:
+        begin = time.perf_counter()
+        try:
+            if kind in missing and job.write(kind):
+                output.finish(kind)
+                result.seconds[kind] = time.perf_counter() - begin
+        except Exception as error:  # also of a library that one format needs: the others do not
+            text = " ".join(str(error).split())
+            result.failures[kind] = text if isinstance(error, HricError) else f"{type(error).__name__}: {text}"
+        if (done := output.done(kind)) is not None:
+            result.files[kind] = done
+    return result
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What writing a format takes; notes: gets what a user must know."""
+
+    source: Source
+    request: Request
+    output: Output
+    tables: dict[str, Table]
+    notes: list[str]
+    progress: bool
+
+    def write(self, kind: str) -> bool:
+        """Write a format; false: there is nothing to write."""
+        match kind:
+            case "bag":
+                self.output.write(kind, f"{self.source.bag.stem}_samples.bag", self._write_bag)
+            case "sto":
+                what = "joint states, a control log, chunks of samples, synchronised samples or wrenches"
+                self._write_each(kind, self._need(kind, what, opensim_formats.is_signal), opensim_formats.write_signals)
+            case "mot":
+                joints = self._need(kind, "joint states or a control log", opensim_formats.is_joints)
+                self._write_each(kind, joints, opensim_formats.write_coordinates)
+            case "trc":
+                captures = self._need(kind, "motion capture (hric_msgs/MocapData)", opensim_formats.is_capture)
+                self._write_each(kind, captures, self._write_markers)
+            case "c3d":
+                self._write_c3d()
+            case "external_loads":
+                return self._write_loads()
+            case _:
+                from hric_bags.export import plain_formats
+
+                self._write_each(kind, list(self.tables.values()), plain_formats.WRITERS[kind])
+        return True
+
+    @property
+    def _frames(self) -> frames.Frames:
+        return frames.of_run(self.source.urdf, self.tables, self.source.run)
+
+    def _need(self, kind: str, what: str, suits: Callable[[Table], bool]) -> list[Table]:
+        chosen = [table for table in self.tables.values() if suits(table)]
+        if not chosen:
+            with recording.open_reader(self.source) as reader:
+                topics = ", ".join(sorted(reader.topics))
+            raise ExportError(
+                f"format {kind} needs {what}, among the requested topics; the bag has: {topics or 'nothing'}"
+            )
+        return chosen
+
+    def _write_each(self, kind: str, tables: list[Table], write: Callable[[Table, Path], None]) -> None:
+        for table in tqdm(tables, unit=" topics", desc=kind, disable=not self.progress, leave=False):
+            self.output.write(kind, f"{table.name}.{kind}", partial(write, table))
+
+    def _write_bag(self, path: Path) -> None:
+        unbatched.write(self.source, path, self.request.topics, progress=self.progress)
+
+    def _write_markers(self, table: Table, path: Path) -> None:
+        opensim_formats.write_markers(opensim_formats.markers_of(table, self._frames), path, f"{table.name}.trc")
+
+    def _write_c3d(self) -> None:
+        from hric_bags.export import c3d_format
+
+        source = self.source
+        trial = c3d_trial.collect(self.tables, self._frames, source.run, self.request.surface)
+        stem = source.bag.stem if source.folder is None else source.folder.path.name
+        pieces, started = list(c3d_format.parts(trial)), str(source.run.get("started") or "")
+        for number, piece in enumerate(pieces, 1):
+            name = f"{stem}_{number}.c3d" if len(pieces) > 1 else f"{stem}.c3d"
+            self.output.write("c3d", name, partial(c3d_format.write, piece, started=started))
+        self.notes.append(f"c3d: {c3d_trial.describe(trial)}")
+
+    def _write_loads(self) -> bool:
+        plates = [table for table in self.tables.values() if opensim_formats.is_plate(table)]
+        body, surface = self.request.load_body, self.request.surface
+        if not plates:
+            self.notes.append(
+                f"external_loads: no force plate among the topics ({batches.CHUNK} with "
+                f"{' '.join(opensim_formats.CHANNELS)}), nothing to write"
+            )
+            return False
+        name = "external_loads"
+        self.output.write(
+            name, f"{name}.mot", lambda path: opensim_formats.write_loads(plates, self._frames, path, surface)
+        )
+        if body:
+            setup = opensim_formats.loads_setup(plates, body, f"{name}.mot")
+            self.output.write(name, f"{name}.xml", lambda path: path.write_text(setup))
+        return True

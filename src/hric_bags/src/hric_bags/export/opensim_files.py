@@ -1,0 +1,61 @@
+"""What OpenSim's own tools need of a run on OpenSim: the model, and its states over time; both from the run folder
+alone."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import opensim
+
+import urdf_to_osim
+from hric_bags.files import atomic
+from hric_bags.reader import ControlRecord
+from hric_bags.run_folder import RunFolder
+
+MODEL, STATES = "model.osim", "states.sto"
+FRICTIONS = {"none": "none", "coulomb": "coulomb", "identified": "sigmoid"}
+"""The plant's word for a friction law -> the converter's."""
+
+
+def write(folder: RunFolder, run: Mapping[str, Any], log: ControlRecord) -> None:
+    """Write model.osim (with Geometry/) and states.sto, replacing those that are there.
+
+    The states are those of the control log; joints that it does not have stand where the model has them by default.
+
+    Raises:
+        HricError: the description cannot be converted, or the files cannot be written.
+    """
+    urdf = folder.urdf_path.read_text()
+    conversion = urdf_to_osim.convert(urdf, options(run))
+    urdf_to_osim.write(conversion, folder.path / MODEL)
+    _write_states(conversion, log, folder.path / STATES)
+
+
+def options(run: Mapping[str, Any]) -> urdf_to_osim.Options:
+    """How the model of a run is converted: with the friction that acted; run: contents of run.yaml."""
+    plant = ((run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
+    law = FRICTIONS[plant.get("friction", "none")]
+    parameters = plant.get("friction_parameters") or {} if law == "sigmoid" else {}
+    return urdf_to_osim.Options(inertia="keep", friction=law, friction_parameters=parameters)
+
+
+def _write_states(conversion: urdf_to_osim.Conversion, log: ControlRecord, path: Path) -> None:
+    model = conversion.model
+    state = model.initSystem()
+    columns: list[str] = []
+    values: list[Any] = []
+    for joint in conversion.joints.values():
+        for coordinate in joint.paths:
+            found = opensim.Coordinate.safeDownCast(model.getComponent(coordinate))
+            columns += [f"{coordinate}/value", f"{coordinate}/speed"]
+            values += [np.full(log.cycles, found.getValue(state)), np.zeros(log.cycles)]
+    for j, name in enumerate(log.joint_names):
+        (coordinate,) = conversion.joints[name].paths
+        k = columns.index(f"{coordinate}/value")
+        values[k], values[k + 1] = log.position[:, j], log.velocity[:, j]
+    matrix = opensim.Matrix.createFromMat(np.ascontiguousarray(np.array(values).T))
+    table = opensim.TimeSeriesTable(log.time.tolist(), matrix, columns)
+    table.addTableMetaDataString("inDegrees", "no")
+    with atomic(path) as temporary:
+        opensim.STOFileAdapter.write(table, str(temporary))

@@ -1,0 +1,109 @@
+"""The text formats of OpenSim: .trc for markers, .mot and .sto for everything else; written as its own readers want
+them."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hric_bags.export.table import FloatArray
+
+GROUND = "right-handed, y up"
+"""Axes of OpenSim's ground."""
+
+
+def write_trc(path: Path, time: FloatArray, markers: Mapping[str, FloatArray], name: str, axes: str = GROUND) -> None:
+    """Write marker positions.
+
+    Args:
+        path: where to.
+        time: shape (n,) [s].
+        markers: name -> positions, shape (n, 3) [m]; NaN: not seen, written as an empty cell.
+        name: of the final file, written into it.
+        axes: written on the first line.
+    """
+    rate = f"{_rate(time):.6g}"
+    keys = [
+        "DataRate",
+        "CameraRate",
+        "NumFrames",
+        "NumMarkers",
+        "Units",
+        "OrigDataRate",
+        "OrigDataStartFrame",
+        "OrigNumFrames",
+    ]
+    values = [rate, rate, str(len(time)), str(len(markers)), "m", rate, "1", str(len(time))]
+    labels = "".join(f"{marker}\t\t\t" for marker in markers)
+    axis_labels = "".join(f"X{k}\tY{k}\tZ{k}\t" for k in range(1, len(markers) + 1))
+    matrix = np.hstack([np.asarray(positions, dtype=float) for positions in markers.values()])
+    with path.open("w") as file:
+        file.write(f"PathFileType\t4\t(X/Y/Z)\t{name} (axes: {axes})\n")
+        file.write("\t".join(keys) + "\n" + "\t".join(values) + "\n")
+        file.write(f"Frame#\tTime\t{labels}\n\t\t{axis_labels}\n\n")
+        for frame, (t, row) in enumerate(zip(time.tolist(), matrix.tolist(), strict=True), 1):
+            file.write(f"{frame}\t{t:.9f}\t" + "\t".join("" if value != value else repr(value) for value in row) + "\n")
+
+
+def write_storage(
+    path: Path,
+    time: FloatArray,
+    columns: Mapping[str, FloatArray],
+    name: str,
+    *,
+    degrees: bool = False,
+    about: Mapping[str, str] | None = None,
+) -> None:
+    """Write a .mot or .sto file.
+
+    Args:
+        path: where to.
+        time: shape (n,) [s].
+        columns: label -> values, shape (n,); labels without white space.
+        name: of the contents.
+        degrees: whether rotations are in degrees.
+        about: what else is in the header; no values that span lines.
+    """
+    matrix = np.column_stack([time, *columns.values()]).tolist()
+    head = [
+        name,
+        "version=1",
+        f"nRows={len(time)}",
+        f"nColumns={len(columns) + 1}",
+        f"inDegrees={'yes' if degrees else 'no'}",
+    ]
+    head += [f"{key}={value}" for key, value in {"DataRate": f"{_rate(time):.6g}", **(about or {})}.items()]
+    with path.open("w") as file:
+        file.write("\n".join([*head, "endheader", "\t".join(["time", *map(label, columns)])]) + "\n")
+        for row in matrix:
+            file.write("\t".join(map(_number, row)) + "\n")
+
+
+def label(text: str) -> str:
+    """A column label: no white space."""
+    return "_".join(text.split())
+
+
+def marker_name(text: str) -> str:
+    """A marker's name as OpenSim takes it: no path in it."""
+    return "_".join(text.replace("/", " ").replace("\\", " ").replace("*", " ").replace("+", " ").split())
+
+
+def read_storage(path: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """(time (n,) [s], columns by label) of a .mot or .sto file, as the tools of OpenSim write it."""
+    lines = path.read_text().splitlines()
+    start = lines.index("endheader") + 1
+    labels = lines[start].split()
+    matrix = np.array([[float(cell) for cell in line.split()] for line in lines[start + 1 :] if line.strip()]).reshape(
+        -1, len(labels)
+    )
+    return matrix[:, 0], {name: matrix[:, k] for k, name in enumerate(labels) if k}
+
+
+def _number(value: float) -> str:
+    return "NaN" if value != value else repr(value)
+
+
+def _rate(time: Sequence[float] | FloatArray) -> float:
+    span = float(time[-1] - time[0]) if len(time) > 1 else 0.0
+    return (len(time) - 1) / span if span > 0 else 0.0

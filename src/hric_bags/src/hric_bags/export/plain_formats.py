@@ -1,0 +1,52 @@
+"""A table as NumPy, CSV and Parquet; each file with its topic, frame, axes, rate and units."""
+
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from hric_bags.export.table import ABOUT, Table
+
+
+def write_npz(table: Table, path: Path) -> None:
+    """Arrays `time`, `stamp` and one per column, and `about`: JSON text."""
+    arrays = {ABOUT: np.array(table.about_text()), **{name: column.values for name, column in table.named().items()}}
+    # Not by numpy.savez: there a column cannot be called "file".
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, array, allow_pickle=False)
+
+
+def write_csv(table: Table, path: Path) -> None:
+    """Lines that begin with # describe the columns; `pandas.read_csv(path, comment="#")` reads it."""
+    about = table.about()
+    units = about.pop("units")
+    lines = [f"# {key}: {json.dumps(value)}" for key, value in about.items()]
+    lines += [f"# unit of {name}: {unit or 'none or not known'}" for name, unit in units.items()]
+    with path.open("wb") as file:
+        file.write(("\n".join(lines) + "\n").encode())
+        pyarrow.csv.write_csv(_arrow(table), file)
+
+
+def write_parquet(table: Table, path: Path) -> None:
+    """Units stand in the metadata of the fields, the rest in that of the schema under "hric"."""
+    pyarrow.parquet.write_table(_arrow(table), path)
+
+
+def _arrow(table: Table) -> pa.Table:
+    columns = table.named()
+    built = [pa.array(column.values) for column in columns.values()]
+    fields = [
+        pa.field(name, array.type, metadata={"unit": columns[name].unit})
+        for name, array in zip(columns, built, strict=True)
+    ]
+    return pa.Table.from_arrays(built, schema=pa.schema(fields, metadata={"hric": table.about_text()}))
+
+
+WRITERS = {"npz": write_npz, "csv": write_csv, "parquet": write_parquet}
+"""Format, which is also the files' ending -> its writer."""

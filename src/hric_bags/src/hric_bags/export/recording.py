@@ -1,0 +1,172 @@
+"""Reads a bag into tables, by the rosbags library alone."""
+
+import contextlib
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.interfaces import Connection
+
+from hric_bags import parts as bag_parts
+from hric_bags import reader as bag_reader
+from hric_bags.export import batches, units
+from hric_bags.export.gather import Gatherer, Timing
+from hric_bags.export.table import ExportError, Table
+from hric_bags.health import examine
+from hric_bags.health.salvage import ACTIVE
+from hric_bags.parts import PartsReader
+from hric_bags.run_folder import RunFolder
+from hric_control.errors import UnknownNameError
+
+RUN_CLOCK, BAG_CLOCK = "the start of the run", "the first recording of the bag"
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is to be exported.
+
+    Attributes:
+        bags: the parts of the bag, one or more; where two meet they overlap.
+        folder: the run folder; None: a bag by itself.
+        run: contents of run.yaml; empty for a bag by itself.
+        urdf: the robot's description; empty: not known.
+    """
+
+    bags: tuple[Path, ...]
+    folder: RunFolder | None
+    run: Mapping[str, Any]
+    urdf: str
+
+    @property
+    def bag(self) -> Path:
+        """The bag, or its first part."""
+        return self.bags[0]
+
+    @property
+    def output(self) -> Path:
+        """Default folder of the exports."""
+        return self.bag.with_name(f"{self.bag.stem}_export") if self.folder is None else self.folder.path / "export"
+
+
+def find(given: str, root: Path | None = None) -> Source:
+    """The bag of a run, or one by itself.
+
+    Args:
+        given: a bag, a run folder, or its name ("latest" too).
+        root: folder of all runs.
+
+    Raises:
+        HricError: there is none, or the recording did not end.
+    """
+    bags, folder = examine.find(given, root)
+    for bag in bags:
+        if bag.name.endswith(ACTIVE):
+            raise ExportError(
+                f"{bag.name} was not closed; if its recorder was killed: rosrun hric_experiments health "
+                f"--salvage {given}"
+            )
+    urdf = folder.urdf_path.read_text() if folder is not None and folder.urdf_path.is_file() else ""
+    return Source(tuple(bag_parts.parts(bags[0])), folder, {} if folder is None else folder.read(), urdf)
+
+
+@contextlib.contextmanager
+def open_reader(source: Source) -> Iterator[PartsReader]:
+    """A reader, open.
+
+    Raises:
+        ExportError: the bag is damaged.
+    """
+    try:
+        with PartsReader(source.bag) as reader:
+            yield reader
+    except (AnyReaderError, OSError) as error:
+        names = ", ".join(bag.name for bag in source.bags)
+        given = source.bag if source.folder is None else source.folder.path
+        raise ExportError(
+            f"cannot read {names}: {error}; what can be read of it: rosrun hric_experiments health --salvage {given}"
+        ) from error
+
+
+def read(
+    source: Source, topics: Collection[str] = (), *, progress: bool = False, types: Collection[str] = ()
+) -> dict[str, Table]:
+    """Tables of the topics.
+
+    Args:
+        source: the bag.
+        topics: names; empty: all.
+        progress: whether to draw a bar.
+        types: message types, e.g. "hric_msgs/msg/MocapData", to which to keep; empty: all.
+
+    Raises:
+        HricError: the bag is damaged, or has no such topic.
+    """
+    with open_reader(source) as reader:
+        for topic in topics:
+            if topic not in reader.topics:
+                raise UnknownNameError("topic", topic, reader.topics, "the bag")
+        gathering = _Gathering(reader, units.prismatic_joints(source.urdf), topics, types)
+        for connection, stamp, raw in reader.chosen(gathering.takes, "reading" if progress else ""):
+            gathering.add(connection, stamp, reader.deserialize(raw, connection.msgtype))
+        return gathering.tables(reader.start_time if reader.message_count else 0)
+
+
+class _Gathering:
+    """One pass over the messages; of a control log also for the clock alone."""
+
+    def __init__(
+        self, reader: AnyReader, prismatic: frozenset[str], topics: Collection[str], types: Collection[str]
+    ) -> None:
+        self._fields = {kind: [name for name, _ in found[1]] for kind, found in reader.typestore.fielddefs.items()}
+        self._prismatic, self._topics, self._types = prismatic, topics, types
+        self._gatherers: dict[str, Gatherer] = {}
+        self._batches: dict[str, tuple[str, list[Any]]] = {}
+        self._logs: list[Any] = []
+        self._layout: Any = None
+
+    def takes(self, connection: Connection) -> bool:
+        """Whether messages of a connection are read."""
+        return connection.msgtype == batches.CONTROL_LOG or self._is_requested(connection)
+
+    def _is_requested(self, connection: Connection) -> bool:
+        return (not self._topics or connection.topic in self._topics) and (
+            not self._types or connection.msgtype in self._types
+        )
+
+    def add(self, connection: Connection, stamp: int, message: Any) -> None:
+        """A message; stamp: time of its recording [ns]."""
+        topic, kind = connection.topic, connection.msgtype
+        if kind == batches.CONTROL_LOG and (not self._logs or topic == self._logs[0][0]):
+            self._logs.append((topic, message))
+        if not self._is_requested(connection):
+            return
+        if kind in batches.BATCHED:
+            self._batches.setdefault(topic, (kind, []))[1].append(message)
+            return
+        if kind == batches.LAYOUT:
+            self._layout = message
+        if topic not in self._gatherers:
+            self._gatherers[topic] = Gatherer(topic, kind, self._fields, self._prismatic)
+        self._gatherers[topic].add(stamp, message)
+
+    def tables(self, begin: int) -> dict[str, Table]:
+        """By topic; begin: time of the bag's first message [ns]."""
+        timing, clock = self._timing(begin)
+        tables = [gatherer.table(timing, clock) for gatherer in self._gatherers.values()]
+        tables += [
+            batches.table_of(topic, kind, found, timing, clock, self._prismatic)
+            for topic, (kind, found) in self._batches.items()
+        ]
+        if self._layout is not None:
+            tables = [
+                batches.named(table, self._layout) if table.type_name == batches.SYNCED else table for table in tables
+            ]
+        return {table.topic: table for table in sorted(tables, key=lambda table: table.topic)}
+
+    def _timing(self, begin: int) -> tuple[Timing, str]:
+        if not self._logs:
+            return (lambda stamp: (stamp - begin) * 1e-9), BAG_CLOCK
+        robot_time: Callable[[float], float] = bag_reader.robot_time_of([message for _, message in self._logs])
+        return (lambda stamp: robot_time(stamp * 1e-9)), RUN_CLOCK

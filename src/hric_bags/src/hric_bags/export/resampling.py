@@ -1,0 +1,100 @@
+"""Samples that were taken at their own times, at the times of a grid."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hric_bags.export.table import FloatArray, Table
+
+ALMOST = 1e-3
+"""A share of a period that does not count."""
+SAME = 1e-6
+"""Samples so near to the times of the grid are taken as they are [s]."""
+GAP = 3.0
+"""Samples further apart than so many periods have others lost between them; a straight line bridges them."""
+DRIFT = 0.1
+"""A whole number of frames per second is assumed as long as the times stay within this share of a period of it (default
+chosen by this project)."""
+
+
+class Sampled:
+    """Samples of a topic.
+
+    Args:
+        table: with rising times, two at least.
+
+    Attributes:
+        time: shape (n,) [s], rising.
+        rate: [Hz].
+    """
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+        self.time, self._rows = np.unique(table.time, return_index=True)
+        # Within a chunk samples are apart as the source sent them, whatever pace the run kept between two chunks.
+        rate = 1.0 / float(np.median(np.diff(self.time))) if len(self.time) > 1 else 1.0
+        self.rate = float(round(rate)) if abs(rate - round(rate)) < ALMOST else rate
+        self.gaps = int(np.sum(np.diff(self.time) * self.rate > GAP))
+
+    def values(self, names: Sequence[str], times: FloatArray) -> FloatArray:
+        """Columns at times, shape (len(times), len(names)): as they are where the times are those of the samples, else
+        by cubic splines."""
+        columns = {column.name: column.values for column in self._table.columns}
+        data = np.column_stack([np.asarray(columns[name], dtype=float)[self._rows] for name in names])
+        nearest = self._nearest(times)
+        if len(times) and np.abs(self.time[nearest] - times).max() < SAME:
+            return np.asarray(data[nearest])
+        return np.column_stack([self._spline(column, times) for column in data.T])
+
+    def how(self, times: FloatArray) -> str:
+        """What `values` does, for people."""
+        same = len(times) and np.abs(self.time[self._nearest(times)] - times).max() < SAME
+        how = "as recorded" if same else f"from {self.rate:g} Hz by cubic splines"
+        return f"{self._table.topic} {how}" + (f", straight lines over {self.gaps} gaps" if self.gaps else "")
+
+    def _nearest(self, times: FloatArray) -> FloatArray:
+        after = (
+            np.clip(np.searchsorted(self.time, times), 1, max(len(self.time) - 1, 1))
+            if len(self.time) > 1
+            else np.zeros(len(times), dtype=int)
+        )
+        before = np.maximum(after - 1, 0)
+        return np.where(np.abs(self.time[before] - times) <= np.abs(self.time[after] - times), before, after)
+
+    def _spline(self, values: FloatArray, times: FloatArray) -> FloatArray:
+        from scipy.interpolate import CubicSpline
+
+        good = np.isfinite(values)
+        if good.sum() < 2:
+            return np.full(len(times), np.nan)
+        time, kept = self.time[good], values[good]
+        wide = np.flatnonzero(np.diff(time) * self.rate > GAP)
+        if len(wide):
+            fill = np.concatenate(
+                [np.arange(time[k] + 1 / self.rate, time[k + 1] - 0.5 / self.rate, 1 / self.rate) for k in wide]
+            )
+            time, kept = np.concatenate([time, fill]), np.concatenate([kept, np.interp(fill, time, kept)])
+            order = np.argsort(time)
+            time, kept = time[order], kept[order]
+        return np.asarray(CubicSpline(time, kept)(np.clip(times, time[0], time[-1])))
+
+
+def frame_grid(time: FloatArray, numbers: FloatArray) -> tuple[float, float]:
+    """(rate [Hz], time of one of the frames [s]) of the even grid on which frames were taken.
+
+    Args:
+        time: of the frames, shape (n,), rising [s].
+        numbers: their numbers, shape (n,); empty, or not rising: their times alone count.
+    """
+    if len(time) < 2:
+        return 1.0, float(time[0])
+    if len(numbers) == len(time) and np.all(np.diff(numbers) > 0):
+        rate = 1.0 / float(np.polyfit(numbers - numbers[0], time - time[0], 1)[0])
+    else:
+        rate = 1.0 / float(np.median(np.diff(time)))
+    span = float(time[-1] - time[0])
+    if round(rate) and abs(rate - round(rate)) * span < DRIFT:
+        rate = float(round(rate))
+    rate = float(np.float32(rate))  # as the file holds it
+    first = np.median(time - np.rint((time - time[0]) * rate) / rate)
+    return rate, float(first)

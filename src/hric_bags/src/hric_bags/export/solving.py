@@ -1,0 +1,108 @@
+"""What the commands that run OpenSim's tools share."""
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from hric_bags.export.exporting import Request, export
+from hric_bags.export.recording import Source
+from hric_bags.export.table import ExportError, Table
+from hric_control.errors import HricError
+
+
+class SolveError(HricError):
+    """A tool of OpenSim that failed, or data that it cannot take."""
+
+
+def only(tables: Mapping[str, Table], topic: str, what: str) -> Table:
+    """The one table of a topic.
+
+    Args:
+        tables: those of the right type, by topic.
+        topic: "": there is one table.
+        what: the type is, for people.
+
+    Raises:
+        SolveError: there is none, or a choice.
+    """
+    found = [table for name, table in tables.items() if topic in ("", name)]
+    if len(found) != 1:
+        given = f" {topic}" if topic else ""
+        raise SolveError(f"one {what}{given} is needed; the bag has: {', '.join(tables) or 'none'}")
+    return found[0]
+
+
+def exported(source: Source, kind: str, topic: str) -> Path:
+    """The exported file of a topic, written now if it is not there yet.
+
+    Raises:
+        ExportError: it cannot be written.
+    """
+    name = topic.strip("/").replace("/", ".")
+    result = export(source, Request((kind,)))
+    if kind in result.failures:
+        raise ExportError(result.failures[kind])
+    return next(path for path in result.files[kind] if path.name == f"{name}.{kind}")
+
+
+def output_folder(source: Source, name: str, given: Path | None) -> Path:
+    """Folder of the results, made if missing.
+
+    Raises:
+        SolveError: it cannot be made.
+    """
+    folder = (given or (source.output.parent if source.folder is not None else source.output) / name).absolute()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SolveError(f"cannot write to {folder}: {error.strerror or error}") from error
+    return folder
+
+
+@contextlib.contextmanager
+def output_to(log: Path) -> Iterator[None]:
+    """What OpenSim prints goes to a file: its tools write to the process's own outputs."""
+    sys.stdout.flush()
+    kept = [os.dup(number) for number in (1, 2)]
+    try:
+        with log.open("wb") as file:
+            for number in (1, 2):
+                os.dup2(file.fileno(), number)
+            yield
+    finally:
+        sys.stdout.flush()
+        for number, copy in zip((1, 2), kept, strict=True):
+            os.dup2(copy, number)
+            os.close(copy)
+
+
+def load_model(path: Path) -> Any:
+    """A model from its file, ready for a tool; what OpenSim prints on the way is dropped."""
+    import opensim
+
+    with output_to(Path(os.devnull)):
+        model = opensim.Model(str(path))
+        model.initSystem()
+    return model
+
+
+def run_tool(tool: Any, motion: Path, name: str) -> None:
+    """Run a tool of OpenSim that is to write `motion`.
+
+    Raises:
+        SolveError: it fails.
+    """
+    log = motion.with_suffix(".log")
+    motion.unlink(missing_ok=True)
+    try:
+        with output_to(log):
+            done = tool.run()
+    except RuntimeError as error:
+        raise SolveError(
+            f"OpenSim's {name} failed: {str(error).strip().splitlines()[0]}; its messages: {log}"
+        ) from error
+    if not done or not motion.is_file():
+        raise SolveError(f"OpenSim's {name} failed; its messages: {log}")

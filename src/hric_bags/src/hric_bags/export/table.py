@@ -1,0 +1,110 @@
+"""One topic as a table: a row per sample, a column per value."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_control.errors import HricError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+class ExportError(HricError):
+    """Something that cannot be exported; the message says what is there."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One value of a topic.
+
+    Attributes:
+        name: path of the field, labels of joints, channels and bodies in it, e.g. "position.panda_joint1".
+        unit: empty: text, or not known.
+        values: numbers, booleans or text, shape (n,); NaN where a sample has no such number, "" for text.
+    """
+
+    name: str
+    unit: str
+    values: npt.NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Table:
+    """n samples of a topic.
+
+    Attributes:
+        topic: absolute name.
+        type_name: of the message, as rosbags writes it, e.g. "sensor_msgs/msg/JointState".
+        frame: frame_id of the messages' headers; empty: none.
+        time: when each was measured, shape (n,) [s], on the clock that `clock` names.
+        stamp: the same as in the bag, shape (n,) [ns].
+        columns: in the order of the message definition.
+        clock: what `time` counts from.
+        notes: what a reader should know, a sentence each.
+    """
+
+    topic: str
+    type_name: str
+    frame: str
+    time: FloatArray
+    stamp: IntArray
+    columns: tuple[Column, ...]
+    clock: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rate(self) -> float:
+        """Samples per second over the whole table [Hz]; 0: fewer than two, or all at one time."""
+        span = float(np.ptp(self.time)) if len(self.time) > 1 else 0.0
+        return (len(self.time) - 1) / span if span > 0.0 else 0.0
+
+    @property
+    def name(self) -> str:
+        """Of its file: the topic with "." for "/"."""
+        return self.topic.strip("/").replace("/", ".")
+
+    def named(self) -> dict[str, Column]:
+        """Time, stamp and all columns by the names that they have in a file: one that is taken gets "field." before
+        it."""
+        found = {"time": Column("time", "s", self.time), "stamp": Column("stamp", "ns", self.stamp)}
+        for column in self.columns:
+            name = column.name
+            while name in found or name == ABOUT:
+                name = f"field.{name}"
+            found[name] = column
+        return found
+
+    def column(self, name: str) -> Column | None:
+        """A column by its name."""
+        return next((column for column in self.columns if column.name == name), None)
+
+    def below(self, path: str) -> dict[str, FloatArray]:
+        """Numbers of the fields below a path, by what follows it; path without the last dot."""
+        start = f"{path}."
+        return {column.name[len(start) :]: column.values for column in self.columns if column.name.startswith(start)}
+
+    def about(self) -> dict[str, Any]:
+        """What a file says of itself: topic, type, frame, axes, rate, clock, units by column, notes."""
+        return {
+            "topic": self.topic,
+            "type": self.type_name,
+            "frame": self.frame,
+            "axes": AXES,
+            "rate": round(self.rate, 6),
+            "time": f"seconds since {self.clock}; stamp: nanoseconds as in the bag",
+            "units": {name: column.unit for name, column in self.named().items()},
+            "notes": list(self.notes),
+        }
+
+    def about_text(self) -> str:
+        """The same as JSON on one line."""
+        return json.dumps(self.about())
+
+
+ABOUT = "about"
+"""Name of a .npz file's description of itself."""
+AXES = "right-handed, those of the frame; z up where the frame is the robot's base or world (REP 103)"

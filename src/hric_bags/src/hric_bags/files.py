@@ -1,0 +1,48 @@
+"""Files that are either whole or absent: written under another name in the same folder, then renamed."""
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+
+@contextlib.contextmanager
+def atomic(path: Path) -> Iterator[Path]:
+    """A path to write to, moved to `path` when the block ends without an error; it has the same ending."""
+    temporary = path.with_name(f".{os.getpid()}.{path.name}")
+    try:
+        yield temporary
+        temporary.replace(path)
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file; a reader sees the old contents or the new, never a part."""
+    with atomic(path) as temporary, temporary.open("w") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write JSON; refuses NaN, which JSON does not have."""
+    write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
+
+
+def write_yaml(path: Path, data: Any) -> None:
+    """Write YAML in the order of the keys."""
+    write_text(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=140))
+
+
+def point_link(link: Path, target: str) -> None:
+    """Let a symbolic link point to `target` (relative to the link's folder)."""
+    temporary = link.with_name(f".{link.name}.{os.getpid()}.tmp")
+    temporary.unlink(missing_ok=True)
+    temporary.symlink_to(target)
+    temporary.replace(link)

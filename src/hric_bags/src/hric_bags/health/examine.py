@@ -1,0 +1,186 @@
+"""From a run folder or a bag to its findings and a report."""
+
+import math
+import re
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from hric_bags import text
+from hric_bags.health import checks
+from hric_bags.health.bag_records import BagScan
+from hric_bags.health.checks import Finding
+from hric_bags.health.salvage import ACTIVE
+from hric_bags.health.streams import Stream, StreamGatherer
+from hric_bags.run_folder import RunFolder, runs_root
+from hric_control.errors import HricError
+
+HEALTHY, PROBLEMS, DAMAGED = 0, 3, 4
+"""Exit codes of the health command; 1 is an error, 2 a wrong argument."""
+
+
+class HealthError(HricError):
+    """Something that is neither a run folder nor a bag."""
+
+
+@dataclass(frozen=True)
+class Health:
+    """What is known of a bag.
+
+    Attributes:
+        path: of the bag.
+        size: of the file [B].
+        streams: its topics.
+        findings: damage first.
+    """
+
+    path: Path
+    size: int
+    streams: list[Stream]
+    findings: list[Finding]
+
+    @property
+    def code(self) -> int:
+        """HEALTHY, PROBLEMS or DAMAGED: the worst of the findings; notes do not count."""
+        return code_of(self.findings)
+
+
+def code_of(findings: list[Finding]) -> int:
+    """Exit code of what was found."""
+    levels = {finding.level for finding in findings}
+    return DAMAGED if checks.DAMAGED in levels else PROBLEMS if checks.PROBLEM in levels else HEALTHY
+
+
+def find(given: str, root: Path | None = None) -> tuple[list[Path], RunFolder | None]:
+    """The bag that is meant, in one part or more, each finished or not, and its run folder.
+
+    Args:
+        given: a bag, a run folder, or its name ("latest" too).
+        root: folder of all runs.
+
+    Raises:
+        HricError: there is none.
+    """
+    path = Path(given).expanduser()
+    if path.is_file():
+        return _parts(path), None
+    if not (path / "run.yaml").is_file() and (path.name.endswith((".bag", ACTIVE))):
+        raise HealthError(f"no bag {path}")
+    folder = RunFolder.open(given, root or runs_root())
+    run = folder.read()
+    return [
+        _part(folder.path / str(name)) for name in run.get("bags") or [run.get("bag") or folder.bag_path.name]
+    ], folder
+
+
+def _parts(path: Path) -> list[Path]:
+    """All parts of a bag whose first one is given, finished or not; else the bag alone."""
+    numbered = re.fullmatch(r"(.+_)0\.bag(\.active)?", path.name)
+    found, names = [path], numbered[1] if numbered is not None else ""
+    while names and (
+        after := [p for p in (path.with_name(f"{names}{len(found)}.bag{end}") for end in ("", ACTIVE)) if p.is_file()]
+    ):
+        found.append(after[0])
+    return found
+
+
+def _part(bag: Path) -> Path:
+    for candidate in (bag, bag.with_name(bag.name + ACTIVE)):
+        if candidate.is_file():
+            return candidate
+    raise HealthError(f"no bag in {bag.parent}: neither {bag.name} nor {bag.name}{ACTIVE}")
+
+
+def examine(path: Path, *, progress: bool = False) -> Health:
+    """Read a bag from its first byte to its last.
+
+    Raises:
+        HricError: it is no bag, or cannot be read.
+    """
+    scan = BagScan(path)
+    gatherer = StreamGatherer()
+    unknown = 0
+    try:
+        size = path.stat().st_size
+        with tqdm(total=None, unit=" messages", desc=path.name, disable=not progress, leave=False) as bar:
+            for number, time, raw in scan.messages():
+                connection = scan.connections.get(number)
+                if connection is None:
+                    unknown += 1
+                else:
+                    gatherer.add(connection, time, raw)
+                bar.update()
+    except OSError as error:
+        raise HealthError(f"cannot read {path}: {error.strerror or error}") from error
+    streams = gatherer.streams()
+    findings = checks.of_file(scan) + checks.of_streams(streams)
+    if unknown:
+        findings.insert(
+            0, Finding(checks.DAMAGED, "", f"{unknown} messages belong to topics of which nothing is known")
+        )
+    if not streams:
+        findings.append(Finding(checks.PROBLEM, "", "it holds no message"))
+    return Health(path, size, streams, findings)
+
+
+def render(health: Health) -> str:
+    """The report as text."""
+    cells = [["topic", "messages", "rate", "period", "from", "to"], ["", "", "Hz", "s", "s", "s"]]
+    begin = min((float(stream.recorded.min()) for stream in health.streams if len(stream.recorded)), default=0.0)
+    for stream in health.streams:
+        first, last = ((float(end) - begin) * 1e-9 for end in (stream.recorded.min(), stream.recorded.max()))
+        cells.append(
+            [
+                stream.topic,
+                str(len(stream.recorded)),
+                _rounded(stream.rate, 2),
+                _rounded(stream.period, 4),
+                f"{first:.3f}",
+                f"{last:.3f}",
+            ]
+        )
+    head = f"{health.path.name}: {sum(len(stream.recorded) for stream in health.streams)} messages, {health.size} bytes"
+    verdict = {
+        HEALTHY: "healthy",
+        PROBLEMS: "readable, with problems",
+        DAMAGED: "damaged: --salvage writes what can be read into a whole bag",
+    }
+    return (
+        "\n\n".join(
+            [
+                head,
+                "\n".join(text.rows(cells, head=2)),
+                *(["\n".join(map(str, health.findings))] if health.findings else []),
+                verdict[health.code],
+            ]
+        )
+        + "\n"
+    )
+
+
+def to_dict(health: Health) -> dict[str, Any]:
+    """The same for a program: JSON without NaN."""
+    topics = {
+        stream.topic: {
+            "type": stream.type_name,
+            "messages": len(stream.recorded),
+            "rate": None if math.isnan(stream.rate) else stream.rate,
+            "period": None if math.isnan(stream.period) else stream.period,
+            "missing": [list(span) for span in stream.missing],
+            "repeated": [list(span) for span in stream.repeated],
+        }
+        for stream in health.streams
+    }
+    return {
+        "bag": health.path.name,
+        "size": health.size,
+        "exit_code": health.code,
+        "topics": topics,
+        "findings": [asdict(finding) for finding in health.findings],
+    }
+
+
+def _rounded(value: float, digits: int) -> str:
+    return "-" if math.isnan(value) else f"{value:.{digits}f}"

@@ -1,0 +1,111 @@
+"""Writes what can be read of a damaged bag into a whole one; nothing of the damaged one is deleted."""
+
+import contextlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from rosbags.rosbag1 import Writer
+
+from hric_bags.health.bag_records import BagScan, Connection
+from hric_control.errors import HricError
+
+ACTIVE, DAMAGED = ".active", ".damaged"
+CHUNK = 256 * 1024
+"""Size of the chunks of a salvaged bag before compression [B]; project default, unconfirmed."""
+
+
+class SalvageError(HricError):
+    """A bag that cannot be salvaged now."""
+
+
+@dataclass(frozen=True)
+class Salvaged:
+    """What came of it.
+
+    Attributes:
+        bag: the whole one.
+        original: where the damaged one is now.
+        messages: how many the whole one has.
+    """
+
+    bag: Path
+    original: Path
+    messages: int
+
+
+def salvage(path: Path) -> Salvaged:
+    """Make a whole bag of a damaged one, with the recorder's name for a bag that is whole.
+
+    `x.bag.active` becomes `x.bag` and stays beside it; a damaged `x.bag` is kept as `x.bag.damaged`.
+
+    Raises:
+        SalvageError: a process still writes it, there is a bag of that name already, or the disk refuses.
+    """
+    if in_use(path):
+        raise SalvageError(f"{path.name} is being written by a recorder; end the recording first")
+    active = path.name.endswith(ACTIVE)
+    target = path.with_name(path.name.removesuffix(ACTIVE))
+    original = path if active else path.with_name(path.name + DAMAGED)
+    taken = target if active else original
+    if taken.exists():
+        raise SalvageError(f"{taken.name} is there already; move it away first")
+    temporary = path.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        messages = _copy(BagScan(path), temporary)
+        if not active:
+            path.rename(original)
+        temporary.rename(target)
+    except OSError as error:
+        raise SalvageError(f"cannot salvage {path}: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+    return Salvaged(target, original, messages)
+
+
+def _copy(scan: BagScan, target: Path) -> int:
+    writer = Writer(target)
+    writer.set_compression(Writer.CompressionFormat.LZ4)
+    writer.chunk_threshold = CHUNK
+    connections: dict[Connection, object] = {}
+    count = 0
+    with writer:
+        for number, time, raw in scan.messages():
+            known = scan.connections.get(number)
+            if known is None:
+                continue
+            if known not in connections:
+                connections[known] = _add(writer, known)
+            writer.write(connections[known], time, raw)
+            count += 1
+    with target.open("rb+") as file:
+        os.fsync(file.fileno())
+    return count
+
+
+def _add(writer: Writer, known: Connection) -> object:
+    return writer.add_connection(
+        known.topic,
+        known.type_name.replace("/", "/msg/"),
+        msgdef=known.definition,
+        md5sum=known.md5sum,
+        callerid=known.caller or None,
+        latching=int(known.latching),
+    )
+
+
+def in_use(path: Path) -> bool:
+    """Whether a process of this user on this machine has the file open for writing."""
+    target = path.resolve()
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # ended meanwhile, or another user's
+            for descriptor in (process / "fd").iterdir():
+                if descriptor.readlink() == target and _is_open_for_writing(process / "fdinfo" / descriptor.name):
+                    return True
+    return False
+
+
+def _is_open_for_writing(information: Path) -> bool:
+    lines = information.read_text().splitlines()
+    flags = next((line.split()[1] for line in lines if line.startswith("flags:")), "0")
+    return bool(int(flags, 8) & os.O_ACCMODE)

@@ -1,0 +1,79 @@
+"""Judges where two parts of a recording meet: their order, and whether a stream goes on without a gap from the one to
+the other."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from hric_bags.health import checks
+from hric_bags.health.checks import NOTE, PROBLEM, Finding
+from hric_bags.health.streams import Stream
+
+
+@dataclass(frozen=True)
+class Seam:
+    """Where a part ends and the next one begins.
+
+    Attributes:
+        before, after: names of the two bags.
+        overlap: how long both recorded; negative: between them neither did [s]. NaN: one of them is empty.
+        findings: what is wrong there.
+    """
+
+    before: str
+    after: str
+    overlap: float
+    findings: list[Finding]
+
+    def render(self, quiet: bool = False) -> str:
+        """The seam as text; quiet: its findings only."""
+        relation = (
+            f"recorded together for {self.overlap:.3f} s" if self.overlap >= 0.0 else f"are {-self.overlap:.3f} s apart"
+        )
+        head = f"\n{self.before} and {self.after}: {'one of them is empty' if np.isnan(self.overlap) else relation}\n"
+        return ("" if quiet else head) + "".join(f"{finding}\n" for finding in self.findings)
+
+
+def of_parts(parts: Sequence[tuple[Path, Sequence[Stream]]]) -> list[Seam]:
+    """All seams of a recording; of each part, in their order, its bag and its topics."""
+    return [_seam(before[0].name, before[1], after[0].name, after[1]) for before, after in pairwise(parts)]
+
+
+def _seam(before: str, old: Sequence[Stream], after: str, new: Sequence[Stream]) -> Seam:
+    times = [
+        np.concatenate([stream.recorded for stream in streams]) if streams else np.empty(0) for streams in (old, new)
+    ]
+    if not all(map(len, times)):
+        return Seam(before, after, float("nan"), [])
+    overlap = float(times[0].max() - times[1].min()) * 1e-9
+    found = []
+    if times[1].min() < times[0].min():
+        found.append(Finding(PROBLEM, "", f"{after} begins before {before}: the parts are not in order"))
+    later = {stream.topic: stream for stream in new}
+    notes = []
+    for stream in old:
+        if stream.topic in later:
+            found += [Finding(PROBLEM, stream.topic, text) for text in _problems(stream, later[stream.topic])]
+            continue
+        rest = float(times[0].max() - stream.recorded.max()) * 1e-9
+        if checks.is_regular(stream) and rest <= checks.longest_period(stream.period):
+            text = f"is not in {after}, although it went on to the end of {before}"
+            notes.append(Finding(NOTE, stream.topic, text))
+    return Seam(before, after, overlap, found + notes)
+
+
+def _problems(before: Stream, after: Stream) -> Iterator[str]:
+    """Missing numbers or a gap of one topic between two parts."""
+    if before.latched:
+        return
+    if before.counts and after.first > before.next:
+        yield f"{after.first - before.next} {before.counts} are missing between the parts, from number {before.next} on"
+    elif before.counts and after.first < before.next and after.recorded.min() > before.recorded.max():
+        yield f"the {before.counts} of the two parts overlap in number but not in time: the source began again"
+    elif not before.counts and before.stamps is not None and after.stamps is not None and checks.is_regular(before):
+        gap = float(after.stamps.min() - before.stamps.max()) * 1e-9
+        if gap > checks.longest_period(before.period):
+            yield f"a gap of {gap:.3f} s between the parts; its period is {before.period:.4f} s"

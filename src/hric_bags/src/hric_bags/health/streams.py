@@ -1,0 +1,163 @@
+"""Each topic of a bag: counts, stamps, running numbers; gathered message by message."""
+
+import re
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from hric_bags.health.bag_records import Connection
+
+IntArray = npt.NDArray[np.int64]
+_HEADER = re.compile(r"^\s*(std_msgs/)?Header\s+header\b")
+_STAMP = struct.Struct("<III")
+COUNTED: dict[str, tuple[str, Callable[[Any], tuple[int, int]]]] = {
+    "hric_msgs/ControlLog": ("cycles", lambda message: (int(message.first_cycle), int(message.n_cycles))),
+    "hric_msgs/SampleChunk": (
+        "samples",
+        lambda message: (int(message.first_sample), len(message.data) // max(len(message.channels), 1)),
+    ),
+    "hric_msgs/MocapData": ("frames", lambda message: (int(message.frame_number), 1)),
+    "hric_msgs/SyncedSample": ("samples", lambda message: (int(message.header.seq), 1)),
+}
+"""Message types with a running number: what it counts, and (first number, how many) of a message."""
+
+
+@dataclass
+class Stream:
+    """One topic.
+
+    Attributes:
+        topic, type_name: as in the bag.
+        latched: whether a publisher of it latches.
+        recorded: times of recording in the order of the file, shape (n,) [ns].
+        stamps: header stamps, shape (n,) [ns]; None: the type has no header.
+        publishers: callerids of the nodes that published it, in the order of their first messages; "": the bag names
+            none.
+        published_by: index into `publishers` of each message, shape (n,).
+        counts: what its running number counts; "": it has none.
+        missing: running numbers that are not in the bag, as (first, how many).
+        repeated: from where it went back: what came twice, or a source that began again, likewise.
+        first, next: running number with which it begins, and the one that would follow its last message; 0: it has
+            none.
+    """
+
+    topic: str
+    type_name: str
+    latched: bool
+    recorded: IntArray
+    stamps: IntArray | None
+    publishers: tuple[str, ...]
+    published_by: IntArray
+    counts: str = ""
+    missing: tuple[tuple[int, int], ...] = ()
+    repeated: tuple[tuple[int, int], ...] = ()
+    first: int = 0
+    next: int = 0
+
+    @property
+    def judged(self) -> IntArray | None:
+        """Header stamps that must be in order and without gaps: not those of a latched topic, shape (n,) [ns]."""
+        return None if self.latched else self.stamps
+
+    @property
+    def period(self) -> float:
+        """Median time between header stamps, or between recordings where there are none [s]; NaN: fewer than two
+        messages."""
+        times = np.sort(self.recorded if self.stamps is None else self.stamps)
+        return float(np.median(np.diff(times))) * 1e-9 if len(times) > 1 else float("nan")
+
+    @property
+    def rate(self) -> float:
+        """Messages per second over the whole stream [Hz]; NaN: fewer than two, or all at one time."""
+        times = self.recorded if self.stamps is None else self.stamps
+        span = float(np.ptp(times)) * 1e-9 if len(times) > 1 else 0.0
+        return (len(times) - 1) / span if span else float("nan")
+
+
+@dataclass
+class _Gathered:
+    connection: Connection
+    recorded: list[int] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)
+    numbers: list[tuple[int, int]] = field(default_factory=list)
+    publishers: dict[str, int] = field(default_factory=dict)
+    published_by: list[int] = field(default_factory=list)
+
+    def stream(self) -> Stream:
+        connection, numbers = self.connection, self.numbers
+        missing, repeated = _continuity(numbers)
+        return Stream(
+            connection.topic,
+            connection.type_name,
+            connection.latching,
+            np.array(self.recorded, dtype=np.int64),
+            np.array(self.stamps, dtype=np.int64) if len(self.stamps) == len(self.recorded) else None,
+            tuple(self.publishers),
+            np.array(self.published_by, dtype=np.int64),
+            counts=COUNTED[connection.type_name][0] if connection.type_name in COUNTED else "",
+            missing=missing,
+            repeated=repeated,
+            first=numbers[0][0] if numbers else 0,
+            next=sum(numbers[-1]) if numbers else 0,
+        )
+
+
+class StreamGatherer:
+    """Gathers streams from serialised messages."""
+
+    def __init__(self) -> None:
+        self._topics: dict[str, _Gathered] = {}
+        self._readers: dict[str, Callable[[bytes], tuple[int, int]]] = {}
+
+    def add(self, connection: Connection, time: int, raw: bytes) -> None:
+        """A message; time: of its recording [ns]."""
+        gathered = self._topics.get(connection.topic)
+        if gathered is None:
+            gathered = self._topics[connection.topic] = _Gathered(connection)
+        gathered.recorded.append(time)
+        gathered.published_by.append(gathered.publishers.setdefault(connection.caller, len(gathered.publishers)))
+        if _has_header(connection) and len(raw) >= _STAMP.size:
+            _, seconds, nanoseconds = _STAMP.unpack_from(raw)
+            gathered.stamps.append(seconds * 1_000_000_000 + nanoseconds)
+        if connection.type_name in COUNTED:
+            gathered.numbers.append(self._reader(connection)(raw))
+
+    def _reader(self, connection: Connection) -> Callable[[bytes], tuple[int, int]]:
+        found = self._readers.get(connection.md5sum)
+        if found is None:
+            store = get_typestore(Stores.EMPTY)
+            name = connection.type_name.replace("/", "/msg/")
+            store.register(get_types_from_msg(connection.definition, name))
+            numbers = COUNTED[connection.type_name][1]
+
+            def read(raw: bytes) -> tuple[int, int]:
+                return numbers(store.deserialize_ros1(raw, name))
+
+            found = self._readers[connection.md5sum] = read
+        return found
+
+    def streams(self) -> list[Stream]:
+        """All topics, by name."""
+        return [self._topics[topic].stream() for topic in sorted(self._topics)]
+
+
+def _has_header(connection: Connection) -> bool:
+    lines = (line for line in connection.definition.splitlines() if line.strip() and not line.lstrip().startswith("#"))
+    return _HEADER.match(next(lines, "")) is not None
+
+
+def _continuity(numbers: list[tuple[int, int]]) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]:
+    missing, repeated = [], []
+    expected = numbers[0][0] if numbers else 0
+    for first, count in numbers:
+        if first > expected:
+            missing.append((expected, first - expected))
+        elif first < expected:
+            repeated.append((first, expected - first))
+        expected = first + count
+    return tuple(missing), tuple(repeated)

@@ -1,0 +1,158 @@
+"""A bag in parts, as the recorder leaves it after a split, read as one: in order of time, and what two parts both hold
+comes once."""
+
+import re
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
+from tqdm import tqdm
+
+from hric_control.errors import HricError
+
+MARGIN = 2_000_000_000
+"""Two recorders note the same message at times that are less apart than this [ns]."""
+_NUMBERED = re.compile(r"(.+)_(\d+)\.bag")
+Stream = tuple[str, str]
+"""Topic and the node that sent it."""
+Messages = dict[Stream, list[tuple[int, bytes]]]
+"""(time [ns], serialised message) in order, of each stream."""
+
+
+class PartsError(HricError):
+    """A part of a bag is missing or was not closed."""
+
+
+def parts(bag: Path) -> list[Path]:
+    """All parts of a bag, in order; a bag that is not in parts is its only one.
+
+    Args:
+        bag: the bag, or its first part, `..._0.bag`.
+
+    Raises:
+        PartsError: a part between two others is missing, or one was not closed.
+    """
+    match = _NUMBERED.fullmatch(bag.name)
+    if match is not None and match[2] != "0":
+        return [bag]
+    stem = match[1] if match is not None else bag.stem
+    names = [path.name.removesuffix(".active") for path in bag.parent.glob(f"{stem}_*.bag*")]
+    numbers = [int(numbered[2]) for name in names if (numbered := _NUMBERED.fullmatch(name)) and numbered[1] == stem]
+    found = [bag]
+    for number in range(1, max(numbers, default=0) + 1):
+        part = bag.with_name(f"{stem}_{number}.bag")
+        if not part.is_file():
+            active = part.with_name(part.name + ".active")
+            hint = (
+                f" was not closed, try: rosrun hric_experiments health --salvage {active}"
+                if active.is_file()
+                else " is missing"
+            )
+            raise PartsError(f"part {part.name} of the recording in {bag.parent}{hint}")
+        found.append(part)
+    return found
+
+
+class PartsReader(AnyReader):
+    """Reads a bag with all its parts, as `AnyReader` reads one.
+
+    Where two parts meet both recorders ran for a moment, and what is latched was sent to the second one again: of the
+    later part that is left out.
+
+    Args:
+        bag: the bag, or its first part.
+
+    Raises:
+        PartsError, AnyReaderError, OSError: it cannot be read.
+    """
+
+    def __init__(self, bag: Path) -> None:
+        super().__init__(parts(bag))
+        self._repeated: list[dict[Stream, int]] | None = None
+
+    def messages(
+        self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None
+    ) -> Generator[Any, None, None]:
+        """As in AnyReader, each message once."""
+        if len(self.readers) == 1:
+            yield from super().messages(connections, start, stop)
+            return
+        repeated, earliest = [dict(counts) for counts in self._seams()], -1 if start is None else start
+        numbers = {id(reader): number for number, reader in enumerate(self.readers)}
+        for connection, time, raw in super().messages(connections, None, stop):
+            left, stream = repeated[numbers[id(connection.owner)]], _stream(connection)
+            if left.get(stream, 0):
+                left[stream] -= 1
+            elif time >= earliest:
+                yield connection, time, raw
+
+    def chosen(
+        self, chooses: Callable[[Connection], bool], progress: str = ""
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """(connection, time of recording [ns], serialised message) of some connections; progress: label of a bar on the
+        terminal, "" for none."""
+        connections = [connection for connection in self.connections if chooses(connection)]
+        if connections:  # without any `messages` takes all
+            yield from tqdm(
+                self.messages(connections),
+                total=sum(connection.msgcount for connection in connections),
+                unit=" messages",
+                desc=progress,
+                disable=not progress,
+                leave=False,
+            )
+
+    def _seams(self) -> list[dict[Stream, int]]:
+        """Of each part, how many of the first messages of a stream the part before it has, too."""
+        if self._repeated is None:
+            self._repeated = [{}] + [
+                _seam(before, after) for before, after in zip(self.readers, self.readers[1:], strict=False)
+            ]
+        return self._repeated
+
+
+def _stream(connection: Connection) -> Stream:
+    return connection.topic, str(getattr(connection.ext, "callerid", ""))
+
+
+def _seam(before: Any, after: Any) -> dict[Stream, int]:
+    if not before.message_count or not after.message_count:
+        return {}
+    latched = [connection for connection in before.connections if getattr(connection.ext, "latching", 0)]
+    held = _gather(before, before.connections, start=after.start_time - MARGIN) | (
+        _gather(before, latched) if latched else {}
+    )
+    names = {_stream(connection) for connection in latched}
+    return {
+        stream: overlap(held.get(stream, []), begun, latched=stream in names)
+        for stream, begun in _gather(after, after.connections, stop=before.end_time + MARGIN).items()
+    }
+
+
+def _gather(
+    reader: Any, connections: Sequence[Connection], start: int | None = None, stop: int | None = None
+) -> Messages:
+    found: Messages = {}
+    for connection, time, raw in reader.messages(connections=connections, start=start, stop=stop):
+        found.setdefault(_stream(connection), []).append((time, raw))
+    return found
+
+
+def overlap(before: Sequence[tuple[int, bytes]], after: Sequence[tuple[int, bytes]], *, latched: bool = False) -> int:
+    """How many of the first messages of a part are the last ones of the part before it.
+
+    Several counts may fit a stream that repeats one message: then the one that fits the times best, or of a latched one
+    the largest.
+
+    Args:
+        before, after: (time [ns], serialised message) of one stream in the two parts, in order.
+        latched: whether the last one was sent again to the later recorder.
+    """
+    old, new = [raw for _, raw in before], [raw for _, raw in after]
+    fitting = [count for count in range(min(len(old), len(new)) + 1) if old[len(old) - count :] == new[:count]]
+    if latched or not after:
+        return fitting[-1]
+    expected = sum(time >= after[0][0] for time, _ in before)
+    return min(fitting, key=lambda count: abs(count - expected))

@@ -1,0 +1,130 @@
+"""Run folders: runs/<experiment>_<date>/ with run.yaml, the bag, metrics.json and figures; runs/latest points to the
+newest."""
+
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hric_bags import files
+from hric_control.errors import HricError
+
+RUNNING, COMPLETED, INTERRUPTED, FAILED = "running", "completed", "interrupted", "failed"
+STAMP = "%Y%m%d-%H%M%S"
+
+
+class RunFolderError(HricError):
+    """A run folder that is not there, is not one, or cannot be written."""
+
+
+def runs_root(given: str | None = None) -> Path:
+    """Folder of all runs: the one given, else $HRIC_RUNS, else runs/ of the workspace."""
+    if given or os.environ.get("HRIC_RUNS"):
+        return Path(given or os.environ["HRIC_RUNS"]).expanduser().absolute()
+    return workspace() / "runs"
+
+
+def workspace() -> Path:
+    """The workspace's folder: $HRIC_WS, else that in which this source lies."""
+    return Path(os.environ.get("HRIC_WS") or Path(__file__).resolve().parents[4])
+
+
+def iso_now() -> str:
+    """UTC time of day, for people and for sorting."""
+    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+
+
+class RunFolder:
+    """One run on disk.
+
+    Attributes:
+        path: the folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @classmethod
+    def create(cls, root: Path, experiment: str, now: datetime | None = None) -> "RunFolder":
+        """Make a new folder and let `latest` point to it.
+
+        Args:
+            root: folder of all runs, made if missing.
+            experiment: name of the experiment.
+            now: local time for the name.
+
+        Raises:
+            RunFolderError: it cannot be written.
+        """
+        name = f"{experiment}_{(now or datetime.now()).strftime(STAMP)}"
+        try:
+            root.mkdir(parents=True, exist_ok=True)
+            folder = _make_unique(root, name)
+            files.point_link(root / "latest", folder.name)
+        except OSError as error:
+            raise RunFolderError(f"cannot make a run folder in {root}: {error.strerror or error}") from error
+        return cls(folder)
+
+    @classmethod
+    def open(cls, path: str | Path, root: Path | None = None) -> "RunFolder":
+        """An existing run, by its path or by its name in the folder of all runs ("latest" too).
+
+        Raises:
+            RunFolderError: no run there; names the newest that exist.
+        """
+        for candidate in (Path(path).expanduser(), (root or runs_root()) / path):
+            if (candidate / "run.yaml").is_file():
+                return cls(candidate.resolve())
+        base = root or runs_root()
+        known = sorted(
+            (item.parent.name for item in base.glob("*/run.yaml") if not item.parent.is_symlink()), reverse=True
+        )[:5]
+        raise RunFolderError(
+            f"no run folder {str(path)!r} (a folder with run.yaml); newest in {base}: {', '.join(known) or 'none'}"
+        )
+
+    @property
+    def bag_path(self) -> Path:
+        """Where the bag is or will be."""
+        return self.path / f"{self.path.name}.bag"
+
+    @property
+    def metrics_path(self) -> Path:
+        """Where the metrics are or will be."""
+        return self.path / "metrics.json"
+
+    @property
+    def urdf_path(self) -> Path:
+        """Where the robot's description is or will be."""
+        return self.path / "robot.urdf"
+
+    def write(self, data: dict[str, Any]) -> None:
+        """Write run.yaml."""
+        files.write_yaml(self.path / "run.yaml", data)
+
+    def read(self) -> dict[str, Any]:
+        """Contents of run.yaml."""
+        try:
+            data = yaml.safe_load((self.path / "run.yaml").read_text())
+        except (OSError, yaml.YAMLError) as error:
+            raise RunFolderError(f"cannot read {self.path / 'run.yaml'}: {error}") from error
+        if not isinstance(data, dict):
+            raise RunFolderError(f"{self.path / 'run.yaml'} is not a mapping")
+        return data
+
+    def update(self, **changes: Any) -> None:
+        """Change keys of run.yaml."""
+        self.write({**self.read(), **changes})
+
+
+def _make_unique(root: Path, name: str) -> Path:
+    for attempt in range(1, 1000):
+        folder = root / (name if attempt == 1 else f"{name}-{attempt}")
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            continue
+        return folder
+    raise RunFolderError(f"{root} already holds 999 runs named {name}")

@@ -1,0 +1,134 @@
+// clang-format Language: C
+/* Spatial algebra of rigid bodies for the compiled models: in one frame of the world, about its origin. As in
+ * Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 5 and 6. Rotations and tensors are row-major; SI units.
+ *
+ * The order of the operations is part of the interface: runs are compared bit by bit. */
+#ifndef HRIC_CONTROL_RIGID_BODY_H
+#define HRIC_CONTROL_RIGID_BODY_H
+
+#include <math.h>
+#include <string.h>
+
+/* A motion (angular velocity w, velocity v of the point at the origin) or a force (moment about the origin in w, force
+ * in v). */
+typedef struct {
+    double w[3], v[3];
+} Spatial;
+
+/* Mass, first moment of mass, and inertia about the origin. */
+typedef struct {
+    double m, h[3], I[9];
+} Body;
+
+static inline double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static inline void add_cross(const double a[3], const double b[3], double sum[3])
+{
+    sum[0] += a[1] * b[2] - a[2] * b[1];
+    sum[1] += a[2] * b[0] - a[0] * b[2];
+    sum[2] += a[0] * b[1] - a[1] * b[0];
+}
+
+static inline void rotate(const double R[9], const double x[3], double y[3])
+{
+    for (int i = 0; i < 3; i++)
+        y[i] = dot(R + 3 * i, x);
+}
+
+static inline void multiply(const double A[9], const double B[9], double AB[9])
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            AB[3 * i + j] = A[3 * i] * B[j] + A[3 * i + 1] * B[3 + j] + A[3 * i + 2] * B[6 + j];
+}
+
+/* Add a rigid body of the frame (R, p): centre of mass in that frame, inertia about it in that frame's axes. Steiner's
+ * theorem. */
+static inline void add_body(const double R[9], const double p[3], double m, const double com[3], const double I[9],
+                            Body *sum)
+{
+    double c[3], RI[9];
+    rotate(R, com, c);
+    for (int i = 0; i < 3; i++)
+        c[i] += p[i];
+    multiply(R, I, RI);
+    const double square = dot(c, c);
+    sum->m += m;
+    for (int i = 0; i < 3; i++) {
+        sum->h[i] += m * c[i];
+        for (int j = 0; j < 3; j++)
+            sum->I[3 * i + j] += dot(RI + 3 * i, R + 3 * j) + m * ((i == j ? square : 0.0) - c[i] * c[j]);
+    }
+}
+
+/* Momentum of a body in a motion, or the force that an acceleration takes. */
+static inline void apply_inertia(const Body *body, const Spatial *motion, Spatial *force)
+{
+    rotate(body->I, motion->w, force->w);
+    add_cross(body->h, motion->v, force->w);
+    for (int i = 0; i < 3; i++)
+        force->v[i] = body->m * motion->v[i];
+    add_cross(motion->w, body->h, force->v);
+}
+
+/* Force that a body's motion v and acceleration a take: I a + v x* I v. */
+static inline void motion_force(const Body *body, const Spatial *v, const Spatial *a, Spatial *force)
+{
+    Spatial momentum;
+    apply_inertia(body, a, force);
+    apply_inertia(body, v, &momentum);
+    add_cross(v->w, momentum.w, force->w);
+    add_cross(v->v, momentum.v, force->w);
+    add_cross(v->w, momentum.v, force->v);
+}
+
+static inline double power(const Spatial *motion, const Spatial *force)
+{
+    return dot(motion->w, force->w) + dot(motion->v, force->v);
+}
+
+/* Turn each body into itself plus all that it carries. parent: index of the body before, less than the body's own, or
+ * -1. */
+static inline void accumulate(int n, const int *parent, Body *bodies)
+{
+    for (int i = n - 1; i >= 0; i--) {
+        if (parent[i] < 0)
+            continue;
+        Body *to = &bodies[parent[i]];
+        to->m += bodies[i].m;
+        for (int k = 0; k < 3; k++)
+            to->h[k] += bodies[i].h[k];
+        for (int k = 0; k < 9; k++)
+            to->I[k] += bodies[i].I[k];
+    }
+}
+
+/* The joint-space mass matrix M_ij = S_i . (I_c S_j), n x n: composite rigid bodies. S: unit motions of the joints; the
+ * bodies are accumulated. */
+static inline void mass_matrix(int n, const int *parent, const Spatial *S, Body *bodies, double *M)
+{
+    memset(M, 0, sizeof(double) * (size_t)n * (size_t)n);
+    accumulate(n, parent, bodies);
+    for (int i = 0; i < n; i++) {
+        Spatial momentum;
+        apply_inertia(&bodies[i], &S[i], &momentum);
+        for (int j = i; j >= 0; j = parent[j])
+            M[i * n + j] = M[j * n + i] = power(&S[j], &momentum);
+    }
+}
+
+/* Joint efforts that forces on the bodies take; the forces are accumulated. */
+static inline void joint_efforts(int n, const int *parent, const Spatial *S, Spatial *forces, double *efforts)
+{
+    for (int i = n - 1; i >= 0; i--) {
+        efforts[i] = power(&S[i], &forces[i]);
+        if (parent[i] < 0)
+            continue;
+        for (int k = 0; k < 3; k++) {
+            forces[parent[i]].w[k] += forces[i].w[k];
+            forces[parent[i]].v[k] += forces[i].v[k];
+        }
+    }
+}
+
+#endif

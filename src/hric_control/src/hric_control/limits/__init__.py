@@ -1,0 +1,22 @@
+"""Joint limits: values, reading them, enforcing them, counting what they did. This is the module to import from."""
+
+from hric_control.limits.counts import LimitCounts
+from hric_control.limits.effort import EffortLimiter, Limiter
+from hric_control.limits.loading import DEFAULT_KINDS, ENFORCE_LIMITS, load_limits
+from hric_control.limits.motion import PositionLimiter, VelocityLimiter, stopping_speed
+from hric_control.limits.values import KINDS, JointLimits, check_kinds
+
+__all__ = [
+    "DEFAULT_KINDS",
+    "ENFORCE_LIMITS",
+    "KINDS",
+    "EffortLimiter",
+    "JointLimits",
+    "LimitCounts",
+    "Limiter",
+    "PositionLimiter",
+    "VelocityLimiter",
+    "check_kinds",
+    "load_limits",
+    "stopping_speed",
+]

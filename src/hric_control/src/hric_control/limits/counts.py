@@ -1,0 +1,107 @@
+"""Counting what the limits did: enforced, never silently."""
+
+from collections.abc import Sequence
+from typing import Any
+
+
+class LimitCounts:
+    """How often each limit changed a command, and how far a limit was overshot. Plain lists in the order of `names`.
+
+    Attributes:
+        names: joint names.
+        cycles: cycles in which limits were enforced.
+        position, velocity, effort, effort_rate: cycles in which that limit changed the command by more than 1e-12, per
+            joint. Acceleration counts as velocity; a command that is not a number counts as effort, velocity or
+            position, by its interface.
+        speed_limit: velocity limit per joint [rad/s].
+        speed_max: largest speed seen per joint [rad/s].
+        position_excess_max: how far the position was outside its range at most [rad].
+        started_outside: whether the joint began the run outside its range.
+        not_finite: commands that were not a number and were replaced by the one before, per joint.
+        run: number of `clear` calls, so that limiters notice it.
+    """
+
+    __slots__ = (
+        "cycles",
+        "effort",
+        "effort_rate",
+        "names",
+        "not_finite",
+        "position",
+        "position_excess_max",
+        "run",
+        "speed_limit",
+        "speed_max",
+        "start_checked",
+        "started_outside",
+        "velocity",
+    )
+
+    def __init__(self, names: Sequence[str], speed_limit: Sequence[float]) -> None:
+        self.names = tuple(names)
+        self.speed_limit = list(speed_limit)
+        n = len(self.names)
+        self.position, self.velocity, self.effort, self.effort_rate, self.not_finite = (
+            [0] * n,
+            [0] * n,
+            [0] * n,
+            [0] * n,
+            [0] * n,
+        )
+        self.speed_max, self.position_excess_max = [0.0] * n, [0.0] * n
+        self.started_outside = [False] * n
+        self.cycles = self.run = 0
+        self.start_checked = False
+
+    @property
+    def velocity_ratio_max(self) -> list[float]:
+        """Largest speed seen, divided by the velocity limit [1]; 0 where there is none."""
+        return [
+            top / limit if limit > 0.0 else 0.0 for top, limit in zip(self.speed_max, self.speed_limit, strict=True)
+        ]
+
+    @property
+    def total(self) -> int:
+        """Sum over all joints and kinds; 0 means that no limit was touched."""
+        return sum(self.position) + sum(self.velocity) + sum(self.effort) + sum(self.effort_rate)
+
+    def clear(self) -> None:
+        """Back to zero; the next cycle is the start of a run. The lists stay the same objects."""
+        for values in (self.position, self.velocity, self.effort, self.effort_rate, self.not_finite):
+            values[:] = [0] * len(self.names)
+        self.speed_max[:] = [0.0] * len(self.names)
+        self.position_excess_max[:] = [0.0] * len(self.names)
+        self.started_outside[:] = [False] * len(self.names)
+        self.cycles = 0
+        self.run += 1
+        self.start_checked = False
+
+    def copy(self) -> "LimitCounts":
+        """A snapshot."""
+        snapshot = LimitCounts(self.names, self.speed_limit)
+        for name in self.__slots__:
+            value = getattr(self, name)
+            setattr(snapshot, name, value[:] if isinstance(value, list) else value)
+        return snapshot
+
+    def message(self, stamp: Any) -> Any:
+        """As hric_msgs/JointLimitCounts.
+
+        Args:
+            stamp: genpy.Time of the header.
+        """
+        from hric_msgs.msg import JointLimitCounts
+
+        message = JointLimitCounts(
+            joint_names=list(self.names),
+            cycles=self.cycles,
+            position=list(self.position),
+            velocity=list(self.velocity),
+            effort=list(self.effort),
+            effort_rate=list(self.effort_rate),
+            velocity_ratio_max=self.velocity_ratio_max,
+            position_excess_max=list(self.position_excess_max),
+            started_outside=list(self.started_outside),
+        )
+        message.header.stamp = stamp
+        return message

@@ -1,0 +1,175 @@
+"""Reading joint limits: URDF first, parameters over it, with ros_control's names."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hric_control.errors import DescriptionError, ParameterError, check_known
+from hric_control.limits.values import INFINITY, KINDS, JointLimits, check_kinds
+from hric_control.node import Node
+from hric_control.parameters import Settings, choice, either, flag, listing, number
+from hric_control.urdf import BOUNDED, Joint, read
+
+URDF = "from the URDF"
+# Switch of a group of parameters -> parameter -> (field, value that means "not limited").
+_GROUPS: dict[str, dict[str, tuple[str, float]]] = {
+    "has_position_limits": {"min_position": ("lower", -INFINITY), "max_position": ("upper", INFINITY)},
+    "has_velocity_limits": {"max_velocity": ("velocity", INFINITY)},
+    "has_effort_limits": {"max_effort": ("effort", INFINITY)},
+    "has_effort_rate_limits": {"max_effort_rate": ("effort_rate", INFINITY)},
+    "has_acceleration_limits": {"max_acceleration": ("acceleration", INFINITY)},
+    "has_jerk_limits": {"max_jerk": ("jerk", INFINITY)},
+    "has_soft_limits": {
+        "k_position": ("k_position", 0.0),
+        "k_velocity": ("k_velocity", 0.0),
+        "soft_lower_limit": ("soft_lower", -INFINITY),
+        "soft_upper_limit": ("soft_upper", INFINITY),
+    },
+}
+
+
+@dataclass(frozen=True)
+class LimitParameters(Settings):
+    """What parameters may say of one joint's limits, in ros_control's names."""
+
+    has_position_limits: bool | None = flag(
+        None,
+        default_text=URDF,
+        text="`false` takes the range away; likewise the other `has_` switches for their limits",
+    )
+    min_position: float | None = number(None, default_text=URDF, unit="rad or m", text="lower end of the range")
+    max_position: float | None = number(None, default_text=URDF, unit="rad or m", text="upper end of the range")
+    has_velocity_limits: bool | None = flag(None, default_text=URDF)
+    max_velocity: float | None = number(None, minimum=0.0, default_text=URDF, unit="rad/s or m/s", text="largest speed")
+    has_effort_limits: bool | None = flag(None, default_text=URDF)
+    max_effort: float | None = number(None, minimum=0.0, default_text=URDF, unit="N m or N", text="largest effort")
+    has_effort_rate_limits: bool | None = flag(None, default_text="`false`")
+    max_effort_rate: float | None = number(
+        None, minimum=0.0, default_text="not limited", unit="N m/s or N/s", text="largest rate of effort (rotatum)"
+    )
+    has_acceleration_limits: bool | None = flag(None, default_text="`false`")
+    max_acceleration: float | None = number(
+        None,
+        minimum=0.0,
+        default_text="not limited",
+        unit="rad/s^2 or m/s^2",
+        text="for velocity and position commands, where the robot uses it",
+    )
+    has_jerk_limits: bool | None = flag(None, default_text="`false`")
+    max_jerk: float | None = number(
+        None, minimum=0.0, default_text="not limited", unit="rad/s^3 or m/s^3", text="read for planners; not enforced"
+    )
+    has_soft_limits: bool | None = flag(None, default_text=URDF)
+    k_position: float | None = number(
+        None,
+        minimum=0.0,
+        default_text=URDF,
+        unit="1/s",
+        text="speed allowed per distance to the soft range; 0: no soft range",
+    )
+    k_velocity: float | None = number(
+        None,
+        minimum=0.0,
+        default_text=URDF,
+        unit="N m s/rad",
+        text="effort allowed per speed left; 0: hard velocity limit",
+    )
+    soft_lower_limit: float | None = number(
+        None, default_text=URDF, unit="rad or m", text="lower end of the soft range"
+    )
+    soft_upper_limit: float | None = number(
+        None, default_text=URDF, unit="rad or m", text="upper end of the soft range"
+    )
+    angle_wraparound: bool = flag(False, text="`true`: no position range")
+
+
+DEFAULT_KINDS = ("position", "velocity", "effort", "effort_rate", "soft")
+
+
+def _kinds(given: bool | tuple[str, ...]) -> tuple[str, ...]:
+    return given if isinstance(given, tuple) else DEFAULT_KINDS if given else ()
+
+
+ENFORCE_LIMITS: Any = either(
+    flag(),
+    listing(choice(*KINDS)),
+    default=True,
+    made=_kinds,
+    name="enforce_limits",
+    text="`true`: position, velocity, effort, effort_rate, soft; `false`: none; or the kinds named",
+)
+"""Of a robot: which kinds it enforces, as the `use` of `load_limits`."""
+
+
+def load_limits(
+    urdf_xml: str, node: Node | None, joint_names: Sequence[str], use: Sequence[str] = DEFAULT_KINDS
+) -> list[JointLimits]:
+    """The limits of the joints, in order.
+
+    Args:
+        urdf_xml: robot description; `<limit>` and `<safety_controller>` of each joint are read.
+        node: its parameters `joint_limits/<joint>/...` go before the URDF; None: the URDF alone.
+        joint_names: which joints.
+        use: kinds to keep, of `joint_limits.KINDS`; the others are returned as not limited.
+
+    Raises:
+        ParameterError, DescriptionError, UnknownNameError: with the joint and the parameter or element.
+    """
+    check_kinds(tuple(use))
+    joints = read(urdf_xml).joints
+    check_known("joint", joint_names, joints, "the robot description")
+    result = []
+    for name in joint_names:
+        values = _from_urdf(joints[name])
+        where = f"joint_limits/{name}"
+        if node is not None and node.has_param(where):
+            _override(values, node.param(where), node.resolve(where))
+            limits = _build(name, values, node.resolve(where))
+        else:
+            limits = _build(name, values, "the robot description")
+        result.append(limits.only(tuple(use)))
+    return result
+
+
+def _build(name: str, values: Mapping[str, Any], where: str) -> JointLimits:
+    try:
+        return JointLimits(name=name, **values)
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from None
+
+
+def _from_urdf(joint: Joint) -> dict[str, Any]:
+    values: dict[str, Any] = {"unit": "m" if joint.type == "prismatic" else "rad"}
+    limit, safety = joint.limit, joint.safety
+    if limit is not None:
+        for name, value in (("velocity", limit.velocity), ("effort", limit.effort)):
+            if value is None:
+                raise DescriptionError(f"joint {joint.name}: <limit> has no {name}")
+            values[name] = value
+    if safety is not None:
+        values["k_velocity"], values["k_position"] = safety.k_velocity, safety.k_position
+    if joint.type in BOUNDED:
+        values |= {"lower": limit.lower, "upper": limit.upper} if limit else {}
+        values |= {"soft_lower": safety.soft_lower, "soft_upper": safety.soft_upper} if safety else {}
+    return values
+
+
+def _override(values: dict[str, Any], parameters: Any, where: str) -> None:
+    given = LimitParameters.of(parameters, where)
+    if given.angle_wraparound:
+        values["lower"], values["upper"] = -INFINITY, INFINITY
+    for switch, group in _GROUPS.items():
+        _override_group(values, given, switch, group, where)
+
+
+def _override_group(
+    values: dict[str, Any], given: LimitParameters, switch: str, group: dict[str, tuple[str, float]], where: str
+) -> None:
+    enabled = getattr(given, switch)
+    for name, (field, unlimited) in group.items():
+        if enabled is False:
+            values[field] = unlimited
+        elif getattr(given, name) is not None:
+            values[field] = getattr(given, name)
+        elif enabled and values.get(field, unlimited) == unlimited and not name.startswith("k_"):
+            raise ParameterError(f"{where}: {switch} is true, but {name} is not given, and the URDF has none")

@@ -1,0 +1,115 @@
+"""The limits of one joint as values, checked once."""
+
+import math
+from dataclasses import dataclass, fields
+
+from hric_control.errors import ParameterError
+
+INFINITY = math.inf
+KINDS = ("position", "velocity", "effort", "effort_rate", "acceleration", "jerk", "soft")
+"""What can be enforced; `use` and `enforce_limits` take names from here."""
+
+_KIND_FIELDS: dict[str, dict[str, float]] = {
+    "position": {"lower": -INFINITY, "upper": INFINITY},
+    "velocity": {"velocity": INFINITY},
+    "effort": {"effort": INFINITY},
+    "effort_rate": {"effort_rate": INFINITY},
+    "acceleration": {"acceleration": INFINITY},
+    "jerk": {"jerk": INFINITY},
+    "soft": {"k_position": 0.0, "k_velocity": 0.0, "soft_lower": -INFINITY, "soft_upper": INFINITY},
+}
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """Limits of one joint; what is infinite (or a gain of 0) is not limited. Units are those of a revolute joint; read
+    m and N for a prismatic one.
+
+    Attributes:
+        name: joint name.
+        lower, upper: position range [rad].
+        velocity: largest speed [rad/s].
+        effort: largest effort [N m].
+        effort_rate: largest rate of effort [N m/s].
+        acceleration: largest acceleration [rad/s^2]; used for velocity and position commands.
+        jerk: largest jerk [rad/s^3]; for those who plan motion, no limiter enforces it.
+        k_position: speed allowed per distance to the soft range [1/s]; 0: no soft range.
+        k_velocity: effort allowed per speed left [N m s/rad]; 0: the velocity limit of effort commands is a hard one.
+        soft_lower, soft_upper: soft position range, inside the range [rad].
+        unit: of the position, "rad" or "m".
+    """
+
+    name: str
+    lower: float = -INFINITY
+    upper: float = INFINITY
+    velocity: float = INFINITY
+    effort: float = INFINITY
+    effort_rate: float = INFINITY
+    acceleration: float = INFINITY
+    jerk: float = INFINITY
+    k_position: float = 0.0
+    k_velocity: float = 0.0
+    soft_lower: float = -INFINITY
+    soft_upper: float = INFINITY
+    unit: str = "rad"
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, float) and math.isnan(value):
+                raise ParameterError(f"limits of joint {self.name}: {item.name} is not a number")
+        for name in ("velocity", "effort", "effort_rate", "acceleration", "jerk", "k_position", "k_velocity"):
+            if getattr(self, name) < 0.0:
+                raise ParameterError(
+                    f"limits of joint {self.name}: {name} is {getattr(self, name):g}; it must be 0 or more"
+                )
+        for low, high in (("lower", "upper"), ("soft_lower", "soft_upper")):
+            if getattr(self, low) > getattr(self, high):
+                raise ParameterError(
+                    f"limits of joint {self.name}: {low} {getattr(self, low):g} is above {high} {getattr(self, high):g}"
+                )
+
+    @property
+    def has_soft_range(self) -> bool:
+        """Whether the speed is bent towards zero near a soft position limit."""
+        return self.k_position > 0.0 and (self.soft_lower > -INFINITY or self.soft_upper < INFINITY)
+
+    def only(self, kinds: tuple[str, ...] | list[str]) -> "JointLimits":
+        """The same limits without the kinds that are not named.
+
+        Raises:
+            ParameterError: a kind that does not exist.
+        """
+        check_kinds(kinds)
+        dropped = {
+            key: value for kind, values in _KIND_FIELDS.items() if kind not in kinds for key, value in values.items()
+        }
+        kept = {item.name: getattr(self, item.name) for item in fields(self)}
+        return JointLimits(**{**kept, **dropped})
+
+    def soft_speeds(self, position: float) -> tuple[float, float]:
+        """Least and greatest velocity allowed at `position` [rad/s]: -k_position (q - soft limit), within the velocity
+        limit."""
+        low, high = -self.velocity, self.velocity
+        if self.k_position > 0.0:
+            low = min(max(-self.k_position * (position - self.soft_lower), low), high)
+            high = min(max(-self.k_position * (position - self.soft_upper), -self.velocity), high)
+        return low, high
+
+    def full_speed_range(self, low: float, high: float) -> tuple[float, float]:
+        """The part of a position range [low, high] in which the soft limits allow the whole velocity [rad]."""
+        if not self.has_soft_range:
+            return low, high
+        reach = self.velocity / self.k_position
+        return max(low, self.soft_lower + reach), min(high, self.soft_upper - reach)
+
+
+def check_kinds(kinds: tuple[str, ...] | list[str]) -> None:
+    """Refuse names that are no kind of limit.
+
+    Raises:
+        ParameterError: with the valid kinds.
+    """
+    unknown = [str(kind) for kind in kinds if kind not in KINDS]
+    if unknown:
+        raise ParameterError(f"no kind of limit {', '.join(unknown)}; valid: {', '.join(KINDS)}")

@@ -1,0 +1,1 @@
+"""The framework without a master: nodes, topics, services and actions within one process."""

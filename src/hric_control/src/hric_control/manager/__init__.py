@@ -1,0 +1,1 @@
+"""Loading, switching, updating and listing controllers; services and tools around it."""

@@ -1,0 +1,128 @@
+"""A client of a controller manager's services, for the command-line tools. Needs no `rospy.init_node`."""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rosgraph
+import rospy
+
+from controller_manager_msgs.srv import (
+    ListControllers,
+    ListControllerTypes,
+    LoadController,
+    ReloadControllerLibraries,
+    SwitchController,
+    SwitchControllerRequest,
+    UnloadController,
+)
+from hric_control.errors import HricError
+
+_LOG = "see the reason in the robot node's log"
+SERVICES = ("load_controller", "unload_controller", "switch_controller", "list_controllers")
+
+
+def check_master() -> None:
+    """Refuse to go on without a ROS master, which rospy itself would wait for in silence.
+
+    Raises:
+        HricError: gives the address that was tried.
+    """
+    if not rosgraph.is_master_online():
+        raise HricError(
+            f"no ROS master at {rosgraph.get_master_uri()}: start one (roscore, roslaunch) or set ROS_MASTER_URI"
+        )
+
+
+class ManagerClient:
+    """Calls the services of one controller manager; what it refuses is raised.
+
+    Args:
+        namespace: of the robot; relative names are taken from the process's namespace.
+    """
+
+    def __init__(self, namespace: str = "") -> None:
+        self._prefix = f"{namespace.rstrip('/')}/controller_manager" if namespace else "controller_manager"
+
+    def service(self, name: str) -> str:
+        """Absolute name of one of the services."""
+        resolved: str = rospy.resolve_name(f"{self._prefix}/{name}")
+        return resolved
+
+    def wait(self, timeout: float | None, say: Callable[[str], None]) -> None:
+        """Wait for the services, and report the missing one each 5 s.
+
+        Args:
+            timeout: longest wait [s of wall time]; None = for ever.
+            say: takes one line of text.
+
+        Raises:
+            HricError: they did not come.
+        """
+        begin = reported = time.monotonic()
+        for name in map(self.service, SERVICES):
+            while not _service_is_there(name, 0.5):
+                if rospy.is_shutdown():
+                    raise HricError(f"ended while waiting for the service {name}")
+                now = time.monotonic()
+                if timeout is not None and now - begin > timeout:
+                    raise HricError(
+                        f"no service {name} after {timeout:g} s: is the robot node running, and is the namespace right?"
+                    )
+                if now - reported > 5.0 or reported == begin:
+                    reported = now
+                    say(f"waiting for the service {name}")
+
+    def list(self) -> Sequence[Any]:
+        """Loaded controllers, as controller_manager_msgs/ControllerState."""
+        controllers: Sequence[Any] = self._call("list_controllers", ListControllers).controller
+        return controllers
+
+    def types(self) -> Sequence[tuple[str, str]]:
+        """Types that can be loaded, with their base classes."""
+        response = self._call("list_controller_types", ListControllerTypes)
+        return list(zip(response.types, response.base_classes, strict=True))
+
+    def load(self, name: str) -> None:
+        """Load a controller."""
+        self._demand(self._call("load_controller", LoadController, name), f"{name} could not be loaded")
+
+    def unload(self, name: str) -> None:
+        """Unload a controller."""
+        self._demand(self._call("unload_controller", UnloadController, name), f"{name} could not be unloaded")
+
+    def switch(
+        self, start: Sequence[str], stop: Sequence[str], strictness: int = SwitchControllerRequest.STRICT
+    ) -> None:
+        """Start and stop controllers in one cycle."""
+        request = SwitchControllerRequest(start_controllers=start, stop_controllers=stop, strictness=strictness)
+        action = " and ".join(
+            f"{verb} {', '.join(names)}" for verb, names in (("start", start), ("stop", stop)) if names
+        )
+        self._demand(self._call("switch_controller", SwitchController, request), f"could not {action}")
+
+    def reload(self, force_kill: bool) -> None:
+        """Load the controllers' modules again."""
+        self._demand(
+            self._call("reload_controller_libraries", ReloadControllerLibraries, force_kill),
+            "could not reload the libraries",
+        )
+
+    def _demand(self, response: Any, refusal: str) -> None:
+        if not response.ok:
+            raise HricError(f"{refusal}: {_LOG}")
+
+    def _call(self, name: str, service_type: Any, *request: Any) -> Any:
+        full = self.service(name)
+        try:
+            return rospy.ServiceProxy(full, service_type)(*request)
+        except (rospy.ServiceException, rospy.ROSException) as error:
+            raise HricError(f"the service {full} failed: {error}") from error
+
+
+def _service_is_there(name: str, timeout: float) -> bool:
+    try:
+        rospy.wait_for_service(name, timeout)
+    except rospy.ROSException:
+        return False
+    return True

@@ -1,0 +1,278 @@
+"""Loading, switching and listing controllers, with the life cycle and the rules of ros_control's controller manager."""
+
+import contextlib
+import math
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+from hric_control import plugins, realtime
+from hric_control.controller import Controller
+from hric_control.errors import HricError, ParameterError, check_known
+from hric_control.manager.loaded_controller import ControllerStatus, LoadedController, UpdateStatistics
+from hric_control.manager.loop import ManagerLoop, describe
+from hric_control.manager.switching import BEST_EFFORT, STRICT, SwitchPlan, SwitchRequest, plan_switch
+from hric_control.node import Node
+from hric_control.robot_hw import ControllerInfo, RobotHW
+from hric_control.scoped_node import ScopedNode
+
+LOOP_TIMEOUT = 2.0
+"""How long a switch waits for the loop to take it up [s of wall time]."""
+
+
+def import_controllers(root_node: Node) -> list[str]:
+    """Import the module of every controller that is configured below the robot's namespace, so that loading one later
+    does not hold the loop.
+
+    Returns:
+        the type names imported. One that cannot be imported is logged and left for `load` to refuse.
+    """
+    everything = root_node.param(root_node.namespace, {})
+    exported = plugins.names(plugins.CONTROLLER)
+    configured = (
+        {value.get("type") for value in everything.values() if isinstance(value, dict)}
+        if isinstance(everything, dict)
+        else set()
+    )
+    done = []
+    for name in sorted(kind for kind in configured if isinstance(kind, str) and kind in exported):
+        try:
+            plugins.find(plugins.CONTROLLER, name)
+            done.append(name)
+        except HricError as error:
+            root_node.log_error(str(error))
+    return done
+
+
+class ControllerManager:
+    """Owns the controllers of one robot. `update` belongs to the control loop, everything else to any other thread.
+
+    Args:
+        robot_hw: the robot, initialised.
+        root_node: its namespace; a controller's parameters are below `<root>/<name>/`.
+        classes: controllers by type string that no package exports, for scripts and tests; looked up first.
+
+    Attributes:
+        loop_running: whether `switch` hands over to the loop (True) or acts at once (False, before a headless run
+            begins).
+        loop_timeout: how long a switch waits for the loop to take it up [s of wall time].
+    """
+
+    def __init__(
+        self, robot_hw: RobotHW, root_node: Node, classes: Mapping[str, type[Controller]] | None = None
+    ) -> None:
+        self.loop_running = True
+        self.loop_timeout = LOOP_TIMEOUT
+        self._hw, self._node = robot_hw, root_node
+        self._classes = dict(classes or {})
+        self._loaded: dict[str, LoadedController] = {}
+        self._lock = threading.RLock()
+        self._loop_thread: int | None = None
+        self._loop = ManagerLoop(robot_hw, self._report)
+        self.update: Callable[..., None] = self._first_update
+        """`update(time, period, reset_controllers=False)`: one cycle, from the loop. Both times in seconds."""
+
+    def _first_update(self, time: float, period: float, reset_controllers: bool = False) -> None:
+        # The first cycle gives the loop's thread; from then on the loop calls its work directly.
+        self._loop_thread = threading.get_ident()
+        self.update = self._loop.update
+        self._loop.update(time, period, reset_controllers)
+
+    @property
+    def switch_pending(self) -> bool:
+        """Whether the last `update` called the robot's `do_switch`, or the robot is not ready yet for what was
+        switched. `on_cycle` returns its opposite, so that a robot leaves its mode in the same cycle.
+        It is no reason to end a run."""
+        return self._loop.mode_changed
+
+    def load(self, name: str) -> None:
+        """Construct and initialise the controller configured under `<root>/<name>`.
+
+        Raises:
+            HricError: loaded already, no type, unknown type, or its `init` refused.
+        """
+        with self._exclusive():
+            if name in self._loaded:
+                raise HricError(f"controller {name} is loaded already")
+            self._loaded[name] = self._create(name)
+
+    def unload(self, name: str) -> None:
+        """Shut a controller down and forget it.
+
+        Raises:
+            HricError: it is not loaded, or it is running.
+        """
+        with self._exclusive():
+            check_known("controller", [name], self._loaded, "the manager, to unload")
+            if self._loaded[name].running:
+                raise HricError(f"controller {name} cannot be unloaded: it is running; stop it first")
+            self._dispose(self._loaded.pop(name))
+
+    def switch(
+        self,
+        start: Sequence[str],
+        stop: Sequence[str],
+        strictness: int = STRICT,
+        start_asap: bool = False,
+        timeout: float = 0.0,
+        *,
+        loop_running: bool | None = None,
+    ) -> None:
+        """Stop and start controllers within one cycle of the loop; returns when it is done.
+
+        Args:
+            start, stop: names of loaded controllers.
+            strictness: STRICT refuses the request for any name that cannot be switched, BEST_EFFORT leaves such names
+                out.
+            start_asap: start each controller as soon as the robot is ready for it, not all together.
+            timeout: how long the robot may take to be ready [s of robot time]; 0 = for ever.
+            loop_running: False acts at once, when no loop runs; by default the attribute of this name.
+
+        Raises:
+            HricError: refused, with the reason; a conflict over a joint names both controllers.
+        """
+        if not (math.isfinite(timeout) and timeout >= 0.0):
+            raise HricError(f"timeout of a switch must be 0 (for ever) or a positive number of seconds, not {timeout}")
+        with self._exclusive():
+            plan = plan_switch(self._loaded, start, stop, self._strictness(strictness))
+            for text in plan.skipped:
+                self._node.log_warn(f"left out of the switch: {text}")
+            if not plan.start and not plan.stop:
+                return
+            self._check(plan)
+            request = SwitchRequest(plan, start_asap, timeout)
+            self._carry_out(request, self.loop_running if loop_running is None else loop_running)
+            if request.failures:
+                raise HricError("; ".join(request.failures))
+
+    def reload(self, force_kill: bool = False) -> None:
+        """Load the controllers' modules again.
+
+        Args:
+            force_kill: stop and unload all controllers first.
+
+        Raises:
+            HricError: controllers are loaded and `force_kill` is False, or a module cannot be loaded.
+        """
+        with self._exclusive():
+            if self._loaded and not force_kill:
+                raise HricError(f"controllers are loaded ({', '.join(self._loaded)}): unload them, or set force_kill")
+            self.switch([], [entry.name for entry in self._loaded.values() if entry.running])
+            for name in list(self._loaded):
+                self.unload(name)
+            plugins.reload(plugins.CONTROLLER)
+
+    def list(self) -> list[ControllerStatus]:
+        """All loaded controllers, in the order of loading."""
+        return [entry.status() for entry in tuple(self._loaded.values())]
+
+    def types(self) -> dict[str, str]:
+        """Base class of every controller type that can be loaded, by type string."""
+        found = dict.fromkeys([*self._classes, *plugins.names(plugins.CONTROLLER)], plugins.CONTROLLER)
+        return dict(sorted(found.items()))
+
+    def statistics(self) -> Sequence[UpdateStatistics]:
+        """How long the controllers' updates take."""
+        return [entry.statistics() for entry in tuple(self._loaded.values())]
+
+    def call_periodically(self, period: float, tick: Callable[[float], None] | None) -> None:
+        """Call `tick(time)` from the loop each `period` seconds of robot time; it must not block. None ends it."""
+        self._loop.call_periodically(period, tick)
+
+    def shutdown(self) -> None:
+        """Stop and unload everything; after the loop has ended."""
+        with self._lock:
+            for entry in reversed(self._loop.running):
+                self._loop.release(entry)
+            while self._loaded:
+                self._dispose(self._loaded.popitem()[1])
+
+    @contextlib.contextmanager
+    def _exclusive(self) -> Iterator[None]:
+        """One request at a time. The loop's own thread must not wait for a request that waits for the loop."""
+        in_loop = threading.get_ident() == self._loop_thread
+        if not self._lock.acquire(blocking=not in_loop):
+            raise HricError("another request to the controller manager is being carried out; try again")
+        try:
+            yield
+        finally:
+            self._lock.release()
+
+    def _strictness(self, strictness: int) -> int:
+        if strictness in (BEST_EFFORT, STRICT):
+            return strictness
+        if strictness != 0:
+            raise HricError(f"strictness must be {BEST_EFFORT} (BEST_EFFORT) or {STRICT} (STRICT), not {strictness}")
+        self._node.log_warn(
+            f"a switch without strictness is taken as BEST_EFFORT ({BEST_EFFORT}); say {BEST_EFFORT} or {STRICT} "
+            "(STRICT)"
+        )
+        return BEST_EFFORT
+
+    def _check(self, plan: SwitchPlan) -> None:
+        stay = [entry.info for entry in self._loop.running if entry not in plan.stop]
+        start = [entry.info for entry in plan.start]
+        self._hw.check_for_conflict([*stay, *start])
+        self._hw.prepare_switch(start, [entry.info for entry in plan.stop])
+
+    def _carry_out(self, request: SwitchRequest, loop_running: bool) -> None:
+        if self._loop_thread == threading.get_ident():
+            if self._loop.updating:
+                raise HricError("controllers cannot be switched from within a controller's update")
+            self._loop.apply(request, self._loop.time)
+        elif loop_running:
+            self._wait_for_loop(request)
+        else:
+            self._hw.read(self._loop.time, 0.0)  # so that a controller finds the state when it starts
+            self._loop.apply(request, self._loop.time)
+            if request.waiting:
+                self._loop.withdraw(request)
+                raise HricError(
+                    f"the robot is not ready for {', '.join(entry.name for entry in request.waiting)} and no loop runs"
+                )
+
+    def _wait_for_loop(self, request: SwitchRequest) -> None:
+        self._loop.hand_over(request)
+        if not request.done.wait(self.loop_timeout) and request.begin.acquire(blocking=False):
+            self._loop.withdraw(request)
+            raise HricError(
+                f"the control loop is not running (paused?): the switch was cancelled after {self.loop_timeout:g} s, "
+                "nothing changed"
+            )
+        cycles = self._loop.cycles
+        while not request.done.wait(self.loop_timeout):
+            if self._loop.cycles == cycles and request.finish.acquire(blocking=False):
+                self._loop.withdraw(request)
+                raise HricError(
+                    "the control loop stopped while the robot was switching; the controllers to start are aborted"
+                )
+            cycles = self._loop.cycles
+
+    def _create(self, name: str) -> LoadedController:
+        scope = ScopedNode(self._node.child(name))
+        kind = scope.param("type", None)
+        if not isinstance(kind, str) or not kind:
+            raise ParameterError(
+                f"controller {name} has no type: set the parameter {scope.resolve('type')} (is its configuration "
+                "loaded?)"
+            )
+        found = self._classes.get(kind) or plugins.find(plugins.CONTROLLER, kind)
+        for interface in self._hw.interfaces():
+            interface.clear_claims()
+        try:
+            controller: Controller = found()
+            controller.init(self._hw, scope.also(self._node), scope)
+        except Exception as error:
+            scope.close()
+            raise HricError(f"controller {name} cannot be loaded: {describe(error)}") from error
+        claims = {interface.cpp_name: interface.claims for interface in self._hw.interfaces() if interface.claims}
+        return LoadedController(controller, ControllerInfo(name, kind, claims), scope)
+
+    def _dispose(self, entry: LoadedController) -> None:
+        try:
+            entry.controller.shutdown()
+        except Exception as error:  # it is unloaded all the same
+            self._node.log_error(f"controller {entry.name} failed in shutdown: {describe(error)}")
+        entry.scope.close()
+
+    def _report(self, text: str) -> None:
+        realtime.defer(self._node, lambda: self._node.log_error(text), "log")

@@ -1,0 +1,122 @@
+"""A controller in the manager's care: its state, its claims, and how long its updates take."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from hric_control.controller import Controller
+from hric_control.robot_hw import ControllerInfo
+from hric_control.scoped_node import ScopedNode
+
+
+class ControllerState(StrEnum):
+    """States as controller_manager_msgs spells them."""
+
+    INITIALIZED = "initialized"
+    RUNNING = "running"
+    STOPPED = "stopped"
+    WAITING = "waiting"
+    ABORTED = "aborted"
+
+
+@dataclass(frozen=True)
+class ControllerStatus:
+    """What `list` returns of a controller.
+
+    Attributes:
+        name: instance name.
+        type: plugin type string.
+        state: initialized, running, stopped, waiting (for the hardware) or aborted.
+        claims: claimed joints by the ros_control name of the interface.
+    """
+
+    name: str
+    type: str
+    state: str
+    claims: dict[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class UpdateStatistics:
+    """Durations of a controller's updates since it was last started.
+
+    Attributes:
+        name, type: of the controller.
+        running: whether it runs now.
+        updates: number of updates.
+        max_time, mean_time: [s].
+        variance_time: [s^2].
+        overruns: updates that took longer than the period.
+        last_overrun: robot time of the last one [s]; negative if there was none.
+    """
+
+    name: str
+    type: str
+    running: bool
+    updates: int
+    max_time: float
+    mean_time: float
+    variance_time: float
+    overruns: int
+    last_overrun: float
+
+
+class LoadedController:
+    """Controller plus state. `controller` and `update` are read by the loop; the statistics are plain floats that it
+    writes."""
+
+    __slots__ = (
+        "controller",
+        "info",
+        "last_overrun",
+        "max_time",
+        "mean_time",
+        "overruns",
+        "scope",
+        "squares",
+        "state",
+        "update",
+        "updates",
+    )
+
+    def __init__(self, controller: Controller, info: ControllerInfo, scope: ScopedNode) -> None:
+        self.controller, self.info, self.scope = controller, info, scope
+        self.update: Callable[[float, float], None] = controller.update
+        self.state = ControllerState.INITIALIZED
+        self.clear_statistics()
+
+    @property
+    def name(self) -> str:
+        """Instance name."""
+        return self.info.name
+
+    @property
+    def running(self) -> bool:
+        """Whether it is updated each cycle."""
+        return self.state is ControllerState.RUNNING
+
+    def clear_statistics(self) -> None:
+        """Forget the durations; the controller is starting."""
+        self.updates = self.overruns = 0
+        self.max_time = self.mean_time = self.squares = 0.0
+        self.last_overrun = -1.0
+
+    def status(self) -> ControllerStatus:
+        """Snapshot for `list`."""
+        claims = {interface: tuple(sorted(joints)) for interface, joints in self.info.claims.items()}
+        return ControllerStatus(self.name, self.info.type, self.state.value, claims)
+
+    def statistics(self) -> UpdateStatistics:
+        """Snapshot of the durations."""
+        variance = self.squares / self.updates if self.updates else 0.0
+        return UpdateStatistics(
+            self.name,
+            self.info.type,
+            self.running,
+            self.updates,
+            self.max_time,
+            self.mean_time,
+            variance,
+            self.overruns,
+            self.last_overrun,
+        )

@@ -1,0 +1,145 @@
+"""The controller manager's services and statistics, with ros_control's names and types, on any node."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from controller_manager_msgs.msg import (
+    ControllersStatistics,
+    ControllerState,
+    ControllerStatistics,
+    HardwareInterfaceResources,
+)
+from controller_manager_msgs.srv import (
+    ListControllers,
+    ListControllersResponse,
+    ListControllerTypes,
+    ListControllerTypesResponse,
+    LoadController,
+    LoadControllerResponse,
+    ReloadControllerLibraries,
+    ReloadControllerLibrariesResponse,
+    SwitchController,
+    SwitchControllerResponse,
+    UnloadController,
+    UnloadControllerResponse,
+)
+from hric_control import realtime
+from hric_control.errors import HricError
+from hric_control.manager.controller_manager import ControllerManager
+from hric_control.manager.loaded_controller import ControllerStatus, UpdateStatistics
+from hric_control.node import Node
+from hric_control.robot_time import stamps
+
+NAMESPACE = "controller_manager"
+STATISTICS_PERIOD = 1.0
+"""Between two statistics messages [s of robot time]."""
+
+
+class ManagerServices:
+    """What `serve` offers; `unregister` takes it back."""
+
+    def __init__(self, manager: ControllerManager, node: Node) -> None:
+        self._manager, self._node = manager, node.child(NAMESPACE)
+        self._services = [
+            self._node.service("list_controllers", ListControllers, self._list),
+            self._node.service("list_controller_types", ListControllerTypes, self._types),
+            self._node.service("load_controller", LoadController, self._load),
+            self._node.service("unload_controller", UnloadController, self._unload),
+            self._node.service("switch_controller", SwitchController, self._switch),
+            self._node.service("reload_controller_libraries", ReloadControllerLibraries, self._reload),
+        ]
+        self._publisher = realtime.publisher(self._node, "statistics", ControllersStatistics)
+        manager.call_periodically(STATISTICS_PERIOD, self._publish)
+
+    def unregister(self) -> None:
+        """Take services and topic back."""
+        self._manager.call_periodically(STATISTICS_PERIOD, None)
+        for service in self._services:
+            service.unregister()
+        self._publisher.unregister()
+
+    def _try(self, what: str, request: Callable[[], None]) -> bool:
+        # The services' types have no field for text: the response is false, the reason goes to the log.
+        try:
+            request()
+        except HricError as error:
+            self._node.log_error(f"{what} refused: {error}")
+            return False
+        return True
+
+    def _list(self, request: Any) -> Any:
+        return ListControllersResponse(controller=[_state(status) for status in self._manager.list()])
+
+    def _types(self, request: Any) -> Any:
+        types = self._manager.types()
+        return ListControllerTypesResponse(types=list(types), base_classes=list(types.values()))
+
+    def _load(self, request: Any) -> Any:
+        return LoadControllerResponse(
+            ok=self._try(f"loading {request.name!r}", lambda: self._manager.load(request.name))
+        )
+
+    def _unload(self, request: Any) -> Any:
+        return UnloadControllerResponse(
+            ok=self._try(f"unloading {request.name!r}", lambda: self._manager.unload(request.name))
+        )
+
+    def _switch(self, request: Any) -> Any:
+        start, stop = list(request.start_controllers), list(request.stop_controllers)
+        what = f"switch (start {', '.join(start) or 'none'}; stop {', '.join(stop) or 'none'})"
+        ok = self._try(
+            what, lambda: self._manager.switch(start, stop, request.strictness, request.start_asap, request.timeout)
+        )
+        return SwitchControllerResponse(ok=ok)
+
+    def _reload(self, request: Any) -> Any:
+        return ReloadControllerLibrariesResponse(
+            ok=self._try("reloading", lambda: self._manager.reload(request.force_kill))
+        )
+
+    def _publish(self, time: float) -> None:
+        snapshot = self._manager.statistics()
+        self._publisher.publish(_statistics, snapshot, time)
+
+
+def serve(manager: ControllerManager, node: Node) -> ManagerServices:
+    """Offer `controller_manager/{list_controllers, list_controller_types, load_controller, unload_controller,
+    switch_controller, reload_controller_libraries}` and publish `controller_manager/statistics` once a second of robot
+    time.
+
+    Args:
+        manager: whose.
+        node: the robot's namespace.
+    """
+    return ManagerServices(manager, node)
+
+
+def _state(status: ControllerStatus) -> Any:
+    claims = [
+        HardwareInterfaceResources(hardware_interface=name, resources=list(joints))
+        for name, joints in status.claims.items()
+    ]
+    return ControllerState(name=status.name, state=status.state, type=status.type, claimed_resources=claims)
+
+
+def _statistics(snapshot: Sequence[UpdateStatistics], time: float) -> Any:
+    message = ControllersStatistics()
+    message.header.stamp = stamps.to_time(time)
+    message.controller = [
+        ControllerStatistics(
+            name=entry.name,
+            type=entry.type,
+            timestamp=message.header.stamp,
+            running=entry.running,
+            max_time=stamps.to_duration(entry.max_time),
+            mean_time=stamps.to_duration(entry.mean_time),
+            # A duration cannot hold a variance: like pr2_controller_manager, whose message this is, its root (the
+            # standard deviation) is given.
+            variance_time=stamps.to_duration(math.sqrt(entry.variance_time)),
+            num_control_loop_overruns=entry.overruns,
+            time_last_control_loop_overrun=stamps.to_time(max(entry.last_overrun, 0.0)),
+        )
+        for entry in snapshot
+    ]
+    return message

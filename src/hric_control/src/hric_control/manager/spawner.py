@@ -1,0 +1,264 @@
+"""The tools `spawner` and `unspawner`: controllers that run, or rest, for as long as the tool does."""
+
+import argparse
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import rospy
+from std_msgs.msg import Bool
+
+from controller_manager_msgs.srv import SwitchControllerRequest
+from hric_control.errors import HricError
+from hric_control.manager.client import ManagerClient, check_master
+from hric_control.parameters import read_yaml
+
+
+def spawner_parser() -> argparse.ArgumentParser:
+    """Command line of `spawner`."""
+    parser = _parser(
+        "spawner",
+        "Load and start controllers; stop and unload them when this program ends.",
+        "a controller's name, or a YAML file with the configuration of controllers",
+    )
+    parser.add_argument("--stopped", action="store_true", help="load the controllers, but do not start them")
+    parser.add_argument(
+        "--wait-for", metavar="TOPIC", default="", help="wait for True on this topic (std_msgs/Bool) first"
+    )
+    return parser
+
+
+def unspawner_parser() -> argparse.ArgumentParser:
+    """Command line of `unspawner`."""
+    text = "Stop controllers and keep them stopped; start them again when this program ends."
+    return _parser("unspawner", text, "a controller's name")
+
+
+def _parser(tool: str, text: str, controllers: str) -> argparse.ArgumentParser:
+    """What both tools take; `controllers`: what their names may be."""
+    parser = argparse.ArgumentParser(prog=tool, description=text)
+    parser.add_argument("controllers", nargs="+", metavar="controller", help=controllers)
+    parser.add_argument(
+        "--namespace", metavar="NS", default="", help="namespace of the robot, where controller_manager is"
+    )
+    parser.add_argument(
+        "--timeout", metavar="T", type=float, default=30.0, help="how long to wait for the services [s] (default: 30)"
+    )
+    parser.add_argument("--no-timeout", action="store_true", help="wait for the services for ever")
+    parser.add_argument(
+        "--shutdown-timeout",
+        metavar="T",
+        type=float,
+        default=2.0,
+        help="time for the clean-up at the end [s] (default: 2)",
+    )
+    return parser
+
+
+class Spawner:
+    """Loads and starts controllers, and takes them down again. `down` may come from another thread, at any moment of
+    `up`."""
+
+    def __init__(self, client: ManagerClient) -> None:
+        self._client = client
+        self._loaded: list[str] = []
+        self._started: list[str] = []
+        # One request and the note of what it did belong together: an end between the two would leave a controller
+        # behind.
+        self._step = threading.Lock()
+        self._ended = False
+
+    def up(self, names: Sequence[str], start: bool) -> None:
+        """Load, and start in one STRICT switch. What is loaded already is used as it is and stays when the spawner
+        ends.
+
+        Raises:
+            HricError: one was refused, or `down` came in between; those loaded by this call are unloaded again.
+        """
+        states = {controller.name: controller.state for controller in self._client.list()}
+        try:
+            for name in names:
+                if name in states:
+                    rospy.logwarn("%s is loaded already", name)
+                    continue
+                with self._request():
+                    self._client.load(name)
+                    self._loaded.append(name)
+            stopped = [name for name in names if states.get(name) != "running"] if start else []
+            if stopped:
+                with self._request():
+                    self._client.switch(stopped, [])
+                    self._started.extend(stopped)
+        except HricError:
+            self.down()
+            raise
+        rospy.loginfo("loaded: %s; started: %s", ", ".join(self._loaded) or "none", ", ".join(self._started) or "none")
+
+    def down(self) -> None:
+        """Stop what was started, unload what was loaded; `up` requests nothing more."""
+        self._ended = True  # before the lock is free: `up` might be the first to take it again
+        with self._step:
+            if self._started:
+                self._client.switch([], self._started, SwitchControllerRequest.BEST_EFFORT)
+                self._started.clear()
+            while self._loaded:
+                self._client.unload(self._loaded.pop())
+
+    @contextmanager
+    def _request(self) -> Iterator[None]:
+        with self._step:
+            if self._ended:
+                raise HricError("ended before all controllers were up")
+            yield
+
+
+class Unspawner:
+    """Keeps controllers stopped, and starts again those that it stopped. `release` may come from another thread, at any
+    moment of `hold`."""
+
+    def __init__(self, client: ManagerClient, names: Sequence[str]) -> None:
+        self._client, self._names = client, names
+        self._stopped: list[str] = []
+        self._step = threading.Lock()  # a release in the middle of a switch must know what that switch stopped
+        self._ended = False
+
+    def hold(self) -> None:
+        """Stop those of the names that run now; nothing after `release`."""
+        with self._step:
+            if self._ended:
+                return
+            running = [
+                controller.name
+                for controller in self._client.list()
+                if controller.name in self._names and controller.state == "running"
+            ]
+            if running:
+                self._client.switch([], running, SwitchControllerRequest.BEST_EFFORT)
+                rospy.loginfo("stopped: %s", ", ".join(running))
+                self._stopped.extend(name for name in running if name not in self._stopped)
+
+    def release(self) -> None:
+        """Start again what was stopped."""
+        with self._step:
+            self._ended = True
+            if self._stopped:
+                self._client.switch(self._stopped, [], SwitchControllerRequest.BEST_EFFORT)
+                self._stopped.clear()
+
+
+def run_spawner(argv: Sequence[str]) -> int:
+    """Program `spawner`; returns the exit code.
+
+    Args:
+        argv: command line without the program's name; ROS's own arguments may be among it.
+    """
+    args = spawner_parser().parse_args(rospy.myargv([*_PROGRAM, *argv])[1:])
+
+    def work() -> None:
+        client = _connect("spawner", args)
+        if args.wait_for:
+            _wait_for_true(args.wait_for)
+        names = [name for argument in args.controllers for name in _controllers(argument, args.namespace)]
+        spawner = Spawner(client)
+        rospy.on_shutdown(lambda: _bounded(spawner.down, args.shutdown_timeout))
+        spawner.up(names, start=not args.stopped)
+        rospy.spin()
+
+    return run_tool(work)
+
+
+def run_unspawner(argv: Sequence[str]) -> int:
+    """Program `unspawner`; returns the exit code."""
+    args = unspawner_parser().parse_args(rospy.myargv([*_PROGRAM, *argv])[1:])
+
+    def work() -> None:
+        unspawner = Unspawner(_connect("unspawner", args), args.controllers)
+        rospy.on_shutdown(lambda: _bounded(unspawner.release, args.shutdown_timeout))
+        while not rospy.is_shutdown():
+            unspawner.hold()
+            rospy.rostime.wallsleep(1.0)
+
+    return run_tool(work)
+
+
+_PROGRAM = ("tool",)  # rospy.myargv wants the program's name in front
+
+
+def run_tool(work: Callable[[], None]) -> int:
+    """Run a tool's work; a HricError becomes one line on stderr and exit code 1, Ctrl-C a normal end."""
+    try:
+        check_master()
+        work()
+    except HricError as error:
+        if rospy.core.is_shutdown_requested():
+            return 0
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        return 1
+    except (rospy.ROSInterruptException, KeyboardInterrupt):
+        return 0
+    return 0
+
+
+def _connect(name: str, args: argparse.Namespace) -> ManagerClient:
+    rospy.init_node(name, anonymous=True, disable_signals=True)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end)
+    client = ManagerClient(args.namespace)
+    client.wait(None if args.no_timeout else args.timeout, rospy.loginfo)
+    return client
+
+
+def _end(*_: Any) -> None:
+    """Shut down in another thread: the handler of rospy does it on top of what the main thread is doing, and may wait
+    for a lock held there."""
+    threading.Thread(target=rospy.signal_shutdown, args=("signal",)).start()
+
+
+def _wait_for_true(topic: str) -> None:
+    received = threading.Event()
+
+    def receive(message: Any) -> None:
+        if message.data:
+            received.set()
+
+    subscriber = rospy.Subscriber(topic, Bool, receive)
+    while not received.wait(0.1):
+        if rospy.is_shutdown():
+            raise HricError(f"ended while waiting for {topic}")
+        if not rospy.core.is_shutdown_requested():
+            rospy.loginfo_throttle(5.0, f"waiting for True on {rospy.resolve_name(topic)}")
+    subscriber.unregister()
+
+
+def _controllers(argument: str, namespace: str) -> list[str]:
+    """Names in a YAML file, whose content goes to the parameter server; or the argument itself."""
+    path = Path(argument)
+    if not path.is_file():
+        return [argument]
+    content = read_yaml(path)
+    if not isinstance(content, dict) or not content:
+        raise HricError(f"{path} must hold the controllers' configuration by name")
+    for name, configuration in content.items():
+        rospy.set_param(
+            rospy.resolve_name(f"{namespace.rstrip('/')}/{name}" if namespace else str(name)), configuration
+        )
+    return [str(name) for name in content]
+
+
+def _bounded(work: Callable[[], None], timeout: float) -> None:
+    """Do the clean-up, but no longer than `timeout` [s]: the robot may end at the same moment and never
+    respond."""
+
+    def run() -> None:
+        try:
+            work()
+        except HricError as error:
+            rospy.logwarn("clean-up: %s", error)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(timeout)

@@ -1,0 +1,90 @@
+"""Switching controllers: the rules of a request, and the request that is handed to the loop."""
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from hric_control.errors import HricError, UnknownNameError
+from hric_control.manager.loaded_controller import LoadedController
+
+BEST_EFFORT = 1
+"""Skip names that cannot be switched."""
+STRICT = 2
+"""Refuse the whole request if one name cannot be switched."""
+
+
+@dataclass(frozen=True)
+class SwitchPlan:
+    """What a request comes down to.
+
+    Attributes:
+        start, stop: controllers to start and to stop, in the order of the request.
+        skipped: why names were left out (BEST_EFFORT).
+    """
+
+    start: tuple[LoadedController, ...]
+    stop: tuple[LoadedController, ...]
+    skipped: tuple[str, ...]
+
+
+def plan_switch(
+    loaded: Mapping[str, LoadedController], start: Sequence[str], stop: Sequence[str], strictness: int
+) -> SwitchPlan:
+    """Apply the rules of ros_control's switch_controller.
+
+    Raises:
+        HricError: the request is refused; says which name and why.
+    """
+    skipped: list[str] = []
+
+    def fault(error: HricError) -> None:
+        if strictness == STRICT:
+            raise error
+        skipped.append(str(error))
+
+    both = [name for name in start if name in stop and name in loaded and loaded[name].running]
+    if both:
+        raise HricError(f"{', '.join(both)} is running and named both to start and to stop; request one of them")
+    to_stop, to_start = [], []
+    for name in dict.fromkeys(stop):
+        if name not in loaded:
+            fault(UnknownNameError("controller", name, loaded, "the manager, to stop"))
+        elif not loaded[name].running:
+            fault(HricError(f"{name} cannot be stopped: it is {loaded[name].state.value}, not running"))
+        else:
+            to_stop.append(loaded[name])
+    for name in dict.fromkeys(start):
+        if name not in loaded:
+            fault(UnknownNameError("controller", name, loaded, "the manager, to start (load it first)"))
+        elif loaded[name].running:
+            fault(HricError(f"{name} cannot be started: it is running already"))
+        else:
+            to_start.append(loaded[name])
+    return SwitchPlan(tuple(to_start), tuple(to_stop), tuple(skipped))
+
+
+@dataclass
+class SwitchRequest:
+    """A planned switch on its way through the loop.
+
+    Attributes:
+        plan: what to do.
+        start_asap: start each controller as soon as the hardware is ready for it, not all together.
+        timeout: how long the hardware may take [s of robot time]; 0 = for ever.
+        begin, finish: taken once, without waiting, by the loop that acts or by the caller who gives up. So a request is
+            carried out or cancelled, never both.
+        begun_at: robot time at which the hardware was switched [s]; None before.
+        waiting: controllers that wait for the hardware.
+        failures: what went wrong in the loop.
+        done: set by the loop when the request is finished.
+    """
+
+    plan: SwitchPlan
+    start_asap: bool = False
+    timeout: float = 0.0
+    begin: threading.Lock = field(default_factory=threading.Lock)
+    finish: threading.Lock = field(default_factory=threading.Lock)
+    begun_at: float | None = None
+    waiting: list[LoadedController] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    done: threading.Event = field(default_factory=threading.Event)

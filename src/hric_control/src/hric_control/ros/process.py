@@ -1,0 +1,115 @@
+"""A node's process: from its start to its shutdown request."""
+
+import logging
+import signal
+import sys
+import threading
+from collections.abc import Callable
+
+import rospy
+from rospy.impl import tcpros_base
+
+from hric_control.errors import HricError
+from hric_control.ros import prompt as ros_prompt
+from hric_control.ros.node import RosNode
+
+PERIOD = 1.0
+"""Between ticks [s]; that of diagnostics, REP 107."""
+
+
+class NodeApp:
+    """What a node does, from its construction until `close`. All of it may raise HricError, which ends the node.
+
+    Args:
+        node: private node.
+
+    Attributes:
+        period: between ticks [s of wall time].
+    """
+
+    period = PERIOD
+
+    def __init__(self, node: RosNode) -> None:
+        """Start."""
+
+    def tick(self) -> None:
+        """Called each period, in the main thread."""
+
+    def close(self) -> None:
+        """End; called once, also after an error of `tick`."""
+
+
+def run(name: str, text: str, app: Callable[[RosNode], NodeApp]) -> int:
+    """Run a node.
+
+    Args:
+        name: default name.
+        text: for --help.
+        app: starts its work, given the private node.
+
+    Returns:
+        the exit code.
+    """
+    if {"-h", "--help"} & set(sys.argv[1:]):
+        print(text)
+        return 0
+    shutdown_requested = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: shutdown_requested.set())
+    rospy.init_node(name, disable_signals=True)
+    widen()
+    ros_prompt.send_promptly()
+    rospy.on_shutdown(shutdown_requested.set)
+    forward_to_ros(logging.getLogger("hric"))
+    try:
+        running = app(RosNode("~"))
+    except HricError as error:
+        rospy.logfatal(str(error))
+        return 1
+    try:
+        while not shutdown_requested.wait(running.period):
+            running.tick()
+    except HricError as error:
+        rospy.logfatal(str(error))
+        return 1
+    finally:
+        running.close()
+        rospy.signal_shutdown("requested")
+    return 0
+
+
+class _RosHandler(logging.Handler):
+    def emit(self, record: logging.LogRecord) -> None:
+        text = self.format(record)
+        if record.levelno >= logging.ERROR:
+            rospy.logerr(text)
+        elif record.levelno >= logging.WARNING:
+            rospy.logwarn(text)
+        else:
+            rospy.loginfo(text)
+
+
+def forward_to_ros(logger: logging.Logger) -> None:
+    """Send what `logger` says to rosout instead of the terminal alone. After `rospy.init_node`.
+
+    Meant for rare messages: rosout is written in the calling thread.
+    """
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    if not any(isinstance(handler, _RosHandler) for handler in logger.handlers):
+        logger.addHandler(_RosHandler())
+
+
+BACKLOG = 128
+"""Connections that may wait to be accepted; project default, unconfirmed, above the number of topics of any node
+here."""
+
+
+def widen() -> None:
+    """Let many listeners connect at once. After `rospy.init_node`.
+
+    rospy lets 5 connections wait. A recorder connects to all topics of a node within a millisecond: the kernel turns
+    away what is beyond that and tries again a second later. Until then the recorder receives nothing on these topics.
+    """
+    tcpros_base.start_tcpros_server()
+    tcpros_base._tcpros_server.tcp_ros_server.server_sock.listen(BACKLOG)

@@ -1,0 +1,92 @@
+"""Statistics of a loop: cycle times, deadlines, achieved real-time factor."""
+
+import time as wall
+from dataclasses import dataclass
+
+WINDOW = 1.0
+"""Length of the window of the windowed figures [s of wall time]."""
+
+
+@dataclass(frozen=True)
+class LoopStats:
+    """Figures of a loop.
+
+    Attributes:
+        cycles: cycles since the start of `run`.
+        cycle_time_mean: mean duration of a cycle's work over the last full window [s].
+        cycle_time_max: largest duration over the last full window [s].
+        rtf: robot time per wall time over the last full window [1]; 0 while paused.
+        rtf_mean: the same since the start of `run`, pauses left out [1].
+        missed_deadlines: cycles that ended after the next one should have begun, since the start.
+        reanchored: how often the loop was more than 100 ms late and gave up catching up, since the start.
+    """
+
+    cycles: int
+    cycle_time_mean: float
+    cycle_time_max: float
+    rtf: float
+    rtf_mean: float
+    missed_deadlines: int
+    reanchored: int
+
+
+class LoopMeter:
+    """Collects the figures; `cycle` is called by the loop only, `stats` by anyone.
+
+    Args:
+        time_step: robot time per cycle [s].
+    """
+
+    def __init__(self, time_step: float) -> None:
+        self.time_step = time_step
+        self.restart(0)
+
+    def restart(self, cycles: int) -> None:
+        """Begin again at the start of a run."""
+        self.missed = self.reanchored = 0
+        self._count = 0
+        self._moving = 0.0
+        self._last_end: float | None = None
+        self._open(wall.perf_counter())
+        self._window = (0.0, 0.0, 0.0)
+
+    def _open(self, now: float) -> None:
+        self._start, self._n, self._busy, self._worst = now, 0, 0.0, 0.0
+
+    def cycle(self, begin: float, end: float) -> None:
+        """Account for one cycle's work.
+
+        Args:
+            begin, end: readings of the monotonic wall clock [s].
+        """
+        spent = end - begin
+        self._count += 1
+        self._n += 1
+        self._busy += spent
+        if spent > self._worst:
+            self._worst = spent
+        self._moving += end - (begin if self._last_end is None else self._last_end)
+        self._last_end = end
+        if end - self._start >= WINDOW:
+            self._close(end)
+
+    def stand(self) -> None:
+        """The loop is paused: time that passes is no motion."""
+        self._last_end = None
+        now = wall.perf_counter()
+        if now - self._start >= WINDOW:
+            self._close(now)
+
+    def _close(self, now: float) -> None:
+        mean = self._busy / self._n if self._n else 0.0
+        self._window = (mean, self._worst, self._n * self.time_step / (now - self._start))
+        self._open(now)
+
+    def stats(self) -> LoopStats:
+        """The figures now; before the first window is full, those of the window so far."""
+        mean, worst, rtf = self._window
+        if not (mean or rtf) and self._n:
+            mean, worst = self._busy / self._n, self._worst
+            rtf = self._n * self.time_step / max(wall.perf_counter() - self._start, 1e-9)
+        rtf_mean = self._count * self.time_step / self._moving if self._moving > 0.0 else 0.0
+        return LoopStats(self._count, mean, worst, rtf, rtf_mean, self.missed, self.reanchored)

@@ -1,0 +1,58 @@
+"""PID of `gazebo_ros_control/pid_gains/<joint>`, for joints that efforts drive towards a position or velocity."""
+
+import math
+from dataclasses import dataclass
+
+from hric_control.parameters import Settings, anything, number, refused
+
+
+@dataclass(frozen=True)
+class PidGains(Settings):
+    """Gains per rad (or m) of a position error, or per rad/s (or m/s) of a velocity error."""
+
+    p: float = number(text="proportional gain")
+    i: float = number(0.0, text="integral gain, per second")
+    d: float = number(0.0, text="derivative gain, in seconds")
+    i_clamp: float = number(0.0, unit="N m or N", text="bound of the integral term; 0: no integral action")
+    i_clamp_min: float = number(0.0, unit="N m or N", text="lower bound in its place; 0: that of i_clamp")
+    i_clamp_max: float = number(0.0, unit="N m or N", text="upper bound, likewise")
+    antiwindup: object = anything(None, text="accepted for the sake of existing YAML, without effect")
+
+    @property
+    def i_bounds(self) -> tuple[float, float]:
+        """Bounds of the integral term [N m or N]; both zero switch it off, as in control_toolbox."""
+        return self.i_clamp_min or -abs(self.i_clamp), self.i_clamp_max or abs(self.i_clamp)
+
+    def check(self, where: str) -> None:
+        """Refuse bounds that cross."""
+        low, high = self.i_bounds
+        if low > high:
+            raise refused(f"{where}i_clamp_min", low, f"up to i_clamp_max, {high:g} N m or N")
+
+
+class Pid:
+    """One joint's PID law, on plain floats."""
+
+    __slots__ = ("_gains", "_i_bounds", "_integral", "_last", "_limit")
+
+    def __init__(self, gains: PidGains, effort_limit: float) -> None:
+        self._gains, self._i_bounds, self._limit = gains, gains.i_bounds, effort_limit
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the integral and the last error."""
+        self._integral, self._last = 0.0, math.nan
+
+    def effort(self, error: float, period: float) -> float:
+        """tau = p e + I + d de/dt within the effort limit, I = sum of i e dt within its bounds [N m or N].
+
+        Args:
+            error: command minus measured value [rad, rad/s, m or m/s].
+            period: time since the last call [s].
+        """
+        gains, (i_min, i_max) = self._gains, self._i_bounds
+        self._integral = min(max(self._integral + gains.i * error * period, i_min), i_max)
+        rate = 0.0 if math.isnan(self._last) else (error - self._last) / period
+        self._last = error
+        tau = gains.p * error + self._integral + gains.d * rate
+        return min(max(tau, -self._limit), self._limit)

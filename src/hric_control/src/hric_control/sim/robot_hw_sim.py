@@ -1,0 +1,254 @@
+"""Any robot with transmissions as a RobotHW on a physics plant, as Gazebo's default robot simulation offers it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hric_control import limits
+from hric_control.errors import DescriptionError, HricError, ResourceConflictError
+from hric_control.hardware_interface import (
+    EffortJointInterface,
+    JointCommandInterface,
+    JointCommands,
+    JointStateInterface,
+    PositionJointInterface,
+    VelocityJointInterface,
+)
+from hric_control.node import Node
+from hric_control.parameters import Settings, flag, mapping, number, per_joint
+from hric_control.plant import DrivenPlant, Mode
+from hric_control.robot_hw import ControllerInfo, LogRow
+from hric_control.sim.pid import Pid, PidGains
+from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_control.transmission import parse_transmissions
+
+_MODES: dict[type[JointCommandInterface], Mode] = {
+    EffortJointInterface: Mode.EFFORT,
+    VelocityJointInterface: Mode.VELOCITY,
+    PositionJointInterface: Mode.POSITION,
+}
+_LIMITERS: dict[Mode, type[limits.Limiter]] = {
+    Mode.EFFORT: limits.EffortLimiter,
+    Mode.VELOCITY: limits.VelocityLimiter,
+    Mode.POSITION: limits.PositionLimiter,
+}
+_BY_CPP_NAME = {kind.cpp_name: mode for kind, mode in _MODES.items()}
+
+
+@dataclass(frozen=True)
+class SimSettings(Settings):
+    """Parameters of `RobotHWSim`, beside those of its plant."""
+
+    q_start: tuple[float | None, ...] = per_joint(
+        number(None, unit="rad or m"),
+        {},
+        others=None,
+        default_text="0, or the end of the range next to 0",
+        text="of `RobotHWSim`: start; outside a range it is allowed and said",
+    )
+    enforce_limits: tuple[str, ...] = limits.ENFORCE_LIMITS
+    brake_unclaimed: bool = flag(True, text="of `RobotHWSim`: brake the joints that no controller claims")
+
+
+class RobotHWSim(SimulatedRobot):
+    """The joints that have a transmission, on a plant. Gravity is not compensated; unclaimed joints are braked.
+
+    A command of a joint is what its interface says; a position or velocity is reached by the gains of
+    `gazebo_ros_control/pid_gains/<joint>` where given, else by the plant's stiff drive. Parameters: INTERFACE.md.
+
+    Attributes, beside those of `SimulatedRobot`:
+        transmissions: one per joint, in the order of the joints.
+        modes: what each joint is commanded by now.
+    """
+
+    def init(self, root_node: Node, robot_hw_node: Node) -> None:
+        """Read the parameters, build the plant, put the robot at its start."""
+        node = robot_hw_node
+        self.description = root_node.search_param("robot_description")
+        self.transmissions = parse_transmissions(self.description)
+        names = [transmission.joint for transmission in self.transmissions]
+        if not names:
+            raise DescriptionError("the robot description has no transmission: no joint can be commanded")
+        settings = SimSettings.read(node, names)
+        self._limits = limits.load_limits(self.description, root_node, names, settings.enforce_limits)
+        ranges = limits.load_limits(self.description, None, names, ("position",))
+        self.q_start = [
+            min(max(0.0, limit.lower), limit.upper) if q is None else q
+            for q, limit in zip(settings.q_start, ranges, strict=True)
+        ]
+        self._brakes = [
+            settings.brake_unclaimed and set(t.interfaces) != {"JointStateInterface"} for t in self.transmissions
+        ]
+        self._pids = self._read_pids(root_node, names)
+        with self._new_plant(node, self.description, names, mapping(default={}).read(node, "plant")):
+            self._check_drives()
+            self._make_storage()
+            self._put(self.q_start, self.plant.reset)
+
+    def _read_pids(self, root_node: Node, names: Sequence[str]) -> dict[int, Pid]:
+        where = "gazebo_ros_control/pid_gains"
+        given = mapping(default={}).read(root_node, where)
+        return {
+            i: Pid(PidGains.of(given[name], root_node.resolve(f"{where}/{name}")), self._limits[i].effort)
+            for i, name in enumerate(names)
+            if name in given
+        }
+
+    def _check_drives(self) -> None:
+        if isinstance(self.plant, DrivenPlant):
+            return
+        for i, transmission in enumerate(self.transmissions):
+            kinds = [
+                name for name in transmission.interfaces if name in ("VelocityJointInterface", "PositionJointInterface")
+            ]
+            if kinds and i not in self._pids:
+                raise HricError(
+                    f"joint {transmission.joint} offers {', '.join(kinds)}, but {type(self.plant).__name__} has no "
+                    "drives: "
+                    f"give gazebo_ros_control/pid_gains/{transmission.joint}"
+                )
+
+    def _make_storage(self) -> None:
+        states = self.states
+        self.register_interface(JointStateInterface(states))
+        self._counts = limits.LimitCounts(states.names, [limit.velocity for limit in self._limits])
+        self._commands: dict[Mode, JointCommands] = {}
+        self._limiters: dict[Mode, limits.Limiter] = {}
+        for kind, mode in _MODES.items():
+            offered = [t.joint for t in self.transmissions if kind.__name__ in t.interfaces]
+            if offered:
+                commands = self._commands[mode] = JointCommands(states)
+                self._limiters[mode] = _LIMITERS[mode](states, commands, self._limits, self._counts)
+                self.register_interface(kind(commands, offered))
+        n = len(states.names)
+        self._raw, self._sent = [0.0] * n, [0.0] * n
+        self._claimed: dict[str, Mode] = {}
+        self._plant_modes = [Mode.EFFORT] * n
+        self._take_modes()
+
+    # -- switching -----------------------------------------------------------------------------------------------------
+
+    def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
+        """A joint can be commanded through one interface at a time."""
+        for info in start:
+            seen: dict[str, str] = {}
+            for interface, joints in info.claims.items():
+                for joint in joints if interface in _BY_CPP_NAME else ():
+                    if joint in seen:
+                        raise ResourceConflictError(
+                            f"{info.name} claims {joint} through both {seen[joint]} and {interface}"
+                        )
+                    seen[joint] = interface
+
+    def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
+        """Give each joint the mode of the interface that claims it; one that changes begins with the command to
+        stay."""
+        before = dict(self._claimed)
+        for info in stop:
+            for joint in _claimed(info):
+                self._claimed.pop(joint, None)
+        for info in start:
+            self._claimed.update(_claimed(info))
+        started = {joint for info in start for joint in _claimed(info)}
+        for joint in started | {
+            joint for joint in {*before, *self._claimed} if before.get(joint) != self._claimed.get(joint)
+        }:
+            self._stay(self.states.index[joint])
+        self._take_modes()
+
+    def _stay(self, i: int) -> None:
+        for mode, commands in self._commands.items():
+            commands.value[i] = self.states.position[i] if mode is Mode.POSITION else 0.0
+        if i in self._pids:
+            self._pids[i].reset()
+
+    def _take_modes(self) -> None:
+        """Give limiters and plant the mode of each joint."""
+        self.modes = [self._claimed.get(name, Mode.BRAKE) for name in self.states.names]
+        self._all_effort = all(mode is Mode.EFFORT for mode in self.modes)
+        self._kinds = ["none" if mode is Mode.BRAKE else mode.value for mode in self.modes]
+        self._active: list[limits.Limiter] = []
+        for mode, limiter in self._limiters.items():
+            joints = [name for name, now in zip(self.states.names, self.modes, strict=True) if now is mode]
+            limiter.select(joints)
+            if joints:
+                self._active.append(limiter)
+        plant_modes: list[Mode] = [
+            Mode.EFFORT if mode is Mode.BRAKE or i in self._pids else mode for i, mode in enumerate(self.modes)
+        ]
+        if plant_modes != self._plant_modes and isinstance(self.plant, DrivenPlant):
+            self.plant.set_modes(plant_modes)
+        self._plant_modes = plant_modes
+        self.plant.set_brakes(
+            [brake and mode is Mode.BRAKE for brake, mode in zip(self._brakes, self.modes, strict=True)]
+        )
+
+    # -- the cycle -----------------------------------------------------------------------------------------------------
+
+    def write(self, time: float, period: float) -> None:
+        """Limits, then the commands to the plant."""
+        if not self._all_effort:
+            self._write_mixed(period)
+            return
+        value = self._commands[Mode.EFFORT].value
+        self._raw = value[:]
+        self._limiters[Mode.EFFORT].enforce(period)
+        self._sent = value
+        self.plant.apply(value)
+
+    def _write_mixed(self, period: float) -> None:
+        self._raw = self._gather()
+        cycles = self._counts.cycles
+        for limiter in self._active:
+            limiter.enforce(period)
+        self._counts.cycles = cycles + bool(self._active)
+        self._sent = self._gather()
+        values = self._sent[:]
+        for i, pid in self._pids.items():
+            if self.modes[i] is Mode.POSITION:
+                values[i] = pid.effort(values[i] - self.states.position[i], period)
+            elif self.modes[i] is Mode.VELOCITY:
+                values[i] = pid.effort(values[i] - self.states.velocity[i], period)
+        self.plant.apply(values)
+
+    def _gather(self) -> list[float]:
+        """The command in force of each joint, zero for one that nobody claims."""
+        return [0.0 if mode is Mode.BRAKE else self._commands[mode].value[i] for i, mode in enumerate(self.modes)]
+
+    def _settle(self, q: Sequence[float]) -> None:
+        self.read(0.0, 0.0)
+        for i in range(len(q)):
+            self._stay(i)
+        for limiter in self._limiters.values():
+            limiter.reset()
+        for limiter in list(self._limiters.values())[:1]:  # the counts are shared: one speaks for all
+            limiter.check_start()
+
+    # -- what others read ----------------------------------------------------------------------------------------------
+
+    def limiter_counts(self) -> limits.LimitCounts:
+        """What the limits did since the start, over all interfaces."""
+        return self._counts
+
+    def log_row(self) -> LogRow:
+        """The commands of the last cycle."""
+        return self._kinds, self._raw, self._sent
+
+    def actuator_states(self) -> dict[str, tuple[float, float, float]]:
+        """(position [rad or m], velocity, effort) of each actuator by name, through its transmission."""
+        result, motors = {}, self.plant.motor_effort()
+        for i, transmission in enumerate(self.transmissions):
+            result[transmission.actuator] = (
+                transmission.joint_to_actuator_position(self.states.position[i]),
+                transmission.joint_to_actuator_velocity(self.states.velocity[i]),
+                transmission.joint_to_actuator_effort(motors[i]),
+            )
+        return result
+
+
+def _claimed(info: ControllerInfo) -> dict[str, Mode]:
+    return {
+        joint: _BY_CPP_NAME[interface]
+        for interface, joints in info.claims.items()
+        if interface in _BY_CPP_NAME
+        for joint in joints
+    }

@@ -1,0 +1,295 @@
+"""The clock of a simulated robot: paced or not, with pause, single steps, and requests served between two cycles.
+
+A simulated RobotHW owns one loop and drives it:
+
+    def run(self, on_cycle):
+        self.loop.run(lambda time, period, reset: self._cycle(on_cycle, time, period, reset))
+
+where `_cycle` reads, calls `on_cycle`, writes, steps the plant, and returns whether to go on. Everything that touches
+the plant from outside (services) goes through `request`, so that only one thread ever uses the plant.
+"""
+
+import math
+import threading
+import time as wall
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from typing import Any, Generic, TypeVar
+
+from hric_control.errors import HricError
+from hric_control.parameters import number
+from hric_control.sim.loop_stats import LoopMeter, LoopStats
+
+T = TypeVar("T")
+
+Cycle = Callable[[float, float, bool], bool]
+"""(robot time at the measuring instant [s], period [s], reset controllers) -> go on? A cycle that returns False counts,
+and is the last one."""
+
+REAL_TIME_FACTOR: Any = number(
+    1.0,
+    minimum=0.0,
+    name="real_time_factor",
+    unit="robot time per wall time",
+    text="pace of a simulated robot; 0: as fast as possible",
+)
+LATE = 0.1
+"""Lag of the wall clock after which the loop starts a new time base instead of catching up [s]."""
+NAP = 0.05
+"""Longest uninterrupted sleep, so that a slow loop still notices stop and pause [s]."""
+PAUSE_POLL = 0.02
+"""How often a paused loop calls `on_pause` [s]."""
+IDLE_PERIOD = 0.05
+"""Robot time between two calls of `on_idle` when the loop is not paced [s]."""
+
+
+@dataclass
+class _Request(Generic[T]):
+    function: Callable[[], T]
+    done: threading.Event
+    result: T | None = None
+    error: BaseException | None = None
+
+    def serve(self) -> None:
+        try:
+            self.result = self.function()
+        except Exception as error:  # handed to the requesting thread, which raises it
+            self.error = error
+        except BaseException as error:
+            self.error = error
+            raise
+        finally:
+            self.done.set()
+
+
+class SimLoop:
+    """Steps a cycle at a fixed time step and keeps robot time.
+
+    Robot time is a whole number of cycles: it has no rounding drift and never goes back; a reset of the robot leaves
+        it.
+
+    Args:
+        time_step: period of the cycle [s].
+        real_time_factor: robot time per wall time, 1.0 for real time; 0: as fast as possible.
+
+    Attributes:
+        time_step: period of the cycle [s].
+        time: robot time of the state that the next cycle reads (during a cycle: that the cycle has read) [s].
+        cycles: number of cycles finished.
+        after_cycle: called in the loop after each finished cycle with robot time at which that cycle measured.
+        on_idle: called in the loop every 50 ms of robot time when not paced, to let queued messages out. It may wait.
+        on_pause: called in the paused loop, every 20 ms of wall time.
+    """
+
+    def __init__(self, time_step: float, real_time_factor: float = 1.0) -> None:
+        if not (math.isfinite(time_step) and time_step > 0.0):
+            raise HricError(f"time_step must be above 0 s; got {time_step}")
+        self.time_step = time_step
+        self.real_time_factor = real_time_factor
+        self.time = 0.0
+        self.cycles = 0
+        self.after_cycle: list[Callable[[float], None]] = []
+        self.on_idle: Callable[[], None] | None = None
+        self.on_pause: Callable[[], None] | None = None
+        self._meter = LoopMeter(time_step)
+        self._stop = self._paused = self._reset = False
+        self._steps = 0
+        self._stepped: threading.Event | None = None
+        self._requests: deque[_Request[object]] = deque()
+        self._wake: SimpleQueue[None] = SimpleQueue()  # its put is safe in a signal handler
+        self._state = threading.RLock()  # held while requests run directly, and while run begins or ends
+        self._step_caller = threading.Lock()
+        self._thread: int | None = None
+        self._anchor: tuple[float, int] | None = None
+
+    @property
+    def real_time_factor(self) -> float:
+        """Requested robot time per wall time [1]; 0: as fast as possible. May be changed while running."""
+        return self._factor
+
+    @real_time_factor.setter
+    def real_time_factor(self, value: float) -> None:
+        self._factor: float = REAL_TIME_FACTOR.checked(value, REAL_TIME_FACTOR.name)
+        self._anchor = None
+
+    @property
+    def running(self) -> bool:
+        """Whether `run` is active, paused or not."""
+        return self._thread is not None
+
+    @property
+    def paused(self) -> bool:
+        """Whether the run is paused."""
+        return self._paused
+
+    @property
+    def stats(self) -> LoopStats:
+        """Statistics; cheap, from any thread."""
+        return self._meter.stats()
+
+    def run(self, cycle: Cycle) -> None:
+        """Run cycles until `stop`, or until `cycle` returns False. Owns the calling thread; raises what `cycle` raises.
+
+        A `stop` that came before `run` counts: run returns at once.
+        """
+        with self._state:
+            if self._thread is not None:
+                raise HricError("the simulation loop is running already")
+            self._thread = threading.get_ident()
+        self._anchor = None
+        self._meter.restart(self.cycles)
+        try:
+            self._loop(cycle)
+        finally:
+            with self._state:
+                self._thread = None
+                self._stop = False
+                self._steps = 0
+                self._serve()
+                if self._stepped is not None:
+                    self._stepped.set()
+
+    def stop(self) -> None:
+        """Let `run` return after the present cycle, also while paused. From any thread or a signal handler."""
+        self._stop = True
+        self._wake.put(None)
+
+    def pause(self) -> None:
+        """Hold robot time after the present cycle; requests are still served."""
+        self._paused = True
+
+    def unpause(self) -> None:
+        """Go on from the same robot time."""
+        self._paused = False
+        self._anchor = None
+        self._wake.put(None)
+
+    def restart_controllers(self) -> None:
+        """Give reset_controllers = True to the next cycle: after the robot was put elsewhere."""
+        self._reset = True
+
+    def request(self, function: Callable[[], T]) -> T:
+        """Call `function` inside the loop between two cycles, and return its result or raise its error here.
+
+        While no loop runs, and from the loop's own thread, it is called directly.
+        """
+        with self._state:
+            if self._thread is None or self._thread == threading.get_ident():
+                return function()
+            request: _Request[T] = _Request(function, threading.Event())
+            self._requests.append(request)  # type: ignore[arg-type]
+        if self._paused:
+            self._wake.put(None)
+        request.done.wait()
+        if request.error is not None:
+            raise request.error
+        return request.result  # type: ignore[return-value]
+
+    def step(self, n: int) -> float:
+        """Run exactly `n` cycles while paused, as fast as possible; waits until they are done.
+
+        Returns:
+            robot time afterwards [s].
+
+        Raises:
+            HricError: the loop is not paused, not running, was stopped before the end; or n is below 1.
+        """
+        if n < 1:
+            raise HricError(f"the number of steps must be at least 1; got {n}")
+        with self._step_caller:
+            done = threading.Event()
+            with self._state:
+                self._check_step()
+                goal = self.cycles + n
+                self._stepped, self._steps = done, n
+            self._wake.put(None)
+            done.wait()
+            self._stepped = None
+            if self.cycles < goal:
+                raise HricError(f"the simulation was stopped after {n - goal + self.cycles} of {n} steps")
+        return self.time
+
+    def _check_step(self) -> None:
+        if self._thread is None:
+            raise HricError("the simulation loop is not running: nothing to step")
+        if self._thread == threading.get_ident():
+            raise HricError("step must not be called from inside the loop")
+        if not self._paused:
+            raise HricError("the simulation is not paused: call sim/pause_physics first")
+
+    def _loop(self, cycle: Cycle) -> None:
+        period, meter, clock = self.time_step, self._meter, wall.perf_counter
+        idle_cycles = max(1, round(IDLE_PERIOD / period))
+        while not self._stop:
+            if self._requests:
+                self._serve()
+            if self._paused and not self._steps:
+                self._wait()
+                continue
+            begin = clock()
+            reset, self._reset = self._reset, False
+            now = self.time
+            going_on = cycle(now, period, reset)
+            for hook in self.after_cycle:
+                hook(now)
+            self.cycles += 1
+            self.time = self.cycles * period
+            end = clock()
+            meter.cycle(begin, end)
+            if not going_on:
+                return
+            if self._steps:
+                self._count_step()
+            elif self._factor:
+                self._sleep(end)
+                continue
+            if self.cycles % idle_cycles == 0 and self.on_idle is not None:
+                self.on_idle()
+
+    def _count_step(self) -> None:
+        self._steps -= 1
+        self._anchor = None
+        if self._steps == 0 and self._stepped is not None:
+            self._stepped.set()
+
+    def _sleep(self, now: float) -> None:
+        """Wait for the deadline of the next cycle: anchor + cycles since then * period / factor.
+
+        When late: count it, and catch up or begin a new time base.
+        """
+        period = self.time_step / self._factor
+        anchor = self._anchor
+        if anchor is None:
+            anchor = self._anchor = (now + period, self.cycles)
+        deadline = anchor[0] + (self.cycles - anchor[1]) * period
+        left = deadline - now
+        if left <= 0.0:
+            self._meter.missed += 1
+            if -left > LATE:
+                self._meter.reanchored += 1
+                self._anchor = (now, self.cycles)
+            return
+        while left > NAP:
+            wall.sleep(NAP)
+            if self._stop or self._paused or self._anchor is not anchor:
+                return
+            left = deadline - wall.perf_counter()
+        if left > 0.0:
+            wall.sleep(left)
+
+    def _serve(self) -> None:
+        while self._requests:
+            self._requests.popleft().serve()
+
+    def _wait(self) -> None:
+        """Paused: sleep until there is a request."""
+        self._anchor = None
+        self._meter.stand()
+        if self.on_pause is not None:
+            self.on_pause()
+        try:
+            self._wake.get(timeout=PAUSE_POLL)
+        except Empty:
+            return

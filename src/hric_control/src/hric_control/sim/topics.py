@@ -1,0 +1,168 @@
+"""Topics of a simulated robot under `sim/`: contacts, motor efforts, poses of models, and loads of a ReactingPlant."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, Twist, Vector3, Wrench
+from sensor_msgs.msg import JointState
+
+from gazebo_msgs.msg import ContactsState, ContactState, ModelStates
+from hric_control import realtime
+from hric_control.errors import HricError
+from hric_control.geometry import messages
+from hric_control.node import Node
+from hric_control.plant import Contact, FloatArray, JointReaction, ReactingPlant
+from hric_control.robot_time import stamps
+from hric_control.sim import contact_info
+from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_control.urdf import read
+from hric_msgs.msg import JointReactions
+
+CONTACTS_PERIOD = 0.01
+"""[s of robot time]"""
+MODELS_PERIOD = 0.1
+"""[s of robot time]"""
+REACTIONS_PERIOD = 0.01
+"""[s of robot time]"""
+MOTORS_PERIOD = 0.01
+"""[s of robot time]"""
+
+
+class SimTopics:
+    """Publishes from the loop: reads the engine there, builds the messages elsewhere.
+
+    Args:
+        hw: the simulated robot.
+        node: namespace of the topics.
+        robot: name of the robot's model.
+    """
+
+    def __init__(self, hw: SimulatedRobot, node: Node, robot: str) -> None:
+        self._loop, self._plant, self._node, self._robot = hw.loop, hw.plant, node, robot
+        self._root = read(hw.description).root
+        self._contacts = realtime.publisher(node, "contacts", ContactsState)
+        self._models = realtime.publisher(node, "model_states", ModelStates)
+        self._motors = realtime.publisher(node, "motor_efforts", JointState)
+        self._publishers = [self._contacts, self._models, self._motors]
+        self._reactions: tuple[ReactingPlant, realtime.RealtimePublisher] | None = None
+        if isinstance(hw.plant, ReactingPlant):
+            self._reactions = hw.plant, realtime.publisher(node, "joint_reactions", JointReactions)
+            self._publishers.append(self._reactions[1])
+        periods = (CONTACTS_PERIOD, MODELS_PERIOD, MOTORS_PERIOD, REACTIONS_PERIOD)
+        self._cycles = [max(1, round(period / self._loop.time_step)) for period in periods]
+        self._warned = False
+        self._touching = True  # the first message says that there is none
+        self._loop.after_cycle.append(self._publish)
+
+    def unregister(self) -> None:
+        """Stop publishing."""
+        self._loop.after_cycle.remove(self._publish)
+        for publisher in self._publishers:
+            publisher.unregister()
+
+    def _publish(self, time: float) -> None:
+        cycle, (contacts, models, motors, reactions) = self._loop.cycles, self._cycles
+        if cycle % contacts == 0:
+            self._publish_contacts(time)
+        if cycle % motors == 0 and self._motors.subscribers():
+            self._motors.publish(motors_message, self._plant.joint_names, self._plant.motor_effort(), time)
+        if cycle % models == 0 and self._models.subscribers():
+            names = [self._robot, *self._plant.model_names()]
+            self._models.publish(models_message, names, [self._state(name) for name in names])
+        if cycle % reactions == 0 and self._reactions is not None:
+            plant, publisher = self._reactions
+            if publisher.subscribers():
+                publisher.publish(reactions_message, plant.joint_reactions(), time)
+
+    def _publish_contacts(self, time: float) -> None:
+        contacts, peaks = self._plant.contacts(), self._plant.take_contact_peaks()
+        if contacts or peaks or self._touching:
+            self._touching = bool(contacts or peaks)
+            self._contacts.publish(contacts_message, contacts, time, peaks)
+
+    def _state(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """(T_world_base, twist) of a model; the origin, with one warning, if the plant has none."""
+        try:
+            body = self._root if name == self._robot else f"{name}::{self._plant.base_link(name)}"
+            return self._plant.link_state(body)
+        except HricError as error:
+            if not self._warned:
+                self._warned = True
+                text = f"model_states: {error}"
+                realtime.defer(self._node, lambda: self._node.log_warn(text))
+            return np.eye(4), np.zeros(6)
+
+
+def contacts_message(contacts: list[Contact], time: float, peaks: Mapping[tuple[str, str], float] | None = None) -> Any:
+    """gazebo_msgs/ContactsState in the world frame: one state per pair of bodies with all points; forces on collision1.
+
+    Args:
+        contacts: of one cycle.
+        time: robot time at which that cycle measured [s].
+        peaks: of pairs that met by a spring since the message before [N]; a parted one has a state without points.
+    """
+    message = ContactsState()
+    message.header.stamp, message.header.frame_id = stamps.to_time(time), "world"
+    states: dict[tuple[str, str], Any] = {}
+    for pair, peak in (peaks or {}).items():
+        states[pair] = _state_of(message, pair, contact_info.text(*pair, "penalty", peak))
+    for contact in contacts:
+        pair = (contact.body_a, contact.body_b)
+        if pair not in states:
+            states[pair] = _state_of(message, pair, contact_info.text(*pair, contact.kind))
+        state, force = states[pair], [contact.force * part for part in contact.normal]
+        state.wrenches.append(Wrench(force=Vector3(*force)))
+        state.contact_positions.append(Vector3(*contact.position))
+        state.contact_normals.append(Vector3(*contact.normal))
+        state.depths.append(contact.depth)
+        total = state.total_wrench.force
+        total.x, total.y, total.z = total.x + force[0], total.y + force[1], total.z + force[2]
+    return message
+
+
+def _state_of(message: Any, pair: tuple[str, str], info: str) -> Any:
+    state = ContactState(info=info, collision1_name=pair[0], collision2_name=pair[1])
+    message.states.append(state)
+    return state
+
+
+def motors_message(joint_names: Sequence[str], efforts: list[float], time: float) -> Any:
+    """sensor_msgs/JointState with the efforts of the motors in one cycle.
+
+    Args:
+        joint_names, efforts: of that cycle [N m or N].
+        time: robot time at which it measured [s].
+    """
+    message = JointState(name=list(joint_names), effort=efforts)
+    message.header.stamp = stamps.to_time(time)
+    return message
+
+
+def models_message(names: list[str], states: list[tuple[FloatArray, FloatArray]]) -> Any:
+    """gazebo_msgs/ModelStates in the world frame."""
+    message = ModelStates(name=names)
+    for T, twist in states:
+        pose, velocity = Pose(), Twist()
+        messages.fill(pose, T)
+        messages.fill_twist(velocity, twist)
+        message.pose.append(pose)
+        message.twist.append(velocity)
+    return message
+
+
+def reactions_message(reactions: list[JointReaction], time: float) -> Any:
+    """hric_msgs/JointReactions of one cycle.
+
+    Args:
+        reactions: of that cycle.
+        time: robot time at which it measured [s].
+    """
+    message = JointReactions()
+    message.header.stamp, message.header.frame_id = stamps.to_time(time), "world"
+    for reaction in reactions:
+        message.joint_names.append(reaction.joint)
+        message.link_names.append(reaction.link)
+        message.positions.append(Point(*reaction.position))
+        message.wrenches.append(Wrench(force=Vector3(*reaction.force), torque=Vector3(*reaction.torque)))
+    return message

@@ -1,0 +1,30 @@
+"""Robot descriptions (URDF): one tree of links and joints with numbers in place of text, its one reader, and what
+writes such text.
+
+    robot = read(urdf_xml)
+    robot.joints["panda_joint1"].upper
+
+What cannot be meant is refused here, once, with an error that names the element: see `read`. Forms that only one user
+cannot hold, such as floating joints in PyBullet or an inertia that no body has, are that user's to refuse.
+"""
+
+from hric_control.urdf.reading import read
+from hric_control.urdf.robot import BOUNDED, NO_LIMIT, ONE_COORDINATE, Joint, Limit, Link, Robot
+from hric_control.urdf.shapes import Shape, join_capsules
+from hric_control.urdf.writing import write_inertial, write_origin, write_shape
+
+__all__ = [
+    "BOUNDED",
+    "NO_LIMIT",
+    "ONE_COORDINATE",
+    "Joint",
+    "Limit",
+    "Link",
+    "Robot",
+    "Shape",
+    "join_capsules",
+    "read",
+    "write_inertial",
+    "write_origin",
+    "write_shape",
+]

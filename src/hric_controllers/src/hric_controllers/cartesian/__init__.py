@@ -1,0 +1,1 @@
+"""Cartesian impedance control and motion to poses."""

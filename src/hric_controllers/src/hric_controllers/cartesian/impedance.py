@@ -1,0 +1,231 @@
+"""Cartesian impedance control with a posture in the null space, as franka_ros's CartesianImpedanceExampleController has
+it."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+
+from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
+from franka_hw_interface.model import Frame
+from hric_control import realtime
+from hric_control.controller import Controller
+from hric_control.errors import CommandError
+from hric_control.geometry import Pose
+from hric_control.geometry.messages import fill_pose
+from hric_control.hardware_interface import EffortJointInterface
+from hric_control.live import live_parameters
+from hric_control.node import Node, Registration
+from hric_control.parameters import Settings, names, number, per_joint, refused
+from hric_control.robot_hw import RobotHW
+from hric_controllers import parameters
+from hric_controllers.cartesian.law import Arm, CartesianLaw, Compliance, FloatArray
+from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
+from hric_controllers.dynamics import added_gravity, rotor_inertia
+from hric_controllers.state.messages import to_pose
+
+
+@dataclass(frozen=True)
+class ImpedanceSettings(parameters.LawSettings, parameters.ArmSettings):
+    """Parameters of the controller, but for its gains and its input."""
+
+    joints: tuple[str, ...] = names(7, name="joint_names", text="`<arm_id>_joint1` to 7, in order")
+    nullspace_posture: tuple[float, ...] | None = per_joint(
+        number(unit="rad"), None, default_text="where the arm is at the start", text="what the null space goes to"
+    )
+    filter_time: float = number(
+        0.2, minimum=0.0, unit="s", text="time constant with which equilibrium and live gains take over; 0: at once"
+    )
+    rotatum_limit: float = number(1000.0, minimum=0.0, unit="N m/s", text="largest rate of torque; 0: no limit")
+    state_publish_rate: float = parameters.state_rate(100.0)
+
+    def check(self, where: str) -> None:
+        """Refuse another order than that of the Jacobian's columns."""
+        expected = tuple(f"{self.arm_id}_joint{i}" for i in range(1, 8))
+        if self.joints != expected:
+            raise refused(f"{where}joint_names", list(self.joints), f"the arm's joints in order, {', '.join(expected)}")
+
+
+@dataclass(frozen=True)
+class ComplianceSettings(Settings):
+    """Live parameters; the fields of `Compliance`.
+
+    Defaults and the largest null-space stiffness: franka_ros's example; the largest Cartesian ones: what libfranka
+    allows the arm's own impedance (setCartesianImpedance); damping ratios up to 2: project default, unconfirmed.
+    """
+
+    translational_stiffness: float = number(
+        200.0, minimum=0.0, maximum=3000.0, live=True, unit="N/m", text="stiffness of the end effector's position"
+    )
+    rotational_stiffness: float = number(
+        10.0, minimum=0.0, maximum=300.0, live=True, unit="N m/rad", text="stiffness of the end effector's orientation"
+    )
+    translational_damping_ratio: float = number(
+        1.0, minimum=0.0, maximum=2.0, live=True, text="times 2 sqrt(translational_stiffness) gives the damping [N s/m]"
+    )
+    rotational_damping_ratio: float = number(
+        1.0,
+        minimum=0.0,
+        maximum=2.0,
+        live=True,
+        text="times 2 sqrt(rotational_stiffness) gives the damping [N m s/rad]",
+    )
+    nullspace_stiffness: float = number(
+        0.5,
+        minimum=0.0,
+        maximum=100.0,
+        live=True,
+        unit="N m/rad",
+        text="stiffness of the posture in the null space, damped by 2 sqrt(it)",
+    )
+
+
+class CartesianImpedanceController(Controller):
+    """The law of `cartesian_law`, with a limit on the rate of torque; parameters and topics: INTERFACE.md.
+
+    A subclass may lead the equilibrium by other means: it overrides the four methods about the input.
+    """
+
+    def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
+        """Read everything first, then advertise, so that a refusal leaves nothing behind."""
+        node = self._node = controller_node
+        settings, self._gain_settings = ImpedanceSettings.read(node), ComplianceSettings.read(node)
+        self._arm_id, self.joints = settings.arm_id, list(settings.joints)
+        self._group = robot_hw.get(EffortJointInterface).group(self.joints)
+        self._robot = robot_hw.get(FrankaStateInterface).handle(f"{self._arm_id}_robot").robot_state
+        self._model = robot_hw.get(FrankaModelInterface).handle(f"{self._arm_id}_model")
+        self._gravity = added_gravity(robot_hw, root_node, node, self.joints) if settings.gravity else None
+        self._rotors = np.diag(rotor_inertia(robot_hw, settings.rotor_inertia, self.joints)[0])
+        self._law = CartesianLaw(Compliance(**asdict(self._gain_settings)), settings.filter_time)
+        self._max_rate = settings.rotatum_limit
+        self._read_input()
+        ranges = parameters.position_ranges(root_node, self.joints)
+        self._posture = parameters.initial_setpoint(
+            settings.nullspace_posture, self.joints, ranges, node.resolve("nullspace_posture")
+        )
+        self._gains: realtime.LatestValue[Compliance | None] = realtime.LatestValue(None)
+        self._state_time = parameters.Throttle(settings.state_publish_rate)
+        self._running = False
+        self._open()
+
+    def _read_input(self) -> None:
+        """What says where the equilibrium is: parameters."""
+        self._jump = JumpSettings.read(self._node)
+        self._target: realtime.LatestValue[Pose | None] = realtime.LatestValue(None)
+
+    def _open_input(self) -> Sequence[Registration]:
+        """The same: topics."""
+        return [self._node.subscribe("equilibrium_pose", PoseStamped, self._on_equilibrium, queue_size=1)]
+
+    def _start_input(self) -> None:
+        """The same: the controller starts."""
+        self._target.take_new()
+
+    def _lead(self, time: float, period: float) -> None:
+        """The same: lead the law's equilibrium on by one period [s]."""
+        target = self._target.take_new()
+        if target is not None:
+            self._law.target = target
+
+    def _open(self) -> None:
+        node = self._node
+        # What an earlier run left on the parameter server must not win over the YAML.
+        self._requested = self._law.target_compliance
+        for name, value in asdict(self._requested).items():
+            node.set_param(name, value)
+        self._publishers = (
+            realtime.publisher(node, "desired_pose", PoseStamped),
+            realtime.publisher(node, "measured_pose", PoseStamped),
+            realtime.publisher(node, "commanded_wrench", WrenchStamped),
+        )
+        self._registrations = [
+            node.live_parameters(live_parameters(self._gain_settings), self._on_gains),
+            *self._open_input(),
+            *self._publishers,
+        ]
+
+    def _on_gains(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Live parameters changed: all values are taken, or a HricError refuses them all."""
+        requested = Compliance(**values)
+        if requested != self._requested:
+            self._requested = requested
+            self._gains.set(requested)
+        return asdict(requested)
+
+    def _on_equilibrium(self, message: Any) -> None:
+        """A refusal is logged with the topic's name."""
+        if not self._running:
+            raise CommandError("the controller is not running, the pose is ignored; start it first")
+        try:
+            self._target.set(check_equilibrium(message, f"{self._arm_id}_link0", self._law.pose, self._jump))
+        except CommandError as error:
+            raise CommandError(f"equilibrium pose refused, the one before stays: {error}") from None
+
+    def starting(self, time: float) -> None:
+        """The equilibrium is where the end effector is."""
+        q = self._group.positions()
+        gains = self._gains.take_new()
+        if gains is not None:
+            self._law.target_compliance = gains
+        self._start_input()
+        self._law.start(to_pose(self._robot.O_T_EE), q if self._posture is None else self._posture)
+        self._last: FloatArray = np.array(self._gravity(q)) if self._gravity else np.zeros(7)
+        self._state_time.restart()
+        self._running = True
+
+    def update(self, time: float, period: float) -> None:
+        """One millisecond of the law."""
+        law, model, robot = self._law, self._model, self._robot
+        gains = self._gains.take_new()
+        self._lead(time, period)
+        if gains is not None:
+            law.target_compliance = gains
+        law.advance(period)
+        measured = to_pose(self._robot.O_T_EE)
+        mass = model.mass() + self._rotors
+        tau = law.torque(
+            measured, Arm(robot.q, robot.dq, model.zero_jacobian(Frame.END_EFFECTOR), mass, model.coriolis())
+        )
+        if self._gravity is not None:
+            tau += self._gravity(self._group.positions())
+        self._command(tau, period)
+        if self._state_time.due(time):
+            self._publish(measured)
+
+    def _command(self, tau: FloatArray, period: float) -> None:
+        """Limit the rate of torque, and command."""
+        step = self._max_rate * period
+        if step > 0.0:
+            tau = np.minimum(np.maximum(tau, self._last - step), self._last + step)
+        self._last = tau
+        self._group.set_command(tau.tolist())
+
+    def _publish(self, measured: Pose) -> None:
+        stamp, desired, wrench = self._node.now(), self._law.pose, self._law.wrench.tolist()
+        self._publishers[0].publish(lambda: self._pose_message(stamp, desired))
+        self._publishers[1].publish(lambda: self._pose_message(stamp, measured))
+        self._publishers[2].publish(lambda: self._wrench_message(stamp, wrench))
+
+    def _pose_message(self, stamp: Any, pose: Pose) -> PoseStamped:
+        message = PoseStamped()
+        message.header.stamp, message.header.frame_id = stamp, f"{self._arm_id}_link0"
+        fill_pose(message.pose, pose)
+        return message
+
+    def _wrench_message(self, stamp: Any, values: list[float]) -> WrenchStamped:
+        message = WrenchStamped()
+        message.header.stamp, message.header.frame_id = stamp, f"{self._arm_id}_link0"
+        force, torque = message.wrench.force, message.wrench.torque
+        force.x, force.y, force.z, torque.x, torque.y, torque.z = values
+        return message
+
+    def stopping(self, time: float) -> None:
+        """From here on poses are refused."""
+        self._running = False
+
+    def shutdown(self) -> None:
+        """Take back topics and live parameters."""
+        for registration in self._registrations:
+            registration.unregister()

@@ -1,0 +1,165 @@
+"""The Cartesian impedance law: a spring and a damper between the end effector and its equilibrium pose, and a posture
+in the null space. No ROS.
+
+With e the pose error in base axes (position, then rotation vector), J the Jacobian of the end effector, M the mass
+matrix and B the rotor inertia:
+
+    F   = -K e - D (J dq - v)               K, D diagonal;  D = 2 zeta sqrt(K)  (zeta = 1: critical for a unit inertia)
+    tau = J^T F + N tau_0 + C dq            tau_0 = k_n (q_n - q) - 2 sqrt(k_n) dq
+    N   = 1 - J^T (J (M+B)^-1 J^T)^-1 J (M+B)^-1
+
+v is the velocity of an equilibrium that moves by plan, zero otherwise. The rule for D and tau_0 are those of
+franka_ros's CartesianImpedanceExampleController; N is the dynamically consistent projector (Khatib 1987, "A unified
+approach for motion and force control of robot manipulators"), so that the posture accelerates the end effector no more
+than it displaces it: not at all.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_control.geometry import poses
+
+FloatArray = npt.NDArray[np.float64]
+
+SINGULAR = 1e-6
+"""Added to J (M+B)^-1 J^T, so that it can be inverted in singular poses, where N lets the end effector move along what
+it cannot control [1/kg]."""
+_SINGULAR = SINGULAR * np.eye(6)
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """Live gains.
+
+    Attributes:
+        translational_stiffness: [N/m].
+        rotational_stiffness: [N m/rad].
+        translational_damping_ratio, rotational_damping_ratio: zeta [1].
+        nullspace_stiffness: [N m/rad].
+    """
+
+    translational_stiffness: float
+    rotational_stiffness: float
+    translational_damping_ratio: float
+    rotational_damping_ratio: float
+    nullspace_stiffness: float
+
+    def towards(self, goal: "Compliance", share: float) -> "Compliance":
+        """The part `share` (0 to 1) of the way to other gains."""
+        return Compliance(
+            _between(self.translational_stiffness, goal.translational_stiffness, share),
+            _between(self.rotational_stiffness, goal.rotational_stiffness, share),
+            _between(self.translational_damping_ratio, goal.translational_damping_ratio, share),
+            _between(self.rotational_damping_ratio, goal.rotational_damping_ratio, share),
+            _between(self.nullspace_stiffness, goal.nullspace_stiffness, share),
+        )
+
+    def stiffness(self) -> FloatArray:
+        """Diagonal of K, shape (6,) [N/m], [N m/rad]."""
+        return np.repeat((self.translational_stiffness, self.rotational_stiffness), 3)
+
+    def damping(self) -> FloatArray:
+        """Diagonal of D, shape (6,) [N s/m], [N m s/rad]."""
+        ratios = np.repeat((self.translational_damping_ratio, self.rotational_damping_ratio), 3)
+        damping: FloatArray = 2.0 * ratios * np.sqrt(self.stiffness())
+        return damping
+
+
+def _between(start: float, goal: float, share: float) -> float:
+    return goal if share >= 1.0 or abs(goal - start) < 1e-6 else start + share * (goal - start)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """What the arm measures and its model says, in one cycle.
+
+    Attributes:
+        q, dq: 7 floats [rad], [rad/s].
+        jacobian: of the end effector in the base, linear above angular, shape (6, 7).
+        mass: rotor inertia included, shape (7, 7) [kg m^2].
+        coriolis: the vector C dq, shape (7,) [N m].
+    """
+
+    q: Sequence[float]
+    dq: Sequence[float]
+    jacobian: FloatArray
+    mass: FloatArray
+    coriolis: FloatArray
+
+
+class CartesianLaw:
+    """State of the law: the equilibrium and the gains in force, and those they go to.
+
+    Args:
+        compliance: gains at the start.
+        filter_time: time constant with which pose and gains approach their targets [s]; 0: at once.
+
+    Attributes:
+        pose, target: equilibrium in force, and where it goes.
+        compliance, target_compliance: gains in force, and where they go.
+        twist: v, shape (6,) [m/s], [rad/s]; zero unless somebody sets it.
+        wrench: F of the last cycle, shape (6,) [N], [N m].
+    """
+
+    def __init__(self, compliance: Compliance, filter_time: float) -> None:
+        self.compliance = self.target_compliance = compliance
+        self._filter_time = filter_time
+        self._share = (0.0, 1.0)  # (period, part of the way in one such period)
+        self.pose = self.target = poses.Pose()
+        self.posture = np.zeros(7)
+        self.twist, self.wrench = np.zeros(6), np.zeros(6)
+        self._take_gains()
+
+    def start(self, pose: poses.Pose, posture: Sequence[float]) -> None:
+        """The equilibrium is `pose`, the null space goes to `posture`, 7 floats [rad]; gains on their way are in
+        force."""
+        self.pose = self.target = pose
+        self.twist = np.zeros(6)
+        self.posture = np.array(posture)
+        self.compliance = self.target_compliance
+        self._take_gains()
+
+    def _take_gains(self) -> None:
+        self._stiffness, self._damping = self.compliance.stiffness(), self.compliance.damping()
+
+    def advance(self, period: float) -> None:
+        """Lead equilibrium and gains on by one period [s]."""
+        if self.pose is self.target and self.compliance is self.target_compliance:
+            return
+        if self._share[0] != period:
+            self._share = period, 1.0 - math.exp(-period / self._filter_time) if self._filter_time > 0.0 else 1.0
+        share = self._share[1]
+        if self.pose is not self.target:
+            pose = poses.interpolated(self.pose, self.target, share)
+            self.pose = (
+                self.target if share >= 1.0 or max(map(abs, poses.difference(pose, self.target))) < 1e-9 else pose
+            )
+        if self.compliance is not self.target_compliance:
+            gains = self.compliance.towards(self.target_compliance, share)
+            self.compliance = self.target_compliance if gains == self.target_compliance else gains
+            self._take_gains()
+
+    def torque(self, measured: poses.Pose, arm: Arm) -> FloatArray:
+        """Torque without gravity, shape (7,) [N m]."""
+        J = arm.jacobian
+        dq = np.array(arm.dq)
+        self.wrench = wrench = -self._stiffness * poses.difference(measured, self.pose) - self._damping * (
+            J @ dq - self.twist
+        )
+        tau: FloatArray = J.T @ wrench + arm.coriolis
+        k = self.compliance.nullspace_stiffness
+        if k > 0.0:
+            tau += null_space(J, arm.mass, k * (self.posture - arm.q) - 2.0 * math.sqrt(k) * dq)
+        return tau
+
+
+def null_space(J: FloatArray, mass: FloatArray, tau_0: FloatArray) -> FloatArray:
+    """N tau_0, shape (7,) [N m]; J: shape (6, 7), mass: with rotor inertia, shape (7, 7) [kg m^2], tau_0: shape (7,) [N
+    m]."""
+    inverse_times_J = np.linalg.solve(mass, J.T)  # (M+B)^-1 J^T
+    force = np.linalg.solve(J @ inverse_times_J + _SINGULAR, inverse_times_J.T @ tau_0)
+    return tau_0 - J.T @ force

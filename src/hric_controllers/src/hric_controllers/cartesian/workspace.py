@@ -1,0 +1,122 @@
+"""Where the end effector may go, how another frame lies to the robot's base, and checking equilibrium poses before they
+reach the loop. No ROS."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hric_control.errors import CommandError, HricError
+from hric_control.geometry import Pose, Vector, messages
+from hric_control.geometry.poses import difference
+from hric_control.geometry.quaternions import is_rotation
+from hric_control.parameters import Settings, number, numbers, refused
+
+Rows = tuple[Vector, Vector, Vector]
+ORTHONORMAL = 1e-6
+"""How far a rotation matrix may be from orthonormal: rounding in a YAML."""
+
+
+@dataclass(frozen=True)
+class Box(Settings):
+    """Workspace of the end effector in the base: lower and upper corner."""
+
+    lower: Vector = numbers(3, unit="m")
+    upper: Vector = numbers(3, unit="m")
+
+    def check(self, where: str) -> None:
+        """Refuse a corner that is not below the other."""
+        if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
+            raise refused(f"{where}upper", self.upper, f"above lower, {self.lower}, on each axis [m]")
+
+    def contains(self, p: Sequence[float]) -> bool:
+        """Whether a point is inside or on the border."""
+        return all(low <= x <= high for x, low, high in zip(p, self.lower, self.upper, strict=True))
+
+    def nearest(self, p: Sequence[float]) -> Vector:
+        """The point of the box that is nearest to a point."""
+        x, y, z = (min(max(value, low), high) for value, low, high in zip(p, self.lower, self.upper, strict=True))
+        return x, y, z
+
+    def __str__(self) -> str:
+        return (
+            ", ".join(
+                f"{axis} {low:g} to {high:g}" for axis, low, high in zip("xyz", self.lower, self.upper, strict=True)
+            )
+            + " m"
+        )
+
+
+@dataclass(frozen=True)
+class FrameRotation:
+    """R_base_marker: rotates vectors of a marker's frame into the base.
+
+    Attributes:
+        rows: three rows of three numbers.
+
+    Raises:
+        HricError: it is no rotation.
+    """
+
+    rows: Rows
+
+    def __post_init__(self) -> None:
+        if not is_rotation(*self.rows, ORTHONORMAL):
+            raise HricError(
+                f"frame rotation {[list(row) for row in self.rows]}; valid: a rotation matrix, orthonormal rows and "
+                "determinant 1"
+            )
+
+    def rotated(self, v: Sequence[float]) -> Vector:
+        """R v."""
+        x, y, z = self.rows
+        return _dot(x, v), _dot(y, v), _dot(z, v)
+
+
+def _dot(a: Sequence[float], b: Sequence[float]) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@dataclass(frozen=True)
+class JumpSettings(Settings):
+    """How far a new equilibrium may be away."""
+
+    largest_step: float = number(
+        0.3, above=0.0, unit="m", text="largest distance of a new equilibrium from the one in force"
+    )
+    largest_turn: float = number(1.6, above=0.0, unit="rad", text="likewise")
+
+
+def check_equilibrium(message: Any, base: str, present: Pose, limit: JumpSettings | None = None) -> Pose:
+    """The pose of a geometry_msgs/PoseStamped.
+
+    Args:
+        message: in the frame `base`; an empty frame name means it.
+        base: name of the base frame.
+        present: equilibrium in force.
+        limit: how far from that it may be; None: anywhere.
+
+    Raises:
+        CommandError: another frame, not finite, no unit quaternion, or too far; says what would be valid.
+    """
+    frame = message.header.frame_id.lstrip("/")
+    if frame not in ("", base):
+        raise CommandError(f"it is given in the frame {frame!r}; valid: {base}")
+    p, o = message.pose.position, message.pose.orientation
+    x, y, z = messages.finite("position", p.x, p.y, p.z)
+    requested = Pose((x, y, z), messages.unit_quaternion(*messages.finite("orientation", o.x, o.y, o.z, o.w)))
+    if limit is not None:
+        _check_jump(difference(requested, present), limit)
+    return requested
+
+
+def _check_jump(error: list[float], limit: JumpSettings) -> None:
+    step, angle = math.hypot(*error[:3]), math.hypot(*error[3:])
+    for distance, largest, unit, name in (
+        (step, limit.largest_step, "m", "largest_step"),
+        (angle, limit.largest_turn, "rad", "largest_turn"),
+    ):
+        if distance > largest:
+            raise CommandError(
+                f"{distance:.3g} {unit} from the equilibrium in force; valid: up to {largest:g} {unit} ({name})"
+            )

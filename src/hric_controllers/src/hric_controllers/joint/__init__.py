@@ -1,0 +1,1 @@
+"""Joint-space PD and PID control."""

@@ -1,0 +1,214 @@
+"""Joint-space PD control with gravity compensation: thesis, eq. 3, with the rate of torque limited."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from std_msgs.msg import Float64MultiArray
+
+from control_msgs.msg import JointTrajectoryControllerState
+from hric_control import realtime
+from hric_control.controller import Controller
+from hric_control.errors import CommandError
+from hric_control.hardware_interface import EffortJointInterface
+from hric_control.node import LiveParameter, Node
+from hric_control.parameters import Settings, flag, names, number, per_joint, section
+from hric_control.robot_hw import RobotHW
+from hric_controllers import parameters
+from hric_controllers.dynamics import added_gravity, kd_check
+from hric_controllers.joint.pd_law import PdLaw
+from hric_controllers.state.messages import build_state
+from hric_controllers.trajectory.trapezoid import TrapezoidProfile
+
+LARGEST_GAIN = 1e5
+"""Upper end of the range that dynamic_reconfigure shows for a gain; far above anything an arm can use."""
+
+
+@dataclass(frozen=True)
+class PdGains:
+    """Stiffness [N m/rad] and damping [N m s/rad] of n joints."""
+
+    kp: tuple[float, ...]
+    kd: tuple[float, ...]
+
+
+class LiveGains:
+    """The gains as live parameters: `kp_<joint>`, `kd_<joint>`, and `kp_all`, `kd_all`, which set every joint and show
+    the largest.
+
+    Args:
+        node: the controller's namespace.
+        joints: in the order of the gains.
+        gains: at the start.
+    """
+
+    def __init__(self, node: Node, joints: Sequence[str], gains: PdGains) -> None:
+        self._node, self.gains = node, gains
+        self._names = {
+            kind: [f"{kind}_{re.sub(r'[^A-Za-z0-9_]', '_', joint)}" for joint in joints] for kind in ("kp", "kd")
+        }
+
+    def parameters(self) -> list[LiveParameter]:
+        """What to offer, with the present gains as defaults."""
+        values = self.values()
+        unit = {"kp": "stiffness [N m/rad]", "kd": "damping [N m s/rad]"}
+        return [
+            LiveParameter(
+                name,
+                value,
+                0.0,
+                LARGEST_GAIN,
+                f"{unit[name[:2]]}, not below zero" + ("; sets all joints" if name.endswith("_all") else ""),
+            )
+            for name, value in values.items()
+        ]
+
+    def values(self) -> dict[str, float]:
+        """All live values as they are in force."""
+        result: dict[str, float] = {}
+        for kind, gains in (("kp", self.gains.kp), ("kd", self.gains.kd)):
+            result[f"{kind}_all"] = max(gains)
+            result.update(zip(self._names[kind], gains, strict=True))
+        return result
+
+    def requested(self, values: dict[str, Any]) -> PdGains:
+        """The gains of these live values, already checked; nothing is changed yet."""
+        before = self.values()
+        return PdGains(self._gains("kp", before, values), self._gains("kd", before, values))
+
+    def _gains(self, kind: str, before: dict[str, float], values: dict[str, Any]) -> tuple[float, ...]:
+        together = values.get(f"{kind}_all", before[f"{kind}_all"])
+        if together != before[f"{kind}_all"]:
+            return (float(together),) * len(self._names[kind])
+        return tuple(float(values.get(name, before[name])) for name in self._names[kind])
+
+    def publish_start(self) -> None:
+        """Put the gains of the YAML on the parameter server under their live names: what an earlier run left there must
+        not win."""
+        for name, value in self.values().items():
+            self._node.set_param(name, value)
+
+
+@dataclass(frozen=True)
+class ProfileSettings(Settings):
+    """Of the trapezoid."""
+
+    enabled: bool = flag(True, text="lead setpoints through a trapezoid; false: take them raw")
+    velocity: tuple[float, ...] = per_joint(number(above=0.0, unit="rad/s"), 1.0)
+    acceleration: tuple[float, ...] = per_joint(number(above=0.0, unit="rad/s^2"), 5.0)
+
+
+@dataclass(frozen=True)
+class PdSettings(parameters.LawSettings):
+    """Parameters of the controller."""
+
+    joints: tuple[str, ...] = names()
+    kp: tuple[float, ...] = per_joint(number(minimum=0.0, unit="N m/rad"), text="stiffness")
+    kd: tuple[float, ...] = per_joint(number(minimum=0.0, unit="N m s/rad"), text="damping")
+    rotatum_limit: float = number(1000.0, minimum=0.0, unit="N m/s", text="largest rate of torque; 0: no limit")
+    profile: ProfileSettings = section(ProfileSettings)
+    setpoint: tuple[float, ...] | None = per_joint(
+        number(unit="rad"), None, text="where to go at the start; without it the arm is held where it is"
+    )
+    strict_gains: bool = parameters.STRICT_GAINS
+    gain_ramp: float = number(1.0, minimum=0.0, unit="s", text="time in which live gains take over")
+    state_publish_rate: float = parameters.state_rate(100.0)
+
+
+class JointPDController(Controller):
+    """tau = Kp (q_d - q) - Kd dq [+ g(q)]; parameters and topics: INTERFACE.md."""
+
+    def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
+        """Read everything first, then advertise, so that a refusal leaves nothing behind."""
+        node = self._node = controller_node
+        settings = PdSettings.read(node)
+        self.joints = list(settings.joints)
+        self._group = robot_hw.get(EffortJointInterface).group(self.joints)
+        self._live = LiveGains(node, self.joints, PdGains(settings.kp, settings.kd))
+        self._law = PdLaw(settings.kp, settings.kd, settings.rotatum_limit, settings.gain_ramp)
+        self._gravity = added_gravity(robot_hw, root_node, node, self.joints) if settings.gravity else None
+        self._check_kd = kd_check(robot_hw, root_node, node, self.joints, settings.rotor_inertia, settings.strict_gains)
+        self._check_kd(settings.kd)
+        self._profile = TrapezoidProfile(settings.profile.velocity, settings.profile.acceleration)
+        self._go = self._profile.plan if settings.profile.enabled else self._profile.hold
+        self._ranges = parameters.position_ranges(root_node, self.joints)
+        self._initial = parameters.initial_setpoint(
+            settings.setpoint, self.joints, self._ranges, node.resolve("setpoint")
+        )
+        self._setpoint: realtime.LatestValue[list[float] | None] = realtime.LatestValue(None)
+        self._new_gains: realtime.LatestValue[Any] = realtime.LatestValue(None)
+        self._state_time = parameters.Throttle(settings.state_publish_rate)
+        self._running = False
+        self._open()
+
+    def _open(self) -> None:
+        node = self._node
+        self._live.publish_start()
+        self._state = realtime.publisher(node, "state", JointTrajectoryControllerState)
+        self._registrations = [
+            node.live_parameters(self._live.parameters(), self._on_gains),
+            node.subscribe("command", Float64MultiArray, self._on_command, queue_size=1),
+            self._state,
+        ]
+
+    def _on_command(self, message: Any) -> None:
+        """A refusal is logged with the topic's name."""
+        if not self._running:
+            raise CommandError("the controller is not running, the setpoint is ignored; start it first")
+        try:
+            self._setpoint.set(parameters.check_setpoint(message.data, self.joints, self._ranges))
+        except CommandError as error:
+            raise CommandError(f"setpoint refused, the one before stays: {error}") from None
+
+    def _on_gains(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Live parameters changed: all values are taken, or a HricError refuses them all."""
+        requested = self._live.requested(values)
+        if requested != self._live.gains:
+            self._check_kd(requested.kd)
+            self._live.gains = requested
+            self._new_gains.set(requested)
+        return dict(self._live.values())
+
+    def starting(self, time: float) -> None:
+        """Hold where the arm is, or go to the parameter `setpoint`."""
+        q = self._group.positions()
+        # The arm that compensates gravity feels 0 before; one that does not must be carried from the first cycle on.
+        self._law.start(self._gravity(q) if self._gravity else [0.0] * len(q))
+        self._setpoint.take_new()
+        self._profile.hold(time, q)
+        if self._initial is not None:
+            self._go(time, self._initial)
+        self._state_time.restart()
+        self._running = True
+
+    def update(self, time: float, period: float) -> None:
+        """One millisecond of eq. 3, on plain floats."""
+        setpoint = self._setpoint.take_new()
+        if setpoint is not None:
+            self._go(time, setpoint)
+        gains = self._new_gains.take_new()
+        if gains is not None:
+            self._law.change_gains(time, gains.kp, gains.kd)
+        group = self._group
+        q, dq = group.positions(), group.velocities()
+        q_d, dq_d = self._profile.sample(time)
+        tau = self._law.torque(time, period, q, dq, q_d, self._gravity)
+        group.set_command(tau)
+        if self._state_time.due(time):
+            self._publish(q, dq, q_d, dq_d, tau)
+
+    def _publish(self, q: list[float], dq: list[float], q_d: list[float], dq_d: list[float], tau: list[float]) -> None:
+        stamp, efforts = self._node.now(), self._group.efforts()
+        self._state.publish(
+            build_state, JointTrajectoryControllerState, stamp, self.joints, (q_d, dq_d, [], tau), (q, dq, [], efforts)
+        )
+
+    def stopping(self, time: float) -> None:
+        """From here on setpoints are refused."""
+        self._running = False
+
+    def shutdown(self) -> None:
+        """Take back topics and live parameters."""
+        for registration in self._registrations:
+            registration.unregister()

@@ -1,0 +1,1 @@
+"""Following a marker: samples, filters, targets of the end effector."""

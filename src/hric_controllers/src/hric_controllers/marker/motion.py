@@ -1,0 +1,205 @@
+"""Motions of n axes towards a target: by an online trajectory generator, whose target may change at any time, or on
+straight lines. No ROS.
+
+The generator respects limits of velocity, acceleration and jerk. Each change starts the time-optimal motion from the
+present state to rest at the new target (Berscheid and Kroeger 2021, "Jerk-limited real-time trajectory generation with
+arbitrary target states", in its library ruckig), so position, velocity and acceleration have no jump. The axes arrive
+together; an axis with a short distance then moves slowly, and noise across the motion shakes the arm less. The target
+passes a first-order filter, for what is left of the noise.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization, Trajectory
+
+from hric_control.errors import HricError
+from hric_control.parameters import Settings, number
+from hric_controllers.trajectory.trapezoid import TrapezoidProfile
+
+SETTLED = 1e-9
+"""Distance from the target at which the filter of the target ends [m or rad]."""
+
+
+@dataclass(frozen=True)
+class MotionLimits(Settings):
+    """Of one axis, or of several together (Euclidean norms)."""
+
+    velocity: float = number(above=0.0, unit="m/s or rad/s")
+    acceleration: float = number(above=0.0, unit="m/s^2 or rad/s^2")
+    jerk: float = number(above=0.0, unit="m/s^3 or rad/s^3")
+
+    def each_of(self, axes: int) -> "MotionLimits":
+        """Limits of each of so many axes that keep all of them together within these."""
+        share = 1.0 / math.sqrt(axes)
+        return MotionLimits(share * self.velocity, share * self.acceleration, share * self.jerk)
+
+
+class OnlineTrajectoryGenerator:
+    """Motion of n axes; made for the control loop.
+
+    Args:
+        limits: of each axis.
+        smoothing_time: time constant of the filter of the target [s]; 0: none.
+        axes: n.
+        time_step: of `advance` [s].
+
+    Attributes:
+        position, velocity, acceleration: of the motion, n floats each [m or rad and s]. Not to be written.
+        rest: where the motion ends if no target follows, n floats.
+        moving: whether it moves.
+    """
+
+    def __init__(
+        self, limits: MotionLimits, smoothing_time: float = 0.0, axes: int = 3, time_step: float = 1e-3
+    ) -> None:
+        if not math.isfinite(smoothing_time) or smoothing_time < 0.0:
+            raise HricError(f"smoothing time is {smoothing_time!r}; valid: a number not below 0")
+        self._n, self._step = axes, time_step
+        self._share = 1.0 - math.exp(-time_step / smoothing_time) if smoothing_time > 0.0 else 1.0
+        self._generator, self._input, self._output = (
+            Ruckig(axes, time_step),
+            InputParameter(axes),
+            OutputParameter(axes),
+        )
+        self._input.max_velocity = [limits.velocity] * axes
+        self._input.max_acceleration = [limits.acceleration] * axes
+        self._input.max_jerk = [limits.jerk] * axes
+        self._input.target_velocity = self._input.target_acceleration = [0.0] * axes
+        self.start([0.0] * axes)
+
+    def start(self, position: Sequence[float]) -> None:
+        """Rest at a position."""
+        state, zero = self._input, [0.0] * self._n
+        self.position = self.rest = self._goal = self._smooth = [float(value) for value in position]
+        self.velocity, self.acceleration = zero, zero
+        state.current_position, state.current_velocity, state.current_acceleration = self.position, zero, zero
+        self.moving = False
+        self._follow()
+
+    def go(self, target: Sequence[float]) -> bool:
+        """Head for rest at a target, from the present state. True: it is always taken."""
+        if self._input.control_interface is not ControlInterface.Position:
+            self._smooth = self.position
+            self._follow()
+        self._goal = self.rest = [float(value) for value in target]
+        self.moving = True
+        return True
+
+    def _follow(self) -> None:
+        self._input.control_interface, self._input.synchronization = ControlInterface.Position, Synchronization.Time
+
+    def stop(self) -> None:
+        """Come to rest as soon as the limits allow."""
+        if not self.moving or self._input.control_interface is ControlInterface.Velocity:
+            return
+        # Each axis by itself: none shall wait for another.
+        self._input.control_interface, self._input.synchronization = ControlInterface.Velocity, Synchronization.No
+        stopping = Trajectory(self._n)
+        self._generator.calculate(self._input, stopping)
+        self.rest = self._goal = self._smooth = stopping.at_time(stopping.duration)[0]
+
+    def advance(self, period: float) -> None:
+        """Lead the motion on by `period` [s], a multiple of the time step."""
+        for _ in range(max(1, round(period / self._step))):
+            if not self.moving:
+                return
+            self._advance_one()
+
+    def _advance_one(self) -> None:
+        if self._smooth is not self._goal:
+            ahead = [s + self._share * (g - s) for s, g in zip(self._smooth, self._goal, strict=True)]
+            near = max(abs(g - a) for g, a in zip(self._goal, ahead, strict=True)) < SETTLED
+            self._smooth = self._goal if near else ahead
+        self._input.target_position = self._smooth
+        result = self._update()
+        out = self._output
+        self.position, self.velocity, self.acceleration = out.new_position, out.new_velocity, out.new_acceleration
+        out.pass_to_input(self._input)
+        if result is Result.Finished and self._smooth is self._goal:
+            self._settle()
+
+    def _settle(self) -> None:
+        """The end: the target itself, without what rounding left."""
+        self.position = self.rest = self._input.current_position = self._goal
+        self.moving = False
+        self.velocity = self.acceleration = [0.0] * self._n
+        self._follow()
+
+    def _update(self) -> Result:
+        """One step of the motion; where the axes have no common duration, each moves by itself."""
+        result: Result = self._generator.update(self._input, self._output)
+        if result in (Result.Working, Result.Finished):
+            return result
+        before, self._input.synchronization = self._input.synchronization, Synchronization.No
+        result = self._generator.update(self._input, self._output)
+        self._input.synchronization = before
+        if result not in (Result.Working, Result.Finished):
+            raise HricError(
+                f"no motion from {self.position} to {self._smooth} within the limits: {result.name}; the target is "
+                "not followed"
+            )
+        return result
+
+
+class LineMotion:
+    """The thesis's motion (ch. 3.3): n axes on a straight line with a trapezoidal velocity profile, and no new target
+    before its end; the methods are those of `OnlineTrajectoryGenerator`.
+
+    Args:
+        velocity: along the line [m/s] or [rad/s].
+        acceleration: along the line [m/s^2] or [rad/s^2].
+        axes: n.
+
+    Attributes:
+        position, velocity: of the motion, n floats each. Not to be written.
+        rest: where the line ends, n floats.
+        moving: whether it moves.
+    """
+
+    def __init__(self, velocity: float, acceleration: float, axes: int = 3) -> None:
+        self._profile, self._acceleration, self._n = TrapezoidProfile([velocity], [acceleration]), acceleration, axes
+        self.start([0.0] * axes)
+
+    def start(self, position: Sequence[float]) -> None:
+        """Rest at a position."""
+        self.position = self.rest = self._begin = [float(value) for value in position]
+        self.velocity = self._along = [0.0] * self._n
+        self._time, self._braking, self.moving = 0.0, False, False
+
+    def go(self, target: Sequence[float]) -> bool:
+        """Head for a target; false if the motion before has not ended: the target is then ignored."""
+        if self.moving:
+            return False
+        offset = [end - begin for begin, end in zip(self.position, target, strict=True)]
+        length = math.hypot(*offset)
+        if length == 0.0:
+            return True
+        self._begin, self._along = self.position, [x / length for x in offset]
+        self.rest = [float(value) for value in target]
+        self._time, self._braking, self.moving = 0.0, False, True
+        self._profile.plan_from(0.0, [0.0], [0.0], [length])
+        return True
+
+    def stop(self) -> None:
+        """Come to rest on the line as soon as the acceleration allows."""
+        if not self.moving or self._braking:
+            return
+        (s,), (v,) = self._profile.sample(self._time)
+        end = min(s + 0.5 * v * v / self._acceleration, self._profile.goal[0])
+        self._profile.plan_from(self._time, [s], [v], [end])
+        self.rest, self._braking = self._at(end), True
+
+    def advance(self, period: float) -> None:
+        """Lead the motion on by `period` [s]."""
+        if not self.moving:
+            return
+        self._time += period
+        (s,), (v,) = self._profile.sample(self._time)
+        self.moving = self._time < self._profile.end
+        self.position = self._at(s) if self.moving else self.rest
+        self.velocity = [v * x for x in self._along]
+
+    def _at(self, s: float) -> list[float]:
+        return [begin + s * x for begin, x in zip(self._begin, self._along, strict=True)]

@@ -1,0 +1,244 @@
+"""From topics to the pose of this millisecond: what the controllers share that follow a marker or go to poses."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+
+from hric_control import realtime
+from hric_control.errors import CommandError, HricError
+from hric_control.geometry import Pose, quaternions
+from hric_control.geometry.messages import fill_pose
+from hric_control.node import Node, Registration
+from hric_controllers.cartesian.workspace import check_equilibrium
+from hric_controllers.marker.follower import MarkerFollower, PoseOffset, Tracking
+from hric_controllers.marker.jitter_buffer import MAX_WAITING, JitterBuffer
+from hric_controllers.marker.motion import LineMotion, MotionLimits, OnlineTrajectoryGenerator
+from hric_controllers.marker.parameters import TrackingSettings
+from hric_controllers.marker.sample import Marker, subscribe_markers
+from hric_controllers.parameters import Throttle
+from hric_controllers.state.messages import to_pose
+from hric_msgs.msg import MarkerTrackingState
+
+
+class PoseTracking:
+    """The desired pose, cycle by cycle.
+
+    Args:
+        node: of the controller; everything is read here, and nothing advertised before `open`.
+        base: name of the base frame.
+
+    Attributes:
+        pose: desired in this cycle.
+        twist: its velocity, 6 floats [m/s], [rad/s].
+    """
+
+    def __init__(self, node: Node, base: str) -> None:
+        self._node, self._base = node, base
+        self._settings = TrackingSettings.read(node)
+        self._follower = MarkerFollower(self._settings.follower, self._log)
+        self._translation = self._motion(self._settings.translation)
+        self._rotation = self._motion(self._settings.rotation)
+        self._jitter_buffer = JitterBuffer(0.0 if self._settings.thesis else self._settings.playout_margin)
+        self._markers: deque[Marker] = deque(maxlen=MAX_WAITING)  # filled by the subscription, emptied by the loop
+        self._commands: realtime.LatestValue[Pose | None] = realtime.LatestValue(None)
+        self._state_time = Throttle(self._settings.state_publish_rate)
+        self._running, self._ignored = False, 0
+        self._pending: PoseOffset | None = None
+        self._start = self.pose = Pose()
+        self._columns: list[quaternions.Vector] = []
+        self.twist = [0.0] * 6
+
+    def _motion(self, limits: MotionLimits) -> OnlineTrajectoryGenerator | LineMotion:
+        if self._settings.thesis:
+            return LineMotion(limits.velocity, limits.acceleration)
+        return OnlineTrajectoryGenerator(limits.each_of(3), self._settings.smoothing_time)
+
+    def open(self) -> list[Registration]:
+        """Subscribe and advertise; what is to be taken back at the end."""
+        settings, node = self._settings, self._node
+        self._state = realtime.publisher(node, "state", MarkerTrackingState)
+        markers = subscribe_markers(
+            node, settings.source, settings.topic, settings.body, self._base, self._markers.append
+        )
+        return [node.subscribe("command", PoseStamped, self._on_command, queue_size=1), *markers, self._state]
+
+    def _log(self, warn: bool, line: str) -> None:
+        """Out of the loop."""
+        realtime.defer(self._node, lambda: (self._node.log_warn if warn else self._node.log_info)(line), "log")
+
+    def _on_command(self, message: Any) -> None:
+        """A refusal is logged with the topic's name."""
+        if not self._running:
+            raise CommandError("the controller is not running, the pose is ignored; start it first")
+        follower = self._settings.follower
+        # It may be far away: the motion leads there within its limits.
+        requested = check_equilibrium(message, self._base, self._start)
+        if not follower.workspace.contains(requested.position):
+            raise CommandError(
+                f"pose refused: {_said(requested.position)} is outside of the workspace; valid: {follower.workspace}"
+            )
+        angle = math.hypot(*quaternions.difference(requested.orientation, self._start.orientation))
+        if angle > follower.largest_turn:
+            raise CommandError(
+                f"pose refused: it turns by {angle:.3g} rad from the orientation at the start; valid: up to "
+                f"{follower.largest_turn:g} (largest_turn)"
+            )
+        self._commands.set(requested)
+
+    def start(self, O_T_EE: Sequence[float]) -> None:
+        """Rest at a pose, 16 column-major floats, and wait for a marker.
+
+        Raises:
+            HricError: it is outside of the workspace, where the first target would draw it in at once.
+        """
+        start, box = to_pose(O_T_EE), self._settings.workspace
+        if not box.contains(start.position):
+            raise HricError(
+                f"the end effector is at {_said(start.position)}, outside of the workspace ({box}); move it in, or "
+                "widen the workspace"
+            )
+        self._start = self.pose = start
+        self._columns = [(O_T_EE[k], O_T_EE[k + 1], O_T_EE[k + 2]) for k in (0, 4, 8)]
+        self._translation.start(start.position)
+        self._rotation.start((0.0, 0.0, 0.0))
+        self._follower.start()
+        self._jitter_buffer.clear()
+        self._markers.clear()
+        self._commands.take_new()
+        self._pending, self._ignored, self.twist = None, 0, [0.0] * 6
+        self._state_time.restart()
+        self._running = True
+
+    def stop(self) -> None:
+        """From here on commands are refused."""
+        self._running = False
+
+    def update(self, time: float, period: float) -> None:
+        """Take what came, and lead the pose on by one period.
+
+        Args:
+            time: robot time [s].
+            period: since the last cycle [s].
+        """
+        self._take_command()
+        while self._markers:
+            self._take_marker(self._markers.popleft(), time)
+        if self._follower.tracking is Tracking.FOLLOWING:
+            target = self._jitter_buffer.due(time)
+            if target is not None and not self._head_for(target):
+                self._ignored += 1
+        if self._follower.lost(time):
+            self._jitter_buffer.clear()
+            self._translation.stop()
+            self._rotation.stop()
+        self._advance(period)
+
+    def _take_marker(self, marker: Marker, time: float) -> None:
+        again = self._follower.tracking is not Tracking.FOLLOWING
+        target = self._follower.take(marker, time, self._here())
+        if target is not None:
+            if again:
+                self._jitter_buffer.clear()
+            self._jitter_buffer.add(time, marker.stamp, target)
+
+    def _take_command(self) -> None:
+        requested = self._commands.take_new()
+        if requested is not None:
+            rotation = quaternions.difference(requested.orientation, self._start.orientation)
+            self._pending = PoseOffset(requested.position, rotation)
+            self._follower.command()
+            self._jitter_buffer.clear()
+        if self._pending is not None:
+            if self._head_for(self._pending):
+                self._pending = None
+        elif self._follower.tracking is Tracking.COMMANDED and not self._moving:
+            self._follower.arrived()
+
+    @property
+    def _moving(self) -> bool:
+        return self._translation.moving or self._rotation.moving
+
+    def _here(self) -> PoseOffset:
+        return PoseOffset(_vector(self._translation.rest), _vector(self._rotation.rest))
+
+    def _head_for(self, target: PoseOffset) -> bool:
+        """Whether the motions take the target: in the thesis's mode only while both rest."""
+        if self._settings.thesis and self._moving:
+            return False
+        for motion, goal in ((self._translation, target.position), (self._rotation, target.rotation)):
+            if motion.moving or list(goal) != motion.position:
+                motion.go(goal)
+        return True
+
+    def _advance(self, period: float) -> None:
+        self._translation.advance(period)
+        self._rotation.advance(period)
+        x, y, z = self._translation.position
+        a, b, c = self._rotation.velocity
+        angular = (a, b, c)
+        if any(self._rotation.position):
+            rotation = _vector(self._rotation.position)
+            self.pose = Pose((x, y, z), self._rotated(rotation))
+            angular = quaternions.angular_velocity(rotation, angular)
+        else:
+            self.pose = Pose((x, y, z), self._start.orientation)
+        self.twist = [*self._translation.velocity, *angular]
+
+    def _rotated(self, rotation: quaternions.Vector) -> quaternions.Quaternion:
+        """The orientation at the start, rotated [rad]."""
+        return quaternions.product(quaternions.from_rotation_vector(rotation), self._start.orientation)
+
+    def transform(self) -> list[float]:
+        """The desired pose as 16 column-major floats; without a rotation it keeps the bits of the start."""
+        columns, rotation = self._columns, self._rotation.position
+        if any(rotation):
+            q = quaternions.from_rotation_vector(rotation)
+            columns = [quaternions.rotated(q, column) for column in columns]
+        return [*columns[0], 0.0, *columns[1], 0.0, *columns[2], 0.0, *self.pose.position, 1.0]
+
+    def publish(self, time: float, O_T_EE: Sequence[float]) -> None:
+        """The state, at its rate; O_T_EE: measured pose, 16 column-major floats."""
+        if not self._state_time.due(time):
+            return
+        here, counts = self._here(), self._follower.counts
+        target = Pose(here.position, self._rotated(here.rotation))
+        counted = counts.losses, self._ignored, counts.clamped, dict(counts.refused)
+        values = self._follower.tracking.value, target, self.pose, self.twist, to_pose(O_T_EE), counted
+        self._state.publish(tracking_state, self._node.now(), self._base, *values)
+
+
+def _vector(values: Sequence[float]) -> quaternions.Vector:
+    x, y, z = values
+    return x, y, z
+
+
+def _said(p: Sequence[float]) -> str:
+    return f"({', '.join(f'{value:.3f}' for value in p)}) m"
+
+
+def tracking_state(
+    stamp: Any,
+    frame: str,
+    tracking: str,
+    target: Pose,
+    desired: Pose,
+    twist: list[float],
+    measured: Pose,
+    counts: tuple[int, int, int, dict[str, int]],
+) -> MarkerTrackingState:
+    """hric_msgs/MarkerTrackingState of plain values; the arguments are its fields in their order, counts: losses,
+    ignored, clamped, refused by reason."""
+    message = MarkerTrackingState()
+    message.header.stamp, message.header.frame_id = stamp, frame
+    message.tracking = tracking
+    fill_pose(message.target, target)
+    fill_pose(message.desired, desired)
+    linear, angular = message.desired_twist.linear, message.desired_twist.angular
+    linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = twist
+    fill_pose(message.measured, measured)
+    message.losses, message.ignored, message.clamped, refused = counts
+    message.refused_reasons, message.refused_counts = list(refused), list(refused.values())
+    return message

@@ -1,0 +1,79 @@
+"""Publishes the state of all joints on `joint_states`, as ros_control's joint_state_controller does."""
+
+from dataclasses import dataclass
+
+from sensor_msgs.msg import JointState
+
+from hric_control import realtime
+from hric_control.controller import Controller
+from hric_control.hardware_interface import JointStateInterface
+from hric_control.node import Node
+from hric_control.parameters import Settings, listing, number, refused, section, text
+from hric_control.robot_hw import RobotHW
+from hric_controllers.parameters import Throttle
+from hric_controllers.state.messages import joint_state
+
+
+@dataclass(frozen=True)
+class ExtraJoint(Settings):
+    """A joint that the robot does not measure, with constant values."""
+
+    name: str = text(empty=False)
+    position: float = number(0.0, unit="rad")
+    velocity: float = number(0.0, unit="rad/s")
+    effort: float = number(0.0, unit="N m")
+
+
+@dataclass(frozen=True)
+class JointStateSettings(Settings):
+    """Parameters of the controller."""
+
+    publish_rate: float = number(above=0.0, unit="Hz")
+    extra_joints: tuple[ExtraJoint, ...] = listing(
+        section(ExtraJoint),
+        default=(),
+        unit="rad, rad/s, N m",
+        text="`{name, position, velocity, effort}`: constant values of joints that the robot does not measure",
+    )
+
+
+class JointStateController(Controller):
+    """sensor_msgs/JointState of every joint of the robot, on `joint_states` of the robot's namespace."""
+
+    def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
+        """Parameters: `publish_rate` (required) and `extra_joints`."""
+        self._node = controller_node
+        self._group = robot_hw.get(JointStateInterface).group()
+        settings = JointStateSettings.read(controller_node)
+        self._time = Throttle(settings.publish_rate)
+        extra = settings.extra_joints
+        for joint in extra:
+            if joint.name in self._group.names:
+                raise refused(
+                    controller_node.resolve("extra_joints"), joint.name, "a name that the robot does not have"
+                )
+        self._names = [*self._group.names, *(joint.name for joint in extra)]
+        self._extra = (
+            [joint.position for joint in extra],
+            [joint.velocity for joint in extra],
+            [joint.effort for joint in extra],
+        )
+        self._publisher = realtime.publisher(root_node, "joint_states", JointState)
+
+    def starting(self, time: float) -> None:
+        """Publish in the first cycle."""
+        self._time.restart()
+
+    def update(self, time: float, period: float) -> None:
+        """Publish at the rate."""
+        if self._time.due(time):
+            stamp, group = self._node.now(), self._group
+            position, velocity, effort = group.positions(), group.velocities(), group.efforts()
+            more = self._extra
+            self._publisher.publish(
+                joint_state, stamp, self._names, position + more[0], velocity + more[1], effort + more[2]
+            )
+
+    def shutdown(self) -> None:
+        """Stop advertising."""
+        self._publisher.unregister()

@@ -1,0 +1,1 @@
+"""Joint trajectory controllers: goals, messages, splines, tolerances."""

@@ -1,0 +1,261 @@
+"""Following trajectories in the control loop: when a new one takes over, where the joints should be now, and whether
+they are within the goal's tolerances. No ROS."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from hric_control.errors import CommandError
+from hric_controllers.trajectory.message import GOAL_TOLERANCE_VIOLATED, PATH_TOLERANCE_VIOLATED, SUCCESSFUL, Waypoints
+from hric_controllers.trajectory.spline import Track, follow, hold, stop
+
+
+class JointToleranceLike(Protocol):
+    """The fields of control_msgs/JointTolerance."""
+
+    name: str
+    position: float
+    velocity: float
+    acceleration: float
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Largest allowed error of one joint; zero means no limit.
+
+    Attributes:
+        position: [rad or m].
+        velocity: [rad/s or m/s].
+    """
+
+    position: float = 0.0
+    velocity: float = 0.0
+
+    def violation(self, position_error: float, velocity_error: float) -> str:
+        """What is wrong with these errors, with its value and limit; empty if nothing is."""
+        if self.position > 0.0 and abs(position_error) > self.position:
+            return f"position error {position_error:.6g} exceeds {self.position:.6g}"
+        if self.velocity > 0.0 and abs(velocity_error) > self.velocity:
+            return f"velocity error {velocity_error:.6g} exceeds {self.velocity:.6g}"
+        return ""
+
+
+@dataclass(frozen=True)
+class GoalTolerances:
+    """All tolerances of one goal.
+
+    Attributes:
+        path: per joint, checked on the way.
+        goal: per joint, checked from the end of the trajectory on.
+        goal_time: how long after its end the goal may still be reached [s]; negative means no limit.
+    """
+
+    path: tuple[Tolerance, ...]
+    goal: tuple[Tolerance, ...]
+    goal_time: float = 0.0
+
+    def overridden(
+        self,
+        joints: Sequence[str],
+        path: Sequence[JointToleranceLike],
+        goal: Sequence[JointToleranceLike],
+        goal_time: float,
+    ) -> "GoalTolerances":
+        """These, with what a goal message says: 0 keeps the default, a negative value removes the limit.
+
+        Raises:
+            CommandError: a tolerance for a joint that the controller does not have.
+        """
+        return GoalTolerances(
+            _override(joints, self.path, path, "path_tolerance"),
+            _override(joints, self.goal, goal, "goal_tolerance"),
+            self.goal_time if goal_time == 0.0 else goal_time,
+        )
+
+    def only(self, named: Sequence[bool]) -> "GoalTolerances":
+        """These, without limits for the joints that a goal does not name."""
+        path, goal = (
+            tuple(item if is_named else Tolerance() for item, is_named in zip(items, named, strict=True))
+            for items in (self.path, self.goal)
+        )
+        return GoalTolerances(path, goal, self.goal_time)
+
+
+def _override(
+    joints: Sequence[str], defaults: Sequence[Tolerance], given: Sequence[JointToleranceLike], field: str
+) -> tuple[Tolerance, ...]:
+    by_name = {item.name: item for item in given}
+    unknown = sorted(set(by_name) - set(joints))
+    if unknown:
+        raise CommandError(f"{field} names {', '.join(unknown)}; valid: {', '.join(joints)}")
+    return tuple(
+        Tolerance(_pick(by_name[joint].position, default.position), _pick(by_name[joint].velocity, default.velocity))
+        if joint in by_name
+        else default
+        for joint, default in zip(joints, defaults, strict=True)
+    )
+
+
+def _pick(value: float, default: float) -> float:
+    return default if value == 0.0 else max(value, 0.0)
+
+
+def first_violation(
+    joints: Sequence[str],
+    tolerances: Sequence[Tolerance],
+    position_errors: Sequence[float],
+    velocity_errors: Sequence[float],
+) -> str:
+    """The first joint outside its tolerance and by how much, as text; empty if all are inside."""
+    for joint, tolerance, position, velocity in zip(joints, tolerances, position_errors, velocity_errors, strict=True):
+        text = tolerance.violation(position, velocity)
+        if text:
+            return f"{joint}: {text}"
+    return ""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the joints are to do next.
+
+    Attributes:
+        waypoints: per joint; None: stop.
+        start: robot time of the trajectory's start [s]; None: when it is taken over.
+        goal: whose trajectory it is, reported back when it ends; None for the command topic.
+        tolerances: of the goal, None if it has none to keep.
+    """
+
+    waypoints: Waypoints | None
+    start: float | None = None
+    goal: object | None = None
+    tolerances: GoalTolerances | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a goal ended: error code of FollowJointTrajectoryResult and text for the client."""
+
+    goal: object
+    code: int
+    text: str
+
+
+class Follower:
+    """The desired state of n joints over time; used by the loop alone, except `look`.
+
+    Args:
+        joints: names.
+        stop_duration: time in which an order to stop brings the joints to rest [s].
+        continuous: per joint, whether it rotates without end: goals then mean the nearest revolution.
+
+    Attributes:
+        position, velocity, acceleration: desired, n floats each, of the last `update`.
+        position_error, velocity_error: desired minus measured, n floats each.
+    """
+
+    def __init__(self, joints: Sequence[str], stop_duration: float, continuous: Sequence[bool] | None = None) -> None:
+        self._joints, self._stop_duration = list(joints), stop_duration
+        self._continuous = list(continuous) if continuous is not None else [False] * len(self._joints)
+        self._tracks: list[Track] = []
+        self._settled = False  # every track has ended: the desired state does not change any more
+        self._pending: Order | None = None
+        self._goal: object | None = None
+        self._goal_end = 0.0
+        self._tolerances: GoalTolerances | None = None
+        zero = [0.0] * len(self._joints)
+        self.position = self.velocity = self.acceleration = self.position_error = self.velocity_error = zero
+
+    def rest(self, time: float, position: Sequence[float]) -> None:
+        """Forget everything and rest at `position` [rad] from `time` [s] on."""
+        self._take([hold(time, value) for value in position])
+        self._pending = self._goal = self._tolerances = None
+
+    def order(self, order: Order) -> None:
+        """Take an order; it replaces one that has not started yet. The joints go on as before until it starts."""
+        self._pending = order
+        self._goal = self._tolerances = None
+
+    def look(self, time: float) -> tuple[list[float], list[float], list[float]]:
+        """Desired position, velocity and acceleration at any robot time [s]; from any thread."""
+        p, v, a = zip(*(track.look(time) for track in tuple(self._tracks)), strict=True)
+        return list(p), list(v), list(a)
+
+    def update(self, time: float, q: Sequence[float], dq: Sequence[float]) -> Outcome | None:
+        """Advance to robot time `time` [s].
+
+        Args:
+            q, dq: measured position [rad] and velocity [rad/s], n floats each.
+
+        Returns:
+            the outcome of a goal that ended in this cycle.
+        """
+        pending = self._pending
+        if pending is not None and (pending.start is None or time >= pending.start):
+            self._pending = None
+            self._begin(time, pending)
+        self._sample(time)
+        self.position_error = [d - x for d, x in zip(self.position, q, strict=True)]
+        self.velocity_error = [d - x for d, x in zip(self.velocity, dq, strict=True)]
+        return self._judge(time, self._tolerances) if self._tolerances is not None else None
+
+    def _sample(self, time: float) -> None:
+        if self._settled:
+            return
+        self._settled = time >= max(track.end for track in self._tracks)
+        samples = [track.sample(time) for track in self._tracks]
+        self.position = [sample[0] for sample in samples]
+        self.velocity = [sample[1] for sample in samples]
+        self.acceleration = [sample[2] for sample in samples]
+
+    def _begin(self, time: float, order: Order) -> None:
+        if order.waypoints is None:
+            self._stop(time)
+            return
+        start = time if order.start is None else order.start
+        tracks = self._tracks[:]
+        self._goal_end = time
+        for index, points in enumerate(order.waypoints):
+            if points is not None:
+                state = tracks[index].sample(time)
+                shift = self._whole_revolutions(index, state[0], points[0].position)
+                tracks[index] = follow(time, state, [point.shifted(start, shift) for point in points])
+                self._goal_end = max(self._goal_end, tracks[index].end)
+        self._take(tracks)
+        self._goal, self._tolerances = order.goal, order.tolerances
+
+    def _take(self, tracks: list[Track]) -> None:
+        self._tracks, self._settled = tracks, False
+
+    def _whole_revolutions(self, index: int, here: float, there: float) -> float:
+        if not self._continuous[index]:
+            return 0.0
+        return 2.0 * math.pi * round((here - there) / (2.0 * math.pi))
+
+    def _stop(self, time: float) -> None:
+        """Bring every joint to rest from its desired state."""
+        states = [track.sample(time) for track in self._tracks]
+        self._take([stop(time, position, velocity, self._stop_duration) for position, velocity, _ in states])
+
+    def _judge(self, time: float, tolerances: GoalTolerances) -> Outcome | None:
+        if time < self._goal_end:
+            text = first_violation(self._joints, tolerances.path, self.position_error, self.velocity_error)
+            if not text:
+                return None
+            self._stop(time)
+            self._sample(time)
+            return self._end(PATH_TOLERANCE_VIOLATED, f"path tolerance: {text}")
+        text = first_violation(self._joints, tolerances.goal, self.position_error, self.velocity_error)
+        if not text:
+            return self._end(SUCCESSFUL, "")
+        allowed = tolerances.goal_time
+        if allowed < 0.0 or time < self._goal_end + allowed:
+            return None
+        return self._end(
+            GOAL_TOLERANCE_VIOLATED,
+            f"goal tolerance: {text}, {time - self._goal_end:.3g} s after the end (allowed {allowed:g} s)",
+        )
+
+    def _end(self, code: int, text: str) -> Outcome | None:
+        goal, self._goal, self._tolerances = self._goal, None, None
+        return None if goal is None else Outcome(goal, code, text)

@@ -1,0 +1,55 @@
+"""A goal of FollowJointTrajectory while it runs: it ends once, from whichever thread comes first."""
+
+import threading
+from typing import Any
+
+from control_msgs.msg import FollowJointTrajectoryResult
+from hric_control.node import GoalHandle
+from hric_controllers.trajectory.message import SUCCESSFUL
+
+
+def result(code: int, text: str) -> FollowJointTrajectoryResult:
+    """Result message; code: of FollowJointTrajectoryResult."""
+    return FollowJointTrajectoryResult(error_code=code, error_string=text)
+
+
+class RunningGoal:
+    """An accepted goal.
+
+    Args:
+        handle: of the action server.
+
+    Attributes:
+        goal_id: unique id of the goal.
+        ended: whether it has ended, for whatever reason.
+    """
+
+    def __init__(self, handle: GoalHandle) -> None:
+        self._handle = handle
+        self._lock = threading.Lock()
+        self.goal_id, self.ended = handle.goal_id, False
+
+    def finish(self, code: int, text: str) -> None:
+        """Succeed or abort, by the code. Not in the loop."""
+        if self._ends_now():
+            outcome = result(code, text)
+            if code == SUCCESSFUL:
+                self._handle.succeed(outcome, text)
+            else:
+                self._handle.abort(outcome, text)
+
+    def cancel(self, text: str) -> None:
+        """Cancelled by the client, or replaced. Not in the loop."""
+        if self._ends_now():
+            self._handle.cancel(result(SUCCESSFUL, text), text)
+
+    def feedback(self, message: Any) -> None:
+        """Send the client where the joints are. Not in the loop."""
+        if not self.ended:
+            self._handle.publish_feedback(message)
+
+    def _ends_now(self) -> bool:
+        # The handle is called outside the lock: what it publishes may come back here.
+        with self._lock:
+            first, self.ended = not self.ended, True
+        return first

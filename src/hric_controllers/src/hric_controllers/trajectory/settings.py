@@ -1,0 +1,85 @@
+"""Parameters of the joint trajectory controllers, with the names of ros_controllers."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hric_control.node import Node
+from hric_control.parameters import Settings, below, flag, mapping, names, number, per_joint, section, unknown
+from hric_control.urdf import read
+from hric_controllers.joint.pid import PidGains
+from hric_controllers.parameters import STRICT_GAINS, LawSettings, state_rate
+from hric_controllers.trajectory.follower import GoalTolerances, Tolerance
+
+
+@dataclass(frozen=True)
+class Constraints(Settings):
+    """Tolerances of all joints together, below `constraints`."""
+
+    goal_time: float = number(0.0, minimum=0.0, unit="s", text="how long after its end a goal may still be reached")
+    stopped_velocity_tolerance: float = number(
+        0.01, minimum=0.0, unit="rad/s", text="largest velocity error at the goal; 0: no limit"
+    )
+
+
+@dataclass(frozen=True)
+class JointConstraints(Settings):
+    """Those of one joint, below `constraints/<joint>`."""
+
+    trajectory: float = number(0.0, minimum=0.0, unit="rad", text="largest position error on the way; 0: no limit")
+    goal: float = number(0.0, minimum=0.0, unit="rad", text="largest position error at the goal; 0: no limit")
+
+
+@dataclass(frozen=True)
+class TrajectorySettings(Settings):
+    """Parameters of both versions."""
+
+    joints: tuple[str, ...] = names(text="trajectory controllers from here on")
+    constraints: Mapping[str, Any] = mapping(default={}, text="see the following")
+    stop_trajectory_duration: float = number(
+        0.5,
+        minimum=0.0,
+        unit="s",
+        text="time in which a stop brings the joints to rest, at constant deceleration; 0: at once",
+    )
+    allow_partial_joints_goal: bool = flag(False, text="goals may leave joints out; those go on with what they do")
+    allow_integration_in_goal_trajectories: bool = flag(
+        False, text="accepted for the sake of existing YAML, without effect: every point needs positions"
+    )
+    state_publish_rate: float = state_rate(50.0)
+    action_monitor_rate: float = number(
+        20.0, minimum=0.0, unit="Hz", text="of the action's feedback; the result comes at once"
+    )
+
+    def tolerances(self, where: str) -> GoalTolerances:
+        """Those of the parameter `constraints`; where: its full name. Raises ParameterError."""
+        given, general = self.constraints, ("goal_time", "stopped_velocity_tolerance")
+        shared = {name: value for name, value in given.items() if name not in self.joints}
+        for name in shared:
+            if name not in general:
+                raise unknown("constraint", name, (*general, *self.joints), where)
+        constraints = Constraints.of(shared, where)
+        own = [JointConstraints.of(given.get(joint), f"{below(where)}{joint}") for joint in self.joints]
+        path = tuple(Tolerance(one.trajectory) for one in own)
+        goal = tuple(Tolerance(one.goal, constraints.stopped_velocity_tolerance) for one in own)
+        return GoalTolerances(path, goal, constraints.goal_time)
+
+
+@dataclass(frozen=True)
+class EffortTrajectorySettings(LawSettings):
+    """Those of the effort version beside them."""
+
+    gains: tuple[PidGains, ...] = per_joint(section(PidGains))
+    velocity_ff: tuple[float, ...] = per_joint(number(unit="N m s/rad"), 0.0, text="times the desired velocity")
+    strict_gains: bool = STRICT_GAINS
+
+    def idle_integrals(self, joints: Sequence[str]) -> list[str]:
+        """The joints whose integral gain has no effect."""
+        return [joint for joint, one in zip(joints, self.gains, strict=True) if one.i > 0.0 and one.i_clamp == 0.0]
+
+
+def continuous_joints(root_node: Node, joints: Sequence[str]) -> list[bool]:
+    """Which joints the description calls continuous; none without a description."""
+    urdf_xml = root_node.search_param("robot_description", "")
+    described = read(urdf_xml).joints if urdf_xml else {}
+    return [joint in described and described[joint].type == "continuous" for joint in joints]

@@ -1,0 +1,126 @@
+"""Contact forces of a run, from the topics of gazebo_msgs/ContactsState in its bag, and which of them may be assessed.
+No ROS."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from hric_bags.parts import PartsReader
+from hric_bags.reader import seconds
+from hric_control.errors import HricError
+from hric_control.sim import contact_info
+
+CONTACTS_TYPE = "gazebo_msgs/msg/ContactsState"
+PENALTY = "penalty"
+REMEDY = (
+    "give one of the two contact: penalty (of the object in the world file, or plant/surfaces for a link) and run again"
+)
+
+
+class RigidForceError(HricError):
+    """A force that no sensor would read was to be assessed."""
+
+
+@dataclass
+class PairForce:
+    """What two bodies did to each other in a run.
+
+    Attributes:
+        body_a, body_b: "model::link" names, in alphabetical order.
+        kind: "penalty", "rigid", or "unknown", of a bag from before it was published; of several, the one that may not
+            be assessed.
+        peak_force: largest; of penalty contact of all steps, else of those instants that were recorded [N].
+        time: robot time of its message [s].
+        first, last: robot time of the first and the last message with this pair [s].
+    """
+
+    body_a: str
+    body_b: str
+    kind: str
+    peak_force: float
+    time: float
+    first: float
+    last: float
+
+
+def read(path: Path, robot_time: Callable[[float], float]) -> list[PairForce]:
+    """All pairs of a bag with all its parts; empty: nothing touched, or the bag has no such topic."""
+    pairs: dict[tuple[str, str], PairForce] = {}
+    with PartsReader(path) as reader:
+        contacts = [c for c in reader.connections if c.msgtype == CONTACTS_TYPE]
+        for connection, _, raw in reader.messages(connections=contacts) if contacts else ():
+            message = reader.deserialize(raw, connection.msgtype)
+            time = robot_time(seconds(message.header.stamp))
+            for state in message.states:
+                _add(pairs, state, time)
+    return [pairs[key] for key in sorted(pairs)]
+
+
+def _add(pairs: dict[tuple[str, str], PairForce], state: Any, time: float) -> None:
+    a, b = sorted((str(state.collision1_name), str(state.collision2_name)))
+    info = contact_info.read(str(state.info))
+    force = state.total_wrench.force
+    peak = max(math.sqrt(force.x**2 + force.y**2 + force.z**2), info.peak or 0.0)
+    pair = pairs.setdefault((a, b), PairForce(a, b, info.kind, -1.0, time, time, time))
+    if info.kind != PENALTY:
+        pair.kind = info.kind
+    if peak > pair.peak_force:
+        pair.peak_force, pair.time = peak, time
+    pair.last = time
+
+
+def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:
+    """The same pairs, for whoever compares their forces with what a person may bear.
+
+    Raises:
+        RigidForceError: one of them is not of penalty contact; names it and the remedy.
+    """
+    found = list(pairs)
+    for pair in found:
+        if pair.kind != PENALTY:
+            why = (
+                "nothing is said of its kind"
+                if pair.kind == contact_info.UNKNOWN
+                else "it reads two to six times the elastic transient"
+            )
+            raise RigidForceError(
+                f"the force of {pair.body_a} on {pair.body_b} ({pair.kind} contact) cannot be assessed: {why}; {REMEDY}"
+            )
+    return found
+
+
+def metrics(pairs: Sequence[PairForce]) -> list[dict[str, Any]] | None:
+    """For metrics.json; None: nothing touched."""
+    return [asdict(pair) for pair in pairs] or None
+
+
+def cells(found: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
+    """A row of text per pair of metrics.json."""
+    return [
+        (
+            f"{p['body_a']}, {p['body_b']}",
+            p["kind"],
+            f"{p['peak_force']:.2f}",
+            f"{p['time']:.3f}",
+            f"{p['first']:.3f}",
+            f"{p['last']:.3f}",
+        )
+        for p in found
+    ]
+
+
+HEAD = ("contact between", "kind", "peak force [N]", "told at [s]", "first [s]", "last [s]")
+"""Of `cells`."""
+
+
+def note(found: Sequence[Mapping[str, Any]]) -> str:
+    """What a reader must know of these forces; empty: all may be assessed."""
+    rigid = any(pair["kind"] != PENALTY for pair in found)
+    return (
+        "Forces that are not of penalty contact read two to six times the elastic transient: not to be "
+        f"assessed; {REMEDY}."
+        if rigid
+        else ""
+    )

@@ -1,0 +1,103 @@
+"""From a run folder to its metrics, figures and report; needs no ROS."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hric_bags import files
+from hric_bags import reader as bag_reader
+from hric_bags.reader import RunRecord
+from hric_bags.run_folder import RunFolder
+from hric_experiments.analysis import collection, collection_record, contact_record, differences, metrics, stability
+from hric_experiments.analysis import tracking_run as tracking_analysis
+from hric_experiments.definition.experiment import MetricsSpec
+from hric_experiments.report import text as report_text
+
+OPENSIM = "opensim_ros_control/OpenSimPlant"
+"""Plant whose runs leave files for OpenSim's own tools."""
+
+
+def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, Any]:
+    """Compute metrics.json, the figures and summary.txt of a run, and what OpenSim replays of a run in it, replacing
+    those that are there.
+
+    Args:
+        path: the run folder.
+        figures: whether to draw.
+
+    Returns:
+        The metrics, with the report text under "report".
+
+    Raises:
+        HricError: no run folder, or its bag cannot be used.
+    """
+    folder = path if isinstance(path, RunFolder) else RunFolder.open(path)
+    run = folder.read()
+    bag = bag_of(folder, run)
+    record = bag_reader.read(bag)
+    definition = run.get("definition") or {}
+    tolerances = tuple((definition.get("metrics") or {}).get("tolerances") or MetricsSpec().tolerances)
+    followed = tracking_analysis.analyse(folder, bag, run, record)
+    result = {**_metrics(run, bag, record, tolerances), "tracking": None if followed is None else followed.values}
+    result |= _compared(definition, run.get("parameters") or {}, result)
+    files.write_json(folder.metrics_path, result)
+    report = report_text.render(run, result)
+    files.write_text(folder.path / "summary.txt", report)
+    if (definition.get("robot") or {}).get("plant_type") == OPENSIM:
+        from hric_bags.export import opensim_files
+
+        opensim_files.write(folder, run, record.log)
+    if figures:
+        from hric_experiments.report import png, run_figures
+
+        moves = metrics.moves(record, joint_orders(run))
+        shown = run_figures.robot_figures(record, moves, run.get("limits") or {}, tolerances)
+        png.draw(folder.path, [*shown, *run_figures.tracking_figures(followed)], _title(run))
+    return {**result, "report": report}
+
+
+def _metrics(run: Mapping[str, Any], bag: Path, record: RunRecord, tolerances: Sequence[float]) -> dict[str, Any]:
+    """What follows from the run alone, for metrics.json."""
+    limits: Mapping[str, Mapping[str, float]] = run.get("limits") or {}
+    collected, interval = collection_record.read(bag), run.get("interval")
+    return {
+        "experiment": run.get("experiment", ""),
+        **metrics.compute(record, limits, joint_orders(run), tolerances),
+        "real_time_factor": run.get("real_time_factor"),
+        "reflexes": [{"time": time, "errors": list(names)} for time, names in record.reflexes],
+        "contacts": contact_record.metrics(contact_record.read(bag, record.robot_time)),
+        "stability": stability.judge(run, record.log, limits),
+        **collection.metrics(collected, record.log, record.robot_time, interval),
+    }
+
+
+def bag_of(folder: RunFolder, run: Mapping[str, Any]) -> Path:
+    """The bag of a run; run: contents of its run.yaml."""
+    return folder.path / str(run.get("bag", folder.bag_path.name))
+
+
+def joint_orders(run: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Joint order of each controller of a run that names its joints; run: contents of run.yaml."""
+    found = {}
+    for name, values in (run.get("parameters") or {}).items():
+        if isinstance(values, Mapping) and isinstance(values.get("joints"), list) and values["joints"]:
+            found[name] = [str(joint) for joint in values["joints"]]
+    return found
+
+
+def _title(run: Mapping[str, Any]) -> str:
+    arguments = " ".join(run.get("arguments") or [])
+    return f"{run.get('experiment', 'run')} ({arguments})" if arguments else str(run.get("experiment", "run"))
+
+
+def _compared(
+    definition: Mapping[str, Any], parameters: Mapping[str, Any], result: Mapping[str, Any]
+) -> dict[str, Any]:
+    name = (definition.get("metrics") or {}).get("reference")
+    if not name:
+        return {}
+    reference = differences.reference(name)
+    setpoints = definition.get("setpoints") or []
+    controller = parameters.get(setpoints[0]["controller"], {}) if setpoints else {}
+    setup = differences.Setup(reference, definition.get("robot") or {}, controller, result)
+    return {"reference": {"name": name, "title": reference["title"]}, "differences": differences.compare(setup)}

@@ -1,0 +1,173 @@
+"""Reads from a bag how a marker was followed: frames of the motion capture, states of the controller, and what the hand
+really did."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_bags.parts import PartsReader
+from hric_bags.reader import RobotTime, seconds
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+FRAMES, TRUTH, PHASES = "/hric/perception/mocap", "/hric/human/hand", "/hric/human/phase"
+STATE_TYPE, ROBOT_TYPE = "hric_msgs/msg/MarkerTrackingState", "franka_msgs/msg/FrankaState"
+
+
+@dataclass(frozen=True)
+class Frames:
+    """n frames of the motion capture, as they were published.
+
+    Attributes:
+        time: middle of the exposure, robot time, shape (n,) [s].
+        number: shape (n,).
+        valid: whether the body was tracked, shape (n,).
+        position: of the body, shape (n, 3), in `frame` [m].
+        latency: from the exposure to the arrival, shape (n,), NaN where not known [s].
+        body: its name.
+        frame: that positions are given in.
+    """
+
+    time: FloatArray
+    number: IntArray
+    valid: BoolArray
+    position: FloatArray
+    latency: FloatArray
+    body: str
+    frame: str
+
+
+@dataclass(frozen=True)
+class States:
+    """n states of the controller that follows the marker.
+
+    Attributes:
+        controller: its name.
+        time: robot time, shape (n,) [s].
+        target, desired, measured: of the end effector in the base, shape (n, 3) [m].
+        tracking: what it did.
+        last: the last message.
+    """
+
+    controller: str
+    time: FloatArray
+    target: FloatArray
+    desired: FloatArray
+    measured: FloatArray
+    tracking: tuple[str, ...]
+    last: Any
+
+
+@dataclass(frozen=True)
+class TrackingRecord:
+    """All that a bag has of it.
+
+    Attributes:
+        frames, states: as above.
+        truth: of the hand, in the base: (robot time (n,) [s], position (n, 3) [m]); None: not known.
+        phases: (robot time [s], phase) of the emulated human.
+        p_flange_ee: where the end effector is on the flange, shape (3,) [m].
+        base: name of the robot's base frame.
+        own_time: of each position of the truth by its stamp, from the first on, shape (n,) [s]: a real robot's robot
+            time does not keep step with it.
+    """
+
+    frames: Frames
+    states: States
+    truth: tuple[FloatArray, FloatArray] | None
+    phases: tuple[tuple[float, str], ...]
+    p_flange_ee: FloatArray
+    base: str
+    own_time: FloatArray | None = None
+
+
+def read(path: Path, robot_time: RobotTime, body: str) -> TrackingRecord | None:
+    """Read a bag.
+
+    Args:
+        path: of the bag.
+        robot_time: from stamps to robot time.
+        body: that is followed; "": the first of each frame.
+
+    Returns:
+        None: no controller followed a marker, or no frame came.
+    """
+    found: dict[str, list[tuple[float, Any]]] = {FRAMES: [], TRUTH: [], PHASES: [], STATE_TYPE: [], ROBOT_TYPE: []}
+    controller = ""
+    with PartsReader(path) as reader:
+        kept = {c.id: key for c in reader.connections for key in found if key in (c.topic, c.msgtype)}
+        if not {FRAMES, STATE_TYPE} <= set(kept.values()):
+            return None
+        for connection, stamp, raw in reader.messages(connections=[c for c in reader.connections if c.id in kept]):
+            key = kept[connection.id]
+            if key == ROBOT_TYPE and found[key]:
+                continue
+            if key == STATE_TYPE:
+                controller = controller or connection.topic
+                if connection.topic != controller:
+                    continue
+            found[key].append((stamp * 1e-9, reader.deserialize(raw, connection.msgtype)))
+    states = [message for _, message in found[STATE_TYPE]]
+    if not states or not found[FRAMES]:
+        return None
+    hand = [message for _, message in found[TRUTH]]
+    robot = found[ROBOT_TYPE]
+    truth, own_time = _truth(hand, robot_time) if hand else (None, None)
+    return TrackingRecord(
+        _frames([message for _, message in found[FRAMES]], robot_time, body),
+        _states(controller.strip("/").split("/")[-2], states, robot_time),
+        truth,
+        tuple((robot_time(stamp), message.data) for stamp, message in found[PHASES]),
+        np.array(robot[0][1].F_T_EE[12:15], dtype=float) if robot else np.zeros(3),
+        states[0].header.frame_id.lstrip("/"),
+        own_time,
+    )
+
+
+def _times(messages: list[Any], robot_time: RobotTime) -> FloatArray:
+    return np.array([robot_time(seconds(message.header.stamp)) for message in messages])
+
+
+def _xyz(point: Any) -> tuple[float, float, float]:
+    return point.x, point.y, point.z
+
+
+def _truth(hand: list[Any], robot_time: RobotTime) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+    """((robot time, position), own time) of the hand in order of time, each time once."""
+    times, order = np.unique(_times(hand, robot_time), return_index=True)
+    own = np.array([seconds(message.header.stamp) for message in hand])[order]
+    return (times, np.array([_xyz(message.pose.position) for message in hand])[order]), own - own[0]
+
+
+def _frames(messages: list[Any], robot_time: RobotTime, body: str) -> Frames:
+    bodies = [next((one for one in message.rigid_bodies if body in ("", one.name)), None) for message in messages]
+    name = body or next((one.name for one in bodies if one is not None), "")
+    return Frames(
+        _times(messages, robot_time),
+        np.array([message.frame_number for message in messages], dtype=np.int64),
+        np.array([one is not None and bool(one.tracking_valid) for one in bodies]),
+        np.array([(np.nan,) * 3 if one is None else _xyz(one.pose.position) for one in bodies]),
+        np.array([message.latency for message in messages], dtype=float),
+        name,
+        messages[0].header.frame_id.lstrip("/"),
+    )
+
+
+def _positions(messages: list[Any], name: str) -> FloatArray:
+    return np.array([_xyz(getattr(message, name).position) for message in messages])
+
+
+def _states(controller: str, messages: list[Any], robot_time: RobotTime) -> States:
+    return States(
+        controller,
+        _times(messages, robot_time),
+        _positions(messages, "target"),
+        _positions(messages, "desired"),
+        _positions(messages, "measured"),
+        tuple(str(message.tracking) for message in messages),
+        messages[-1],
+    )

@@ -1,0 +1,264 @@
+"""Experiment files: what robot, which controllers, which setpoints, how long; the same file serves live and headless
+runs."""
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hric_control.errors import HricError, ParameterError, UnknownNameError
+from hric_control.node import REQUIRED
+from hric_control.parameters import (
+    Parameter,
+    Settings,
+    as_number,
+    declared,
+    either,
+    listing,
+    mapping,
+    number,
+    read_yaml,
+    section,
+    text,
+    unknown,
+)
+from hric_control.parameters import names as names_
+from hric_control.plants import resources
+from hric_control.trial.c3d import located
+
+if TYPE_CHECKING:
+    from hric_experiments.definition.sections import EmgSection, MocapSection, PlateSection, SyncSection
+
+
+class ExperimentError(HricError):
+    """An experiment file or an override that cannot be used; the message gives the file, the key and what would be
+    valid."""
+
+
+_PI = re.compile(
+    r"\s*(?P<sign>[-+]?)\s*(?:(?P<factor>\d+(?:\.\d*)?)\s*\*\s*)?pi\s*(?:/\s*(?P<divisor>\d+(?:\.\d*)?))?\s*"
+)
+
+
+def _angle(value: Any, where: str, joints: Sequence[str]) -> float:
+    match = _PI.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        return as_number(value)
+    if float(match["divisor"] or 1) == 0.0:
+        raise ValueError
+    angle = float(match["factor"] or 1) * math.pi / float(match["divisor"] or 1)
+    return -angle if match["sign"] == "-" else angle
+
+
+ANGLE = Parameter("angle", "a finite number or a multiple of pi such as -3*pi/4", _angle, unit="rad")
+ANGLES: Any = listing(ANGLE, range(1, 100))
+
+
+@dataclass(frozen=True)
+class Setpoint(Settings):
+    """A joint setpoint sent during the run."""
+
+    time: float = number(
+        minimum=0.0, unit="s", text="robot time at which it is sent, from the start of the controllers"
+    )
+    controller: str = text(empty=False, text="instance name of the controller; sent on its `command` topic")
+    positions: tuple[float, ...] = listing(ANGLE, range(1, 100), text="one per joint of the controller")
+
+
+@dataclass(frozen=True)
+class RobotSpec(Settings):
+    """The robot of an experiment."""
+
+    hw: str = text(empty=False, text='plugin type of the RobotHW, e.g. "franka_sim/FrankaHWSim"')
+    arm_id: str = text("panda", empty=False, text="prefix of joints and links")
+    description: Mapping[str, Any] = mapping(default={}, text="arguments of `panda_description.load`")
+    urdf: str = text("", text="path or package:// address of another robot's URDF or xacro; empty: the Panda")
+    q_start: tuple[float, ...] | Mapping[str, float] | None = either(
+        mapping(ANGLE), ANGLES, default=None, text="start position by joint, or in joint order; none: the robot's own"
+    )
+    plant_type: str = text("", text="plugin type of the plant; empty: the robot's default")
+    plant: Mapping[str, Any] = mapping(default={}, text="parameters of the plant")
+    parameters: Mapping[str, Any] = mapping(default={}, text="further private parameters of the RobotHW")
+
+
+@dataclass(frozen=True)
+class MetricsSpec(Settings):
+    """How a run is judged."""
+
+    tolerances: tuple[float, ...] = listing(
+        number(above=0.0, unit="rad"),
+        range(1, 100),
+        (1e-2, 1e-3),
+        made=lambda given: tuple(sorted(given, reverse=True)),
+        unit="rad",
+        text="bands for the settling time",
+    )
+    reference: str = text("", text="name of a set-up in config/references that the report compares with; empty: none")
+
+    def check(self, where: str) -> None:
+        """Refuse a reference that there is not."""
+        if self.reference and self.reference not in names("references"):
+            raise unknown("reference", self.reference, names("references"), where.rstrip("."))
+
+
+def _beside(name: str) -> Any:
+    """A section of what runs beside the robot. Its declaration is loaded where a file has the section: the bring-up
+    reads an experiment once for each set of parameters, and its user waits."""
+
+    def convert(value: Any, where: str, joints: Sequence[str]) -> Any:
+        from hric_experiments.definition.sections import SECTIONS
+
+        return section(SECTIONS[name]).convert(value, where, joints)
+
+    return Parameter(
+        "mapping", "a mapping", convert, None, text=f"the keys {name}.* below; none: the run is without it"
+    )
+
+
+_BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync")}
+
+
+def _in_time(setpoints: Sequence[Setpoint]) -> tuple[Setpoint, ...]:
+    return tuple(sorted(setpoints, key=lambda setpoint: setpoint.time))
+
+
+@dataclass(frozen=True)
+class Experiment(Settings):
+    """One experiment, checked. name: of the file without its ending."""
+
+    separator = "."
+    name: str = ""
+    description: str = text("", figures=True, text="one line for people")
+    robot: RobotSpec = section(RobotSpec, REQUIRED)
+    controllers: tuple[str, ...] = names_(text="instance names, started in this order")
+    parameters: Mapping[str, Mapping[str, Any]] = mapping(
+        mapping(), {}, text="parameters that overlay the controllers' YAML, by instance name"
+    )
+    setpoints: tuple[Setpoint, ...] = listing(section(Setpoint), default=(), made=_in_time, text="in order of time")
+    duration: float = number(above=0.0, unit="s", text="robot time of the whole run")
+    metrics: MetricsSpec = section(MetricsSpec)
+    mocap: "MocapSection | None" = _BESIDE["mocap"]
+    emg: "EmgSection | None" = _BESIDE["emg"]
+    force_plate: "PlateSection | None" = _BESIDE["force_plate"]
+    sync: "SyncSection | None" = _BESIDE["sync"]
+
+    @property
+    def sensors(self) -> "list[EmgSection | PlateSection]":
+        """The sensors that run and sample evenly."""
+        return [sensor for sensor in (self.emg, self.force_plate) if sensor is not None and sensor.used]
+
+    @property
+    def sources(self) -> "list[MocapSection | EmgSection | PlateSection]":
+        """All that measures beside the robot."""
+        return [*([] if self.mocap is None else [self.mocap]), *self.sensors]
+
+    def check(self, where: str) -> None:
+        """Refuse setpoints and parameters of controllers that are not started, and setpoints after the end."""
+        for i, setpoint in enumerate(self.setpoints):
+            if setpoint.controller not in self.controllers:
+                valid = f"is not started; valid: {', '.join(self.controllers)}"
+                raise ParameterError(f"setpoints[{i}].controller: {setpoint.controller!r} {valid}")
+            if setpoint.time >= self.duration:
+                end = f"is not before the end (duration {self.duration} s)"
+                raise ParameterError(f"setpoints[{i}].time {setpoint.time} s {end}")
+        others = sorted(set(self.parameters) - set(self.controllers))
+        if others:
+            valid = f"valid: {', '.join(self.controllers)}"
+            raise ParameterError(f"parameters for {', '.join(others)}, which is not started; {valid}")
+
+
+NONE = "none"
+"""Name of the run that is no experiment: what the bring-up starts by itself."""
+
+
+PACKAGE = "hric_experiments"
+
+
+def package_path(package: str = PACKAGE) -> Path:
+    """Folder of a ROS package.
+
+    Raises:
+        UnknownNameError: no such package on ROS_PACKAGE_PATH.
+    """
+    own = Path(__file__).resolve().parents[3]
+    return own if package == PACKAGE and (own / "config").is_dir() else resources.package_path(package)
+
+
+def config_path(kind: str) -> Path:
+    """Folder of the files of a kind: experiments, studies, or references, set-ups that reports compare with."""
+    return package_path() / "config" / kind
+
+
+def names(kind: str = "experiments") -> list[str]:
+    """Names of the files of a kind that come with the workspace."""
+    return sorted(path.stem for path in config_path(kind).glob("*.yaml"))
+
+
+def find(name: str) -> Path:
+    """File of an experiment, by name or by the path of a YAML file; "none" is the bring-up without an experiment.
+
+    Raises:
+        UnknownNameError: neither; lists the names.
+    """
+    if name == NONE:
+        return package_path() / "config" / "bringup.yaml"
+    if name.endswith((".yaml", ".yml")):
+        path = Path(name).expanduser()
+        if path.is_file():
+            return path
+        raise ExperimentError(f"no experiment file {name}; experiments by name: {', '.join(names())}")
+    if name not in names():
+        raise UnknownNameError("experiment", name, names(), "experiments")
+    return config_path("experiments") / f"{name}.yaml"
+
+
+def read(name: str) -> dict[str, Any]:
+    """Contents of an experiment file, not checked yet; recorded trials are looked for beside it.
+
+    Raises:
+        HricError: no such experiment, or it is not YAML.
+    """
+    path = find(name)
+    raw = read_yaml(path)
+    if not isinstance(raw, dict):
+        raise ExperimentError(f"{path.name} must be a mapping with the keys {', '.join(declared(Experiment))}")
+    return dict(located(raw, path.parent))
+
+
+def parse(name: str, raw: Mapping[str, Any]) -> Experiment:
+    """Check the contents of an experiment file.
+
+    Args:
+        name: used in messages and for the run folder.
+        raw: the contents.
+
+    Raises:
+        ExperimentError: an unknown or missing key, a wrong type, or a value out of range.
+    """
+    try:
+        return replace(Experiment.of(raw, ""), name=name)
+    except HricError as error:
+        raise ExperimentError(f"experiment {name}: {error}") from error
+
+
+def load(name: str, given: Iterable[str] = ()) -> Experiment:
+    """Read an experiment, apply overrides, check it.
+
+    Args:
+        name: name, or path of a YAML file.
+        given: overrides, `key:=value`.
+
+    Raises:
+        HricError: no such experiment, or a mistake in it or in an override.
+    """
+    from hric_experiments.definition import overrides
+
+    return parse(Path(name).stem, overrides.apply(read(name), given))
+
+
+def to_dict(experiment: Experiment) -> dict[str, Any]:
+    """Plain data for run.yaml: the keys of an experiment file, plus its name."""
+    sensors = {"emg": experiment.emg, "force_plate": experiment.force_plate}
+    return asdict(experiment) | {name: sensor.record() for name, sensor in sensors.items() if sensor is not None}

@@ -1,0 +1,195 @@
+"""Overrides on the command line: `key:=value`, where key is a shortcut or the dotted path of a key of the experiment
+file."""
+
+import copy
+import shlex
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from franka_hw_interface.friction_file import read_friction
+from hric_control.parameters import declared
+from hric_control.plants import PHI
+from hric_experiments.definition.experiment import ExperimentError, MetricsSpec, RobotSpec
+
+SHORTCUTS: dict[str, tuple[str, str]] = {
+    "kp": ("parameters.{controller}.kp", "proportional gain, number or list [N m/rad]"),
+    "kd": ("parameters.{controller}.kd", "derivative gain, number or list [N m s/rad]"),
+    "gravity": ("parameters.{controller}.gravity", "whether the controller adds g(q)"),
+    "rotatum_limit": (
+        "parameters.{controller}.rotatum_limit",
+        "largest rate of torque of the controller, 0 = off [N m/s]",
+    ),
+    "profile": (
+        "parameters.{controller}.profile.enabled",
+        "lead the setpoint through a trapezoid (true) or take it raw (false)",
+    ),
+    "mode": ("parameters.{controller}.mode", "of a controller that follows a marker: retarget or thesis"),
+    "duration": ("duration", "robot time [s]"),
+    "hw": ("robot.hw", "plugin type of the robot, e.g. franka_sim/FrankaHWSim"),
+    "arm_id": ("robot.arm_id", "prefix of joints and links"),
+    "urdf": ("robot.urdf", "path or package:// address of another robot's URDF or xacro"),
+    "q_start": ("robot.q_start", "start position [rad]"),
+    "hand": ("robot.description.hand", "with or without the hand"),
+    "inertials": ("robot.description.inertials", "barycentric or thesis"),
+    "damping": ("robot.description.damping", "viscous joint damping [N m s/rad]"),
+    "friction": (
+        "robot.description.friction",
+        "none, coulomb, identified, or a YAML file as check_model --fit friction writes it",
+    ),
+    "realism": (
+        "robot.parameters.realism",
+        "of the simulated Franka: ideal, measured, or {preset: measured, dq_noise: 0, ...}",
+    ),
+    "simulator": ("robot.plant_type", "pybullet, opensim, or the plugin type of a plant"),
+    "rotor_inertia": ("robot.plant.rotor_inertia", "rotor inertia seen at the joint, number or list [kg m^2]"),
+    "world": ("robot.plant.world", "world file, path or package:// address"),
+    "noise": ("mocap.stream.noise", "of the motion capture, standard deviation per axis [m]"),
+    "gui": ("robot.plant.gui", "show the engine's window"),
+    "limits": ("robot.parameters.enforce_limits", "true, false, or a list of kinds"),
+}
+"""Short names for the keys that are changed most; {controller} is the controller of the first setpoint."""
+
+SENSORS = {"mocap": "motion capture", "emg": "EMG", "force_plate": "force plate", "sync": "synchroniser"}
+"""Groups that an experiment has or has not. The bring-up alone may add a sensor, by its `device`."""
+DOTTED = (
+    "parameters.<controller>.<name>, robot.<key>, metrics.<key>, mocap.<key>, emg.<key>, force_plate.<key>, "
+    "sync.<key>, setpoints.<i>.<key>"
+)
+GROUPS = {"robot": RobotSpec, "metrics": MetricsSpec}
+VALUES = ("controllers", "description", "duration", "setpoints")
+FRICTIONS = ("none", "coulomb", "identified")
+SIMULATORS = {"pybullet": "pybullet_ros_control/PyBulletPlant", "opensim": "opensim_ros_control/OpenSimPlant"}
+
+
+def help_text() -> str:
+    """Table of the shortcuts for --help."""
+    width = max(len(name) for name in SHORTCUTS)
+    return "\n".join(f"  {name:<{width}}  {text}" for name, (_, text) in SHORTCUTS.items())
+
+
+def apply(raw: Mapping[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
+    """The contents of an experiment file with overrides.
+
+    Args:
+        raw: contents of the file.
+        overrides: `key:=value`; the value is YAML.
+
+    Raises:
+        ExperimentError: not of that form, or a key that does not exist; lists the valid ones.
+    """
+    result: dict[str, Any] = copy.deepcopy(dict(raw))
+    for text in overrides:
+        key, value = split(text)
+        if key == "friction":
+            value = _friction(result, value, text)
+        _assign(result, resolve(key, result), value, text)
+    return result
+
+
+def _friction(raw: dict[str, Any], value: Any, text: str) -> str:
+    """Set the friction of the plant. Returns that of the description, which has Coulomb's values as part of the
+    identified ones."""
+    if isinstance(value, str) and value.endswith((".yaml", ".yml")):
+        phis = zip(*read_friction(Path(value).expanduser()), strict=True)
+        _assign(
+            raw,
+            ["robot", "plant", "friction_parameters"],
+            {name: list(phi) for name, phi in zip(PHI, phis, strict=True)},
+            text,
+        )
+        value = "identified"
+    if value not in FRICTIONS:
+        raise ExperimentError(
+            f"cannot apply {text!r}; valid: {', '.join(FRICTIONS)}, or a YAML file with the friction of each joint"
+        )
+    _assign(raw, ["robot", "plant", "friction"], value, text)
+    return "none" if value == "none" else "identified"
+
+
+def separate(text: str) -> list[str]:
+    """The overrides in one text, separated by spaces; a value with spaces is in quotes, as in a shell.
+
+    Raises:
+        ExperimentError: a quote is not closed.
+    """
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise ExperimentError(f"cannot read the overrides {text!r}: {error}") from error
+
+
+def split(text: str) -> tuple[str, Any]:
+    """(key, value) of `key:=value`."""
+    key, separator, value = text.partition(":=")
+    if not separator or not key:
+        raise ExperimentError(f"cannot read override {text!r}; write key:=value, for example kp:=200")
+    try:
+        return key, yaml.safe_load(value) if value else ""
+    except yaml.YAMLError as error:
+        raise ExperimentError(f"the value of {key} in {text!r} is not YAML: {str(error).splitlines()[0]}") from error
+
+
+def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
+    """Path in the experiment file that a key means.
+
+    Raises:
+        ExperimentError: unknown key.
+    """
+    short = key in SHORTCUTS
+    path = (SHORTCUTS[key][0].format(controller=_controller(raw)) if short else key).split(".")
+    if path[0] in SENSORS and not raw.get(path[0]) and path[1:] != ["device"]:
+        raise ExperimentError(f"no override {key!r}: this experiment has no {SENSORS[path[0]]}")
+    if short:
+        return path
+    valid = _keys(path[0], raw)
+    if valid and len(path) >= 2 and all(path):
+        if path[1] not in valid:
+            raise ExperimentError(f"no override {key!r}: {path[1]!r} is not one of {', '.join(valid)}")
+        return path
+    indices = [str(index) for index in range(len(raw.get("setpoints") or []))]
+    if key in VALUES or (path[0] == "setpoints" and len(path) == 3 and path[1] in indices):
+        return path
+    close = get_close_matches(key, SHORTCUTS, n=1)
+    hint = f" (did you mean {close[0]}?)" if close else ""
+    raise ExperimentError(
+        f"no override {key!r}{hint}; valid: {', '.join(sorted(SHORTCUTS))}, or a path in the experiment file: {DOTTED}"
+    )
+
+
+def _keys(group: str, raw: Mapping[str, Any]) -> list[str]:
+    """Of a group of an experiment file; empty: it is no group."""
+    if group == "parameters":
+        return list(raw.get("controllers") or [])
+    if group in SENSORS:
+        from hric_experiments.definition.sections import SECTIONS  # other overrides need not wait for it
+
+        return sorted(declared(SECTIONS[group]))
+    return sorted(declared(GROUPS[group])) if group in GROUPS else []
+
+
+def _controller(raw: Mapping[str, Any]) -> str:
+    setpoints = raw.get("setpoints") or []
+    if setpoints and isinstance(setpoints[0], Mapping) and "controller" in setpoints[0]:
+        return str(setpoints[0]["controller"])
+    controllers = raw.get("controllers") or [""]
+    return str(controllers[-1])
+
+
+def _assign(raw: dict[str, Any], path: list[str], value: Any, text: str) -> None:
+    if path == ["robot", "plant_type"]:
+        value = SIMULATORS.get(value, value)
+    target: Any = raw
+    for depth, part in enumerate(path[:-1]):
+        if isinstance(target, list):
+            target = target[int(part)]
+            continue
+        if target.get(part) is None:
+            target[part] = {}
+        target = target[part]
+        if not isinstance(target, dict | list):
+            raise ExperimentError(f"cannot apply {text!r}: {'.'.join(path[: depth + 1])} is a value, not a group")
+    target[path[-1]] = value

@@ -1,0 +1,202 @@
+"""The parameters of an experiment, as they are on a parameter server: controllers.yaml, overlaid by the experiment,
+and the robot's own."""
+
+import copy
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+import panda_description
+from hric_control import plugins
+from hric_control.errors import HricError
+from hric_control.plants import PHI, resources, sigmoid_parameters
+from hric_control.sim.robot_hw_sim import RobotHWSim
+from hric_experiments.definition.experiment import Experiment, ExperimentError, RobotSpec, Setpoint, package_path
+
+ROBOT = "robot"
+"""Namespace of the robot's own parameters, below the robot's namespace."""
+
+MOCAP_CLIENT, EMULATED_HUMAN = "natnet_client", "emulated_human"
+"""Names of the motion capture's nodes."""
+
+
+def description(spec: RobotSpec) -> str:
+    """`robot_description`, pure URDF: the Panda by its arguments, or another robot's URDF or xacro.
+
+    Raises:
+        HricError: an argument that the description does not have, or a file that cannot be used.
+    """
+    if spec.urdf:
+        return _description_of(spec.urdf)
+    valid = [name for name in panda_description.arguments() if name not in ("arm_id", "robot_sim_type")]
+    unknown = sorted(set(spec.description) - set(valid))
+    if unknown:
+        raise ExperimentError(
+            f"unknown key {', '.join('robot.description.' + key for key in unknown)}; valid: {', '.join(valid)}"
+        )
+    return str(panda_description.load(arm_id=spec.arm_id, robot_sim_type=spec.hw, **spec.description))
+
+
+def _description_of(address: str) -> str:
+    try:
+        path = resources.resolve(address)
+        text = path.read_text()
+    except (HricError, OSError) as error:
+        raise HricError(f"cannot read the robot description {address}: {error}") from error
+    return text if path.suffix != ".xacro" else str(panda_description.process_xacro(path, {}).toxml())
+
+
+def controllers_file() -> Path:
+    """The controllers' YAML that the bring-up loads too."""
+    return package_path("hric_bringup") / "config" / "controllers.yaml"
+
+
+def defaults(arm_id: str) -> dict[str, dict[str, Any]]:
+    """Parameters of all controller instances that come configured.
+
+    Args:
+        arm_id: put in place of $(arg arm_id).
+
+    Raises:
+        HricError: the file is missing or is not YAML.
+    """
+    try:
+        data = yaml.safe_load(controllers_file().read_text().replace("$(arg arm_id)", arm_id))
+    except (OSError, yaml.YAMLError) as error:
+        raise HricError(f"cannot read {controllers_file()}: {error}") from error
+    return dict(data or {})
+
+
+def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
+    """Parameters of the instances that the experiment starts.
+
+    Raises:
+        ExperimentError: an instance without a type; lists those that come configured.
+    """
+    known = defaults(experiment.robot.arm_id)
+    result: dict[str, dict[str, Any]] = {}
+    for name in experiment.controllers:
+        values = overlay(known.get(name, {}), experiment.parameters.get(name, {}))
+        if "type" not in values:
+            raise ExperimentError(
+                f"experiment {experiment.name}: controller {name!r} is not in {controllers_file().name} and "
+                f"parameters.{name}.type is not given; "
+                f"configured: {', '.join(sorted(known))}"
+            )
+        result[name] = values
+    return result
+
+
+def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
+    """Private parameters of the RobotHW.
+
+    Raises:
+        HricError: a realism that there is not, or of a robot that knows none.
+    """
+    spec = experiment.robot
+    plant = _realistic(spec, {"seed": seed, **spec.plant, **_friction(spec)})
+    values: dict[str, Any] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": plant}
+    if spec.plant_type:
+        values["plant_type"] = spec.plant_type
+    if spec.q_start is not None:
+        values["q_start"] = dict(spec.q_start) if isinstance(spec.q_start, Mapping) else list(spec.q_start)
+    return values
+
+
+def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
+    """The plant's parameters with the friction of `realism`, so that run.yaml has the friction that acted."""
+    if "realism" not in spec.parameters:
+        return plant
+    if issubclass(plugins.find(plugins.ROBOT_HW, spec.hw), RobotHWSim):  # it has no control box with a model of its own
+        raise ExperimentError(
+            "realism is of the simulated Franka with its control box (robot.hw franka_sim/FrankaHWSim); this "
+            f"experiment has {spec.hw}"
+        )
+    from franka_sim.realism import parse  # with the control box's settings, which other experiments need not wait for
+
+    return parse(spec.parameters["realism"], "realism").with_friction(plant, spec.arm_id)
+
+
+def _friction(spec: RobotSpec) -> dict[str, Any]:
+    """What the plant needs for the friction of the Panda's description."""
+    friction = spec.plant.get("friction", spec.description.get("friction", "none"))
+    if spec.urdf or friction == "none":
+        return {}
+    if friction != "identified":
+        return {"friction": friction}
+    published = panda_description.friction_parameters(spec.arm_id)
+    values = sigmoid_parameters(spec.plant.get("friction_parameters") or published, list(published))
+    # By the joints' names, as the control box takes them: a fitted file has the values in their order, whatever the arm
+    # is called.
+    return {
+        "friction": friction,
+        "friction_parameters": {
+            joint: dict(zip(PHI, phi, strict=True)) for joint, phi in zip(published, values, strict=True)
+        },
+    }
+
+
+def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:
+    """The parameters below `joint_limits/` in the robot's namespace: the Panda's limits under ros_control's names, the
+    rate of torque among them, which a URDF cannot carry. Empty for another robot."""
+    return {} if experiment.robot.urdf else panda_description.joint_limit_parameters(experiment.robot.arm_id)
+
+
+def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
+    """Private parameters of the motion capture's nodes, by their names: the client, and the emulated human with his
+    Motive. Empty without a section `mocap`."""
+    return {} if experiment.mocap is None else experiment.mocap.nodes(experiment.robot.arm_id, seed)
+
+
+def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
+    """Private parameters of the sensors' nodes, by their names: drivers, emulated devices, and the synchroniser of all
+    that measures. Empty without one of the sections `emg`, `force_plate`, `sync`."""
+    found = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed).items()}
+    if experiment.sync is not None:
+        found |= experiment.sync.nodes(_joints(experiment), [part.source for part in experiment.sources])
+    return found
+
+
+def _joints(experiment: Experiment) -> list[str]:
+    """As a controller names them, else those of a Panda."""
+    for values in controllers(experiment).values():
+        if isinstance(values.get("joints"), list) and values["joints"]:
+            return [str(joint) for joint in values["joints"]]
+    return [f"{experiment.robot.arm_id}_joint{number}" for number in range(1, 8)]
+
+
+def check_setpoint(setpoint: Setpoint, joints: Sequence[str], limits: Mapping[str, Mapping[str, float]]) -> None:
+    """Refuse a setpoint that the controller would refuse, before anything moves.
+
+    Args:
+        setpoint: what is to be sent.
+        joints: the controller's joints.
+        limits: per joint, lower and upper if there are any [rad].
+
+    Raises:
+        ExperimentError: wrong length, or outside the range of a joint.
+    """
+    where = f"setpoint at {setpoint.time:g} s for {setpoint.controller}"
+    if len(setpoint.positions) != len(joints):
+        raise ExperimentError(
+            f"{where} has {len(setpoint.positions)} positions; valid: {len(joints)}, for {', '.join(joints)}"
+        )
+    for joint, position in zip(joints, setpoint.positions, strict=True):
+        bounds = limits.get(joint, {})
+        low, high = bounds.get("lower", -math.inf), bounds.get("upper", math.inf)
+        if not low <= position <= high:
+            raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}")
+
+
+def overlay(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with `changes`, group by group."""
+    result = copy.deepcopy(dict(base))
+    for key, value in changes.items():
+        old = result.get(key)
+        result[key] = (
+            overlay(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else copy.deepcopy(value)
+        )
+    return result

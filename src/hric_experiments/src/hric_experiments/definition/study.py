@@ -1,0 +1,115 @@
+"""Study files: one experiment run in several variants, and how far apart the runs may be."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from hric_control.errors import ParameterError, UnknownNameError
+from hric_control.parameters import Settings, listing, mapping, number, read_yaml, refused, section, text
+from hric_control.parameters import names as names_
+from hric_experiments.definition import experiment
+from hric_experiments.definition.experiment import Experiment, ExperimentError
+
+OVERRIDES: Any = listing(text(empty=False), default=(), different=True)
+
+
+@dataclass(frozen=True)
+class Pair(Settings):
+    """Two runs of a form that are overlaid on each other."""
+
+    runs: tuple[str, str] = names_(2, text="names of the runs")
+    at_most: float | None = number(
+        None,
+        above=0.0,
+        unit="rad",
+        text="largest difference of a joint position that the study accepts; none: reported only",
+    )
+
+
+@dataclass(frozen=True)
+class Form(Settings):
+    """One experiment in several variants. name: within the study."""
+
+    name: str = ""
+    experiment: str = text(empty=False, text="its name")
+    changes: tuple[str, ...] = listing(text(empty=False), default=(), different=True, text="overrides of all runs")
+    runs: Mapping[str, tuple[str, ...]] = mapping(
+        OVERRIDES, text="name of each run and its own overrides, in the order in which they are run"
+    )
+    compared: tuple[Pair, ...] = listing(
+        section(Pair), range(1, 100), text="which runs are overlaid on each other; figures show the first pair"
+    )
+
+    def check(self, where: str) -> None:
+        """Refuse a pair that names no run."""
+        for i, pair in enumerate(self.compared):
+            if unknown := [name for name in pair.runs if name not in self.runs]:
+                raise refused(f"{where}compared[{i}].runs", ", ".join(unknown), f"two of {', '.join(self.runs)}")
+
+    def arguments(self, run: str, given: Iterable[str]) -> list[str]:
+        """Overrides of one run; given: the user's, which come last."""
+        return [*self.changes, *self.runs[run], *given]
+
+    def definition(self, run: str, given: Iterable[str]) -> Experiment:
+        """The experiment of one run.
+
+        Raises:
+            HricError: a mistake in an override.
+        """
+        return experiment.load(self.experiment, self.arguments(run, given))
+
+
+@dataclass(frozen=True)
+class Study(Settings):
+    """A study. name: of the file without its ending."""
+
+    name: str = ""
+    description: str = text(text="one line for people")
+    forms: Mapping[str, Form] = mapping(
+        section(Form), made=lambda given: {name: replace(form, name=name) for name, form in given.items()}
+    )
+
+    def check(self, where: str) -> None:
+        """Refuse a study without forms."""
+        if not self.forms:
+            raise refused(f"{where}forms", {}, "at least one form")
+
+    def chosen(self, names: Iterable[str]) -> list[Form]:
+        """The forms of these names, all if there are none.
+
+        Raises:
+            UnknownNameError: no such form.
+        """
+        requested = list(names) or list(self.forms)
+        for name in requested:
+            if name not in self.forms:
+                raise UnknownNameError("form", name, self.forms, f"study {self.name}")
+        return [self.forms[name] for name in requested]
+
+
+def names() -> list[str]:
+    """Names of the studies that come with the workspace."""
+    return experiment.names("studies")
+
+
+def load(name: str) -> Study:
+    """Read a study and check it.
+
+    Raises:
+        HricError: no such study, or a mistake in its file; the message gives the key and what is valid.
+    """
+    if name not in names():
+        raise UnknownNameError("study", name, names(), "studies")
+    return parse(name, read_yaml(experiment.config_path("studies") / f"{name}.yaml"))
+
+
+def parse(name: str, raw: Any) -> Study:
+    """Check the contents of a study file.
+
+    Raises:
+        ExperimentError: an unknown or missing key, or a pair that names no run.
+    """
+    try:
+        return replace(Study.of(raw, ""), name=name)
+    except ParameterError as error:
+        raise ExperimentError(f"study {name}: {error}") from error

@@ -1,0 +1,1 @@
+"""Experiments without a master, as fast as the machine allows."""

@@ -1,0 +1,241 @@
+"""Runs a study headless: every run of every form, the comparisons, and one verdict."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hric_bags import files
+from hric_bags import reader as bag_reader
+from hric_bags import text as text_table
+from hric_bags.reader import FloatArray
+from hric_bags.run_folder import COMPLETED, FAILED, INTERRUPTED, RUNNING, RunFolder, iso_now
+from hric_control.errors import HricError
+from hric_control.local.node import LocalNode
+from hric_control.robot_app import RobotApp
+from hric_control.urdf import read
+from hric_experiments.analysis import stability, study_tracking
+from hric_experiments.analysis.compare import compare
+from hric_experiments.analysis.run import bag_of
+from hric_experiments.definition import parameters
+from hric_experiments.definition.experiment import Experiment
+from hric_experiments.definition.study import Form, Pair, Study
+from hric_experiments.headless import runner as headless
+from hric_experiments.headless.runner import Result
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """What a study leaves.
+
+    Attributes:
+        folder: where metrics.json, summary.txt and the figures are.
+        metrics: contents of metrics.json, plus the report text under "report".
+        interrupted: whether Ctrl-C ended it before its time.
+    """
+
+    folder: Path
+    metrics: dict[str, Any]
+    interrupted: bool
+
+    @property
+    def passed(self) -> bool:
+        """Whether no difference is larger than its bound, and no run unstable."""
+        forms = self.metrics["forms"].values()
+        stable = all(run["stability"] != stability.UNSTABLE for form in forms for run in form["runs"].values())
+        return stable and all(pair["passed"] is not False for form in forms for pair in form["compared"])
+
+
+def run(
+    study: Study, forms: Sequence[Form], given: Sequence[str], *, seed: int, root: Path, progress: bool, figures: bool
+) -> StudyResult:
+    """Run the forms one after the other. Each run has its own run folder beside the study's.
+
+    Raises:
+        HricError: a run cannot be made, or two runs do not match.
+    """
+    for form in forms:
+        for name in form.runs:
+            form.definition(name, given)  # a mistake is reported before anything runs
+    folder = RunFolder.create(root, study.name)
+    head = {
+        "study": study.name,
+        "description": study.description,
+        "experiment": study.name,
+        "arguments": list(given),
+        "seed": seed,
+    }
+    folder.write({**head, "status": RUNNING, "started": iso_now()})
+    try:
+        result, interrupted = _forms(forms, given, seed, folder.path, root, progress, figures)
+    except BaseException as error:
+        folder.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
+        raise
+    finally:
+        files.point_link(root / "latest", folder.path.name)
+    result = {"study": study.name, "arguments": list(given), "forms": result}
+    report = render(result)
+    files.write_json(folder.metrics_path, result)
+    files.write_text(folder.path / "summary.txt", report)
+    folder.update(status=INTERRUPTED if interrupted else COMPLETED, finished=iso_now())
+    return StudyResult(folder.path, {**result, "report": report}, interrupted)
+
+
+def _forms(
+    forms: Sequence[Form], given: Sequence[str], seed: int, folder: Path, root: Path, progress: bool, figures: bool
+) -> tuple[dict[str, Any], bool]:
+    """(results by form, whether Ctrl-C came)."""
+    found: dict[str, Any] = {}
+    for form in forms:
+        runs, interrupted = _runs(form, given, seed, root, progress)
+        if interrupted:
+            return found, True
+        found[form.name] = {
+            "experiment": form.experiment,
+            "changes": list(form.changes),
+            "runs": {name: _run(run) for name, run in runs.items()},
+            "compared": [_pair(pair, runs, folder / form.name, figures) for pair in form.compared],
+        }
+        if figures:
+            _draw(form, runs, given, folder / form.name, found[form.name])
+    return found, False
+
+
+def _runs(form: Form, given: Sequence[str], seed: int, root: Path, progress: bool) -> tuple[dict[str, Result], bool]:
+    """(result of each run, whether Ctrl-C came)."""
+    found: dict[str, Result] = {}
+    for name in form.runs:
+        result = headless.run(
+            form.definition(name, given),
+            form.arguments(name, given),
+            seed=seed,
+            root=root,
+            progress=progress,
+            figures=False,
+        )
+        if result.interrupted:
+            return found, True
+        found[name] = result
+    return found, False
+
+
+def _run(result: Result) -> dict[str, Any]:
+    data = result.folder.read()
+    return {
+        "run": result.folder.path.name,
+        "arguments": data["arguments"],
+        "real_time_factor": data.get("real_time_factor"),
+        "stability": result.metrics["stability"]["verdict"],
+        "law_times": law_times(times_of(result.folder)),
+        "tracking": study_tracking.chosen(result.metrics),
+    }
+
+
+def times_of(folder: RunFolder) -> FloatArray:
+    """Time that the control law saw in each of its calls, shape (n,) [s]."""
+    return bag_reader.read(bag_of(folder, folder.read())).log.time
+
+
+def law_times(time: FloatArray) -> dict[str, Any]:
+    """What thesis fig. 17 shows: how often the law was called, and whether the time it saw ever went back."""
+    steps = np.diff(time)
+    return {
+        "calls": len(time),
+        "strictly_rising": bool(np.all(steps > 0.0)),
+        "backward_steps": int(np.count_nonzero(steps <= 0.0)),
+        "step_min": float(steps.min()),
+        "step_max": float(steps.max()),
+    }
+
+
+def _pair(pair: Pair, runs: Mapping[str, Result], folder: Path, figures: bool) -> dict[str, Any]:
+    a, b = pair.runs
+    found = compare(runs[a].folder, runs[b].folder, folder / f"{a}_{b}", labels=(a, b), figures=figures)
+    peak = max(move["peak_difference_max"] for move in found["setpoints"])
+    steady = max(move["steady_difference_max"] for move in found["setpoints"])
+    rms = max(joint["rms_difference"] for move in found["setpoints"] for joint in move["joints"].values())
+    return {
+        "runs": [a, b],
+        "peak_difference_max": peak,
+        "rms_difference_max": rms,
+        "steady_difference_max": steady,
+        "at_most": pair.at_most,
+        "passed": None if pair.at_most is None else peak <= pair.at_most,
+        "settling_time": {name: _settling(runs[name]) for name in (a, b)},
+    }
+
+
+def _settling(result: Result) -> dict[str, Any]:
+    moves = result.metrics["setpoints"]
+    return dict(moves[-1]["settling_time_max"]) if moves else {}
+
+
+def _draw(form: Form, runs: Mapping[str, Result], given: Sequence[str], folder: Path, result: dict[str, Any]) -> None:
+    from hric_experiments.report import study_figures
+
+    first = form.compared[0].runs
+    poses = {name: start_poses(form.definition(name, given)) for name in first}
+    a, b = (poses[name] for name in first)
+    result["start_pose_difference_max"] = max(float(np.abs(a[link] - b[link]).max()) for link in a if link in b)
+    study_figures.draw_times(
+        folder, {name: times_of(run.folder) for name, run in runs.items() if name in first}, form.name
+    )
+    study_figures.draw_poses(folder, poses, form.name)
+    study_tracking.draw(folder, {name: run.folder for name, run in runs.items()}, form.name)
+
+
+def render(result: Mapping[str, Any]) -> str:
+    """The study as text, for the terminal and summary.txt; result: contents of metrics.json."""
+    parts = [f"{result['study']}" + (f", {' '.join(result['arguments'])}" if result["arguments"] else "")]
+    for name, form in result["forms"].items():
+        lines = [f"{name}: {form['experiment']} {' '.join(form['changes'])}"]
+        for run, values in form["runs"].items():
+            law = values["law_times"]
+            rising = (
+                "time strictly rises" if law["strictly_rising"] else f"time went BACK {law['backward_steps']} times"
+            )
+            rising += ", UNSTABLE" if values["stability"] == stability.UNSTABLE else ""
+            lines.append(
+                f"  {run}: {law['calls']} calls of the law, {rising}; {values['real_time_factor']:.2f} times real "
+                f"time ({values['run']})"
+            )
+        if "start_pose_difference_max" in form:
+            lines.append(
+                f"  link frames at the start agree within {form['start_pose_difference_max']:.1e} (m, and entries of "
+                "the rotation)"
+            )
+        parts.append("\n".join([*lines, *study_tracking.lines(form["runs"]), "", *_differences(form["compared"])]))
+    return "\n\n".join(parts) + "\n"
+
+
+def _differences(pairs: Sequence[Mapping[str, Any]]) -> list[str]:
+    cells = [["joint positions apart [rad]", "largest", "rms", "steady", "at most", ""]]
+    for pair in pairs:
+        bound = "-" if pair["at_most"] is None else f"{pair['at_most']:.1e}"
+        verdict = {None: "reported", True: "holds", False: "FALLS SHORT"}[pair["passed"]]
+        figures = [f"{pair[key]:.2e}" for key in ("peak_difference_max", "rms_difference_max", "steady_difference_max")]
+        cells.append([" - ".join(pair["runs"]), *figures, bound, verdict])
+    return text_table.rows(cells)
+
+
+def start_poses(definition: Experiment) -> dict[str, FloatArray]:
+    """T_world_link of each link that the engine knows, shape (4, 4), in the order of the description.
+
+    Raises:
+        HricError: the robot cannot be built, or has no plant.
+    """
+    text = parameters.description(definition.robot)
+    values = parameters.robot(definition) | {"real_time_factor": 0.0}
+    node = LocalNode(
+        {"robot_description": text, "joint_limits": parameters.joint_limits(definition), parameters.ROBOT: values}
+    )
+    app = RobotApp(node, node.child(parameters.ROBOT))
+    try:
+        plant = app.hw.plant
+        if plant is None:
+            raise HricError(f"{definition.robot.hw} has no plant: its links have no poses")
+        return {name: plant.link_state(name)[0] for name in read(text).links}
+    finally:
+        app.shutdown()

@@ -1,0 +1,205 @@
+"""The experiment node: waits for controllers and recorder, sends the setpoints in robot time, ends the recording,
+reports."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import rospy
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+
+from controller_manager_msgs.srv import ListControllers
+from hric_bags.run_folder import RunFolder
+from hric_control.errors import HricError
+from hric_control.parameters import Settings, flag, number, text
+from hric_control.ros import RosNode
+from hric_experiments.definition import experiment as experiments
+from hric_experiments.definition import overrides, parameters
+from hric_experiments.definition.experiment import Experiment
+from hric_experiments.live import node as live_node
+from hric_experiments.live.human import LiveHuman
+from hric_experiments.live.sensors import LiveSensors
+from hric_experiments.live.topics import unrecorded
+from hric_experiments.recorder.node import RECORDING_TOPIC, START_SERVICE, STOP_SERVICE, TRIGGER_TOPIC
+
+POLL = 0.01
+"""Between two looks at the clock [s of wall time]."""
+RECORDER_GRACE = 5.0
+"""The recorder looks for new topics twice a second; the experiment waits no longer for its subscriptions [s of wall
+time]."""
+SENSORS_GRACE = 20.0
+"""The same where every sample is to be recorded [s of wall time]."""
+
+
+class NotReady(HricError):
+    """The system did not become ready in time."""
+
+
+@dataclass(frozen=True)
+class ExperimentSettings(Settings):
+    """Parameters of the node."""
+
+    experiment: str = text(empty=False, text="experiment to run")
+    overrides: str = text("", figures=True, text="overrides of the experiment")
+    record: bool = flag(True, text="whether a recorder runs; false: no report")
+    html: bool = flag(False, text="leave `report.html` in the run folder, too; some seconds more at the end")
+    armed: bool = flag(False, text="the recorder waits for a trigger: so does the experiment, as long as it takes")
+    ready_timeout: float = number(
+        60.0, minimum=0.0, unit="s", text="wall time that controllers and recorder may take to be ready"
+    )
+
+
+class LiveExperiment:
+    """Runs one experiment against the robot in this node's namespace."""
+
+    def __init__(self) -> None:
+        self._settings = settings = ExperimentSettings.read(RosNode("~"))
+        self.experiment: Experiment = experiments.load(settings.experiment, overrides.separate(settings.overrides))
+        controllers = dict.fromkeys(setpoint.controller for setpoint in self.experiment.setpoints)
+        self._publishers = {
+            name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers
+        }
+        self._folder = ""
+        self._human = LiveHuman(self.experiment.mocap.body) if self.experiment.mocap is not None else None
+        self._sensors = LiveSensors(self.experiment)
+        if self._settings.record:
+            rospy.Subscriber(RECORDING_TOPIC, String, self._on_recording)
+
+    def _on_recording(self, message: Any) -> None:
+        self._folder = message.data
+
+    def run(self) -> str:
+        """The whole experiment. Returns the report, empty when nothing was recorded.
+
+        Raises:
+            HricError: not ready in time, the robot went away, or the bag cannot be used.
+        """
+        self._wait_ready()
+        rospy.loginfo(
+            "experiment %s: %d setpoints, %g s", self.experiment.name, len(self._publishers), self.experiment.duration
+        )
+        interval, factor = self._send()
+        if not self._settings.record:
+            rospy.loginfo("experiment %s ended; nothing was recorded", self.experiment.name)
+            return ""
+        if behind := self._sensors.drain(interval[1]):
+            rospy.logwarn("the last samples on %s have not come: the bag will lack them", ", ".join(behind))
+        folder = self._stop_recording()
+        folder.update(real_time_factor=factor, interval=interval)
+        return self._report(folder)
+
+    def _report(self, folder: RunFolder) -> str:
+        # Loaded here, since at the start the robot waits for the processors that this would take.
+        from hric_experiments import report_html
+        from hric_experiments.analysis import run as analysis
+
+        report = str(analysis.analyse(folder)["report"]) + f"\nrun folder: {folder.path}\n"
+        return report + (f"page: {report_html.write(folder)}\n" if self._settings.html else "")
+
+    def _wait_ready(self) -> None:
+        self._wait(self._missing_controllers, "controllers that do not run: {}")
+        if self._settings.record:
+            self._wait_recording()
+        self._wait(lambda: self._unconnected(1), "controllers that do not subscribe to their command topic: {}")
+        limits = RunFolder(Path(self._folder)).read().get("limits", {}) if self._settings.record else {}
+        for setpoint in self.experiment.setpoints:
+            joints = rospy.get_param(f"{setpoint.controller}/joints", None)
+            parameters.check_setpoint(setpoint, joints or [""] * len(setpoint.positions), limits)
+        self._wait(lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "robot time does not move: nothing on {}")
+        if self._human is not None:
+            self._wait(self._human.missing, "no motion capture: {}")
+        self._wait(self._sensors.missing, "sensors do not publish: {}")
+        if self._settings.record:
+            self._wait_subscribed()
+
+    def _wait_recording(self) -> None:
+        if self._settings.armed:
+            rospy.loginfo(
+                "experiment %s waits for the trigger of the recording: %s or %s",
+                self.experiment.name,
+                TRIGGER_TOPIC,
+                START_SERVICE,
+            )
+            while not self._folder:
+                live_node.sleep(5 * POLL)
+        self._wait(lambda: [] if self._folder else [RECORDING_TOPIC], "no recorder: nothing on {}")
+
+    def _wait_subscribed(self) -> None:
+        """The move begins when the recorder receives all that the robot publishes, and the setpoints."""
+        recorder, robot = rospy.resolve_name("recorder"), rospy.resolve_name("robot")
+        others = {*(self._human.nodes() if self._human is not None else []), *self._sensors.nodes()}
+        commands = {publisher.resolved_name for publisher in self._publishers.values()}
+        deadline = time.monotonic() + (SENSORS_GRACE if self._sensors.sampled else RECORDER_GRACE)
+        while missing := set().union(*(unrecorded(recorder, node) for node in (robot, *others))) | (
+            commands if self._unconnected(2) else set()
+        ):
+            if time.monotonic() > deadline:
+                rospy.logwarn(
+                    "the recorder has not subscribed to %s yet: the bag will lack their beginning",
+                    ", ".join(sorted(missing)),
+                )
+                return
+            live_node.sleep(5 * POLL)
+
+    def _unconnected(self, listeners: int) -> list[str]:
+        return [name for name, publisher in self._publishers.items() if publisher.get_num_connections() < listeners]
+
+    def _wait(self, missing: Callable[[], Sequence[str]], text: str) -> None:
+        timeout = self._settings.ready_timeout
+        deadline = time.monotonic() + timeout
+        while left := missing():
+            if time.monotonic() > deadline:
+                raise NotReady(f"experiment {self.experiment.name}: after {timeout:g} s {text.format(', '.join(left))}")
+            live_node.sleep(5 * POLL)
+
+    def _missing_controllers(self) -> list[str]:
+        service = rospy.ServiceProxy("controller_manager/list_controllers", ListControllers)
+        try:
+            running = {controller.name for controller in service().controller if controller.state == "running"}
+        except (rospy.ServiceException, rospy.ROSException):
+            return ["controller_manager/list_controllers"]
+        return [name for name in self.experiment.controllers if name not in running]
+
+    def _send(self) -> tuple[list[float], float]:
+        """Send the setpoints at their times and wait for the end. Returns begin and end [s of robot time], and the
+        real-time factor."""
+        if self._human is not None:
+            self._human.start()
+        begin, wall = rospy.get_time(), time.monotonic()
+        for setpoint in self.experiment.setpoints:
+            self._sleep_until(begin + setpoint.time)
+            self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
+        self._sleep_until(begin + self.experiment.duration)
+        end = rospy.get_time()
+        return [float(begin), float(end)], float((end - begin) / max(time.monotonic() - wall, 1e-9))
+
+    def _sleep_until(self, when: float) -> None:
+        """Wait until robot time `when`; a paused simulation pauses the experiment, a robot that went away ends it."""
+        last = (rospy.get_time(), time.monotonic())
+        while (now := rospy.get_time()) < when:
+            if now != last[0]:
+                last = (now, time.monotonic())
+            elif time.monotonic() - last[1] > 5.0 and self._missing_controllers():
+                raise HricError(
+                    f"experiment {self.experiment.name}: robot time stays at {now:.3f} s and the robot does not respond"
+                )
+            live_node.sleep(POLL)
+
+    def _stop_recording(self) -> RunFolder:
+        try:
+            response = rospy.ServiceProxy(STOP_SERVICE, Trigger)()
+        except rospy.ServiceException as error:
+            raise HricError(f"the recorder does not respond: {error}") from error
+        if not response.success:
+            raise HricError(f"the recording could not be ended: {response.message}")
+        return RunFolder(Path(response.message).parent)
+
+
+def run() -> None:
+    """Run the experiment that the parameters name and print the report."""
+    report = LiveExperiment().run()
+    if report:
+        print(f"\n{report}", flush=True)

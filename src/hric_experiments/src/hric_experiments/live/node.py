@@ -1,0 +1,101 @@
+"""What the nodes of this package share: how they start, and how they end."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rosgraph
+import rospy
+
+from hric_control.errors import HricError
+
+INTERRUPTED_CODE = 130
+MASTER_TIMEOUT = 30.0
+"""How long to wait for a master [s]."""
+
+
+_stop = threading.Event()
+
+
+class Interrupted(BaseException):
+    """Ctrl-C or SIGTERM, raised in the main thread wherever it waits or computes."""
+
+
+def main(name: str, text: str, work: Callable[[], None], interrupted: int = INTERRUPTED_CODE) -> int:
+    """Run a node.
+
+    Args:
+        name: its default name.
+        text: for --help.
+        work: what it does; may return, raise HricError for a failure that a user can understand, and is left at once on
+            Ctrl-C.
+        interrupted: exit code after Ctrl-C; 0 for a node that ends in no other way.
+
+    Returns:
+        exit code: 0 done, 1 failed.
+    """
+    if {"-h", "--help"} & set(sys.argv[1:]):
+        print(text, "Parameters: INTERFACE.md of hric_experiments.")
+        return 0
+    _on_signals(_interrupt)
+    try:
+        wait_for_master()
+        rospy.init_node(name, disable_signals=True)
+        work()
+        return 0
+    except HricError as error:
+        rospy.logfatal("%s", error)
+        return 1
+    except Interrupted:
+        return interrupted
+    finally:
+        _on_signals(signal.SIG_IGN)
+        rospy.signal_shutdown("end")
+
+
+def wait_for_master(timeout: float = MASTER_TIMEOUT) -> None:
+    """Wait until a master responds.
+
+    Raises:
+        HricError: none does.
+    """
+    deadline = time.monotonic() + timeout
+    while not rosgraph.is_master_online():
+        if time.monotonic() > deadline:
+            raise HricError(f"no ROS master at {os.environ.get('ROS_MASTER_URI', '(ROS_MASTER_URI is not set)')}")
+        sleep(0.1)
+
+
+def sleep(seconds: float) -> None:
+    """Wait [s of wall time].
+
+    Raises:
+        Interrupted: a signal came, now or earlier.
+    """
+    if not _stop.is_set():
+        time.sleep(seconds)
+    if _stop.is_set():
+        raise Interrupted
+
+
+def interrupted() -> bool:
+    """Whether a signal came: for waits of other threads, in which it cannot be raised."""
+    return _stop.is_set()
+
+
+def _interrupt(*_: Any) -> None:
+    # The first signal alone raises: what is being closed is not to be left half done. rospy has places that catch
+    # everything, hence the flag too.
+    first = not _stop.is_set()
+    _stop.set()
+    if first:
+        raise Interrupted
+
+
+def _on_signals(handler: Any) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handler)

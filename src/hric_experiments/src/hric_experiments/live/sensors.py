@@ -1,0 +1,90 @@
+"""The sources of a live experiment beside the robot: waits until all of them publish, and at the end until the last
+samples have come."""
+
+import struct
+import threading
+import time
+from functools import partial
+from typing import Any
+
+import rosgraph
+import rospy
+
+from hric_experiments.definition.experiment import Experiment
+from hric_experiments.live import node as live_node
+from hric_perception.sent import TOPIC as SENT
+
+_STAMP = struct.Struct("<xxxxII")
+"""Of the header that each of these messages begins with."""
+DRAIN = 1.0
+"""What was measured until the end has come when the stamps are so much later: longer than anything is on its way [s of
+robot time] (project default, unconfirmed)."""
+DRAIN_TIMEOUT, POLL = 30.0, 0.05
+"""[s of wall time]"""
+
+
+class LiveSensors:
+    """All topics whose samples are counted: motion capture, EMG, force plate, synchronised samples.
+
+    Args:
+        experiment: whose sections say which.
+
+    Attributes:
+        topics: of all of them.
+        sampled: whether there is more than a motion capture.
+    """
+
+    def __init__(self, experiment: Experiment) -> None:
+        synchronised = [] if experiment.sync is None else experiment.sync.topics
+        self.topics = [str(part.source["topic"]) for part in experiment.sources] + synchronised
+        self.sampled = bool(experiment.sensors or synchronised)
+        self._stamps: dict[str, float] = {}
+        self._lock = threading.Lock()
+        self._subscribers: dict[str, Any] = {}
+        self._listen()
+
+    def missing(self) -> list[str]:
+        """Topics on which nothing has come yet; each is listened to until then only."""
+        for topic in [topic for topic in self._subscribers if self._stamp(topic) is not None]:
+            self._subscribers.pop(topic).unregister()
+        return [f"nothing on {topic}" for topic in self._subscribers]
+
+    def nodes(self) -> list[str]:
+        """Names of the nodes that publish them, or counts of what was sent."""
+        counted = {*self.topics, SENT} if self.topics else set()
+        published = rosgraph.Master(rospy.get_name()).getSystemState()[0]
+        return sorted({node for topic, nodes in published if topic in counted for node in nodes})
+
+    def drain(self, end: float) -> list[str]:
+        """Wait until all that was measured up to a time [s] has come. Returns the topics on which it has not."""
+        with self._lock:
+            self._stamps.clear()
+        self._listen()
+        deadline = time.monotonic() + DRAIN_TIMEOUT
+        while behind := [topic for topic in self.topics if (self._stamp(topic) or 0.0) < end + DRAIN]:
+            if time.monotonic() > deadline:
+                break
+            live_node.sleep(POLL)
+        for subscriber in self._subscribers.values():
+            subscriber.unregister()
+        self._subscribers.clear()
+        return behind
+
+    def _listen(self) -> None:
+        self._subscribers = {
+            topic: rospy.Subscriber(topic, rospy.AnyMsg, partial(self._on_message, topic), queue_size=10)
+            for topic in self.topics
+        }
+
+    def _on_message(self, topic: str, message: Any) -> None:
+        if isinstance(message, rospy.AnyMsg):
+            seconds, nanoseconds = _STAMP.unpack_from(message._buff)
+            stamp = seconds + 1e-9 * nanoseconds
+        else:  # another subscriber in this process has set the type
+            stamp = message.header.stamp.to_sec()
+        with self._lock:
+            self._stamps[topic] = max(self._stamps.get(topic, 0.0), stamp)
+
+    def _stamp(self, topic: str) -> float | None:
+        with self._lock:
+            return self._stamps.get(topic)

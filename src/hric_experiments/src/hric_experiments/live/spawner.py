@@ -1,0 +1,101 @@
+"""The spawner node: puts the experiment's parameters on the server, loads its controllers and starts them together."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import rospy
+
+from controller_manager_msgs.srv import ListControllers, LoadController, SwitchController, SwitchControllerRequest
+from hric_control.errors import HricError
+from hric_control.parameters import Settings, text
+from hric_control.ros import RosNode
+from hric_experiments.definition import experiment as experiments
+from hric_experiments.definition import overrides, parameters
+from hric_experiments.definition.experiment import Experiment
+from hric_experiments.live import node as live_node
+
+READY_TIMEOUT = 60.0
+"""How long the robot may take to offer its manager [s of wall time]."""
+MANAGER = "controller_manager"
+
+
+class SpawnError(HricError):
+    """The controllers could not be started; the robot's log has the reason."""
+
+
+def configure(definition: Experiment) -> None:
+    """Overlay the controllers' parameters on the server with the experiment's; an instance that is not there yet is put
+    there."""
+    configured = parameters.controllers(definition)
+    for name in definition.controllers:
+        present = rospy.get_param(name, None)
+        changes = configured[name] if present is None else definition.parameters.get(name, {})
+        rospy.set_param(name, parameters.overlay(present or {}, changes))
+
+
+def start(definition: Experiment, timeout: float = READY_TIMEOUT) -> None:
+    """Load what is not loaded and start all in one switch.
+
+    Raises:
+        SpawnError: the manager does not respond, or refuses.
+    """
+    _wait_for_manager(timeout)
+    loaded = {controller.name: controller.state for controller in _call("list_controllers", ListControllers).controller}
+    for name in definition.controllers:
+        if name not in loaded and not _call("load_controller", LoadController, name=name).ok:
+            raise SpawnError(f"controller {name} could not be loaded; the robot said why")
+    waiting = [name for name in definition.controllers if loaded.get(name) != "running"]
+    request = {"start_controllers": waiting, "stop_controllers": [], "strictness": SwitchControllerRequest.STRICT}
+    if waiting and not _call("switch_controller", SwitchController, **request).ok:
+        raise SpawnError(f"controllers {', '.join(waiting)} could not be started; the robot said why")
+
+
+def load_others(definition: Experiment) -> None:
+    """Load the other configured instances, so that a switch to one of them takes one call.
+
+    Raises:
+        SpawnError: the manager refuses.
+    """
+    for name in parameters.defaults(definition.robot.arm_id):
+        if name not in definition.controllers and not _call("load_controller", LoadController, name=name).ok:
+            raise SpawnError(f"controller {name} could not be loaded; the robot said why")
+
+
+def _wait_for_manager(timeout: float) -> None:
+    deadline = time.monotonic() + timeout
+    while not rospy.is_shutdown():
+        try:
+            rospy.wait_for_service(f"{MANAGER}/switch_controller", 0.2)
+            return
+        except rospy.ROSException as error:
+            if time.monotonic() > deadline:
+                raise SpawnError(f"no {rospy.resolve_name(MANAGER)} after {timeout:g} s") from error
+
+
+def _call(service: str, service_type: type, **request: Any) -> Any:
+    try:
+        return rospy.ServiceProxy(f"{MANAGER}/{service}", service_type)(**request)
+    except rospy.ServiceException as error:
+        raise SpawnError(f"{MANAGER}/{service}: {error}") from error
+
+
+@dataclass(frozen=True)
+class SpawnerSettings(Settings):
+    """Parameters of the node."""
+
+    experiment: str = text("", default_text="none", text="whose controllers are started")
+    overrides: str = text("", figures=True, text="overrides of the experiment")
+
+
+def run() -> None:
+    """Read the private parameters experiment and overrides, start the controllers, stay until the shutdown."""
+    settings = SpawnerSettings.read(RosNode("~"))
+    definition = experiments.load(settings.experiment or experiments.NONE, overrides.separate(settings.overrides))
+    configure(definition)
+    start(definition)
+    rospy.loginfo("started %s", ", ".join(definition.controllers))
+    if definition.name == experiments.NONE:
+        load_others(definition)
+    while not rospy.is_shutdown():
+        live_node.sleep(0.05)

@@ -1,0 +1,338 @@
+"""The recorder node: records into run folders on request, splits bags, guards the disk, and closes what is open at
+shutdown."""
+
+import contextlib
+import queue
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import rosgraph
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from std_msgs.msg import Empty, String
+from std_srvs.srv import Trigger, TriggerResponse
+
+from hric_bags import files
+from hric_bags.run_folder import COMPLETED, FAILED, INTERRUPTED, RunFolder, runs_root
+from hric_control.errors import HricError
+from hric_control.ros import RosNode
+from hric_experiments import provenance
+from hric_experiments.definition import experiment as experiments
+from hric_experiments.definition import overrides
+from hric_experiments.live import node as live_node
+from hric_experiments.live import topics as live_topics
+from hric_experiments.recorder import process as recorder_process
+from hric_experiments.recorder.process import RecorderProcess, RecordError
+from hric_experiments.recorder.recording import MEGABYTE, Recording, check_space, free_space
+from hric_experiments.recorder.settings import NOW, ON_TRIGGER, RecorderSettings
+
+RECORDING_TOPIC, TRIGGER_TOPIC = "hric/experiment/recording", "hric/experiment/trigger"
+START_SERVICE, STOP_SERVICE, SPLIT_SERVICE = (
+    f"hric/experiment/{what}_recording" for what in ("start", "stop", "split")
+)
+SHUTDOWN_TIMEOUT = 1.8
+"""A node must end within 2 s of Ctrl-C; the bag is closed by then [s]."""
+OPEN_TIMEOUT = 20.0
+"""How long the recorder may take to open its bag and to subscribe to what counts [s]."""
+RETRY = 30.0
+"""After a split that did not work the next is tried so much later [s]."""
+FREE_RUN = "bringup"
+"""Name of a run that is no experiment."""
+
+
+class Recorder:
+    """Recordings one after the other, from the start of the node, a trigger or the start service to the stop service or
+    the shutdown.
+
+    All work is done in the thread that calls `work`, services and triggers only request it: the children of a thread
+    end with it. Parameters are read from the node's private namespace.
+    """
+
+    def __init__(self) -> None:
+        self._requests: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = queue.SimpleQueue()
+        self._settings = settings = RecorderSettings.read(RosNode("~"))
+        self._overrides = overrides.separate(settings.overrides)
+        self._definition = experiments.load(settings.experiment or experiments.NONE, self._overrides)
+        self._free = self._definition.name == experiments.NONE
+        self._root = runs_root(settings.runs or None)
+        self._topics = [rospy.resolve_name(topic) for topic in settings.topics]
+        self._node_name = live_topics.recorder_node(rospy.get_name().rpartition("/")[2])
+        self._recording: Recording | None = None
+        self._last: Path | None = None
+        self._trouble, self._next_split = "", 0.0
+        self._diagnostics = RecorderDiagnostics()
+        self._publisher = rospy.Publisher(RECORDING_TOPIC, String, queue_size=1, latch=True)
+        services = {
+            START_SERVICE: self._on_start,
+            STOP_SERVICE: lambda: str(self.stop(COMPLETED)),
+            SPLIT_SERVICE: self._on_split,
+        }
+        self._services = [rospy.Service(name, Trigger, partial(self._serve, work)) for name, work in services.items()]
+        self._subscriber = rospy.Subscriber(TRIGGER_TOPIC, Empty, self._on_trigger, queue_size=1)
+
+    def begin(self) -> Path:
+        """Make a run folder, start the recorder, wait until it has subscribed to what is published now, and publish
+        the folder on `hric/experiment/recording`.
+
+        Returns:
+            the run folder.
+
+        Raises:
+            HricError: a recording goes on already, the disk is full, or the recorder does not come up.
+        """
+        if self._recording is not None:
+            raise RecordError(
+                f"a recording goes on already, into {self._recording.folder.path}; valid: {STOP_SERVICE}, "
+                f"{SPLIT_SERVICE}"
+            )
+        check_space(self._root, self._settings.min_free)
+        name = FREE_RUN if self._free else self._definition.name
+        folder = RunFolder.create(self._root, name)
+        self._write_head(folder, name)
+        self._trouble, self._last = "", None
+        recording = self._recording = Recording(folder, self._start, self._unconnected)
+        try:
+            recording.part.wait_open(OPEN_TIMEOUT, _shutting_down)
+            self._wait_subscribed()
+        except HricError:
+            with contextlib.suppress(HricError):
+                recording.stop()
+            recording.finish(FAILED)
+            self._recording = None
+            raise
+        if not _shutting_down():
+            self._publisher.publish(String(str(folder.path)))
+            rospy.loginfo("recording into %s", folder.path)
+        return folder.path
+
+    def _write_head(self, folder: RunFolder, name: str) -> None:
+        """run.yaml and the description of the robot, of a run with this name."""
+        namespace = rospy.get_namespace()
+        tree = rospy.get_param(namespace.rstrip("/") or "/", {}) or {}
+        # The description that is nearest to this node; empty: there is none.
+        urdf = str(rospy.get_param(rospy.search_param("robot_description") or "robot_description", ""))
+        own = {"subject": self._settings.subject, "notes": provenance.neutral(self._settings.notes)}
+        own = {key: value for key, value in own.items() if value}
+        limits = provenance.joint_limits(urdf, RosNode(namespace)) if urdf else {}
+        folder.write(
+            provenance.head(folder, self._definition, self._overrides, tree, mode="live", limits=limits, **own)
+            | {"experiment": name}
+        )
+        if urdf:
+            files.write_text(folder.urdf_path, urdf)
+
+    def _start(self, bag: Path, number: int) -> RecorderProcess:
+        command = recorder_process.arguments(bag, self._topics, self._settings.exclude, self._listener(number))
+        return RecorderProcess(bag, [recorder_process.find_recorder(), *command])
+
+    def _listener(self, number: int) -> str:
+        return f"{self._node_name}_{number}" if number else self._node_name
+
+    def _unconnected(self, new: int, old: int) -> set[str]:
+        return live_topics.unconnected(rospy.resolve_name(self._listener(new)), rospy.resolve_name(self._listener(old)))
+
+    def _wait_subscribed(self) -> None:
+        """Wait for the topics given, or else the robot's control log: the recording counts as begun with them."""
+        expected = set(self._topics) or {rospy.resolve_name("control_log")}
+        deadline, name = time.monotonic() + OPEN_TIMEOUT, rospy.resolve_name(self._node_name)
+        while not _shutting_down() and not live_topics.subscribed(name, expected):
+            if time.monotonic() > deadline:
+                raise HricError(
+                    f"the recorder did not subscribe to {', '.join(sorted(expected))} within {OPEN_TIMEOUT:g} s"
+                )
+            time.sleep(0.05)
+
+    def work(self) -> None:
+        """Record until the shutdown request.
+
+        Raises:
+            HricError: the recording that begins with the node does not, or the recorder ended by itself.
+        """
+        if self._settings.start == NOW:
+            self.begin()
+        else:
+            rospy.loginfo(
+                "armed: recording begins with %s%s",
+                f"{TRIGGER_TOPIC} or " * (self._settings.start == ON_TRIGGER),
+                START_SERVICE,
+            )
+        while not rospy.is_shutdown():
+            self._look_after()
+            self._do_requests()
+
+    def _do_requests(self) -> None:
+        """Do what a service or a trigger requests; wait a moment for it."""
+        try:
+            work, result = self._requests.get(timeout=0.05)
+        except queue.Empty:
+            live_node.sleep(0.0)
+            return
+        try:
+            result.set_result(work())
+        except HricError as error:
+            rospy.logerr("%s", error)
+            result.set_exception(error)
+
+    def _look_after(self) -> None:
+        recording = self._recording
+        if recording is None:
+            idle = "armed" if self._settings.start == ON_TRIGGER else "not recording"
+            self._diagnostics.report(ERROR if self._trouble else OK, self._trouble or idle, {})
+            return
+        free = free_space(recording.folder.path)
+        if not recording.part.running:
+            self._recording = None
+            recording.finish(FAILED)
+            full = f"; {free:.0f} MB are free" if free < self._settings.min_free else ""
+            where = f"see {recording.folder.path}, and rosrun hric_experiments health"
+            raise HricError(f"the recorder (pid {recording.part.pid}) ended by itself{full}; {where}")
+        if free < self._settings.min_free:
+            self._end_for_space(free)
+            return
+        if self._split_is_due(recording):
+            self._split_by_itself(recording)
+        values = {
+            "folder": str(recording.folder.path),
+            "part": str(recording.parts - 1),
+            "part size [MB]": f"{recording.part_size / MEGABYTE:.1f}",
+            "free [MB]": f"{free:.0f}",
+            "limit [MB]": f"{self._settings.min_free:.0f}",
+        }
+        self._diagnostics.report(WARN if self._trouble else OK, self._trouble or "recording", values)
+
+    def _end_for_space(self, free: float) -> None:
+        trouble = (
+            f"the recording was ended: {free:.0f} MB are free on its disk, fewer than the limit min_free of "
+            f"{self._settings.min_free:.0f} MB"
+        )
+        bag = self.stop(INTERRUPTED, reason=trouble)
+        self._trouble = f"{trouble}; the bag is whole: {bag}"
+        rospy.logerr("%s", self._trouble)
+        self._diagnostics.report(ERROR, self._trouble, {}, now=True)
+
+    def _split_is_due(self, recording: Recording) -> bool:
+        size, duration = self._settings.split_size, self._settings.split_duration
+        due = (0.0 < duration <= recording.part_age) or (0.0 < size * MEGABYTE <= recording.part_size)
+        return due and time.monotonic() >= self._next_split
+
+    def _split_by_itself(self, recording: Recording) -> None:
+        try:
+            rospy.loginfo("closed %s", recording.split(give_up=_shutting_down))
+            self._trouble = ""
+        except RecordError as error:
+            self._trouble, self._next_split = str(error), time.monotonic() + RETRY
+            rospy.logwarn("%s", error)
+
+    def _request(self, work: Callable[[], str]) -> Future[str]:
+        result: Future[str] = Future()
+        self._requests.put((work, result))
+        return result
+
+    def _serve(self, work: Callable[[], str], _: Any) -> Any:
+        result = self._request(work)
+        while not _shutting_down():
+            with contextlib.suppress(TimeoutError):
+                error = result.exception(0.1)
+                return TriggerResponse(success=error is None, message=str(error or result.result()))
+        return TriggerResponse(success=False, message="the recorder ends")
+
+    def _on_start(self) -> str:
+        return str(self.begin())
+
+    def _on_split(self) -> str:
+        if self._recording is None:
+            raise RecordError(f"nothing is being recorded that could be split; valid: {START_SERVICE}")
+        path = self._recording.split(give_up=_shutting_down)
+        rospy.loginfo("closed %s", path)
+        return str(path)
+
+    def _on_trigger(self, _: Any) -> None:
+        if self._settings.start != ON_TRIGGER:
+            rospy.logwarn(
+                "a trigger came, but the recorder is not armed: parameter start is %s, not %s",
+                self._settings.start,
+                ON_TRIGGER,
+            )
+            return
+        self._request(self._on_start)
+
+    def stop(self, status: str, timeout: float = recorder_process.STOP_TIMEOUT, **notes: object) -> Path:
+        """Close the bag and note how the run ended. Returns the bag, or its first part, also when it was closed before.
+
+        Raises:
+            HricError: there was no recording, or the bag could not be closed.
+        """
+        recording = self._recording
+        if recording is None:
+            if self._last is None:
+                raise RecordError(f"nothing is being recorded; valid: {START_SERVICE}")
+            return self._last
+        with contextlib.suppress(rospy.ROSException):  # closed already, on a shutdown request of the master
+            self._publisher.publish(String(""))
+        try:
+            path = self._last = recording.stop(timeout)
+        except HricError:
+            self._recording = None
+            recording.finish(FAILED)
+            raise
+        recording.finish(status, **notes)
+        self._recording = None  # not before: after an interrupt what is still open is closed again
+        rospy.loginfo("recorded %s%s", path, f" and {recording.parts - 1} more" if recording.parts > 1 else "")
+        return path
+
+    def close(self) -> None:
+        """At shutdown: an experiment that is still being recorded was interrupted, or failed with its robot."""
+        if self._recording is None:
+            return
+        if failure := _robot_failure():
+            self.stop(FAILED, SHUTDOWN_TIMEOUT, error=failure)
+        else:
+            self.stop(COMPLETED if self._free else INTERRUPTED, SHUTDOWN_TIMEOUT)
+
+
+def _robot_failure() -> str:
+    """Why the robot has failed; empty: it runs, or was shut down."""
+    with contextlib.suppress(OSError, rosgraph.MasterException):
+        return str(rospy.get_param(f"{rospy.resolve_name('robot')}/failure", ""))
+    return ""
+
+
+def _shutting_down() -> bool:
+    return bool(rospy.is_shutdown()) or live_node.interrupted()
+
+
+def run() -> None:
+    """Record until the shutdown; the bag is closed whatever happens."""
+    recorder = Recorder()
+    try:
+        recorder.work()
+    finally:
+        recorder.close()
+
+
+PERIOD = 1.0
+"""[s of wall time]."""
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+class RecorderDiagnostics:
+    """Publishes the status of this node."""
+
+    def __init__(self) -> None:
+        self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
+        self._name = f"{rospy.get_name().strip('/')}: recording"
+        self._due = 0.0
+
+    def report(self, level: int, text: str, values: Mapping[str, str], now: bool = False) -> None:
+        """Publish when a second has passed, or now."""
+        if not now and time.monotonic() < self._due:
+            return
+        self._due = time.monotonic() + PERIOD
+        pairs = [KeyValue(key, value) for key, value in values.items()]
+        message = DiagnosticArray(status=[DiagnosticStatus(level, self._name, text, "", pairs)])
+        message.header.stamp = rospy.get_rostime()
+        self._publisher.publish(message)

@@ -1,0 +1,67 @@
+"""Figures of a comparison of two runs, in the form of the thesis's figures 13 and 14."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hric_experiments.analysis.comparison import Comparison, difference_metrics
+from hric_experiments.report.figure import Curve, Figure, FloatArray, Panel, per_joint
+
+
+def pair_figures(compared: Comparison, labels: tuple[str, str], joint: int) -> list[Figure]:
+    """Joint states of one joint, positions, and their differences.
+
+    Args:
+        compared: the runs overlaid on each other.
+        labels: what to call them.
+        joint: column of the joint that is shown large.
+    """
+    name, parts = compared.joint_names[joint], compared.overlays
+    time = time_of(compared)
+    ends = np.concatenate([part.time[[0, -1]] + part.start_a - parts[0].start_a for part in parts])
+    targets = [part.target for part in parts if part.target is not None for _ in range(2)]
+    position = [Curve("setpoint", "setpoint", ends, np.array(targets))] if targets else []
+    position += [
+        Curve(labels[0], "measured", time, np.concatenate([part.position_a for part in parts])),
+        Curve(labels[1], "other", time, np.concatenate([part.position_b for part in parts])),
+    ]
+    command = [
+        Curve(labels[0], "measured", time, np.concatenate([part.command_a for part in parts])),
+        Curve(labels[1], "other", time, np.concatenate([part.command_b for part in parts])),
+    ]
+    shown = [("(a) position [rad]", "", position), ("(b) desired torque [N m]", "effort_", command)]
+    panels = tuple(
+        Panel(_largest(compared, name, kind), tuple(curve.column(joint) for curve in curves), unit=unit)
+        for unit, kind, curves in shown[: 2 if compared.effort[joint] else 1]
+    )
+    return [
+        Figure("joint_states", name, "", panels, 0.02, columns=1, abscissa="time since the setpoint [s]"),
+        per_joint("positions", "Joint positions", "position [rad]", compared.joint_names, position, min_height=0.02),
+        differences([(f"{labels[0]} minus {labels[1]}", "measured", compared)]),
+    ]
+
+
+def time_of(compared: Comparison) -> FloatArray:
+    """Times of the parts that both runs have, since the first setpoint of run A, shape (n,) [s]."""
+    parts = compared.overlays
+    return np.concatenate([part.time + part.start_a - parts[0].start_a for part in parts])
+
+
+def differences(pairs: Sequence[tuple[str, str, Comparison]]) -> Figure:
+    """Position of the first run minus that of another, of each pair; pairs: name, role, the runs."""
+    curves = [
+        Curve(name, role, time_of(pair), np.concatenate([part.position_a - part.position_b for part in pair.overlays]))
+        for name, role, pair in pairs
+    ]
+    names = pairs[0][2].joint_names
+    return per_joint("differences", "Differences of the positions", "difference [rad]", names, curves, min_height=1e-6)
+
+
+def _largest(compared: Comparison, joint: str, kind: str) -> str:
+    """What the thesis reads from its figure 13, for each setpoint."""
+    found = []
+    for move in difference_metrics(compared):
+        one = move["joints"][joint]
+        peak, at, steady = (one[f"{kind}{key}"] for key in ("peak_difference", "peak_time", "steady_difference"))
+        found.append(f"largest difference {abs(peak):.4g} at {at:.3f} s, steady {steady:.2g}")
+    return "; ".join(found)

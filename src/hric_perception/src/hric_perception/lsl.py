@@ -1,0 +1,236 @@
+"""Lab Streaming Layer: an inlet that finds its stream again, and outlets of emulated devices. No ROS."""
+
+import contextlib
+import logging
+import re
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pylsl
+
+from hric_control.errors import ParameterError
+from hric_control.parameters import Settings, text
+from hric_perception.chunk import FloatArray, Layout
+from hric_perception.stream import Driver, SampleStream, StreamHealth
+
+_MACHINE = """[lab]
+SessionID = {session}
+KnownPeers = {{127.0.0.1}}
+[multicast]
+ResolveScope = machine
+[log]
+level = -3
+"""
+LOG = logging.getLogger("hric.perception.lsl")
+RESOLVE = 0.5
+"""Of one search [s]; the constants of this file are project defaults, unconfirmed."""
+POLL, LONGEST_POLL = 0.01, 0.05
+"""Between looks for samples, or half the duration of a message where that is longer [s]: few large blocks cost less
+than many small ones."""
+BUFFER = 30
+"""Seconds that liblsl keeps for a reader that is late."""
+MAX_SAMPLES = 2048
+"""Of one pull."""
+SCALES = {
+    **dict.fromkeys(("volts", "volt", "v"), ("V", 1.0)),
+    **dict.fromkeys(("millivolts", "millivolt", "mv"), ("V", 1e-3)),
+    **dict.fromkeys(("microvolts", "microvolt", "uv", "µv"), ("V", 1e-6)),
+    **dict.fromkeys(("seconds", "second", "s"), ("s", 1.0)),
+    **dict.fromkeys(("newtons", "newton", "n"), ("N", 1.0)),
+    **dict.fromkeys(("newton meters", "newton metres", "newton-meters", "nm", "n m", "n*m"), ("N m", 1.0)),
+    **dict.fromkeys(("newton millimeters", "nmm", "n mm"), ("N m", 1e-3)),
+}
+"""Units of LSL's meta-data, lower case -> (unit here, factor)."""
+LSL_UNITS = {"V": "volts", "s": "seconds", "N": "newtons", "N m": "newton meters"}
+"""Units as LSL's meta-data call them."""
+
+
+def use_session(session: str) -> None:
+    """Call it before any other use of LSL in the process.
+
+    Args:
+        session: "": as liblsl is configured on this machine (LSLAPICFG, lsl_api.cfg; else the whole network); a name:
+            only streams of processes on this machine that give the same name.
+
+    Raises:
+        ParameterError: not a name.
+    """
+    if not session:
+        return
+    if not re.fullmatch(r"[A-Za-z0-9_-]{1,60}", session):
+        raise ParameterError(f"the lsl session is {session!r}; valid: up to 60 letters, digits, _ and -, or nothing")
+    pylsl.set_config_content(_MACHINE.format(session=session))
+
+
+@dataclass(frozen=True)
+class StreamQuery:
+    """Which stream.
+
+    Args:
+        kind: its type, e.g. "EMG"; "": any.
+        name: its name; "": any.
+        source_id: of its device; "": any.
+
+    Raises:
+        ParameterError: nothing is given, or a quotation mark, which a query cannot hold.
+    """
+
+    kind: str = ""
+    name: str = ""
+    source_id: str = ""
+
+    def __post_init__(self) -> None:
+        if not any((self.kind, self.name, self.source_id)):
+            raise ParameterError("the lsl stream is not named; valid: a type, a name or a source_id")
+        if "'" in self.kind + self.name + self.source_id:
+            raise ParameterError(f"{self}: valid: no quotation marks")
+
+    @property
+    def query(self) -> str:
+        """For liblsl."""
+        pairs = (("type", self.kind), ("name", self.name), ("source_id", self.source_id))
+        return " and ".join(f"{key}='{value}'" for key, value in pairs if value)
+
+    def __str__(self) -> str:
+        return f"the lsl stream with {self.query}"
+
+
+class LslReader(Driver):
+    """Reads a stream.
+
+    Args:
+        query: which stream.
+        stream: gets the samples.
+        health: is informed of trouble.
+        choose: may change the layout of a stream that was found, or refuse it by a ParameterError.
+    """
+
+    def __init__(
+        self,
+        query: StreamQuery,
+        stream: SampleStream,
+        health: StreamHealth,
+        choose: Callable[[Layout], Layout] = lambda layout: layout,
+    ) -> None:
+        super().__init__("lsl reader")
+        self._query, self._stream, self._health, self._choose = query, stream, health, choose
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            found = pylsl.resolve_bypred(self._query.query, 1, RESOLVE)
+            if not found:
+                self._health.trouble(f"{self._query} is not there")
+                continue
+            if len(found) > 1:
+                names = ", ".join(sorted(info.name() for info in found))
+                self._health.event(f"several streams are {self._query}: {names}; the first is read")
+            try:
+                self._read(found[0])
+            except RuntimeError as error:  # from liblsl: the stream was lost, or does not respond
+                self._health.trouble(f"{self._query} was lost")
+                LOG.warning("%s was lost: %s", self._query, error)
+            except ParameterError as error:
+                self._health.trouble(str(error))
+                self._stop.wait(1.0)
+            self._stream.end()
+
+    def _read(self, info: pylsl.StreamInfo) -> None:
+        # The clock of this machine is the one that its own streams are stamped by: nothing to estimate.
+        flags = 0 if info.hostname() == socket.gethostname() else pylsl.proc_clocksync
+        inlet = pylsl.StreamInlet(info, max_buflen=BUFFER, recover=False, processing_flags=flags)
+        try:
+            layout, scales = describe(inlet.info(2.0))
+            self._stream.begin(self._choose(layout))
+            LOG.info("%s: %s at %g Hz", layout.source, ", ".join(layout.channels), layout.rate)
+            inlet.open_stream(2.0)
+            poll = min(max(POLL, self._stream.duration / 2), LONGEST_POLL)
+            while not self._stop.wait(poll):
+                data, times = inlet.pull_chunk(0.0, MAX_SAMPLES, as_numpy=True)
+                if len(times):
+                    self._stream.stamped(np.asarray(times, dtype=float), np.asarray(data, dtype=float) * scales)
+        finally:
+            with contextlib.suppress(RuntimeError):
+                inlet.close_stream()
+
+
+def source_name(kind: str, name: str) -> str:
+    """What the messages of a driver call a stream, by its type and name."""
+    return f"lsl {kind} {name}"
+
+
+def describe(info: pylsl.StreamInfo) -> tuple[Layout, FloatArray]:
+    """Layout of a stream, and factors to its units, shape (channels,).
+
+    Raises:
+        ParameterError: its values are text, or it has no regular rate.
+    """
+    name, count, rate = info.name(), info.channel_count(), info.nominal_srate()
+    if info.channel_format() == pylsl.cf_string or rate <= 0:
+        raise ParameterError(
+            f"the lsl stream {name} holds {'text' if rate > 0 else 'samples at no fixed rate'}; valid: numbers at "
+            "a fixed rate"
+        )
+    labels, units, scales = [], [], []
+    channel = info.desc().child("channels").child("channel")
+    for index in range(count):
+        unit = channel.child_value("unit")
+        known, scale = SCALES.get(unit.lower(), (unit, 1.0))
+        labels.append(channel.child_value("label") or f"channel{index + 1}")
+        units.append(known)
+        scales.append(scale)
+        channel = channel.next_sibling("channel")
+    return Layout(source_name(info.type(), name), tuple(labels), tuple(units), rate), np.array(scales)
+
+
+@dataclass(frozen=True)
+class LslSettings(Settings):
+    """Which stream; the type of the sensor where none is given."""
+
+    type: str | None = text(None)
+    name: str = text("", figures=True)
+    source_id: str = text("", figures=True)
+    session: str = text("", figures=True)
+
+    def reader(
+        self, kind: str, stream: SampleStream, health: StreamHealth, choose: Callable[[Layout], Layout]
+    ) -> LslReader:
+        """Reads streams of a type, unless the parameters say another one."""
+        use_session(self.session)
+        query = StreamQuery(kind if self.type is None else self.type, self.name, self.source_id)
+        return LslReader(query, stream, health, choose)
+
+
+class LslOutlet:
+    """A stream that others can find, from its construction until `close`.
+
+    Args:
+        layout: channels, units and rate; its source is the name of the stream.
+        kind: its type, e.g. "EMG".
+        source_id: of the device.
+    """
+
+    def __init__(self, layout: Layout, kind: str, source_id: str = "") -> None:
+        info = pylsl.StreamInfo(layout.source, kind, len(layout.channels), layout.rate, pylsl.cf_double64, source_id)
+        channels = info.desc().append_child("channels")
+        for name, unit in zip(layout.channels, layout.units, strict=True):
+            channel = channels.append_child("channel")
+            channel.append_child_value("label", name)
+            channel.append_child_value("unit", LSL_UNITS.get(unit, unit))
+            channel.append_child_value("type", "Time" if unit == "s" else kind)
+        self._outlet: pylsl.StreamOutlet | None = pylsl.StreamOutlet(info)
+
+    def push(self, times: FloatArray, data: FloatArray) -> None:
+        """Send samples.
+
+        Args:
+            times: when each was taken, monotonic clock of this machine, shape (samples,) [s].
+            data: shape (samples, channels).
+        """
+        if self._outlet is not None and len(data):
+            self._outlet.push_chunk(data, times.tolist())
+
+    def close(self) -> None:
+        """The device is switched off."""
+        self._outlet = None

@@ -1,0 +1,241 @@
+"""When a frame was exposed, by the monotonic clock of this machine.
+
+The clocks of server and client differ by tens of parts per million; their relation is a line, fitted to echoes
+(Cristian 1989). Each echo moves it a little, and on a busy machine by milliseconds: a `RisingLine` follows it, so that
+exposures in order get times in order.
+"""
+
+import math
+from collections import deque
+
+from hric_control.robot_time.rising_line import Line, RisingLine, fit_line
+from mocap_natnet.codec.types import Frame
+
+WINDOW = 30.0
+"""Echoes older than this are forgotten [s]."""
+ROUND_TRIP_SPREAD = 50e-6
+"""Echoes whose round trip is longer than the best one by more than this are less exact than the others and not used
+[s]."""
+SLOPE_SPAN = 2.0
+"""Echoes must span this much before a drift is read from them [s] (project default, unconfirmed)."""
+MAX_DRIFT = 500e-6
+"""No two quartz clocks differ by more (project default, unconfirmed)."""
+RESTART_ERROR = 5e-3
+"""An echo that misses the line by more than its round trip, the best one before it and this [s] belongs to another
+clock; ..."""
+RESTART_ECHOES = 3
+"""... as many in a row, and the line is begun again (project default, unconfirmed)."""
+MINIMUM_WINDOW = 10.0
+"""Window of the running minimum [s]."""
+FAR = 1.0
+"""A delay never differs from another by as much as this [s] (project default, unconfirmed)."""
+NS = 1_000_000_000
+LATEST, CLOCK_ERROR = NS, NS // 100
+"""A frame that claims to be older than this, or to come from the future by more than that, has a wrong time [ns]
+(project default, unconfirmed)."""
+
+
+class EchoClock:
+    """Maps ticks of the server to the monotonic clock here.
+
+    Args:
+        frequency: ticks per second.
+
+    Attributes:
+        round_trip: the best one in the window [s], or None.
+        restarts: how often the server's clock was found to be another one.
+    """
+
+    def __init__(self, frequency: float) -> None:
+        self._frequency = frequency
+        self.restarts = 0
+        self._clear()
+
+    def _clear(self) -> None:
+        self._echoes: deque[tuple[float, float, float]] = (
+            deque()
+        )  # server time, offset, round trip, relative to the first echo
+        self._origin: tuple[int, int] | None = None  # ns here, ticks there
+        self._offset = self._slope = 0.0
+        self._map: RisingLine | None = None
+        self._misses = 0
+        self.round_trip: float | None = None
+
+    @property
+    def synchronised(self) -> bool:
+        """Whether there was an echo."""
+        return self._origin is not None
+
+    @property
+    def drift(self) -> float:
+        """How much faster the server's clock runs, in parts per million."""
+        return -1e6 * self._slope
+
+    def add(self, sent: int, received: int, ticks: int) -> None:
+        """An echo.
+
+        Args:
+            sent, received: by the clock here [ns].
+            ticks: of the server in between.
+        """
+        if received < sent:
+            return
+        if self._origin is None:
+            self._origin = ((sent + received) // 2, ticks)
+        server = (ticks - self._origin[1]) / self._frequency
+        offset = ((sent + received) / 2 - self._origin[0]) / NS - server
+        round_trip = (received - sent) / NS
+        if self._echoes and abs(offset - self._line(server)) > round_trip + (self.round_trip or 0.0) + RESTART_ERROR:
+            self._misses += 1
+            if self._misses < RESTART_ECHOES:
+                return
+            self._clear()
+            self.restarts += 1
+            self.add(sent, received, ticks)
+            return
+        self._misses = 0
+        self._echoes.append((server, offset, round_trip))
+        while self._echoes[0][0] < server - WINDOW:
+            self._echoes.popleft()
+        self._fit()
+
+    def local(self, ticks: int) -> int | None:
+        """The time here at which the server's clock showed `ticks` [ns]; None before the first echo."""
+        if self._origin is None or self._map is None:
+            return None
+        return self._origin[0] + round(self._map.at(ticks) * NS)
+
+    def settle(self, ticks: int) -> None:
+        """Keep what `local` returns up to there; later ticks get later times."""
+        if self._map is not None:
+            self._map.settle(ticks)
+
+    def _line(self, server: float) -> float:
+        return self._offset + self._slope * server
+
+    def _fit(self) -> None:
+        best = min(round_trip for _, _, round_trip in self._echoes)
+        good = [
+            (server, offset) for server, offset, round_trip in self._echoes if round_trip <= best + ROUND_TRIP_SPREAD
+        ]
+        self.round_trip = best
+        spans = good[-1][0] - good[0][0] >= SLOPE_SPAN
+        self._offset, self._slope = fit_line(good, MAX_DRIFT if spans else 0.0)
+        if not spans:
+            self._offset = sum(offset for _, offset in good) / len(good)
+        assert self._origin is not None
+        line = Line(self._origin[1], self._offset, 1.0 + self._slope, self._frequency)
+        if self._map is None:
+            self._map = RisingLine(line)
+        else:
+            self._map.meet(line, line.anchor)
+
+
+class RunningMinimum:
+    """The smallest difference of two clocks in a window: what is left of a delay that varies.
+
+    Attributes:
+        restarts: how often one of the clocks was found to be another one.
+    """
+
+    def __init__(self) -> None:
+        self.restarts = 0
+        self._falling: deque[tuple[float, float]] = deque()
+        self._misses = 0
+
+    def add(self, time: float, difference: float) -> float | None:
+        """The smallest one, with this one [s]; None: this one is too far from the others to be valid. Some in a row,
+        and they begin again."""
+        if self._falling and not abs(difference - self._falling[0][1]) < FAR:
+            self._misses += 1
+            if self._misses < RESTART_ECHOES:
+                return None
+            self._falling.clear()
+            self.restarts += 1
+        self._misses = 0
+        while self._falling and self._falling[-1][1] >= difference:
+            self._falling.pop()
+        self._falling.append((time, difference))
+        while self._falling[0][0] < time - MINIMUM_WINDOW:
+            self._falling.popleft()
+        return self._falling[0][1]
+
+
+class StampClock:
+    """Maps the time stamps of a server without echoes to the monotonic clock here: frames are late, never early."""
+
+    def __init__(self) -> None:
+        self._minimum, self._map, self._restarts = RunningMinimum(), RisingLine(Line(0, 0.0, 1.0, NS)), 0
+        self._begun = False
+
+    def local(self, stamp: float, received: int) -> int | None:
+        """When the frame of a time stamp would have arrived on the shortest way [ns]; None: the stamp is not believed.
+
+        Args:
+            stamp: [s].
+            received: by the clock here [ns].
+        """
+        minimum = self._minimum.add(received / NS, received / NS - stamp)
+        if minimum is None:
+            return None
+        at = round(stamp * NS)
+        line = Line(at, stamp + minimum, 1.0, NS)
+        if not self._begun or self._minimum.restarts > self._restarts:
+            self._map, self._begun, self._restarts = RisingLine(line), True, self._minimum.restarts
+        else:
+            self._map.meet(line, at)
+        self._map.settle(at)
+        return round(self._map.at(at) * NS)
+
+
+class ExposureClock:
+    """When the middle of a frame's exposure was, by the best means that there is; of frames in order, each later than
+    the one before.
+
+    Args:
+        nominal_latency: from there to the arrival, where the server does not report it [s].
+    """
+
+    def __init__(self, nominal_latency: float) -> None:
+        self._nominal = round(nominal_latency * NS)
+        self._stamps = StampClock()
+        self._last: int | None = None
+        self.echo: EchoClock | None = None
+
+    def restart(self, frequency: float) -> None:
+        """Another server, or the same one again.
+
+        Args:
+            frequency: ticks per second of its clock, 0 where it has none.
+        """
+        self.echo = EchoClock(frequency) if frequency > 0 else None
+        self._stamps = StampClock()
+
+    def exposed(self, frame: Frame, received: int) -> tuple[int, str]:
+        """(time here [ns], by which means): "mid-exposure", "transmission", "time stamp" or "reception", never after
+        the reception."""
+        exposed, means = self._exposed(frame, received)
+        if (
+            self._last is not None and exposed <= self._last
+        ):  # by another means than the one before, or by that of another server
+            exposed = self._last + 1
+        self._last = exposed
+        return exposed, means
+
+    def _exposed(self, frame: Frame, received: int) -> tuple[int, str]:
+        suffix = frame.suffix
+        if self.echo is not None and self.echo.synchronised and (suffix.mid_exposure or suffix.transmitted):
+            ticks, means = (
+                (suffix.mid_exposure, "mid-exposure") if suffix.mid_exposure else (suffix.transmitted, "transmission")
+            )
+            local = self.echo.local(ticks)
+            if local is not None and not suffix.mid_exposure:
+                local -= self._nominal
+            if local is not None and -LATEST < local - received < CLOCK_ERROR:
+                self.echo.settle(ticks)
+                return min(local, received), means
+        if suffix.time_stamp and math.isfinite(suffix.time_stamp):
+            local = self._stamps.local(suffix.time_stamp, received)
+            if local is not None:
+                return min(local, received) - self._nominal, "time stamp"
+        return received - self._nominal, "reception"

@@ -1,0 +1,94 @@
+"""Parameters of the client node."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from hric_control.geometry import ORIGIN, UP_AXES, Pose, Vector
+from hric_control.geometry.poses import PoseSettings
+from hric_control.parameters import Settings, choice, flag, number, numbers, section, text
+from mocap_natnet.tracking.validity import Volume
+
+MOCAP_FRAME = "mocap"
+"""Name of the frame of the stream."""
+
+
+@dataclass(frozen=True)
+class Preset:
+    """Names under which bodies are published; `{}` is replaced by the body.
+
+    Args:
+        pose: topic of the poses.
+        child: frame of a body in tf.
+        frame: of the stream.
+        ground_pose: topic of the poses on the ground, "": none.
+    """
+
+    pose: str = "/mocap/{}/pose"
+    child: str = "{}"
+    frame: str = MOCAP_FRAME
+    ground_pose: str = ""
+
+
+PRESETS = {
+    "hric": Preset(),
+    "mocap_optitrack": Preset("/{}/pose", "{}/base_link", "world", "/{}/ground_pose"),
+    "natnet_ros": Preset("/natnet_ros/rigid_bodies/{}/pose"),
+}
+"""Ours, and those of the drivers of the same name, so that what was written for them finds its topics."""
+
+
+@dataclass(frozen=True)
+class BaseFromMocap(PoseSettings):
+    """Pose of the mocap frame in the robot's base."""
+
+    xyz: Vector = numbers(3, ORIGIN, unit="m", text="pose of the mocap frame, turned to z up, in the base")
+
+
+BODY: Any = text("", figures=True, name="body", text="body of `mocap/marker`; empty: the first of the stream")
+UP_AXIS: Any = choice(*UP_AXES, name="up_axis", text="as set in Motive")
+
+
+@dataclass(frozen=True)
+class Publishing(Settings):
+    """What is published, and how."""
+
+    body: str = BODY
+    up_axis: str = UP_AXIS
+    base_frame: str = text(
+        "",
+        text="everything is published in this frame; empty: in `mocap`, with the axes of the stream",
+    )
+    base: BaseFromMocap = section(BaseFromMocap, name="base_from_mocap")
+    volume: Volume = section(Volume)
+    max_speed: float = number(10.0, above=0.0, unit="m/s", text="a faster body counts as lost")
+    tf_rate: float = number(100.0, minimum=0.0, unit="Hz", text="0: no transforms")
+    markers_rate: float = number(30.0, minimum=0.0, unit="Hz", text="0: no marker array")
+    trail_length: float = number(
+        8.0, minimum=0.0, unit="s", text="how much of the followed body's way rviz shows; 0: no trail"
+    )
+    parent_frame: str = text(
+        "",
+        text="`tf` has the mocap frame at `base_from_mocap` in this frame, while everything is published in `mocap`",
+    )
+    record: bool = flag(True, text="have Motive record a take beside each run that is recorded")
+    topics: str = choice(
+        *PRESETS,
+        text="names of the pose topics and frames, as those drivers have them: `<body>/pose` and frames `world`, "
+        "`<body>/base_link`; `natnet_ros/rigid_bodies/<body>/pose`",
+    )
+    take: str = text("", figures=True, text="name of recordings begun by `start_recording`; empty: Motive's own")
+
+    @property
+    def preset(self) -> Preset:
+        """Names of topics and frames."""
+        return PRESETS[self.topics]
+
+    @property
+    def base_from_mocap(self) -> Pose:
+        """Pose of the mocap frame, turned to z up, in the base."""
+        return self.base.pose
+
+    @property
+    def frame(self) -> str:
+        """That is published in."""
+        return self.base_frame or self.preset.frame

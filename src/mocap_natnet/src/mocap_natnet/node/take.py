@@ -1,0 +1,105 @@
+"""Motive's own recordings: started and ended on request, and beside each run that is recorded, under the name of the
+run."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import rospy
+from std_msgs.msg import String
+
+from hric_control.errors import CommandError, HricError
+from hric_control.ros import RosNode
+
+Request = Callable[..., bytes]
+"""(words, timeout [s]) -> response; `NatNetClient.request`."""
+START, STOP = "StartRecording", "StopRecording"
+TOPIC = "hric/experiment/recording"
+"""Of the recorder in this namespace: folder of the run whose recording has begun; empty: it has ended."""
+RETRY = 1.0
+"""Between attempts while Motive does not respond [s] (project default, unconfirmed)."""
+LAST_WORD = 0.5
+"""How long the end of a node may wait for Motive [s] (project default, unconfirmed)."""
+
+
+def order(request: Request, words: str, timeout: float = 2.0) -> None:
+    """Send a command.
+
+    Raises:
+        CommandError: Motive does not respond, does not know it, or refuses it.
+    """
+    response = request(words, timeout)
+    if len(response) >= 4 and any(response[:4]):
+        raise Refused(f"Motive refuses {words}")
+
+
+def start(request: Request, name: str) -> None:
+    """Begin a take, named where a name is given. Raises CommandError."""
+    if name:
+        order(request, f"SetRecordTakeName,{name}")
+    order(request, START)
+
+
+class Refused(CommandError):
+    """Motive responds that it does not do it now."""
+
+
+class Recorder:
+    """Has Motive record while a run is recorded. Motive may come later than the run begins.
+
+    Args:
+        node: for messages.
+        request: sends one.
+    """
+
+    def __init__(self, node: RosNode, request: Request) -> None:
+        self._node, self._request, self._recording = node, request, False
+        self._runs: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="takes", daemon=True)
+        self._thread.start()
+        self._subscription = node.subscribe(rospy.resolve_name(TOPIC), String, self._on_run)
+
+    def close(self) -> None:
+        """End what was begun."""
+        self._subscription.unregister()
+        self._runs.put(None)
+        self._thread.join(LAST_WORD)
+        if self._recording:
+            try:
+                order(self._request, STOP, LAST_WORD)
+            except HricError as error:
+                self._node.log_warn(f"the take was not ended: {error}")
+
+    def _on_run(self, message: Any) -> None:
+        self._runs.put(Path(message.data).name)
+
+    def _work(self) -> None:
+        while (run := self._runs.get()) is not None:
+            logged = False
+            while self._runs.empty() and not self._done(run, logged):
+                logged = True
+                time.sleep(RETRY)
+
+    def _done(self, run: str, logged: bool) -> bool:
+        """Whether Motive did it, or refuses."""
+        if not run and not self._recording:
+            return True
+        try:
+            if run:
+                start(self._request, run)
+                self._recording = True
+                self._node.log_info(f"Motive records the take {run}")
+            else:
+                order(self._request, STOP)
+                self._recording = False
+                self._node.log_info("Motive has ended the take")
+        except Refused as error:
+            self._node.log_warn(f"run {run}: {error}")
+        except HricError as error:
+            if not logged:
+                self._node.log_warn(f"Motive does not record run {run} yet: {error}")
+            return False
+        return True

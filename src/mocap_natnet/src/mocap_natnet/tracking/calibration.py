@@ -1,0 +1,62 @@
+"""Pose of the mocap frame in the robot's base, from paired points."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from hric_control.errors import CommandError
+from hric_control.geometry import Pose, Vector, transformed
+from mocap_natnet.rigid_body import Fit
+
+
+@dataclass
+class Calibration:
+    """Paired points: positions of the body by the cameras (z up) and by the robot."""
+
+    seen: list[Vector] = field(default_factory=list)
+    in_base: list[Vector] = field(default_factory=list)
+
+    def add(self, seen: Vector, in_base: Vector) -> None:
+        """A pair [m]."""
+        self.seen.append(seen)
+        self.in_base.append(in_base)
+
+    def solve(self) -> tuple[Pose, float, list[float]]:
+        """(pose of the mocap frame in the base, root mean square residual [m], residual of each pair [m]).
+
+        Raises:
+            CommandError: fewer than three pairs, or all on one line.
+        """
+        fit = Fit(self.seen, self.in_base)
+        return fit.pose, fit.rms, residuals(fit.pose, self.seen, self.in_base)
+
+
+def residuals(pose: Pose, seen: Sequence[Vector], in_base: Sequence[Vector]) -> list[float]:
+    """How far each point is from its partner [m]."""
+    return [
+        sum((a - b) ** 2 for a, b in zip(transformed(pose, point), partner, strict=True)) ** 0.5
+        for point, partner in zip(seen, in_base, strict=True)
+    ]
+
+
+def save(path: Path, pose: Pose, base_frame: str, rms: float, pairs: int) -> None:
+    """Write the parameters that `natnet_client` takes, whole or not at all.
+
+    Raises:
+        CommandError: the file cannot be written.
+    """
+    head = f"# From {pairs} paired points; root mean square residual {1000 * rms:.2f} mm.\n"
+    content = {
+        "base_frame": base_frame,
+        "base_from_mocap": {"xyz": list(pose.position), "xyzw": list(pose.orientation)},
+    }
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        beside.write_text(head + yaml.safe_dump(content, sort_keys=False))
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise CommandError(f"cannot write {path}: {error.strerror or error}") from error

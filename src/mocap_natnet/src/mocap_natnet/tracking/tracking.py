@@ -1,0 +1,174 @@
+"""From a frame of the stream to bodies and markers in the axes that are published."""
+
+from collections.abc import Collection, Hashable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from hric_control.geometry import Pose, Vector, compose, normalized, transformed
+from hric_control.geometry.poses import pose_from_z_up, pose_z_up, z_up
+from mocap_natnet.codec.descriptions import Model, RigidBodyDescription, SkeletonDescription
+from mocap_natnet.codec.types import OCCLUDED, TRACKED, Frame, Marker, RigidBody
+from mocap_natnet.tracking.validity import PoseValidator
+
+FAR = 1e6
+"""No marker is further away [m] (project default, unconfirmed)."""
+MAX_NAMES = 500
+"""Bodies and bones that are published by name; each takes a topic or a frame, and damaged descriptions hold ever new
+ones (project default, unconfirmed)."""
+
+
+class TrackedBody(NamedTuple):
+    """A body as published; the pose is the last good one where tracking is not valid."""
+
+    name: str
+    id: int
+    pose: Pose
+    valid: bool
+    mean_error: float
+
+
+class TrackedMarker(NamedTuple):
+    """A labelled marker that is seen; the name is "body/marker", or "" where the description has none."""
+
+    name: str
+    id: int
+    position: Vector
+    size: float
+
+
+@dataclass
+class Tracker:
+    """Maps, names and judges what a frame holds.
+
+    Args:
+        up: axis that points up in the stream, y or z.
+        base_from_mocap: pose of the mocap frame (z up) in the robot's base; turns and moves positions and orientations
+            together.
+            None: everything stays in the axes of the stream.
+        validator: checks the poses, in the mocap frame with z up.
+
+    Attributes:
+        lost: times that the tracking of a body ended, by name.
+    """
+
+    up: str
+    base_from_mocap: Pose | None
+    validator: PoseValidator
+    lost: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._described: dict[int, RigidBodyDescription] = {}
+        self._bones: dict[tuple[int, int], str] = {}
+        self._last: dict[int, Pose] = {}
+        self._valid: dict[int, bool] = {}
+        self._names: set[Hashable] = set()
+        self._marker_names: dict[int, str] = {}
+
+    def describe(self, model: Model) -> None:
+        """Take the names of the bodies."""
+        self._described = model.bodies
+        self._marker_names = {}
+        skeletons = (one for one in model.descriptions if isinstance(one, SkeletonDescription))
+        self._bones = {
+            (skeleton.id, bone.id & 0xFFFF): f"{skeleton.name}/{bone.name}"
+            for skeleton in skeletons
+            for bone in skeleton.bodies
+        }
+
+    def restart(self) -> None:
+        """Another stream. The last positions still bound which poses are valid: a body is a body, and the times are
+        those of this machine."""
+        self._last.clear()
+        self._valid.clear()
+
+    def name(self, body: int) -> str:
+        """Of a body, as described; before the description "body_<id>"."""
+        described = self._described.get(body)
+        return described.name if described and described.name else f"body_{body}"
+
+    def bodies(self, frame: Frame, exposed: float, received: float) -> list[TrackedBody]:
+        """The rigid bodies of a frame. One that the description lacks is left out and counted; where there is none, all
+        are published.
+
+        Args:
+            frame: as read.
+            exposed, received: its times [s].
+        """
+        named = [(body, self.name(body.id)) for body in frame.bodies]
+        return [
+            self._body(body, name, exposed, received)
+            for body, name in named
+            if self._known(body.id, self._described, name)
+        ]
+
+    def _known(self, id: Hashable, described: Collection[Any], name: str) -> bool:
+        """Whether a body or a bone is published; counts why it is not."""
+        if described and id not in described:
+            reason = "not described"
+        elif (id, name) in self._names:
+            return True
+        elif len(self._names) < MAX_NAMES:
+            self._names.add((id, name))
+            return True
+        else:
+            reason = "too many bodies"
+        self.validator.refused[reason] += 1
+        return False
+
+    def markers(self, frame: Frame) -> list[TrackedMarker]:
+        """The labelled markers of a frame that are seen and whose position is finite."""
+        return [
+            self._marker(marker) for marker in frame.markers if not marker.flags & OCCLUDED and _near(marker.position)
+        ]
+
+    def bones(self, frame: Frame) -> list[tuple[str, Pose]]:
+        """("skeleton/bone", pose) of each bone that is tracked and has a pose; Motive must stream bones in global
+        coordinates."""
+        found = []
+        for skeleton in frame.skeletons:
+            for bone in skeleton.bodies:
+                pose = pose_z_up(self.up, Pose(bone.position, bone.orientation))
+                number = (skeleton.id, bone.id & 0xFFFF)
+                name = self._bones.get(number, f"skeleton_{skeleton.id}/bone_{number[1]}")
+                if bone.flags & TRACKED and self._known(number, self._bones, name) and self.validator.possible(pose):
+                    exact = Pose(pose.position, normalized(pose.orientation))
+                    base = self.base_from_mocap
+                    found.append((name, pose_from_z_up(self.up, exact) if base is None else compose(base, exact)))
+        return found
+
+    def _body(self, body: RigidBody, name: str, exposed: float, received: float) -> TrackedBody:
+        pose = None
+        if body.flags & TRACKED:
+            pose = self.validator.accept(
+                body.id, pose_z_up(self.up, Pose(body.position, body.orientation)), exposed, received
+            )
+        if pose is not None:
+            base = self.base_from_mocap
+            self._last[body.id] = pose_from_z_up(self.up, pose) if base is None else compose(base, pose)
+        elif self._valid.get(body.id):
+            self.lost[name] = self.lost.get(name, 0) + 1
+        self._valid[body.id] = pose is not None
+        return TrackedBody(name, body.id, self._last.get(body.id, Pose()), pose is not None, body.mean_error)
+
+    def _marker(self, marker: Marker) -> TrackedMarker:
+        name = self._marker_names.get(marker.id)
+        if name is None:
+            name = self._marker_name(marker.id)
+            if name:  # of those that are described there are not many
+                self._marker_names[marker.id] = name
+        base = self.base_from_mocap
+        position = marker.position if base is None else transformed(base, z_up(self.up, marker.position))
+        return TrackedMarker(name, marker.id, position, marker.size)
+
+    def _marker_name(self, marker: int) -> str:
+        body, member = marker >> 16, marker & 0xFFFF
+        described = self._described.get(body)
+        if described and 1 <= member <= len(described.markers):
+            return f"{described.name}/{described.markers[member - 1].name or member}"
+        return ""
+
+
+def _near(position: Vector) -> bool:
+    """Whether a position is finite, and one."""
+    x, y, z = position
+    return -FAR < x < FAR and -FAR < y < FAR and -FAR < z < FAR

@@ -1,0 +1,93 @@
+"""Whether a pose can be one: a second check, for numbers that were read well and are wrong all the same."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+from hric_control.geometry import Pose, Vector, normalized
+from hric_control.parameters import Settings, numbers, refused
+
+UNIT_ERROR = 1e-3
+"""How far the norm of a quaternion in 32-bit numbers may be from 1 (project default, unconfirmed)."""
+SHORTEST = 1e-4
+"""Minimum time between two poses that a speed is read from [s] (project default, unconfirmed)."""
+BUNCHED = 0.02
+"""The time between two exposures counts up to that between the arrivals and this, since frames may arrive in
+bunches [s] (project default, unconfirmed)."""
+REASONS = ("not finite", "not a unit quaternion", "outside the volume", "too fast", "not described", "too many bodies")
+
+
+@dataclass(frozen=True)
+class Volume(Settings):
+    """Where a body can be (project default, unconfirmed: a large laboratory)."""
+
+    low: Vector = numbers(3, (-10.0, -10.0, -2.0), unit="m", text="a pose outside counts as lost (mocap frame, z up)")
+    high: Vector = numbers(3, (10.0, 10.0, 5.0), unit="m")
+
+    def check(self, where: str) -> None:
+        """Refuse a corner that is not below the other."""
+        if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
+            raise refused(f"{where}high", self.high, f"above low, {self.low}, on each axis [m]")
+
+
+class PoseValidator:
+    """Checks the poses of all bodies, one after the other.
+
+    Args:
+        volume: in which poses are valid.
+        max_speed: of a body [m/s] (project default, unconfirmed: faster than a hand).
+
+    Attributes:
+        refused: how many, by reason.
+    """
+
+    def __init__(self, volume: Volume | None = None, max_speed: float = 10.0) -> None:
+        self._volume, self._max_speed = volume or Volume(), max_speed
+        self.refused: Counter[str] = Counter()
+        self._last: dict[int, tuple[float, float, Vector]] = {}
+
+    def accept(self, body: int, pose: Pose, exposed: float, received: float) -> Pose | None:
+        """The pose with an exact unit quaternion; None where it cannot be one.
+
+        Too fast is measured from the last pose that was accepted: after a jump that stays, the body is back as soon as
+        it could have got there.
+
+        Args:
+            body: streaming id.
+            pose: z up.
+            exposed: time of the exposure, as the frame has it [s].
+            received: time of the arrival, which no fault of the stream can change [s].
+        """
+        reason = self._wrong(body, pose, exposed, received)
+        if reason:
+            self.refused[reason] += 1
+            return None
+        self._last[body] = (exposed, received, pose.position)
+        return Pose(pose.position, normalized(pose.orientation))
+
+    def possible(self, pose: Pose) -> bool:
+        """Whether a pose can be one, whatever it was before. A refusal is counted."""
+        reason = self._impossible(pose)
+        if reason:
+            self.refused[reason] += 1
+        return not reason
+
+    def _impossible(self, pose: Pose) -> str:
+        if not all(map(math.isfinite, (*pose.position, *pose.orientation))):
+            return "not finite"
+        if abs(math.hypot(*pose.orientation) - 1.0) > UNIT_ERROR:
+            return "not a unit quaternion"
+        (x, y, z), (x0, y0, z0), (x1, y1, z1) = pose.position, self._volume.low, self._volume.high
+        if not (x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1):
+            return "outside the volume"
+        return ""
+
+    def _wrong(self, body: int, pose: Pose, exposed: float, received: float) -> str:
+        if reason := self._impossible(pose):
+            return reason
+        if body in self._last:
+            exposed_before, received_before, where = self._last[body]
+            between = max(SHORTEST, min(exposed - exposed_before, received - received_before + BUNCHED))
+            if math.dist(pose.position, where) > self._max_speed * between:
+                return "too fast"
+        return ""

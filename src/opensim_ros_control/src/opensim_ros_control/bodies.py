@@ -1,0 +1,180 @@
+"""Poses and Jacobians of the bodies of a model, computed at most once per state; and the loads in the robot's joints.
+
+The loads are by Newton and Euler: a joint carries what moves the links outboard of it, less what acts on them from
+outside.
+
+OpenSim's own reactions do not serve here: they know neither rotors nor the forces that the plant applies beside the
+model.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import opensim
+
+from hric_control.geometry import FloatArray
+from hric_control.plant import JointReaction
+from opensim_ros_control.engine import Engine
+from opensim_ros_control.robot_model import mass_properties
+from urdf_to_osim.transforms import matrix
+
+
+class Kinematics:
+    """Bodies of one engine by OpenSim's numbers; the ground is 0. All in the ground frame.
+
+    Args:
+        engine: with positions realized at each call.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._matrix = opensim.Matrix()
+        found = engine.model.getBodySet()
+        self._bodies = {int(found.get(i).getMobilizedBodyIndex()): found.get(i) for i in range(found.getSize())}
+        self._poses: dict[int, FloatArray] = {}
+        self._jacobians: FloatArray | None = None
+
+    def carrier(self, frame: opensim.Frame) -> tuple[int, FloatArray]:
+        """(number of the body that carries a frame, the frame's pose in it, shape (4, 4))."""
+        base = opensim.PhysicalFrame.safeDownCast(frame.findBaseFrame())
+        number = int(base.getMobilizedBodyIndex())
+        return number, matrix(frame.findTransformInBaseFrame())
+
+    def forget(self) -> None:
+        """The state is another one."""
+        self._poses.clear()
+        self._jacobians = None
+
+    def pose(self, number: int) -> FloatArray:
+        """T_ground_body, shape (4, 4)."""
+        if number not in self._poses:
+            state = self._engine.system_state
+            self._poses[number] = np.eye(4) if number == 0 else matrix(self._bodies[number].getTransformInGround(state))
+        return self._poses[number]
+
+    def system_jacobian(self) -> FloatArray:
+        """(angular, linear) velocity of all bodies' origins per speed, shape (6 bodies, nu): all at once costs less
+        than one of them alone."""
+        if self._jacobians is None:
+            self._engine.matter.calcSystemJacobian(self._engine.system_state, self._matrix)
+            self._jacobians = np.asarray(self._matrix.to_numpy())
+        return self._jacobians
+
+    def jacobian(self, number: int, point: FloatArray) -> FloatArray:
+        """(angular, linear) velocity at a point of a body per speed, shape (6, nu).
+
+        Args:
+            number: of the body.
+            point: in the ground frame, shape (3,) [m].
+        """
+        result: FloatArray = self.system_jacobian()[6 * number : 6 * number + 6].copy()
+        if number != 0:
+            x, y, z = (point - self.pose(number)[:3, 3]).tolist()
+            # v = v_origin + omega x r
+            result[3:] += np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]) @ result[:3]
+        return result
+
+
+@dataclass(frozen=True)
+class Load:
+    """A force that acted on a body in a step, ground frame.
+
+    Attributes:
+        number: of the body.
+        position: shape (3,) [m].
+        force, torque: shape (3,) each [N], [N m].
+    """
+
+    number: int
+    position: FloatArray
+    force: FloatArray
+    torque: FloatArray
+
+
+class Reactions:
+    """Joint loads of one build of the model.
+
+    Args:
+        engine: the model.
+        joints: (joint, child link) of the robot's moving joints.
+        kinematics: of the same engine.
+    """
+
+    def __init__(self, engine: Engine, joints: Sequence[tuple[str, str]], kinematics: Kinematics) -> None:
+        self._engine, self._kinematics, self._joints = engine, kinematics, list(joints)
+        found = engine.model.getBodySet()
+        bodies = [found.get(i) for i in range(found.getSize())]
+        self._numbers = [int(body.getMobilizedBodyIndex()) for body in bodies]
+        properties = [mass_properties(body) for body in bodies]
+        self._masses = np.array([[body.mass] for body in properties])
+        self._coms = np.array([body.com for body in properties])
+        self._inertias = np.array([body.inertia for body in properties])
+        description = engine.built.description
+        children: dict[str, list[str]] = {link: [] for link in description.links}
+        for joint in description.joints.values():
+            children[joint.parent].append(joint.child)
+        self._outboard = [self._carriers(child, children) for _, child in self._joints]
+        self._sum = np.array([[float(number in outboard) for number in self._numbers] for outboard in self._outboard])
+        gravity = engine.model.getGravity()
+        self._gravity = np.array([gravity.get(i) for i in range(3)])
+
+    def _carriers(self, link: str, children: dict[str, list[str]]) -> list[int]:
+        """Bodies of a link and all that hangs on it."""
+        links = [link]
+        for name in links:
+            links += children[name]
+        return sorted({self._kinematics.carrier(self._engine.frames[name])[0] for name in links})
+
+    def _inertial(self, u: FloatArray, du: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(forces, torques about the ground's origin) that move the bodies against gravity, ground frame, one row per
+        body."""
+        bias = opensim.Vector()
+        self._engine.matter.calcBiasForSystemJacobian(self._engine.system_state, bias)
+        J = self._kinematics.system_jacobian()
+        velocity, acceleration = ((J @ u).reshape(-1, 6), (J @ du + bias.to_numpy()).reshape(-1, 6))
+        w, dw = velocity[self._numbers, :3], acceleration[self._numbers, :3]
+        poses = np.array([self._kinematics.pose(number) for number in self._numbers])
+        R = poses[:, :3, :3]
+        arms, inertias = _times(R, self._coms), R @ self._inertias @ R.transpose(0, 2, 1)
+        a = acceleration[self._numbers, 3:] + _cross(dw, arms) + _cross(w, _cross(w, arms))
+        forces = self._masses * (a - self._gravity)
+        torques = _times(inertias, dw) + _cross(w, _times(inertias, w))
+        return forces, torques + _cross(poses[:, :3, 3] + arms, forces)
+
+    def loads(
+        self, y: FloatArray, du: FloatArray, outside: Sequence[Load], R_ground_world: FloatArray
+    ) -> list[JointReaction]:
+        """Loads in a state y with du/dt, under forces from outside."""
+        engine, n = self._engine, self._engine.nu
+        engine.put_y(y)
+        engine.model.realizeVelocity(engine.system_state)
+        self._kinematics.forget()
+        forces, torques = (self._sum @ part for part in self._inertial(y[n : 2 * n], du))
+        for load in outside:
+            carry = [i for i, numbers in enumerate(self._outboard) if load.number in numbers]
+            forces[carry] -= load.force
+            torques[carry] -= load.torque + _cross(load.position, load.force)
+        frames = [engine.frames[link].getTransformInGround(engine.system_state) for _, link in self._joints]
+        points = np.array([matrix(frame)[:3, 3] for frame in frames])
+        torques -= _cross(points, forces)
+        rows = zip(self._joints, *(part @ R_ground_world for part in (points, forces, torques)), strict=True)
+        return [
+            JointReaction(joint, link, _triple(point), _triple(force), _triple(torque))
+            for (joint, link), point, force, torque in rows
+        ]
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """a x b of each row, shape (..., 3)."""
+    return np.asarray(a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]])
+
+
+def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Matrix times vector of each row, shapes (k, 3, 3) and (k, 3)."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+def _triple(vector: FloatArray) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z

@@ -1,0 +1,107 @@
+"""The inertial sets, Steiner's theorem and their physical sense; and the command line of
+`rosrun panda_description inertials`."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hric_control.errors import UnknownNameError
+from hric_control.geometry import MassProperties, judge, steiner_term, tensor
+from panda_description.parameters import PACKAGE, config
+
+INERTIAL_SETS = ("barycentric", "thesis")
+_STEINER = {"apply": 1.0, "undo": -1.0}
+"""What Steiner's term is multiplied by: apply is eq. 1 of the thesis, undo eq. 2."""
+
+
+def inertials(name: str = "barycentric") -> dict[str, MassProperties]:
+    """Inertial parameters of a set by part: link0 to link7, hand, finger (each).
+
+    Args:
+        name: `barycentric` or `thesis`.
+    """
+    if name not in INERTIAL_SETS:
+        raise UnknownNameError("set of inertials", name, INERTIAL_SETS, PACKAGE)
+    parts = {part: _link_inertia(values) for part, values in config("inertials_barycentric")["links"].items()}
+    return parts if name == "barycentric" else parts | _thesis(parts)
+
+
+def unphysical(name: str) -> dict[str, list[str]]:
+    """Parts of a set that no body can have, with the reasons."""
+    verdicts = {part: judge(link.inertia).reasons() for part, link in inertials(name).items()}
+    return {part: reasons for part, reasons in verdicts.items() if reasons}
+
+
+def _link_inertia(values: dict[str, dict[str, float]]) -> MassProperties:
+    com = values["com"]
+    return MassProperties(float(values["mass"]), np.array([com["x"], com["y"], com["z"]]), tensor(**values["inertia"]))  # type: ignore[arg-type]
+
+
+def _thesis(parts: dict[str, MassProperties]) -> dict[str, MassProperties]:
+    """The parts that the thesis's set changes, as config/inertials_thesis.yaml says."""
+    rule = config("inertials_thesis")
+    changed = {}
+    for part in rule["links"]:
+        link = parts[part]
+        own = rule["com_overrides"].get(part, {})
+        com = np.array([own.get(axis, value) for axis, value in zip("xyz", link.com, strict=True)])
+        changed[part] = MassProperties(link.mass, com, link.inertia + rule["steiner"] * steiner_term(link.mass, com))
+    return changed
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    made = argparse.ArgumentParser(
+        prog="rosrun panda_description inertials",
+        description="Prints per link: mass, inertia tensor, principal moments, triangle margin (smaller two less the "
+        "largest), definiteness.",
+    )
+    made.add_argument("--set", choices=INERTIAL_SETS, default="barycentric", help="inertial set (default: %(default)s)")
+    made.add_argument(
+        "--steiner",
+        choices=tuple(_STEINER),
+        help="move each tensor first: apply adds m (q'q E - q q') (centre of mass to link origin, thesis Eq. 1), "
+        "undo subtracts it (Eq. 2)",
+    )
+    return made
+
+
+def moved(links: dict[str, MassProperties], steiner: str | None) -> dict[str, MassProperties]:
+    """The links with Steiner's term added (`apply`), subtracted (`undo`) or as they are (None)."""
+    if steiner is None:
+        return links
+    sign = _STEINER[steiner]
+    return {
+        part: replace(link, inertia=link.inertia + sign * steiner_term(link.mass, link.com))
+        for part, link in links.items()
+    }
+
+
+def report(links: dict[str, MassProperties]) -> str:
+    """One line per link: mass [kg], centre of mass [m], tensor and moments [kg m^2], triangle margin [kg m^2],
+    definiteness."""
+    columns = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "e1", "e2", "e3", "margin")
+    rows = [f"{'part':7}{'mass':>10}" + "".join(f"{name:>11}" for name in columns) + "  verdict"]
+    for part, link in links.items():
+        verdict, i = judge(link.inertia), link.inertia
+        numbers = (i[0, 0], i[0, 1], i[0, 2], i[1, 1], i[1, 2], i[2, 2], *verdict.moments, verdict.triangle_margin)
+        text = " and ".join(verdict.reasons()) or "positive definite, physical"
+        rows.append(
+            f"{part:7}{link.mass:10.6f}" + "".join(f"{float(number):11.6f}" for number in numbers) + f"  {text}"
+        )
+    return "\n".join(rows)
+
+
+def run(words: Sequence[str]) -> str:
+    """What the command prints."""
+    given = parser().parse_args(words)
+    point = {None: "as the set has them", "apply": "Steiner's term added", "undo": "Steiner's term subtracted"}[
+        given.steiner
+    ]
+    title = (
+        f"inertials '{given.set}', {point}; mass [kg], tensor, principal moments e1..e3 and margin e1 + e2 - "
+        "e3 [kg m^2]"
+    )
+    return f"{title}\n{report(moved(inertials(given.set), given.steiner))}"

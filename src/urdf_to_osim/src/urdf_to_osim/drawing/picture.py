@@ -1,0 +1,102 @@
+"""A picture of an OpenSim model at a pose, made without a display; and the command for it."""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import opensim
+
+from hric_control.errors import HricError, ParameterError
+from urdf_to_osim.decorations import load_scene
+from urdf_to_osim.drawing.drawing import Look, draw
+from urdf_to_osim.meshes import write_whole
+
+
+def picture(osim: Path, png: Path, pose: Mapping[str, float] | None = None, look: Look | None = None) -> list[str]:
+    """Draw a model into a PNG, which appears whole or not at all; returns the mesh files that the model names and that
+    were not found.
+
+    Args:
+        pose: coordinate -> value [rad or m]; the others have the model's defaults.
+
+    Raises:
+        HricError: the model cannot be read, the pose is not one of its poses, or the picture cannot be drawn or
+            written.
+    """
+    look = look or Look()
+    scene = load_scene(osim, pose)
+    image = draw(scene, look)
+    try:
+        write_whole(png, image)
+    except OSError as error:
+        raise HricError(f"cannot write {png}: {error.strerror}") from error
+    return scene.missing
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The command; returns its exit code."""
+    given = _parser().parse_args(arguments)
+    opensim.Logger.setLevelString("Error")
+    output = given.output or given.model.with_suffix(".png")
+    (width, height), (azimuth, elevation) = given.size, given.view
+    try:
+        look = Look(width, height, azimuth, elevation, given.centres, given.frames)
+        missing = picture(given.model, output, _pose(given.pose), look)
+    except HricError as error:
+        print(f"picture: {error}", file=sys.stderr)
+        return 1
+    for file in missing:
+        print(f"picture: no mesh {file} in Geometry/ beside {given.model}; left out", file=sys.stderr)
+    print(output)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    default = Look()
+    parser = argparse.ArgumentParser(
+        prog="picture", description="Draw an OpenSim model at a pose into a PNG. Needs no display."
+    )
+    parser.add_argument("model", type=Path, help="the .osim; meshes in Geometry/ beside it")
+    parser.add_argument("-o", "--output", type=Path, help="the picture; default: the model's name with .png")
+    parser.add_argument(
+        "--pose",
+        nargs="+",
+        default=[],
+        metavar="COORDINATE=VALUE",
+        help="coordinates [rad or m]; default: the model's own",
+    )
+    parser.add_argument(
+        "--view",
+        nargs=2,
+        type=float,
+        default=[default.azimuth, default.elevation],
+        metavar=("AZIMUTH", "ELEVATION"),
+        help="[deg]",
+    )
+    parser.add_argument(
+        "--size",
+        nargs=2,
+        type=int,
+        default=[default.width, default.height],
+        metavar=("WIDTH", "HEIGHT"),
+        help="[pixels]",
+    )
+    parser.add_argument(
+        "--no-centres", dest="centres", action="store_false", help="without the balls at the centres of mass"
+    )
+    parser.add_argument("--frames", action="store_true", help="with the axes of every body")
+    return parser
+
+
+def _pose(words: Sequence[str]) -> dict[str, float]:
+    pose = {}
+    for word in words:
+        name, separator, value = word.rpartition("=")
+        try:
+            pose[name] = float(value)
+        except ValueError:
+            separator = ""
+        if not separator or not name:
+            raise ParameterError(f"--pose {word}: it must be COORDINATE=VALUE, a number [rad or m]")
+    return pose

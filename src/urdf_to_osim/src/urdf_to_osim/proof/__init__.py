@@ -1,0 +1,1 @@
+"""Whether a conversion is right: the model against oracles and closed forms."""

@@ -1,0 +1,112 @@
+"""Command line of scripts/count."""
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from functools import reduce
+from operator import add
+from pathlib import Path
+
+from house import counts, limits
+from house.limits import Limits
+from house.sources import WORKSPACE, HouseError, Source, at_revision, in_folder
+from house.words import COMMENTS, DOCSTRINGS, NAMES, Use, Word, uses
+
+PURPOSE = "Sizes of product Python: src/*/src, src/*/nodes, scripts; limits: [tool.hric.house] in pyproject.toml."
+ALL = "all"
+"""No word in particular."""
+
+
+def main(arguments: Sequence[str] | None = None, root: Path = WORKSPACE) -> int:
+    """Run the command; returns the exit code."""
+    options = _parser().parse_args(arguments)
+    try:
+        rules = limits.read_limits(root)
+        sources = at_revision(options.at, root) if options.at else in_folder(root)
+        if options.check:
+            return _check(sources, rules, root)
+        if options.twins:
+            print(*limits.unlisted_twins(sources, rules)[0], sep="\n")
+        elif options.words:
+            words = limits.glossary(root)
+            _print_words(uses(sources, words), words, options.words)
+        else:
+            _print_sizes(sources, rules)
+    except (HouseError, OSError) as error:
+        print(f"scripts/count: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="scripts/count", description=PURPOSE)
+    parser.add_argument("--at", metavar="REVISION", help="count a git revision, by the limits of today")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--check", action="store_true", help="hold all against the limits; code 1 if anything is beyond")
+    what.add_argument("--twins", action="store_true", help="list pairs of functions that are alike")
+    replaced = f"count uses of the words that {limits.GLOSSARY} replaces; with WORD: list each of its uses"
+    what.add_argument("--words", nargs="?", const=ALL, metavar="WORD", help=replaced)
+    return parser
+
+
+def _check(sources: Sequence[Source], rules: Limits, root: Path) -> int:
+    findings = [
+        *limits.over_sizes(sources, rules),
+        *limits.over_twins(sources, rules),
+        *limits.over_layers(sources, rules),
+        *limits.over_words(sources, rules, limits.glossary(root)),
+    ]
+    print(*findings or ["all within the limits"], sep="\n")
+    return 1 if findings else 0
+
+
+def _print_sizes(sources: Sequence[Source], rules: Limits) -> None:
+    sizes = counts.by_package(sources)
+    sizes["total"] = reduce(add, sizes.values())
+    levels = counts.levels(sources)
+    long = Counter(source.package for source in sources for _ in counts.long_functions([source], rules.function_lines))
+    short = Counter(source.package for source in counts.short_modules(sources, rules.short_module_lines))
+    largest = Counter({package: 0 for package in sizes})
+    for folder, modules in levels.items():
+        package = folder.split("/")[1 if folder.startswith("src/") else 0]
+        largest[package] = max(largest[package], modules)
+    long["total"], short["total"], largest["total"] = long.total(), short.total(), max(largest.values())
+    heads = ["package", "files", "statements", "code lines", "imports %", "functions"]
+    rows = [[*heads, f">{rules.function_lines} lines", f"modules <{rules.short_module_lines} lines", "largest level"]]
+    for name, size in sizes.items():
+        figures = [size.files, size.statements, size.code_lines, f"{size.import_share:.2f}", size.functions]
+        rows.append([name, *map(str, [*figures, long[name], short[name], largest[name]])])
+    _print_columns(rows)
+    before = rules.start["statements"]
+    change = 100.0 * (sizes["total"].statements / before - 1.0)
+    print(f"\n{change:+.2f} % statements against {before} at {rules.start['revision']}")
+
+
+def _print_words(used: Sequence[Use], words: Sequence[Word], word: str) -> None:
+    if word != ALL:
+        print(*(f"{use.location} {use.kind}: {use.text}" for use in used if use.word == word), sep="\n")
+        return
+    packages = sorted({use.package for use in used})
+    rows = [["word", NAMES, DOCSTRINGS, COMMENTS, *packages]]
+    for text in [*(entry.text for entry in words), "total"]:
+        those = [use for use in used if text in (use.word, "total")]
+        kinds, per_package = Counter(use.kind for use in those), Counter(use.package for use in those)
+        figures = [kinds[kind] for kind in (NAMES, DOCSTRINGS, COMMENTS)] + [per_package[name] for name in packages]
+        rows.append([text, *map(str, figures)])
+    _print_columns(rows)
+    for package in packages:
+        names = Counter(use.text for use in used if use.package == package and use.kind == NAMES)
+        listed = (name if count == 1 else f"{name} ({count})" for name, count in sorted(names.items()))
+        print(f"\n{package}: " + ", ".join(listed))
+
+
+def _print_columns(rows: Sequence[Sequence[str]]) -> None:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for first, *others in rows:
+        cells = (cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))
+        print("  ".join([first.ljust(widths[0]), *cells]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

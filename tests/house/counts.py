@@ -1,0 +1,70 @@
+"""Sizes of the code: statements, share of imports, modules per level, long functions, short modules."""
+
+import ast
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+from house.sources import Source, covered, is_docstring
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sums over some files.
+
+    Attributes:
+        files: how many.
+        statements: nodes `ast.stmt` of their trees, nested ones too, but docstrings.
+        code_lines: lines that are neither blank, comment nor docstring.
+        import_lines: those of them that belong to an import statement.
+        functions: functions and methods, nested ones too.
+    """
+
+    files: int
+    statements: int
+    code_lines: int
+    import_lines: int
+    functions: int
+
+    def __add__(self, other: "Sizes") -> "Sizes":
+        return Sizes(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(Sizes)))
+
+    @property
+    def import_share(self) -> float:
+        """Import lines per 100 lines of code."""
+        return 100.0 * self.import_lines / max(self.code_lines, 1)
+
+
+def sizes(source: Source) -> Sizes:
+    """Sizes of one file."""
+    statements = [node for node in source.nodes if isinstance(node, ast.stmt) and not is_docstring(node)]
+    imports = covered(node for node in statements if isinstance(node, ast.Import | ast.ImportFrom)) & source.code_lines
+    return Sizes(1, len(statements), len(source.code_lines), len(imports), len(source.functions))
+
+
+def by_package(sources: Sequence[Source]) -> dict[str, Sizes]:
+    """Sizes of each package."""
+    sums: dict[str, Sizes] = {}
+    for source in sources:
+        sums[source.package] = sums.get(source.package, Sizes(0, 0, 0, 0, 0)) + sizes(source)
+    return sums
+
+
+def levels(sources: Sequence[Source]) -> Counter[str]:
+    """Folder -> number of its modules, `__init__` and `__main__` not counted; executables are no modules."""
+    return Counter(source.level for source in sources if source.level)
+
+
+def long_functions(sources: Sequence[Source], limit: int) -> list[str]:
+    """Functions of more than `limit` lines, from `def` to the last line, as `path:line name (lines)`."""
+    return [
+        f"{source.path}:{function.lineno} {name} ({lines} lines)"
+        for source in sources
+        for name, function in source.functions
+        if (lines := (function.end_lineno or 0) - function.lineno + 1) > limit
+    ]
+
+
+def short_modules(sources: Sequence[Source], limit: int) -> list[Source]:
+    """Modules of fewer than `limit` lines."""
+    return [source for source in sources if source.level and len(source.text.splitlines()) < limit]

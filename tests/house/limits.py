@@ -1,0 +1,115 @@
+"""The limits of the code, from `[tool.hric.house]` in pyproject.toml, and what exceeds them."""
+
+import tomllib
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import reduce
+from operator import add
+from pathlib import Path
+from typing import Any
+
+from house import counts, layers
+from house.sources import WORKSPACE, HouseError, Source
+from house.twins import Twins, twins
+from house.words import COMMENTS, DOCSTRINGS, NAMES, Word, read_glossary, uses
+
+SECTION = "[tool.hric.house]"
+GLOSSARY = "docs/glossary.md"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Keys of the section; each limit is the largest value allowed. Meanings and targets: pyproject.toml.
+
+    Attributes:
+        start: `revision` that the statements are compared with, and its `statements`.
+        statements: of all packages together.
+        import_share: import lines in all lines of code [%].
+        modules_per_level: in one folder.
+        function_lines: from `def` to the last line.
+        short_modules: modules of fewer than `short_module_lines` lines.
+        short_module_lines: see above.
+        twins: `lines` of code from which functions are compared, `likeness` from which they count as alike, `pairs`
+            allowed, and `exceptions`, each with the two `functions` and the `reason`.
+        words: uses of replaced words in `names`, `docstrings` and `comments`.
+        layers, ros, never: see `house.layers.findings`.
+    """
+
+    start: dict[str, Any]
+    statements: int
+    import_share: float
+    modules_per_level: int
+    function_lines: int
+    short_modules: int
+    short_module_lines: int
+    twins: dict[str, Any]
+    words: dict[str, int]
+    layers: dict[str, Any]
+    ros: dict[str, Any]
+    never: list[dict[str, Any]]
+
+
+def read_limits(root: Path = WORKSPACE) -> Limits:
+    """The limits of a workspace. Raises HouseError."""
+    with (root / "pyproject.toml").open("rb") as file:
+        section = tomllib.load(file).get("tool", {}).get("hric", {}).get("house", {})
+    names = {field.name for field in fields(Limits)}
+    if wrong := sorted(names ^ set(section)):
+        valid = ", ".join(sorted(names))
+        raise HouseError(f"pyproject.toml, {SECTION}: unknown or missing {', '.join(wrong)}; the keys are {valid}")
+    return Limits(**section)
+
+
+def glossary(root: Path = WORKSPACE) -> list[Word]:
+    """The replaced words of a workspace. Raises HouseError."""
+    return read_glossary((root / GLOSSARY).read_text(), GLOSSARY)
+
+
+def over_sizes(sources: Sequence[Source], limits: Limits) -> list[str]:
+    """Sizes beyond their limits."""
+    total = reduce(add, counts.by_package(sources).values())
+    short = counts.short_modules(sources, limits.short_module_lines)
+    exceeded = [
+        _over("statements", total.statements, limits.statements),
+        _over("import_share", round(total.import_share, 2), limits.import_share),
+        _over("short_modules", len(short), limits.short_modules),
+    ]
+    for folder, modules in counts.levels(sources).most_common():
+        exceeded.append(_over("modules_per_level", modules, limits.modules_per_level, f" in {folder}"))
+    for name in counts.long_functions(sources, limits.function_lines):
+        exceeded.append(f"function_lines: limit {limits.function_lines}, exceeded by {name}")
+    return [message for message in exceeded if message]
+
+
+def unlisted_twins(sources: Sequence[Source], limits: Limits) -> tuple[list[Twins], list[str]]:
+    """Pairs of functions that are alike and no exception, and findings about exceptions that are no pairs any more."""
+    pairs = twins(sources, limits.twins["lines"], limits.twins["likeness"])
+    listed = {frozenset(entry["functions"]): entry["reason"] for entry in limits.twins["exceptions"]}
+    gone = sorted(sorted(names) for names in set(listed) - {pair.names for pair in pairs})
+    findings = [f"twins: no longer alike, delete the exception {' and '.join(names)}" for names in gone]
+    return [pair for pair in pairs if pair.names not in listed], findings
+
+
+def over_twins(sources: Sequence[Source], limits: Limits) -> list[str]:
+    """More functions that are alike than allowed, all of them named."""
+    pairs, findings = unlisted_twins(sources, limits)
+    message = _over("twins.pairs", len(pairs), limits.twins["pairs"])
+    return findings + ([message, *(f"  alike: {pair}" for pair in pairs)] if message else [])
+
+
+def over_layers(sources: Sequence[Source], limits: Limits) -> list[str]:
+    """Imports that break a rule."""
+    return layers.findings(sources, limits.layers, limits.ros, limits.never)
+
+
+def over_words(sources: Sequence[Source], limits: Limits, words: Sequence[Word]) -> list[str]:
+    """More replaced words in use than allowed."""
+    kinds = Counter(use.kind for use in uses(sources, words))
+    hint = f"; replaced words of {GLOSSARY}: scripts/count --words [WORD] lists them"
+    exceeded = [_over(f"words.{kind}", kinds[kind], limits.words[kind], hint) for kind in (NAMES, DOCSTRINGS, COMMENTS)]
+    return [message for message in exceeded if message]
+
+
+def _over(name: str, value: float, limit: float, where: str = "") -> str:
+    return f"{name}: {value:g}, limit {limit:g}{where}" if value > limit else ""

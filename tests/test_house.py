@@ -1,0 +1,334 @@
+"""Product Python keeps its limits and layers, and the counter that says so counts what it claims."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+from house import counts, layers, limits, sources, words  # noqa: E402
+from house.__main__ import main  # noqa: E402
+from house.sources import HouseError, Source  # noqa: E402
+from house.twins import twins  # noqa: E402
+
+Make = Callable[..., Path]
+Captured = pytest.CaptureFixture[str]
+ROS = {"libraries": ["rospy"], "modules": ["a.ros_node", "*/nodes/*"]}
+ORDER = {"order": [["top"], ["a", "b"], ["base"]]}
+
+
+@pytest.fixture(scope="module")
+def workspace() -> list[Source]:
+    return sources.in_folder(ROOT)
+
+
+@pytest.fixture(scope="module")
+def today() -> limits.Limits:
+    return limits.read_limits(ROOT)
+
+
+def module(name: str, text: str) -> Source:
+    """A module of the package that its name begins with."""
+    return Source(f"src/{name.partition('.')[0]}/src/{name.replace('.', '/')}.py", text)
+
+
+def test_sizes_are_within_their_limits(workspace: list[Source], today: limits.Limits) -> None:
+    assert limits.over_sizes(workspace, today) == []
+
+
+def test_no_more_functions_are_alike_than_allowed(workspace: list[Source], today: limits.Limits) -> None:
+    assert limits.over_twins(workspace, today) == []
+
+
+def test_nothing_imports_upwards_or_what_the_never_list_forbids(workspace: list[Source], today: limits.Limits) -> None:
+    assert limits.over_layers(workspace, today) == []
+
+
+def test_no_more_replaced_words_are_used_than_allowed(workspace: list[Source], today: limits.Limits) -> None:
+    assert limits.over_words(workspace, today, limits.glossary(ROOT)) == []
+
+
+def test_the_statements_at_the_start_are_those_of_that_revision(today: limits.Limits) -> None:
+    try:
+        start = sources.at_revision(today.start["revision"], ROOT)
+    except HouseError:
+        pytest.skip("a clone without the history of the start")
+    assert sum(size.statements for size in counts.by_package(start).values()) == today.start["statements"]
+
+
+def test_statements_are_counted_nested_ones_too_and_docstrings_are_not() -> None:
+    text = '"""Doc."""\nimport os\nA = 1\n"""Of A."""\n\n\ndef f():\n    """Doc."""\n'
+    text += "    if A:\n        return os\n    elif f:\n        pass\n"
+    assert counts.sizes(module("a.m", text)).statements == len(["import", "A", "def", "if", "return", "elif", "pass"])
+
+
+def test_the_share_of_imports_is_of_lines_with_code() -> None:
+    text = '"""Doc\n\nof the module."""\n\n# comment\nfrom a import (\n    b,  # why\n)\n\nx = """1\n\n2"""\ny = b\n'
+    size = counts.sizes(module("a.m", text))
+    assert (size.import_lines, size.code_lines) == (3, 3 + 2 + 1)
+    assert size.import_share == 50.0
+
+
+def test_modules_are_counted_per_folder_without_init_and_executables() -> None:
+    files = [module(name, "") for name in ("a.__init__", "a.x", "a.y", "a.sub.__init__", "a.sub.z")]
+    files.append(Source("src/a/nodes/run", "#!/usr/bin/env python3\n"))
+    assert counts.levels(files) == {"src/a/src/a": 2, "src/a/src/a/sub": 1}
+
+
+def test_a_function_is_long_from_one_line_beyond_the_limit() -> None:
+    source = module("a.m", "class C:\n    def f(self):\n" + "        x = 1\n" * 4)
+    assert counts.long_functions([source], 5) == []
+    assert counts.long_functions([source], 4) == ["src/a/src/a/m.py:2 C.f (5 lines)"]
+
+
+def test_only_product_python_is_counted(tmp_path: Path) -> None:
+    product = ["src/a/src/a/m.py", "src/a/nodes/run", "scripts/tool", "scripts/lib/helper.py"]
+    for path in [*product, "src/a/test/test_m.py", "src/a/setup.py", "src/a/templates/t/src/t/m.py", "tests/test_x.py"]:
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text("#!/usr/bin/env python3\n")
+    (tmp_path / "scripts/setup").write_text("#!/usr/bin/env bash\n")
+    assert [source.path for source in sources.in_folder(tmp_path)] == sorted(product)
+
+
+def test_a_revision_is_counted_as_it_was(tmp_path: Path) -> None:
+    def git(*arguments: str) -> None:
+        identity = ["-c", "user.name=n", "-c", "user.email=e@example.org"]
+        subprocess.run(["git", "-C", str(tmp_path), *identity, *arguments], check=True, capture_output=True)
+
+    file = tmp_path / "scripts/tool.py"
+    (tmp_path / "src/a/src/a").mkdir(parents=True)
+    file.parent.mkdir()
+    (tmp_path / "src/a/src/a/m.py").write_text("x = 1\n")
+    file.write_text("x = 1\n")
+    git("init", "-q")
+    git("add", ".")
+    git("commit", "-qm", "first")
+    file.write_text("x = 1\ny = 2\n")
+    assert sorted(source.text for source in sources.at_revision("HEAD", tmp_path)) == ["x = 1\n", "x = 1\n"]
+    with pytest.raises(HouseError, match="no_such"):
+        sources.at_revision("no_such", tmp_path)
+
+
+def test_a_file_that_is_not_python_is_named_with_its_line() -> None:
+    with pytest.raises(HouseError, match=r"src/a/src/a/m\.py:2"):
+        counts.sizes(module("a.m", "x = 1\nx = = 2\n"))
+
+
+BODY = """
+def {name}(values, limit):
+    total = 0.0
+    for index, {item} in enumerate(values):
+        if abs({item}) > limit:
+            raise ValueError(f"{{index}} is beyond {{limit}}")
+        total += {item} * {item}
+    if total > {factor} * limit:
+        return limit
+    return total
+"""
+
+
+def test_functions_are_alike_though_their_local_names_differ() -> None:
+    first = module("a.m", BODY.format(name="norm", item="value", factor=2))
+    second = module("b.n", '"""Doc."""\n' + BODY.format(name="size", item="entry", factor=2))
+    (pair,) = twins([first, second], 8, 0.95)
+    assert pair.likeness == 1.0
+    assert pair.names == {"a.m:norm", "b.n:size"}
+    assert str(pair) == "1.00  src/a/src/a/m.py:2 norm  |  src/b/src/b/n.py:3 size"
+
+
+def test_functions_that_call_others_or_are_short_are_not_alike() -> None:
+    first = module("a.m", BODY.format(name="norm", item="value", factor=2))
+    short = "def f(x):\n    return x\n"
+    other = "def g(rows, out):\n" + "".join(f"    out.write_{word}(rows.{word})\n" for word in "abcdefgh")
+    assert twins([first, module("b.n", other), module("a.s", short), module("b.s", short)], 8, 0.5) == []
+
+
+def test_a_nested_function_is_not_alike_to_the_one_around_it() -> None:
+    inner = "".join(f"    {line}\n" for line in BODY.format(name="inner", item="v", factor=2).splitlines())
+    assert twins([module("a.m", f"def outer():\n{inner}    return inner\n")], 8, 0.1) == []
+
+
+def listed_pair(*functions: str) -> dict[str, object]:
+    entry = {"functions": list(functions), "reason": "each is faster"}
+    return {"lines": 8, "likeness": 0.5, "pairs": 0, "exceptions": [entry]}
+
+
+def test_a_listed_pair_is_allowed_and_an_entry_that_is_no_pair_is_a_finding(today: limits.Limits) -> None:
+    pair = [module(f"{name}.m", BODY.format(name=name, item=name, factor=2)) for name in ("a", "b")]
+    changed = limits.Limits(**{**vars(today), "twins": listed_pair("b.m:b", "a.m:a")})
+    assert limits.over_twins(pair, changed) == []
+    (finding,) = limits.over_twins(pair[:1], changed)
+    assert "delete the exception a.m:a and b.m:b" in finding
+    unlisted = limits.Limits(**{**vars(today), "twins": {**changed.twins, "exceptions": []}})
+    assert limits.over_twins(pair, unlisted)[0] == "twins.pairs: 1, limit 0"
+
+
+def broken(*files: Source, never: tuple[dict[str, object], ...] = (), **changes: object) -> list[str]:
+    """Findings about files beside one module in each layer."""
+    rest = [module("top.m", ""), module("a.m", ""), module("b.m", ""), module("base.m", "")]
+    names = {file.name for file in files}
+    others = [file for file in rest if file.name not in names]
+    return layers.findings([*files, *others], {**ORDER, **changes}, ROS, never)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import top.m",
+        "from top import m",
+        "from top.m import x",
+        "def f():\n    from top.m import x",
+        "def f():\n    importlib.import_module('top.m')",
+        "if TYPE_CHECKING:\n    import top.m",
+    ],
+)
+def test_an_import_upwards_is_found_wherever_it_is(text: str) -> None:
+    (finding,) = broken(module("base.m", text))
+    assert "base.m imports top.m: top is in the layer above base" in finding
+
+
+def test_packages_of_one_layer_do_not_import_each_other_and_downwards_is_free() -> None:
+    assert broken(module("top.m", "import base.m, a.m, b.m, numpy")) == []
+    assert "b is in the layer beside a" in broken(module("a.m", "import b.m"))[0]
+
+
+def test_a_package_without_a_layer_and_a_relative_import_are_refused() -> None:
+    assert broken(module("lost.m", "")) == ["package lost is in no layer"]
+    with pytest.raises(HouseError, match="relative"):
+        broken(module("a.m", "from . import x"))
+
+
+def test_an_ignored_import_is_allowed_and_an_exception_that_allows_nothing_is_a_finding() -> None:
+    upwards = module("base.m", "import top.m")
+    assert broken(upwards, ignore=["base.* -> top.m"]) == []
+    assert "delete it" in broken(ignore=["base.* -> top.m"])[0]
+
+
+def test_a_module_without_ros_imports_neither_rospy_nor_a_module_that_does() -> None:
+    node = module("a.ros_node", "import rospy")
+    run = Source("src/a/nodes/run", "#!/usr/bin/env python3\nimport a.ros_node")
+    assert broken(node, run) == []
+    assert "master" in broken(node, module("a.m", "def f():\n    import a.ros_node"))[0]
+    assert "master" in broken(module("a.m", "from rospy.impl import simtime"))[0]
+
+
+def test_the_never_list_forbids_modules_their_submodules_and_spares_exempt_importers() -> None:
+    rule = {"rule": "no engine", "from": ["*"], "but": ["b"], "to": ["pybullet"]}
+    assert broken(module("b.m", "import pybullet"), never=(rule,)) == []
+    (finding,) = broken(module("a.m", "import pybullet.utils"), never=(rule,))
+    assert finding == "src/a/src/a/m.py:1 a.m imports pybullet.utils: no engine"
+
+
+PAGE = """
+| say | instead of | exceptions |
+|---|---|---|
+| setpoint | `set point` | |
+| publish | `told` | `told_*`, `a.m.told` |
+| pose offset | `way` | in sentences |
+"""
+
+
+def used(text: str, name: str = "a.m") -> list[tuple[str, str, str]]:
+    """Word, kind and line of each use."""
+    found = words.uses([module(name, text)], words.read_glossary(PAGE, "page"))
+    return [(use.word, use.kind, use.location.rpartition(":")[2]) for use in found]
+
+
+def test_words_are_parts_of_names_of_all_kinds_once_per_file() -> None:
+    text = "class SetPoint:\n    def f(self, way):\n        self.theWay = way\n        way = 1\n\n\n"
+    text += "WAY = setpoint = always = 1\n"
+    assert used(text) == [
+        ("set point", "names", "1"),
+        ("way", "names", "2"),
+        ("way", "names", "3"),
+        ("way", "names", "7"),
+    ]
+    assert used("", "a.set_point") == [("set point", "names", "1")]
+
+
+def test_words_in_docstrings_and_comments_have_their_line_also_across_lines() -> None:
+    text = '"""Way.\n\nThe set\npoint, TOLD.\n"""\n# untold, told\nx = "told"\n'
+    assert used(text) == [("set point", "docstrings", "3"), ("told", "docstrings", "4"), ("told", "comments", "6")]
+
+
+def test_a_name_that_the_page_lists_is_an_exception() -> None:
+    assert used("told = told_you = 1\n") == []
+    assert used("told = 1\n", "a.other") == [("told", "names", "1")]
+
+
+def test_a_page_without_the_table_and_a_row_without_words_are_refused() -> None:
+    with pytest.raises(HouseError, match="no table"):
+        words.read_glossary("# Words", "page")
+    with pytest.raises(HouseError, match="page:5"):
+        words.read_glossary(PAGE.replace("`told`", "told"), "page")
+
+
+CONFIG = """
+[tool.hric.house]
+start = { revision = "r", statements = 4 }
+statements = 2
+import_share = 9.0
+modules_per_level = 1
+function_lines = 4
+short_modules = 1
+short_module_lines = 40
+twins = { lines = 8, likeness = 0.5, pairs = 0, exceptions = [] }
+words = { names = 0, docstrings = 0, comments = 0 }
+layers = { order = [["hric_control"]] }
+ros = { libraries = [], modules = [] }
+never = []
+"""
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Make:
+    """A workspace of one module, with the limits of CONFIG, in which one text may be replaced."""
+
+    def make(replaced: str = "") -> Path:
+        (tmp_path / "src/hric_control/src/hric_control").mkdir(parents=True)
+        (tmp_path / "src/hric_control/src/hric_control/m.py").write_text("x = 1\ny = 2\n")
+        (tmp_path / "docs").mkdir()
+        (tmp_path / "docs/glossary.md").write_text(PAGE)
+        before, _, after = replaced.partition(" -> ")
+        (tmp_path / "pyproject.toml").write_text(CONFIG.replace(before, after) if before else CONFIG)
+        return tmp_path
+
+    return make
+
+
+def test_a_workspace_within_its_limits_passes_the_check(small: Make, capsys: Captured) -> None:
+    root = small()
+    assert main(["--check"], root) == 0
+    assert capsys.readouterr().out == "all within the limits\n"
+    assert main([], root) == 0
+    assert "-50.00 % statements against 4 at r" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("replaced", "message"),
+    [
+        ("statements = 2 -> statements = 1", "statements: 2, limit 1"),
+        ("modules_per_level = 1 -> modules_per_level = 0", "modules_per_level: 1, limit 0 in src/hric_control/src"),
+        ("short_modules = 1 -> short_modules = 0", "short_modules: 1, limit 0"),
+        ('[["hric_control"]] -> []', "package hric_control is in no layer"),
+    ],
+)
+def test_the_check_says_what_is_beyond_which_limit(small: Make, capsys: Captured, replaced: str, message: str) -> None:
+    assert main(["--check"], small(replaced)) == 1
+    assert capsys.readouterr().out.startswith(message)
+
+
+def test_a_misspelt_limit_is_refused_with_the_valid_keys(small: Make, capsys: Captured) -> None:
+    assert main([], small("function_lines -> function_line")) == 2
+    message = capsys.readouterr().err
+    assert "function_line, function_lines" in message and "import_share" in message
+
+
+def test_the_command_runs_without_the_workspace_environment() -> None:
+    command = [str(ROOT / "scripts/count"), "--at", "no_such"]
+    result = subprocess.run(command, env={"PATH": "/usr/bin:/bin"}, capture_output=True, text=True)
+    assert result.returncode == 2
+    assert "no_such" in result.stderr
