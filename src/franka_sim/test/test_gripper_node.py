@@ -64,7 +64,8 @@ def node(ros):
     if node.process.poll() is None:
         node.process.kill()
         node.process.communicate()
-    rospy.delete_param("/grip")
+    if rospy.has_param("/grip"):  # ended at once, it has set none
+        rospy.delete_param("/grip")
 
 
 def sent(client, goal):

@@ -13,15 +13,20 @@ from hric_control import processes
 
 
 def test_only_the_calling_thread_gets_the_priority() -> None:
-    mine = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+    def nice() -> int:
+        return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
 
-    def prefer() -> tuple[bool, int]:
-        return processes.prefer_this_thread(), os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+    mine = nice()
+
+    def prefer() -> tuple[bool, int, int]:
+        allowed = processes.prefer_this_thread()
+        with ThreadPoolExecutor(1) as started:
+            return allowed, nice(), started.submit(nice).result()
 
     with ThreadPoolExecutor(1) as pool:
-        allowed, its = pool.submit(prefer).result()
+        allowed, its, of_one_it_started = pool.submit(prefer).result()
     assert its == (processes.NICE if allowed else mine)
-    assert os.getpriority(os.PRIO_PROCESS, threading.get_native_id()) == mine
+    assert of_one_it_started == nice() == mine
 
 
 def test_it_returns_false_where_it_is_not_allowed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -125,7 +125,7 @@ def test_what_has_not_the_size_of_the_robot_is_refused_and_not_read(panda_urdf):
         (seven, seven, seven, seven[:6], None),
         (seven, seven, seven, None, [None] * 6),
     ):
-        with pytest.raises(ValueError, match=r"7 (numbers|values) are wanted, got 6"):
+        with pytest.raises(ValueError, match=r"7 (numbers|values) are needed, got 6"):
             dynamics.torque(*short)
     with pytest.raises(TypeError):
         dynamics.torque(seven, None, seven, None, None)

@@ -16,13 +16,14 @@ project default, unconfirmed."""
 
 
 def prefer_this_thread(nice: int = NICE) -> bool:
-    """Let the calling thread, and threads it starts from now on, run at higher priority.
+    """Let the calling thread run at higher priority; threads it starts have the usual one.
 
     Returns:
         False where the system does not allow it: it takes root, or a line such as `@realtime - nice -10` in
             /etc/security/limits.conf.
     """
     try:
+        os.sched_setscheduler(0, os.sched_getscheduler(0) | os.SCHED_RESET_ON_FORK, os.sched_getparam(0))
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), nice)
     except PermissionError:
         return False
