@@ -10,22 +10,28 @@ import os
 import sys
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-import roslaunch.arg_dump
 import roslaunch.parent
 import roslaunch.pmon
 import yaml
-from bringup_arguments import DEVICES, ArgumentError, Choices, check, device, has_section, split
+from bringup_arguments import (
+    DEVICES,
+    LAUNCH,
+    REALISM,
+    USER_ERROR,
+    WORKSPACE,
+    ArgumentError,
+    check,
+    choices,
+    device,
+    documented,
+    split,
+)
 from bringup_master import DEFAULT, MasterError, choose
 
 from hric_control.errors import HricError
 
-WORKSPACE = Path(__file__).resolve().parents[2]
-LAUNCH = WORKSPACE / "src/hric_bringup/launch/bringup.launch"
-CONTROLLERS = WORKSPACE / "src/hric_bringup/config/controllers.yaml"
-EXPERIMENTS = WORKSPACE / "src/hric_experiments/config/experiments"
 SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 0.5
 """How long a node may take to end, before the next signal [s]."""
 INTERRUPTED = 130
@@ -33,7 +39,6 @@ STARTING = 10.0
 """How long nodes may take to import what they need [s]."""
 PROBE_TIMEOUT = 1.0
 """How long the arm's control box may take to accept a connection [s]."""
-Documented = Mapping[str, tuple[str | None, str | None]]
 
 
 class RequiredNodes(roslaunch.pmon.ProcessListener):
@@ -55,41 +60,21 @@ class RequiredNodes(roslaunch.pmon.ProcessListener):
             self.name, self.code = node, exit_code or 0
 
 
-def choices() -> Choices:
-    """Names of controllers and experiments in this workspace."""
-    instances = [
-        name
-        for name, value in (yaml.safe_load(CONTROLLERS.read_text()) or {}).items()
-        if isinstance(value, dict) and "type" in value
-    ]
-    experiments = sorted(EXPERIMENTS.glob("*.yaml"))
-    having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in DEVICES}
-    return Choices(tuple(instances), tuple(path.stem for path in experiments), having)
-
-
-def help_text(documented: Documented) -> str:
-    """All arguments with default and meaning."""
-    arguments = (f"  {name}:={default}\n      {doc}" for name, (doc, default) in documented.items())
-    return "\n".join([
-        "usage: scripts/bringup [NAME:=VALUE ...]",
-        "",
-        "Sets up what is missing, then runs the arm until Ctrl-C or the end of the experiment.",
-        "",
-        *arguments,
-        "",
-        "examples:",
-        "  scripts/bringup env:=sim",
-        "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100",
-        "  scripts/bringup env:=real robot_ip:=172.16.0.2 experiment:=pd_step",
-        "  scripts/bringup env:=sim experiment:=marker_tracking",
-        "  scripts/bringup env:=sim experiment:=data_collection",
-        "  scripts/bringup env:=sim experiment:=marker_tracking mocap:=motive mocap_server:=192.168.1.10",
-    ])  # fmt: skip
-
-
 def resolve_rviz(value: str) -> str:
     """true or false; auto means true where a display is."""
     return str(bool(os.environ.get("DISPLAY"))).lower() if value == "auto" else value
+
+
+def check_realism(value: str) -> None:
+    """Raises ArgumentError for settings that the simulated arm does not take."""
+    if value in REALISM:
+        return
+    from franka_sim.realism import parse  # with all that the simulated arm is made of
+
+    try:
+        parse(yaml.safe_load(value), "realism")
+    except (HricError, yaml.YAMLError) as error:
+        raise ArgumentError(f"realism:={value} is not possible: {' '.join(str(error).split())}") from None
 
 
 def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
@@ -191,15 +176,10 @@ def _terminate_nodes(monitor: Any) -> None:
 
 def main(argv: list[str]) -> int:
     """Command line; returns the exit code."""
-    documented: Documented = roslaunch.arg_dump.get_args([str(LAUNCH)])
-    if {"-h", "--help"} & set(argv):
-        print(help_text(documented))
-        return 0
     try:
-        known = choices()
-        arguments = {name: default or "" for name, (_, default) in documented.items()} | check(
-            split(argv), documented, known
-        )
+        known, defaults = choices(), {name: default for name, (default, _) in documented().items()}
+        arguments = defaults | check(split(argv), defaults, known)
+        check_realism(arguments["realism"])
         if arguments["env"] == "real":
             # with all that the arm's driver is made of, which a simulated one need not wait for
             import franka_real.probe
@@ -211,7 +191,7 @@ def main(argv: list[str]) -> int:
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, arguments["ns"].rstrip("/") + "/robot")
     except (ArgumentError, MasterError, HricError) as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
-        return 1
+        return USER_ERROR if isinstance(error, ArgumentError) else 1
     announce(shown, master, running)
     return run(arguments, master)
 

@@ -2,6 +2,8 @@
 
 import json
 import math
+import os
+import shutil
 from pathlib import Path
 from textwrap import indent
 
@@ -102,6 +104,18 @@ def test_dotted_paths_reach_any_key_of_the_file() -> None:
 def test_a_wrong_override_is_refused_with_what_would_be_right(given: str, told: str) -> None:
     with pytest.raises(ExperimentError, match=told.replace("(", r"\(")):
         load("pd_step", given)
+
+
+def test_a_controller_that_a_package_configures_is_started_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(experiment.package_path("hric_controllers") / "templates/my_controller", tmp_path / "my_controller")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path}:{os.environ['ROS_PACKAGE_PATH']}")
+    given = "controllers:=[joint_state_controller, my_controller]"
+    found = parameters.controllers(experiment.load("none", [given, "arm_id:=left"]))
+    assert found["my_controller"]["type"] == "my_controller/JointSpring" and "rate" not in found["my_controller"]
+    with pytest.raises(ExperimentError, match=r"'nobody' is not in controllers.yaml nor .*configured: .*my_controller"):
+        parameters.controllers(experiment.load("none", [given.replace("my_controller", "nobody")]))
 
 
 def test_editors_have_the_schemas_and_accept_what_is_valid(capsys: pytest.CaptureFixture[str]) -> None:
