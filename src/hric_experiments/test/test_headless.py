@@ -211,13 +211,21 @@ def test_not_exactly_one_experiment_is_refused(words: list[str], told: str, caps
     assert ended.value.code == 2 and told in capsys.readouterr().err
 
 
-def test_a_robot_that_refuses_its_parameters_is_one_line_and_a_failed_run(tmp_path: Path) -> None:
-    process = rosrun(tmp_path, "pd_step", "robot.plant.colour:=red")
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("robot.plant.colour:=red", ("no parameter 'colour'", "rotor_inertia")),
+        ("kp:=abc", ("/joint_pd_controller/kp is 'abc'; valid: a finite number",)),
+    ],
+)
+def test_what_robot_or_controller_refuse_is_one_line_and_leaves_no_folder(
+    tmp_path: Path, override: str, told: tuple[str, ...]
+) -> None:
+    process = rosrun(tmp_path / "runs", "pd_step", override)
     output, error = process.communicate(timeout=30)
     assert process.returncode == 1 and "Traceback" not in error + output, error
-    assert "colour" in error and "rotor_inertia" in error
-    data = RunFolder.open("latest", tmp_path).read()
-    assert data["status"] == "failed" and "colour" in data["error"]
+    assert all(text in error for text in told) and error.count("\n") == 1
+    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.parametrize(

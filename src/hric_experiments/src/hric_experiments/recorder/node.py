@@ -97,6 +97,7 @@ class Recorder:
         recording = self._recording = Recording(folder, self._start, self._unconnected)
         try:
             recording.part.wait_open(OPEN_TIMEOUT, _shutting_down)
+            folder.become_latest()
             self._wait_subscribed()
         except HricError:
             with contextlib.suppress(HricError):
