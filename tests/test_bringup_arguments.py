@@ -81,7 +81,7 @@ def checked(*arguments: str) -> dict[str, str]:
         ("rviz:=yes", ("true, false, auto",)),
         ("view:=curves", ("true, false, auto, plot",)),
         ("load_gripper:=yes", ("true, false, auto",)),
-        ("record:=later", ("true, false, on_trigger",)),
+        ("record:=later", ("true, false, auto, on_trigger",)),
         ("subject:=Jane Doe", ("for example subject:=P07", "names of people")),
         ("notes:=a:=b", ("cannot contain",)),
         ("split_size:=-1", ("0 means never",)),
@@ -197,7 +197,7 @@ def test_good_values_pass_and_are_brought_into_one_form(tmp_path: Path) -> None:
     world.write_text("{}")
     assert checked("rviz:=False", "ns:=left", "xyz:=0, 0, 1", "experiment:=pd_step", f"world:={world}") == {
         "rviz": "false",
-        "ns": "/left",
+        "ns": "left",
         "xyz": "0 0 1",
         "experiment": "pd_step",
         "world": str(world),

@@ -9,7 +9,7 @@ signal.signal(signal.SIGINT, signal.SIG_DFL)
 import os
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import roslaunch.parent
@@ -20,7 +20,6 @@ from bringup_arguments import (
     LAUNCH,
     REALISM,
     USER_ERROR,
-    WORKSPACE,
     ArgumentError,
     check,
     choices,
@@ -28,15 +27,13 @@ from bringup_arguments import (
     documented,
     split,
 )
-from bringup_master import DEFAULT, MasterError, choose
+from bringup_ending import end_nodes
+from bringup_master import DEFAULT, MasterError, call, choose
+from bringup_ready import PERIOD, block, namespace
 
 from hric_control.errors import HricError
 
-SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 0.5
-"""How long a node may take to end, before the next signal [s]."""
 INTERRUPTED = 130
-STARTING = 10.0
-"""How long nodes may take to import what they need [s]."""
 PROBE_TIMEOUT = 1.0
 """How long the arm's control box may take to accept a connection [s]."""
 
@@ -78,40 +75,29 @@ def check_realism(value: str) -> None:
 
 
 def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
-    """Say what starts, and how another terminal joins."""
-    task = (
-        f"experiment {arguments['experiment']}"
-        if arguments["experiment"] != "none"
-        else f"controller {arguments['controller']}"
-    )
+    """Say what starts."""
+    experiment, controller = arguments["experiment"], arguments["controller"]
+    task = f"experiment {experiment}" if experiment != "none" else f"controller {controller}"
     what = f"{arguments['robot']} at {arguments['robot_ip']}" if arguments["env"] == "real" else arguments["simulator"]
     capture = "".join(f"   {name}: {arguments[name]}" for name in DEVICES if arguments[name] != "none")
-    print(
-        f"env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}   record: "
-        f"{arguments['record']}"
-    )
-    print(f"ROS master: {master} ({'it runs already' if running else 'started here'})")
-    export = "" if master == DEFAULT else f" && export ROS_MASTER_URI={master}"
-    print(f"In another terminal:  source {WORKSPACE}/scripts/env{export}")
-    if arguments["experiment"] == "none":
-        print("Ctrl-C ends it.")
-    sys.stdout.flush()
+    print(f"starting   env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}")
+    print(f"ROS master: {master} ({'it runs already' if running else 'started here'})", flush=True)
 
 
 class ShutdownRequest:
-    """Whether the user wants the end (Ctrl-C, SIGTERM, SIGHUP).
+    """How often the user asked for the end (Ctrl-C, SIGTERM, SIGHUP).
 
     roslaunch's own handlers would end the nodes in the middle of their start and could leave one behind; so the request
     is remembered, and served when all have started.
     """
 
     def __init__(self) -> None:
-        self.received = False
+        self.count = 0
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._remember)
 
     def _remember(self, *_: object) -> None:
-        self.received = True
+        self.count += 1
 
 
 def run(arguments: Mapping[str, str], master: str) -> int:
@@ -122,12 +108,7 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     roslaunch.configure_logging(uuid)
     mappings = [f"{name}:={value}" for name, value in arguments.items()]
     parent = roslaunch.parent.ROSLaunchParent(
-        uuid,
-        [(str(LAUNCH), mappings)],
-        process_listeners=[nodes],
-        show_summary=False,
-        sigint_timeout=SIGINT_TIMEOUT,
-        sigterm_timeout=SIGTERM_TIMEOUT,
+        uuid, [(str(LAUNCH), mappings)], process_listeners=[nodes], show_summary=False
     )
     try:
         parent._load_config()
@@ -139,7 +120,16 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     except roslaunch.core.RLException as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
         return 1
-    return _wait(parent, nodes, request, arguments["experiment"] != "none")
+    _wait(parent, nodes, request, lambda: block(arguments, master, lambda name: parameter(master, name)))
+    end_nodes(parent.pm, lambda: request.count > 1)
+    parent.shutdown()
+    return _code(nodes, arguments["experiment"] != "none")
+
+
+def parameter(master: str, name: str) -> object:
+    """Value of a parameter; None: there is none."""
+    response = call(master, "getParam", name)
+    return response[2] if response is not None and response[0] == 1 else None
 
 
 def _take_over_required(config: Any) -> set[str]:
@@ -152,26 +142,24 @@ def _take_over_required(config: Any) -> set[str]:
     }
 
 
-def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, is_experiment: bool) -> int:
-    started = time.monotonic()
-    while not (request.received or nodes.name or parent.pm.done):
+def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, ready: Callable[[], str | None]) -> None:
+    """Until a required node ends or the user asks for the end; says when all is ready."""
+    told, look = False, time.monotonic()
+    while not (request.count or nodes.name or parent.pm.done):
         time.sleep(0.02)
-    if time.monotonic() - started < STARTING:
-        _terminate_nodes(parent.pm)
-    parent.shutdown()
+        if not told and time.monotonic() >= look:
+            look = time.monotonic() + PERIOD
+            if text := ready():
+                told = True
+                print(f"\n{text}\n", flush=True)
+
+
+def _code(nodes: RequiredNodes, is_experiment: bool) -> int:
     if not nodes.name:
         return INTERRUPTED if is_experiment else 0
     if nodes.code:
         print(f"scripts/bringup: {nodes.name} ended with code {nodes.code}; its messages are above", file=sys.stderr)
     return nodes.code if nodes.code >= 0 else 128 - nodes.code
-
-
-def _terminate_nodes(monitor: Any) -> None:
-    """SIGTERM: a node that is still importing would end by the SIGINT of roslaunch with a traceback; those that run
-    take both alike."""
-    for process in monitor.procs[:]:
-        if process not in monitor.core_procs and process.popen is not None and process.popen.poll() is None:
-            os.killpg(process.popen.pid, signal.SIGTERM)
 
 
 def main(argv: list[str]) -> int:
@@ -188,7 +176,7 @@ def main(argv: list[str]) -> int:
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
         arguments["mocap"] = device("mocap", arguments, known)
         shown = arguments | {name: device(name, arguments, known) for name in DEVICES}
-        master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, arguments["ns"].rstrip("/") + "/robot")
+        master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, f"{namespace(arguments)}/robot")
     except (ArgumentError, MasterError, HricError) as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
         return USER_ERROR if isinstance(error, ArgumentError) else 1

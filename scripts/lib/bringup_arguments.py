@@ -250,7 +250,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "simulator": ("pybullet", "opensim"),
     "rviz": (*BOOL, "auto"),
     "view": (*BOOL, "auto", "plot"),
-    "record": (*BOOL, "on_trigger"),
+    "record": (*BOOL, "auto", "on_trigger"),
     "html": BOOL,
     "mocap": ("auto", "none", "emulated", "motive"),
     **dict.fromkeys(SENSORS, ("auto", "none", "emulated", "real")),
@@ -361,7 +361,7 @@ def _namespace(name: str, value: str) -> str:
         raise ArgumentError(
             f"{name}:={value} is not a namespace; letters, digits and underscores, for example {name}:=left"
         )
-    return "/" + "/".join(parts)
+    return "/".join(parts)
 
 
 def _identifier(name: str, value: str) -> str:
