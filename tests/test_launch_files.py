@@ -261,7 +261,7 @@ def test_included_in_a_group_all_is_below_its_namespace(tmp_path: Path, space: s
         "/rosversion",
         "/run_id",
     }
-    assert all(("/tf", "tf") in node.remap_args for node in config.nodes)
+    assert all(["/tf", "tf"] in node.remap_args for node in config.nodes)
 
 
 def test_those_who_look_on_get_limits_with_rviz_and_curves_when_asked_for_and_neither_is_recorded() -> None:
