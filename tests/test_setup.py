@@ -120,8 +120,13 @@ def test_every_requirement_is_pinned_exactly() -> None:
 
 
 def test_a_shell_has_roscd_and_completes_the_arguments_of_the_bring_up() -> None:
-    typed = "source scripts/env; type -t roscd; COMP_LINE='scripts/bringup env:=r' COMP_POINT=22; _hric_complete; echo ${COMPREPLY[@]}"
+    typed = "source scripts/env; type -t roscd; COMP_LINE='scripts/bringup env:=r' COMP_POINT=22; _hric_complete"
     done = subprocess.run(
-        ["bash", "--norc", "-ic", typed], cwd=ROOT, capture_output=True, text=True, timeout=60, start_new_session=True
+        ["bash", "--norc", "-ic", f"{typed}; echo ${{COMPREPLY[@]}}"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        start_new_session=True,
     )
     assert done.stdout.splitlines()[-2:] == ["function", "real"], done.stderr

@@ -12,22 +12,11 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import bringup_arguments as given
 import roslaunch.parent
 import roslaunch.pmon
 import yaml
-from bringup_arguments import (
-    DEVICES,
-    LAUNCH,
-    REALISM,
-    USER_ERROR,
-    ArgumentError,
-    check,
-    choices,
-    device,
-    documented,
-    split,
-)
-from bringup_ending import end_nodes
+from bringup_end import end_nodes
 from bringup_master import DEFAULT, MasterError, call, choose
 from bringup_ready import PERIOD, block, namespace
 
@@ -63,15 +52,15 @@ def resolve_rviz(value: str) -> str:
 
 
 def check_realism(value: str) -> None:
-    """Raises ArgumentError for settings that the simulated arm does not take."""
-    if value in REALISM:
+    """Raises given.ArgumentError for settings that the simulated arm does not take."""
+    if value in given.REALISM:
         return
     from franka_sim.realism import parse  # with all that the simulated arm is made of
 
     try:
         parse(yaml.safe_load(value), "realism")
     except (HricError, yaml.YAMLError) as error:
-        raise ArgumentError(f"realism:={value} is not possible: {' '.join(str(error).split())}") from None
+        raise given.ArgumentError(f"realism:={value} is not possible: {' '.join(str(error).split())}") from None
 
 
 def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
@@ -79,13 +68,13 @@ def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
     experiment, controller = arguments["experiment"], arguments["controller"]
     task = f"experiment {experiment}" if experiment != "none" else f"controller {controller}"
     what = f"{arguments['robot']} at {arguments['robot_ip']}" if arguments["env"] == "real" else arguments["simulator"]
-    capture = "".join(f"   {name}: {arguments[name]}" for name in DEVICES if arguments[name] != "none")
+    capture = "".join(f"   {name}: {arguments[name]}" for name in given.DEVICES if arguments[name] != "none")
     print(f"starting   env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}")
     print(f"ROS master: {master} ({'it runs already' if running else 'started here'})", flush=True)
 
 
 class ShutdownRequest:
-    """How often the user asked for the end (Ctrl-C, SIGTERM, SIGHUP).
+    """How many requests for the end there were (Ctrl-C, SIGTERM, SIGHUP).
 
     roslaunch's own handlers would end the nodes in the middle of their start and could leave one behind; so the request
     is remembered, and served when all have started.
@@ -108,7 +97,7 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     roslaunch.configure_logging(uuid)
     mappings = [f"{name}:={value}" for name, value in arguments.items()]
     parent = roslaunch.parent.ROSLaunchParent(
-        uuid, [(str(LAUNCH), mappings)], process_listeners=[nodes], show_summary=False
+        uuid, [(str(given.LAUNCH), mappings)], process_listeners=[nodes], show_summary=False
     )
     try:
         parent._load_config()
@@ -143,14 +132,14 @@ def _take_over_required(config: Any) -> set[str]:
 
 
 def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, ready: Callable[[], str | None]) -> None:
-    """Until a required node ends or the user asks for the end; says when all is ready."""
-    told, look = False, time.monotonic()
+    """Until a required node ends or the end is requested; says when all is ready."""
+    shown, look = False, time.monotonic()
     while not (request.count or nodes.name or parent.pm.done):
         time.sleep(0.02)
-        if not told and time.monotonic() >= look:
+        if not shown and time.monotonic() >= look:
             look = time.monotonic() + PERIOD
             if text := ready():
-                told = True
+                shown = True
                 print(f"\n{text}\n", flush=True)
 
 
@@ -165,8 +154,8 @@ def _code(nodes: RequiredNodes, is_experiment: bool) -> int:
 def main(argv: list[str]) -> int:
     """Command line; returns the exit code."""
     try:
-        known, defaults = choices(), {name: default for name, (default, _) in documented().items()}
-        arguments = defaults | check(split(argv), defaults, known)
+        known, defaults = given.choices(), {name: default for name, (default, _) in given.documented().items()}
+        arguments = defaults | given.check(given.split(argv), defaults, known)
         check_realism(arguments["realism"])
         if arguments["env"] == "real":
             # with all that the arm's driver is made of, which a simulated one need not wait for
@@ -174,12 +163,12 @@ def main(argv: list[str]) -> int:
 
             franka_real.probe.check(arguments["robot_ip"], PROBE_TIMEOUT)
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
-        arguments["mocap"] = device("mocap", arguments, known)
-        shown = arguments | {name: device(name, arguments, known) for name in DEVICES}
+        arguments["mocap"] = given.device("mocap", arguments, known)
+        shown = arguments | {name: given.device(name, arguments, known) for name in given.DEVICES}
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, f"{namespace(arguments)}/robot")
-    except (ArgumentError, MasterError, HricError) as error:
+    except (given.ArgumentError, MasterError, HricError) as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
-        return USER_ERROR if isinstance(error, ArgumentError) else 1
+        return given.USER_ERROR if isinstance(error, given.ArgumentError) else 1
     announce(shown, master, running)
     return run(arguments, master)
 

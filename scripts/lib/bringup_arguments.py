@@ -459,7 +459,7 @@ def _angles(name: str, value: str) -> str:
 
 
 def completed(word: str) -> list[str]:
-    """What a shell may complete a word to: names of arguments, or values of the one whose name stands there."""
+    """What a shell may complete a word to: names of arguments, or values of the one named in it."""
     name, separator, begun = word.partition(":=")
     arguments = documented()
     if not separator:

@@ -1,5 +1,5 @@
-"""Take out of .venv what an interrupted pip left incomplete, so that pip installs it again. Called by scripts/setup, with
-the environment's Python."""
+"""Take out of .venv what an interrupted pip left incomplete, so that pip installs it again. Called by scripts/setup
+with the environment's Python."""
 
 import shutil
 import sysconfig

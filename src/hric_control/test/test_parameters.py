@@ -6,7 +6,7 @@ import jsonschema
 import pytest
 import yaml
 
-from hric_control.errors import CommandError, ParameterError, ParameterErrors, told_of
+from hric_control.errors import CommandError, ParameterError, ParameterErrors, message_about
 from hric_control.local.node import LocalNode
 from hric_control.parameters import (
     Settings,
@@ -247,7 +247,7 @@ def test_all_mistakes_of_a_mapping_are_told_at_once_and_one_alone_as_ever():
     ]
     with pytest.raises(ParameterError) as caught:
         Arm.of({**GIVEN, "mode": "slow"}, "arm")
-    assert type(caught.value) is ParameterError and told_of("robot", caught.value) == f"robot: {caught.value}"
+    assert type(caught.value) is ParameterError and message_about("robot", caught.value) == f"robot: {caught.value}"
     with pytest.raises(ParameterError, match=r"^arm\.joints\[0\] is 5; valid: a text that is not empty$"):
         Arm.of({"joints": 5, "kp": [1, 2]}, "arm")  # what is per joint cannot be judged
 

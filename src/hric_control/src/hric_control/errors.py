@@ -53,7 +53,7 @@ class ParameterErrors(ParameterError):
         super().__init__("\n".join(map(str, self.errors)))
 
 
-def told_of(what: str, error: HricError) -> str:
+def message_about(what: str, error: HricError) -> str:
     """The message with the name of what it is about; several mistakes below each other."""
     lines = str(error).splitlines()
     return f"{what}: {error}" if len(lines) == 1 else "\n  ".join([f"{what}: {len(lines)} mistakes", *lines])

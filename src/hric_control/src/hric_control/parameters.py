@@ -29,7 +29,7 @@ of `About`. `Settings.defaults` may give defaults of a file.
 
 Text such as 1e-3, which YAML 1.1 does not take for a number, is one; a bool is none; NaN and infinity are refused.
 A refusal is a ParameterError in the same words: full name, value, what is valid with its unit; all mistakes of a
-mapping are told at once.
+mapping come at once.
 `rows` gives the rows of a table of INTERFACE.md; tests/interface_tables.py prints them into the pages. `json_schema` is
 for editors.
 """
@@ -80,7 +80,7 @@ class About(TypedDict, total=False):
 
 
 class Mistakes:
-    """Collects refusals, so that all are told at once."""
+    """Collects refusals, so that all are shown at once."""
 
     def __init__(self) -> None:
         self._found: list[ParameterError] = []
@@ -93,7 +93,7 @@ class Mistakes:
         except ParameterError as error:
             self._found.append(error)
 
-    def tell(self) -> None:
+    def raise_all(self) -> None:
         """Raises ParameterError where there were any, ParameterErrors where there were several."""
         if self._found:
             raise self._found[0] if len(self._found) == 1 else ParameterErrors(self._found)
@@ -251,8 +251,8 @@ class Settings:
                 value = parameter.checked(value, f"{where}{parameter.name}", for_joints or getattr(self, "joints", ()))
             object.__setattr__(self, attribute, value)
             if attribute == "joints":
-                mistakes.tell()
-        mistakes.tell()
+                mistakes.raise_all()
+        mistakes.raise_all()
         object.__setattr__(self, "prefix", where)
         self.check(where)
 
@@ -294,7 +294,7 @@ class Settings:
         given = {by_name[name]: value for name, value in content.items() if name in by_name}
         with mistakes.noted():
             made = cls(**given, where=below(where), for_joints=joints)
-        mistakes.tell()
+        mistakes.raise_all()
         return made
 
 
@@ -442,7 +442,7 @@ def listing(
         for index, item in enumerate(_items(() if value is None else value, counts, single)):
             with mistakes.noted():
                 result.append(of.checked(item, f"{where}[{_label(item, index)}]", joints))
-        mistakes.tell()
+        mistakes.raise_all()
         if different and len(set(result)) != len(result):
             raise ValueError
         return tuple(result)
@@ -518,7 +518,7 @@ def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpac
         for key, item in value.items():
             with mistakes.noted():
                 result[key] = of.checked(item, f"{below(where)}{key}", joints)
-        mistakes.tell()
+        mistakes.raise_all()
         return result
 
     def shape() -> dict[str, Any]:

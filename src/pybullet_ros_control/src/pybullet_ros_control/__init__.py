@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def _without_banner() -> Iterator[None]:
-    """PyBullet tells the time of its build on stderr whenever it is imported."""
+    """PyBullet prints the time of its build on stderr whenever it is imported."""
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     try:

@@ -9,7 +9,7 @@ from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
-from hric_control.errors import HricError, ParameterError, UnknownNameError, told_of
+from hric_control.errors import HricError, ParameterError, UnknownNameError, message_about
 from hric_control.node import REQUIRED
 from hric_control.parameters import (
     Mistakes,
@@ -182,7 +182,7 @@ class Experiment(Settings):
         with mistakes.noted():
             if others := sorted(set(self.parameters) - set(self.controllers)):
                 raise ParameterError(f"parameters for {', '.join(others)}, which is {valid}")
-        mistakes.tell()
+        mistakes.raise_all()
 
 
 EXAMPLE = """\
@@ -264,7 +264,7 @@ def parse(name: str, raw: Mapping[str, Any]) -> Experiment:
     try:
         return replace(Experiment.of(raw, ""), name=name)
     except HricError as error:
-        raise ExperimentError(told_of(f"experiment {name}", error)) from error
+        raise ExperimentError(message_about(f"experiment {name}", error)) from error
 
 
 def load(name: str, given: Iterable[str] = ()) -> Experiment:

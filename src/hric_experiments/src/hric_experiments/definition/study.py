@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hric_control.errors import ParameterError, UnknownNameError, told_of
+from hric_control.errors import ParameterError, UnknownNameError, message_about
 from hric_control.parameters import Settings, listing, mapping, number, read_yaml, refused, section, text
 from hric_control.parameters import names as names_
 from hric_experiments.definition import experiment
@@ -142,4 +142,4 @@ def parse(name: str, raw: Any) -> Study:
     try:
         return replace(Study.of(raw, ""), name=name)
     except ParameterError as error:
-        raise ExperimentError(told_of(f"study {name}", error)) from error
+        raise ExperimentError(message_about(f"study {name}", error)) from error

@@ -149,14 +149,7 @@ def run(
         HricError: the experiment cannot run, and no folder was made; or it failed on its way, and run.yaml says so.
     """
     _refuse_wires(definition)
-    urdf = parameters.description(definition.robot)
-    tree = {
-        "robot_description": urdf,
-        "joint_limits": parameters.joint_limits(definition),
-        **parameters.controllers(definition),
-        parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},
-        **parameters.mocap(definition, seed),
-    }
+    tree = _tree(definition, seed)
     node = LocalNode(tree)
     human = HeadlessHuman(node, definition.mocap.build(seed)) if definition.mocap is not None else None
     app = RobotApp(node, node.child(parameters.ROBOT))
@@ -165,7 +158,7 @@ def run(
         folder = RunFolder.create(root, definition.name)
         head = provenance.head(folder, definition, arguments, tree, mode="headless", seed=seed, limits=limits)
         folder.write(head)
-        files.write_text(folder.urdf_path, urdf)
+        files.write_text(folder.urdf_path, tree["robot_description"])
         try:
             interrupted = _simulate(app, node, definition, folder, early, progress, human)
         except BaseException as error:
@@ -176,6 +169,17 @@ def run(
     metrics = analyse(folder, figures=figures)
     folder.update(state_sha256=metrics["state_sha256"])
     return Result(folder, metrics, interrupted)
+
+
+def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
+    """All parameters, as a live run has them on the server."""
+    return {
+        "robot_description": parameters.description(definition.robot),
+        "joint_limits": parameters.joint_limits(definition),
+        **parameters.controllers(definition),
+        parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},
+        **parameters.mocap(definition, seed),
+    }
 
 
 def _refuse_wires(definition: Experiment) -> None:

@@ -12,12 +12,12 @@ LIMIT = 10.0
 """How long a node may take to end before it is killed [s of wall time]; project default, unconfirmed."""
 LONGER = {"recorder": 120.0, "experiment": 120.0}
 """Of nodes that write data: a bag of gigabytes on a slow disk."""
-TELL_AFTER, TELL_EVERY = 1.0, 2.0
-"""Progress is told after and every [s]."""
+PROGRESS_AFTER, PROGRESS_PERIOD = 1.0, 2.0
+"""Of the lines that say who is waited for [s]."""
 
 
 def end_nodes(monitor: Any, impatient: Callable[[], bool]) -> None:
-    """End all nodes, the newest first requested; those that do not end are killed, which is told.
+    """End all nodes, the newest first requested; those that do not end are killed, with a line that says so.
 
     Args:
         monitor: roslaunch's, which no longer looks after them.
@@ -36,7 +36,7 @@ def end_nodes(monitor: Any, impatient: Callable[[], bool]) -> None:
 
 def _wait(alive: Sequence[Any], impatient: Callable[[], bool]) -> None:
     began = time.monotonic()
-    tell = began + TELL_AFTER
+    due = began + PROGRESS_AFTER
     while alive := [process for process in alive if process.popen.poll() is None]:
         now = time.monotonic()
         for process in alive:
@@ -44,10 +44,10 @@ def _wait(alive: Sequence[Any], impatient: Callable[[], bool]) -> None:
                 _signal(process, signal.SIGKILL)
                 reason = "at your request" if impatient() else f"after {now - began:.0f} s"
                 lost = "; its bag is closed by: rosrun hric_experiments health --salvage"
-                _tell(f"killed {_name(process)} {reason}" + (lost if _name(process) == "recorder" else ""))
-        if now >= tell:
-            tell = now + TELL_EVERY
-            _tell(f"ending: waiting for {', '.join(map(_name, alive))} ({now - began:.0f} s; Ctrl-C again: at once)")
+                _say(f"killed {_name(process)} {reason}" + (lost if _name(process) == "recorder" else ""))
+        if now >= due:
+            due = now + PROGRESS_PERIOD
+            _say(f"ending: waiting for {', '.join(map(_name, alive))} ({now - began:.0f} s; Ctrl-C again: at once)")
         time.sleep(0.02)
 
 
@@ -62,5 +62,5 @@ def _signal(process: Any, number: int) -> None:
         os.killpg(process.popen.pid, number)
 
 
-def _tell(text: str) -> None:
+def _say(text: str) -> None:
     print(f"scripts/bringup: {text}", file=sys.stderr, flush=True)
