@@ -1,6 +1,7 @@
 """scripts/bringup refuses a misspelt name and a wrong value before anything starts, with what would be valid."""
 
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -10,7 +11,17 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "scripts/lib"))
-from bringup_arguments import ArgumentError, Choices, check, device, has_section, split  # noqa: E402
+from bringup_arguments import (  # noqa: E402
+    ArgumentError,
+    Choices,
+    check,
+    choices,
+    completed,
+    device,
+    has_section,
+    instances,
+    split,
+)
 from bringup_master import MasterError, call, choose, free_port  # noqa: E402
 
 NAMES = (
@@ -70,7 +81,7 @@ def checked(*arguments: str) -> dict[str, str]:
         ("rviz:=yes", ("true, false, auto",)),
         ("view:=curves", ("true, false, auto, plot",)),
         ("load_gripper:=yes", ("true, false, auto",)),
-        ("record:=later", ("true, false, on_trigger",)),
+        ("record:=later", ("true, false, auto, on_trigger",)),
         ("subject:=Jane Doe", ("for example subject:=P07", "names of people")),
         ("notes:=a:=b", ("cannot contain",)),
         ("split_size:=-1", ("0 means never",)),
@@ -84,9 +95,8 @@ def checked(*arguments: str) -> dict[str, str]:
         ("kp:=.nan", ("not a number",)),
         ("kp:=stiff", ("not a number",)),
         ("q_start:=[0,0]", ("7 angles",)),
-        ("realism:=clean", ("no preset 'clean'", "ideal, measured")),
-        ("realism:={preset: measured, noise: 1}", ("no value 'noise'", "dq_noise")),
-        ("realism:={preset", ("cannot be read",)),
+        ("realism:=clean", ("auto, ideal, measured", "for example {preset: measured, dq_noise: 0}")),
+        ("realism:={preset", ("auto, ideal, measured",)),
         ("real_time_factor:=-1", ("as fast as possible",)),
         ("real_time_factor:=true", ("not a number",)),
         ("world:=nowhere.yaml", ("no such file",)),
@@ -187,7 +197,7 @@ def test_good_values_pass_and_are_brought_into_one_form(tmp_path: Path) -> None:
     world.write_text("{}")
     assert checked("rviz:=False", "ns:=left", "xyz:=0, 0, 1", "experiment:=pd_step", f"world:={world}") == {
         "rviz": "false",
-        "ns": "/left",
+        "ns": "left",
         "xyz": "0 0 1",
         "experiment": "pd_step",
         "world": str(world),
@@ -235,11 +245,56 @@ def test_an_address_where_no_arm_is_is_told_before_anything_starts() -> None:
     assert call(f"http://localhost:{port}", "getPid") is None
 
 
-def test_help_explains_every_argument_with_its_default() -> None:
-    result = bringup("--help")
-    assert result.returncode == 0
-    for text in ("env:=sim", "real_time_factor:=1.0", "[N m/rad]", "rotor inertia", "experiment:=none"):
-        assert text in result.stdout
+@pytest.mark.parametrize(
+    ("script", "argument", "code", "texts"),
+    [
+        ("bringup", "--help", 0, ("env:=sim", "real_time_factor:=1.0", "[N m/rad]", "experiment:=none")),
+        ("bringup", "kp:=abc", 2, ("scripts/bringup: kp:=abc is not a number",)),
+        ("replay", "--help", 0, ("--rate R",)),
+        ("replay", "--rate=0", 2, ("'0' is not possible; valid: a number above 0",)),
+        ("setup", "--help", 0, ("usage: scripts/setup",)),
+        ("setup", "--fast", 2, ("no option --fast",)),
+        ("test", "--help", 0, ("scripts/test --live",)),
+        ("lint", "--help", 0, ("scripts/lint --fix",)),
+        ("lint", "--mend", 2, ("no option --mend",)),
+    ],
+)
+def test_help_and_mistakes_of_scripts_need_no_set_up_and_next_to_no_computing(
+    tmp_path: Path, script: str, argument: str, code: int, texts: tuple[str, ...]
+) -> None:
+    """In a copy that was never set up, with a Python that has nothing but itself."""
+    for folder in ("scripts", "src/hric_bringup", "src/hric_experiments/config"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    before = os.times()
+    done = subprocess.run(
+        [str(tmp_path / "scripts" / script), argument],
+        env={"PATH": os.defpath},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    after = os.times()
+    assert done.returncode == code, done.stderr
+    assert all(text in (done.stderr if code else done.stdout) for text in texts)
+    assert code == 0 or (done.stdout, done.stderr.count("scripts/")) == ("", 1 + done.stderr.count("usage"))
+    spent = after.children_user + after.children_system - before.children_user - before.children_system
+    assert spent < 0.3
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["scripts", "src"]
+
+
+def test_the_shell_completes_names_and_values() -> None:
+    assert completed("real") == ["realism:=", "real_time_factor:="]
+    assert completed("simulator:=") == ["simulator:=pybullet", "simulator:=opensim"]
+    assert "controller:=effort_joint_trajectory_controller" in completed("controller:=eff")
+    assert completed("experiment:=pd") == ["experiment:=pd_step"] and completed("kp:=") == completed("colour:=") == []
+
+
+def test_controllers_of_other_packages_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(ROOT / "src/hric_controllers/templates/my_controller", tmp_path / "my_controller")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
+    assert "my_controller" in choices().controllers
+    text = "a:\n  # of mine\n  type: x/Y\n\nb: {kp: 1, type: x/Z}\nc: 3\nd:\n  kp: 1\ne:\n  kp:\n    type: x/Y\n"
+    assert instances(text) == ["a", "b", "e"]
 
 
 def test_a_remote_master_that_does_not_respond_is_an_error() -> None:

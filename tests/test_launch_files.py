@@ -51,7 +51,8 @@ def test_the_default_brings_up_the_robot_its_controllers_a_recorder_and_no_exper
     assert values["/joint_pd_controller/type"] == "hric_controllers/JointPDController"
     assert "panda_joint7" in str(values["/robot_description"]) and "panda_hand" in str(values["/robot_description"])
     assert values["/robot"]["real_time_factor"] == 1.0
-    assert values["/franka_gripper/robot_joint_states"] == "/joint_states"
+    assert values["/franka_gripper/robot_joint_states"] == "joint_states"
+    assert (values["/recorder/start"], values["/robot"]["wait_for_log_listener"]) == ("on_request", 0)
     assert "controllers:=[joint_state_controller,franka_state_controller,joint_pd_controller]" in str(
         values["/spawner/overrides"]
     )
@@ -80,8 +81,9 @@ def test_an_armed_recorder_is_told_who_takes_part_and_the_experiment_waits_for_i
         "split_duration": 60,
     }
     assert (values["/experiment/armed"], values["/experiment/record"]) == (True, True)
-    plain = parameters(loaded("experiment:=pd_step", "record:=True", *environment))
-    assert (plain["/recorder/start"], plain["/experiment/armed"]) == ("now", False)
+    for given in ("record:=True", "record:=auto"):
+        plain = parameters(loaded("experiment:=pd_step", given, *environment))
+        assert (plain["/recorder/start"], plain["/experiment/armed"]) == ("now", False)
 
 
 def test_an_experiment_adds_its_node_and_brings_its_own_start() -> None:
@@ -230,7 +232,7 @@ def test_the_gripper_is_the_arms_own() -> None:
     assert nodes(config)["/left/franka_gripper"] == "franka_real/franka_gripper"
     assert values["/left/franka_gripper/robot_ip"] == "127.0.0.2"
     assert values["/left/franka_gripper/arm_id"] == "left_arm"
-    assert values["/left/franka_gripper/robot_joint_states"] == "/left/joint_states"
+    assert values["/left/franka_gripper/robot_joint_states"] == "joint_states"
     assert 'type="prismatic"' in str(values["/left/description_with_fingers"])
     assert 'type="prismatic"' not in str(values["/left/robot_description"]), "what the arm is reckoned with stays"
 
@@ -241,6 +243,25 @@ def test_rviz_starts_when_asked_for_and_by_default_where_a_display_is(monkeypatc
     monkeypatch.setenv("DISPLAY", ":9")
     assert "/rviz" in nodes(loaded())
     assert "/rviz" not in nodes(loaded("rviz:=false"))
+
+
+@pytest.mark.parametrize("space", ["/lab/", "/lab/left/"])
+def test_included_in_a_group_all_is_below_its_namespace(tmp_path: Path, space: str) -> None:
+    own = tmp_path / "own.launch"
+    argument = '<arg name="ns" value="left"/>' * ("left" in space)
+    own.write_text(
+        f'<launch><group ns="lab"><include file="{launch_file()}">{argument}<arg name="rviz" value="false"/></include>'
+        "</group></launch>"
+    )
+    config = roslaunch.config.load_config_default([(str(own), [])], None, verbose=False, assign_machines=False)
+    assert {name.startswith(space) for name in nodes(config)} == {True}
+    assert {name for name in parameters(config) if not name.startswith(space)} <= {
+        "/use_sim_time",
+        "/rosdistro",
+        "/rosversion",
+        "/run_id",
+    }
+    assert all(["/tf", "tf"] in node.remap_args for node in config.nodes)
 
 
 def test_those_who_look_on_get_limits_with_rviz_and_curves_when_asked_for_and_neither_is_recorded() -> None:

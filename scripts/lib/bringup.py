@@ -9,31 +9,33 @@ signal.signal(signal.SIGINT, signal.SIG_DFL)
 import os
 import sys
 import time
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from typing import Any
 
-import roslaunch.arg_dump
 import roslaunch.parent
 import roslaunch.pmon
 import yaml
-from bringup_arguments import DEVICES, ArgumentError, Choices, check, device, has_section, split
-from bringup_master import DEFAULT, MasterError, choose
+from bringup_arguments import (
+    DEVICES,
+    LAUNCH,
+    REALISM,
+    USER_ERROR,
+    ArgumentError,
+    check,
+    choices,
+    device,
+    documented,
+    split,
+)
+from bringup_ending import end_nodes
+from bringup_master import DEFAULT, MasterError, call, choose
+from bringup_ready import PERIOD, block, namespace
 
 from hric_control.errors import HricError
 
-WORKSPACE = Path(__file__).resolve().parents[2]
-LAUNCH = WORKSPACE / "src/hric_bringup/launch/bringup.launch"
-CONTROLLERS = WORKSPACE / "src/hric_bringup/config/controllers.yaml"
-EXPERIMENTS = WORKSPACE / "src/hric_experiments/config/experiments"
-SIGINT_TIMEOUT, SIGTERM_TIMEOUT = 2.0, 0.5
-"""How long a node may take to end, before the next signal [s]."""
 INTERRUPTED = 130
-STARTING = 10.0
-"""How long nodes may take to import what they need [s]."""
 PROBE_TIMEOUT = 1.0
 """How long the arm's control box may take to accept a connection [s]."""
-Documented = Mapping[str, tuple[str | None, str | None]]
 
 
 class RequiredNodes(roslaunch.pmon.ProcessListener):
@@ -55,78 +57,47 @@ class RequiredNodes(roslaunch.pmon.ProcessListener):
             self.name, self.code = node, exit_code or 0
 
 
-def choices() -> Choices:
-    """Names of controllers and experiments in this workspace."""
-    instances = [
-        name
-        for name, value in (yaml.safe_load(CONTROLLERS.read_text()) or {}).items()
-        if isinstance(value, dict) and "type" in value
-    ]
-    experiments = sorted(EXPERIMENTS.glob("*.yaml"))
-    having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in DEVICES}
-    return Choices(tuple(instances), tuple(path.stem for path in experiments), having)
-
-
-def help_text(documented: Documented) -> str:
-    """All arguments with default and meaning."""
-    arguments = (f"  {name}:={default}\n      {doc}" for name, (doc, default) in documented.items())
-    return "\n".join([
-        "usage: scripts/bringup [NAME:=VALUE ...]",
-        "",
-        "Sets up what is missing, then runs the arm until Ctrl-C or the end of the experiment.",
-        "",
-        *arguments,
-        "",
-        "examples:",
-        "  scripts/bringup env:=sim",
-        "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100",
-        "  scripts/bringup env:=real robot_ip:=172.16.0.2 experiment:=pd_step",
-        "  scripts/bringup env:=sim experiment:=marker_tracking",
-        "  scripts/bringup env:=sim experiment:=data_collection",
-        "  scripts/bringup env:=sim experiment:=marker_tracking mocap:=motive mocap_server:=192.168.1.10",
-    ])  # fmt: skip
-
-
 def resolve_rviz(value: str) -> str:
     """true or false; auto means true where a display is."""
     return str(bool(os.environ.get("DISPLAY"))).lower() if value == "auto" else value
 
 
+def check_realism(value: str) -> None:
+    """Raises ArgumentError for settings that the simulated arm does not take."""
+    if value in REALISM:
+        return
+    from franka_sim.realism import parse  # with all that the simulated arm is made of
+
+    try:
+        parse(yaml.safe_load(value), "realism")
+    except (HricError, yaml.YAMLError) as error:
+        raise ArgumentError(f"realism:={value} is not possible: {' '.join(str(error).split())}") from None
+
+
 def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
-    """Say what starts, and how another terminal joins."""
-    task = (
-        f"experiment {arguments['experiment']}"
-        if arguments["experiment"] != "none"
-        else f"controller {arguments['controller']}"
-    )
+    """Say what starts."""
+    experiment, controller = arguments["experiment"], arguments["controller"]
+    task = f"experiment {experiment}" if experiment != "none" else f"controller {controller}"
     what = f"{arguments['robot']} at {arguments['robot_ip']}" if arguments["env"] == "real" else arguments["simulator"]
     capture = "".join(f"   {name}: {arguments[name]}" for name in DEVICES if arguments[name] != "none")
-    print(
-        f"env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}   record: "
-        f"{arguments['record']}"
-    )
-    print(f"ROS master: {master} ({'it runs already' if running else 'started here'})")
-    export = "" if master == DEFAULT else f" && export ROS_MASTER_URI={master}"
-    print(f"In another terminal:  source {WORKSPACE}/scripts/env{export}")
-    if arguments["experiment"] == "none":
-        print("Ctrl-C ends it.")
-    sys.stdout.flush()
+    print(f"starting   env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}")
+    print(f"ROS master: {master} ({'it runs already' if running else 'started here'})", flush=True)
 
 
 class ShutdownRequest:
-    """Whether the user wants the end (Ctrl-C, SIGTERM, SIGHUP).
+    """How often the user asked for the end (Ctrl-C, SIGTERM, SIGHUP).
 
     roslaunch's own handlers would end the nodes in the middle of their start and could leave one behind; so the request
     is remembered, and served when all have started.
     """
 
     def __init__(self) -> None:
-        self.received = False
+        self.count = 0
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._remember)
 
     def _remember(self, *_: object) -> None:
-        self.received = True
+        self.count += 1
 
 
 def run(arguments: Mapping[str, str], master: str) -> int:
@@ -137,12 +108,7 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     roslaunch.configure_logging(uuid)
     mappings = [f"{name}:={value}" for name, value in arguments.items()]
     parent = roslaunch.parent.ROSLaunchParent(
-        uuid,
-        [(str(LAUNCH), mappings)],
-        process_listeners=[nodes],
-        show_summary=False,
-        sigint_timeout=SIGINT_TIMEOUT,
-        sigterm_timeout=SIGTERM_TIMEOUT,
+        uuid, [(str(LAUNCH), mappings)], process_listeners=[nodes], show_summary=False
     )
     try:
         parent._load_config()
@@ -154,7 +120,16 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     except roslaunch.core.RLException as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
         return 1
-    return _wait(parent, nodes, request, arguments["experiment"] != "none")
+    _wait(parent, nodes, request, lambda: block(arguments, master, lambda name: parameter(master, name)))
+    end_nodes(parent.pm, lambda: request.count > 1)
+    parent.shutdown()
+    return _code(nodes, arguments["experiment"] != "none")
+
+
+def parameter(master: str, name: str) -> object:
+    """Value of a parameter; None: there is none."""
+    response = call(master, "getParam", name)
+    return response[2] if response is not None and response[0] == 1 else None
 
 
 def _take_over_required(config: Any) -> set[str]:
@@ -167,13 +142,19 @@ def _take_over_required(config: Any) -> set[str]:
     }
 
 
-def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, is_experiment: bool) -> int:
-    started = time.monotonic()
-    while not (request.received or nodes.name or parent.pm.done):
+def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, ready: Callable[[], str | None]) -> None:
+    """Until a required node ends or the user asks for the end; says when all is ready."""
+    told, look = False, time.monotonic()
+    while not (request.count or nodes.name or parent.pm.done):
         time.sleep(0.02)
-    if time.monotonic() - started < STARTING:
-        _terminate_nodes(parent.pm)
-    parent.shutdown()
+        if not told and time.monotonic() >= look:
+            look = time.monotonic() + PERIOD
+            if text := ready():
+                told = True
+                print(f"\n{text}\n", flush=True)
+
+
+def _code(nodes: RequiredNodes, is_experiment: bool) -> int:
     if not nodes.name:
         return INTERRUPTED if is_experiment else 0
     if nodes.code:
@@ -181,25 +162,12 @@ def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, is_experi
     return nodes.code if nodes.code >= 0 else 128 - nodes.code
 
 
-def _terminate_nodes(monitor: Any) -> None:
-    """SIGTERM: a node that is still importing would end by the SIGINT of roslaunch with a traceback; those that run
-    take both alike."""
-    for process in monitor.procs[:]:
-        if process not in monitor.core_procs and process.popen is not None and process.popen.poll() is None:
-            os.killpg(process.popen.pid, signal.SIGTERM)
-
-
 def main(argv: list[str]) -> int:
     """Command line; returns the exit code."""
-    documented: Documented = roslaunch.arg_dump.get_args([str(LAUNCH)])
-    if {"-h", "--help"} & set(argv):
-        print(help_text(documented))
-        return 0
     try:
-        known = choices()
-        arguments = {name: default or "" for name, (_, default) in documented.items()} | check(
-            split(argv), documented, known
-        )
+        known, defaults = choices(), {name: default for name, (default, _) in documented().items()}
+        arguments = defaults | check(split(argv), defaults, known)
+        check_realism(arguments["realism"])
         if arguments["env"] == "real":
             # with all that the arm's driver is made of, which a simulated one need not wait for
             import franka_real.probe
@@ -208,10 +176,10 @@ def main(argv: list[str]) -> int:
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
         arguments["mocap"] = device("mocap", arguments, known)
         shown = arguments | {name: device(name, arguments, known) for name in DEVICES}
-        master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, arguments["ns"].rstrip("/") + "/robot")
+        master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, f"{namespace(arguments)}/robot")
     except (ArgumentError, MasterError, HricError) as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
-        return 1
+        return USER_ERROR if isinstance(error, ArgumentError) else 1
     announce(shown, master, running)
     return run(arguments, master)
 

@@ -1,15 +1,28 @@
 """Arguments of scripts/bringup: roslaunch accepts a misspelt name or value in silence, here each is checked before
-anything starts."""
+anything starts, even before the set-up. So this file needs nothing but Python itself.
 
+    python3 bringup_arguments.py [NAME:=VALUE ...]      # help, or one error and exit code 2
+    python3 bringup_arguments.py --complete WORD        # what the shell may complete the word to
+"""
+
+import ast
 import ipaddress
 import math
+import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+import sys
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 
-import yaml
+WORKSPACE = Path(__file__).resolve().parents[2]
+LAUNCH = WORKSPACE / "src/hric_bringup/launch/bringup.launch"
+CONTROLLERS = WORKSPACE / "src/hric_bringup/config/controllers.yaml"
+EXPERIMENTS = WORKSPACE / "src/hric_experiments/config/experiments"
+Documented = Mapping[str, tuple[str, str]]
+"""Default and explanation of each argument."""
 
 
 class ArgumentError(Exception):
@@ -21,7 +34,7 @@ class Choices:
     """Names that exist in this workspace.
 
     Attributes:
-        controllers: instance names in controllers.yaml.
+        controllers: instance names in controllers.yaml, and in the YAML files of packages that export controllers.
         experiments: names of the experiment files.
         having: per section of an experiment file (`DEVICES`), those of them that have it.
     """
@@ -37,7 +50,61 @@ DEVICES = ("mocap", *SENSORS)
 BROADCASTERS = ("joint_state_controller", "franka_state_controller")
 """Controllers that only publish; bringup.launch always starts them."""
 BOOL = ("true", "false")
+REALISM = ("auto", "ideal", "measured")
 JOINTS = 7
+USER_ERROR = 2
+"""Exit code where an argument is wrong."""
+
+
+def documented() -> dict[str, tuple[str, str]]:
+    """The arguments of bringup.launch."""
+    arguments = ET.parse(LAUNCH).getroot().iterfind("arg")
+    return {arg.get("name", ""): (arg.get("default", ""), arg.get("doc", "")) for arg in arguments}
+
+
+def choices() -> Choices:
+    """Names of controllers and experiments that are found."""
+    controllers = dict.fromkeys(name for path in controller_files() for name in instances(path.read_text()))
+    experiments = sorted(EXPERIMENTS.glob("*.yaml"))
+    having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in DEVICES}
+    return Choices(tuple(controllers), tuple(path.stem for path in experiments), having)
+
+
+def controller_files() -> Iterator[Path]:
+    """YAML files with controllers: that of the bring-up, and those of all packages that export controllers."""
+    yield CONTROLLERS
+    roots = dict.fromkeys([str(WORKSPACE / "src"), *os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)])
+    for root in map(Path, filter(None, roots)):
+        for package in sorted({*root.glob("package.xml"), *root.glob("*/package.xml")}):
+            if "<hric_control" in package.read_text(errors="replace"):
+                yield from sorted(package.parent.glob("config/*.yaml"))
+
+
+def instances(text: str) -> list[str]:
+    """Names of the controllers in a YAML file: mappings with a type. What is wrong with the file is reported
+    elsewhere."""
+    blocks = re.split(r"^(?=[A-Za-z_]\w*:)", text, flags=re.MULTILINE)
+    typed = re.compile(r"[A-Za-z_]\w*:[ \t]*(?:#.*)?(?:\{(?:.*[{, ])?type:|(?:\n(?:[ \t].*)?)*?\n[ \t]+type:)")
+    return [block.partition(":")[0] for block in blocks if typed.match(block)]
+
+
+def help_text(arguments: Documented) -> str:
+    """All arguments with default and meaning."""
+    return "\n".join([
+        "usage: scripts/bringup [NAME:=VALUE ...]",
+        "",
+        "Sets up what is missing, then runs the arm until Ctrl-C or the end of the experiment.",
+        "",
+        *(f"  {name}:={default}\n      {doc}" for name, (default, doc) in arguments.items()),
+        "",
+        "examples:",
+        "  scripts/bringup env:=sim",
+        "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100",
+        "  scripts/bringup env:=real robot_ip:=172.16.0.2 experiment:=pd_step",
+        "  scripts/bringup env:=sim experiment:=marker_tracking",
+        "  scripts/bringup env:=sim experiment:=data_collection",
+        "  scripts/bringup env:=sim experiment:=marker_tracking mocap:=motive mocap_server:=192.168.1.10",
+    ])  # fmt: skip
 
 
 def split(arguments: Iterable[str]) -> dict[str, str]:
@@ -60,13 +127,13 @@ def split(arguments: Iterable[str]) -> dict[str, str]:
     return result
 
 
-def check(given: Mapping[str, str], valid_names: Iterable[str], choices: Choices) -> dict[str, str]:
+def check(given: Mapping[str, str], valid_names: Iterable[str], known: Choices) -> dict[str, str]:
     """Arguments as roslaunch shall get them: known names, valid values, paths made absolute.
 
     Args:
         given: name -> value from the command line.
         valid_names: arguments of bringup.launch.
-        choices: names that exist in this workspace.
+        known: names that exist in this workspace.
 
     Raises:
         ArgumentError: lists the valid names or values.
@@ -79,11 +146,11 @@ def check(given: Mapping[str, str], valid_names: Iterable[str], choices: Choices
             raise ArgumentError(
                 f"no argument {name!r}{hint}; valid: {', '.join(names)}.  scripts/bringup --help explains them"
             )
-    checks = _checks(choices)
+    checks = _checks(known)
     _check_environment(given)
     checked = {name: checks[name](name, value) if name in checks else value for name, value in given.items()}
-    _check_mocap(checked, choices)
-    _check_sensors(checked, choices)
+    _check_mocap(checked, known)
+    _check_sensors(checked, known)
     return checked
 
 
@@ -122,35 +189,35 @@ def _check_environment(given: Mapping[str, str]) -> None:
 
 
 def has_section(path: Path, name: str) -> bool:
-    """Whether an experiment file has a section; what is wrong with the file is reported elsewhere."""
+    """Whether an experiment file has a section, as the launch files see it; what is wrong with the file is reported
+    elsewhere."""
     try:
-        content = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return f"\n{name}:" in "\n" + path.read_text()
+    except (OSError, UnicodeDecodeError):
         return False
-    return isinstance(content, dict) and bool(content.get(name))
 
 
-def device(name: str, given: Mapping[str, str], choices: Choices) -> str:
+def device(name: str, given: Mapping[str, str], known: Choices) -> str:
     """none, emulated or the real one: auto means emulated where the experiment has the section.
 
     Args:
         name: one of `DEVICES`.
         given: checked arguments.
-        choices: names that exist in this workspace.
+        known: names that exist in this workspace.
     """
     value, experiment = given.get(name, "auto"), given.get("experiment", "none")
     if value != "auto":
         return value
     own_file = experiment.endswith((".yaml", ".yml")) and has_section(Path(experiment), name)
-    return "emulated" if own_file or experiment in choices.having.get(name, ()) else "none"
+    return "emulated" if own_file or experiment in known.having.get(name, ()) else "none"
 
 
 def _unpaced(given: Mapping[str, str]) -> bool:
     return _numbers("real_time_factor", _loaded("real_time_factor", given.get("real_time_factor", "1")), "1")[0] == 0.0
 
 
-def _check_sensors(given: Mapping[str, str], choices: Choices) -> None:
-    chosen = {name: device(name, given, choices) for name in SENSORS}
+def _check_sensors(given: Mapping[str, str], known: Choices) -> None:
+    chosen = {name: device(name, given, known) for name in SENSORS}
     used = ", ".join(f"{name}:={value}" for name, value in chosen.items() if value != "none")
     if used and _unpaced(given):
         raise ArgumentError(
@@ -159,8 +226,8 @@ def _check_sensors(given: Mapping[str, str], choices: Choices) -> None:
         )
 
 
-def _check_mocap(given: Mapping[str, str], choices: Choices) -> None:
-    chosen = device("mocap", given, choices)
+def _check_mocap(given: Mapping[str, str], known: Choices) -> None:
+    chosen = device("mocap", given, known)
     if chosen == "none" and given.get("mocap_server", "auto") != "auto":
         raise ArgumentError(
             "mocap_server can be given with a motion capture only; valid: mocap:=motive or mocap:=emulated beside it"
@@ -177,31 +244,40 @@ def _check_mocap(given: Mapping[str, str], choices: Choices) -> None:
         )
 
 
-def _checks(choices: Choices) -> dict[str, Check]:
-    started = [name for name in choices.controllers if name not in BROADCASTERS]
+WORDS: dict[str, tuple[str, ...]] = {
+    "env": ("sim", "real"),
+    "robot": ("panda", "fr3"),
+    "simulator": ("pybullet", "opensim"),
+    "rviz": (*BOOL, "auto"),
+    "view": (*BOOL, "auto", "plot"),
+    "record": (*BOOL, "auto", "on_trigger"),
+    "html": BOOL,
+    "mocap": ("auto", "none", "emulated", "motive"),
+    **dict.fromkeys(SENSORS, ("auto", "none", "emulated", "real")),
+    "gui": BOOL,
+    "hand": (*BOOL, "auto"),
+    "load_gripper": (*BOOL, "auto"),
+    "inertials": ("barycentric", "thesis", "auto"),
+}
+"""Arguments that take one of some words."""
+
+
+def _started(known: Choices) -> list[str]:
+    return [name for name in known.controllers if name not in BROADCASTERS]
+
+
+def _checks(known: Choices) -> dict[str, Check]:
     return {
-        "env": _one_of("sim", "real"),
+        **{name: _one_of(*words) for name, words in WORDS.items()},
         "robot_ip": _address,
-        "robot": _one_of("panda", "fr3"),
-        "simulator": _one_of("pybullet", "opensim"),
-        "controller": _one_of(*started, "none"),
-        "experiment": _experiment(choices.experiments),
-        "rviz": _one_of(*BOOL, "auto"),
-        "view": _one_of(*BOOL, "auto", "plot"),
-        "record": _one_of(*BOOL, "on_trigger"),
+        "controller": _one_of(*_started(known), "none"),
+        "experiment": _experiment(known.experiments),
         "subject": _subject,
         "notes": _notes,
         "split_size": _single("0 means never"),
         "split_duration": _single("0 means never"),
-        "html": _one_of(*BOOL),
-        "mocap": _one_of("auto", "none", "emulated", "motive"),
-        **dict.fromkeys(SENSORS, _one_of("auto", "none", "emulated", "real")),
         "mocap_server": _ip_address,
         "mocap_calibration": lambda name, value: value if value == "none" else _existing_file(name, value),
-        "gui": _one_of(*BOOL),
-        "hand": _one_of(*BOOL, "auto"),
-        "load_gripper": _one_of(*BOOL, "auto"),
-        "inertials": _one_of("barycentric", "thesis", "auto"),
         "friction": _friction,
         "ns": _namespace,
         "arm_id": _identifier,
@@ -285,7 +361,7 @@ def _namespace(name: str, value: str) -> str:
         raise ArgumentError(
             f"{name}:={value} is not a namespace; letters, digits and underscores, for example {name}:=left"
         )
-    return "/" + "/".join(parts)
+    return "/".join(parts)
 
 
 def _identifier(name: str, value: str) -> str:
@@ -311,10 +387,12 @@ def _numbers(name: str, value: object, example: str) -> list[float]:
 
 
 def _loaded(name: str, value: str) -> object:
+    """A number or a list of them; anything else as it is."""
     try:
-        return yaml.safe_load(value)
-    except yaml.YAMLError as error:
-        raise ArgumentError(f"{name}:={value} cannot be read: {str(error).splitlines()[0]}") from error
+        found: object = ast.literal_eval(value)
+    except (ValueError, SyntaxError):
+        return value
+    return found
 
 
 def _not_negative(name: str, value: str) -> str:
@@ -328,17 +406,9 @@ def _not_negative(name: str, value: str) -> str:
 
 
 def _realism(name: str, value: str) -> str:
-    if value == "auto":
-        return value
-    from franka_sim.realism import (
-        parse,  # with all that the simulated arm is made of, which other runs need not wait for
-    )
-    from hric_control.errors import HricError
-
-    try:
-        parse(_loaded(name, value), name)
-    except HricError as error:
-        raise ArgumentError(f"{name}:={value} is not possible: {error}") from None
+    if value not in REALISM and not re.fullmatch(r"\{.*\}", value):
+        valid = f"{', '.join(REALISM)}, or for example {{preset: measured, dq_noise: 0}}"
+        raise ArgumentError(f"{name}:={value} is not possible; valid: {valid}")
     return value
 
 
@@ -386,3 +456,40 @@ def _angles(name: str, value: str) -> str:
             f"{name}:=[0,-pi/4,0,-3*pi/4,0,pi/2,pi/4]"
         )
     return value.replace(" ", "")
+
+
+def completed(word: str) -> list[str]:
+    """What a shell may complete a word to: names of arguments, or values of the one whose name stands there."""
+    name, separator, begun = word.partition(":=")
+    arguments = documented()
+    if not separator:
+        return [f"{one}:=" for one in arguments if one.startswith(name)]
+    return [f"{name}:={value}" for value in valid_words(name, choices()) if value.startswith(begun)]
+
+
+def valid_words(name: str, known: Choices) -> tuple[str, ...]:
+    """The words that an argument takes; empty: numbers, paths, or whatever else."""
+    if name in ("controller", "experiment"):
+        return (*_started(known), "none") if name == "controller" else (*known.experiments, "none")
+    return WORDS.get(name, ())
+
+
+def main(argv: list[str]) -> int:
+    """Help, completion, or a check of what was given; returns the exit code."""
+    if argv[:1] == ["--complete"]:
+        print("\n".join(completed(argv[1] if len(argv) > 1 else "")))
+        return 0
+    arguments = documented()
+    if {"-h", "--help"} & set(argv):
+        print(help_text(arguments))
+        return 0
+    try:
+        check(split(argv), arguments, choices())
+    except ArgumentError as error:
+        print(f"scripts/bringup: {error}", file=sys.stderr)
+        return USER_ERROR
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

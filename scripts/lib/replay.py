@@ -5,7 +5,6 @@ import signal
 # Until processes start, Ctrl-C ends this at once and without a word.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-import argparse
 import ctypes
 import os
 import subprocess
@@ -15,6 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bringup_master import DEFAULT, MasterError, call, choose, node_is_alive
+from replay_arguments import parsed
 from replay_run import Run, blocked, find
 
 from hric_control.errors import HricError
@@ -60,34 +60,6 @@ class Processes:
         """End all."""
         for process in reversed(self._started):
             end_process(process, END_TIMEOUT)
-
-
-def parsed(argv: Sequence[str]) -> argparse.Namespace:
-    """The command line."""
-    parser = argparse.ArgumentParser(
-        "scripts/replay",
-        description="Play a run: its bag with its own clock, the robot as it was, and rviz. The space bar pauses, "
-        "Ctrl-C ends it.",
-    )
-    parser.add_argument("run", metavar="RUN", help="run folder, its name below runs/, or latest")
-    parser.add_argument(
-        "--rate", type=_rate, default=1.0, metavar="R", help="so many times as fast as it was (default 1)"
-    )
-    parser.add_argument("--no-rviz", action="store_true", help="without rviz; by itself where there is no display")
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
-    return parser.parse_args(argv)
-
-
-def _rate(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < 1e3:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not possible; valid: a number above 0 and below 1000, such as 0.5"
-        )
-    return value
 
 
 def play(run: Run, master: str, running: bool, rate: float, rviz: bool) -> int:

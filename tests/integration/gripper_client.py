@@ -40,6 +40,7 @@ def ended(talker: Any, goal: Any) -> list[Any]:
 
 def main() -> None:
     rospy.init_node("gripper_client", anonymous=True)
+    rospy.sleep(0.01)  # until /clock is heard it is 0 o'clock, and what may take a minute from there may be over
     fingers: list[float] = []
     frames: dict[str, list[float]] = {"panda_leftfinger": [], "panda_rightfinger": []}
 

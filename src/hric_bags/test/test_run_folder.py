@@ -12,24 +12,25 @@ from hric_bags.run_folder import RunFolder, RunFolderError, runs_root
 NOW = datetime(2024, 5, 6, 7, 8, 9)
 
 
-def test_the_folder_the_bag_and_latest_carry_experiment_and_date(tmp_path: Path) -> None:
+def test_the_folder_the_bag_and_from_its_recording_on_latest_carry_experiment_and_date(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "runs", "pd_step", NOW)
+    assert not (tmp_path / "runs" / "latest").exists()
+    folder.become_latest()
     assert folder.path == tmp_path / "runs" / "pd_step_20240506-070809"
     assert folder.bag_path.name == "pd_step_20240506-070809.bag"
     assert (tmp_path / "runs" / "latest").resolve() == folder.path
 
 
-def test_two_runs_in_one_second_get_two_folders_and_latest_is_the_second(tmp_path: Path) -> None:
+def test_two_runs_in_one_second_get_two_folders(tmp_path: Path) -> None:
     RunFolder.create(tmp_path, "a", NOW)
-    second = RunFolder.create(tmp_path, "a", NOW)
-    assert second.path.name == "a_20240506-070809-2"
-    assert (tmp_path / "latest").resolve() == second.path
+    assert RunFolder.create(tmp_path, "a", NOW).path.name == "a_20240506-070809-2"
 
 
 def test_a_run_is_found_by_path_name_and_latest(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path, "a", NOW)
     folder.write({"experiment": "a"})
     folder.update(status="completed")
+    folder.become_latest()
     for given in (str(folder.path), folder.path.name, "latest"):
         assert RunFolder.open(given, tmp_path).read() == {"experiment": "a", "status": "completed"}
 

@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, replace
 
+import jsonschema
 import pytest
 import yaml
 
-from hric_control.errors import CommandError, ParameterError
+from hric_control.errors import CommandError, ParameterError, ParameterErrors, told_of
 from hric_control.local.node import LocalNode
 from hric_control.parameters import (
     Settings,
@@ -13,6 +14,7 @@ from hric_control.parameters import (
     choice,
     either,
     flag,
+    json_schema,
     listing,
     mapping,
     names,
@@ -227,6 +229,47 @@ def test_a_table_has_a_row_for_each_parameter_and_those_of_its_sections():
     assert found["`arm/file`"][:2] == ["string", "empty"]
     assert found["`arm/setpoint`"][1] == "where it is"
     assert found["`arm/stages`"][:2] == ["list of mappings", "`[]`"]
+
+
+def test_all_mistakes_of_a_mapping_are_told_at_once_and_one_alone_as_ever():
+    parts = {"profile": {"steps": 0, "speed": 1}, "stages": [{"steps": 11}, 3]}
+    given = {"joints": ["a"], "kp": -1, "mode": "slow", **parts}
+    with pytest.raises(ParameterErrors) as caught:
+        Arm.of(given, "arm")
+    told = str(caught.value).splitlines()
+    assert [line.split(" is ")[0].split(";")[0] for line in told] == [
+        "arm.kp",
+        "arm.mode",
+        "no parameter 'speed' in arm.profile",
+        "arm.profile.steps",
+        "arm.stages[0].steps",
+        "arm.stages[1]",
+    ]
+    with pytest.raises(ParameterError) as caught:
+        Arm.of({**GIVEN, "mode": "slow"}, "arm")
+    assert type(caught.value) is ParameterError and told_of("robot", caught.value) == f"robot: {caught.value}"
+    with pytest.raises(ParameterError, match=r"^arm\.joints\[0\] is 5; valid: a text that is not empty$"):
+        Arm.of({"joints": 5, "kp": [1, 2]}, "arm")  # what is per joint cannot be judged
+
+
+def test_the_schema_for_editors_says_what_the_reader_takes():
+    schema = json_schema(Arm)
+    assert schema["required"] == ["joints", "kp"] and schema["additionalProperties"] is False
+    check = jsonschema.Draft202012Validator(schema)
+    for given in (GIVEN, {**GIVEN, "kp": {"a": 1.0, "b": 2}, "profile": None, "stages": [{"steps": 1}, {}]}):
+        assert check.is_valid(given) and Arm.of(given, "arm")
+    for wrong in (
+        {"kp": 3},
+        {**GIVEN, "kp": -1},
+        {**GIVEN, "mode": "slow"},
+        {**GIVEN, "offset": [1, 2]},
+        {**GIVEN, "profile": {"velocity": 0}},
+        {**GIVEN, "stages": [{"steps": 1.5}]},
+        {**GIVEN, "colour": "red"},
+    ):
+        assert not check.is_valid(wrong)
+        with pytest.raises(ParameterError):
+            Arm.of(wrong, "arm")
 
 
 def test_an_error_shows_the_beginning_and_the_length_of_a_long_value():

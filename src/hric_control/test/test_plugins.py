@@ -82,6 +82,18 @@ def test_an_unknown_name_is_refused_with_the_names_that_exist(workspace: Workspa
         plugins.find(plugins.CONTROLLER, "ab/Low")
 
 
+def test_a_package_that_comes_while_the_program_runs_is_found(workspace: Workspace, tmp_path: Path) -> None:
+    workspace.package("ac", controller("ac/Law", "ac_module:Law"), module=MODULE)
+    plugins.find(plugins.CONTROLLER, "ac/Law")
+    (tmp_path / "ac").rename(tmp_path / "later")
+    text = (tmp_path / "later/package.xml").read_text().replace(">ac<", ">later<")
+    (tmp_path / "later/package.xml").write_text(text)
+    (tmp_path / "later/plugins.xml").write_text(
+        f'<library path="lib">{controller("later/Law", "ac_module:Law")}</library>'
+    )
+    assert plugins.find(plugins.CONTROLLER, "later/Law").__name__ == "Law"
+
+
 def test_an_unknown_base_is_refused_with_the_bases_that_exist() -> None:
     with pytest.raises(UnknownNameError, match="hric_control::Plant"):
         plugins.names("hric_control::Nothing")

@@ -63,7 +63,7 @@ def test_peak_and_steady_differences_of_two_runs_are_those_of_their_logs(
 ) -> None:
     done = rosrun("compare", simulated.path.name, other.path.name, "--runs", str(root), "--labels", "simulated", "real")
     assert done.returncode == 0, done.stderr
-    folder = root / f"sim_vs_real_{simulated.path.name}_{other.path.name}"
+    folder = root / f"{simulated.path.name}_vs_{other.path.name}"
     (move,) = json.loads((folder / "metrics.json").read_text())["setpoints"]
     a, b = log_of(simulated), log_of(other)
     n = a.cycles - 1  # the setpoint goes out in the second cycle of A, half a second later in B

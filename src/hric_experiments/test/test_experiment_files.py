@@ -1,12 +1,19 @@
 """Experiment files and overrides: what is read, and how a mistake is told."""
 
+import json
 import math
+import os
+import shutil
 from pathlib import Path
+from textwrap import indent
 
+import jsonschema
 import pytest
+import yaml
 
 from hric_control.errors import HricError, ParameterError
-from hric_experiments.definition import experiment, overrides, parameters
+from hric_experiments import cli
+from hric_experiments.definition import experiment, overrides, parameters, study
 from hric_experiments.definition.experiment import ExperimentError
 
 
@@ -99,6 +106,40 @@ def test_a_wrong_override_is_refused_with_what_would_be_right(given: str, told: 
         load("pd_step", given)
 
 
+def test_a_controller_that_a_package_configures_is_started_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(experiment.package_path("hric_controllers") / "templates/my_controller", tmp_path / "my_controller")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path}:{os.environ['ROS_PACKAGE_PATH']}")
+    given = "controllers:=[joint_state_controller, my_controller]"
+    found = parameters.controllers(experiment.load("none", [given, "arm_id:=left"]))
+    assert found["my_controller"]["type"] == "my_controller/JointSpring" and "rate" not in found["my_controller"]
+    with pytest.raises(ExperimentError, match=r"'nobody' is not in controllers.yaml nor .*configured: .*my_controller"):
+        parameters.controllers(experiment.load("none", [given.replace("my_controller", "nobody")]))
+
+
+def test_editors_have_the_schemas_and_accept_what_is_valid(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, kind, example in (
+        ([], "experiment", experiment.EXAMPLE),
+        (["--study"], "study", study.EXAMPLE),
+    ):
+        assert cli.main(["schema", *arguments]) == 0
+        printed = capsys.readouterr().out
+        kept = experiment.package_path() / "config" / f"{kind}.schema.json"
+        assert kept.read_text() == printed, "rosrun hric_experiments schema prints what this file has to hold"
+        folder = experiment.config_path({"experiment": "experiments", "study": "studies"}[kind])
+        check = jsonschema.Draft202012Validator(json.loads(printed))
+        check.validate(yaml.safe_load(example))
+        for path in folder.glob("*.yaml"):
+            check.validate(yaml.safe_load(path.read_text()))
+            (first, *_) = path.read_text().splitlines()
+            assert (path.parent / first.rpartition("$schema=")[2]).resolve() == kept
+        assert cli.main(["schema", *arguments, "--example"]) == 0
+        assert capsys.readouterr().out == example
+    experiment.parse("example", yaml.safe_load(experiment.EXAMPLE))
+    study.parse("example", yaml.safe_load(study.EXAMPLE))
+
+
 def test_the_motion_capture_of_an_experiment_can_be_changed_key_by_key() -> None:
     run = load("marker_tracking", "noise:=0", "mocap.stream.latency:=0.01", "mocap.human.cycles:=1", "mode:=thesis")
     assert run.mocap is not None
@@ -158,6 +199,14 @@ def test_unknown_and_missing_keys_of_a_file_are_named(tmp_path: Path) -> None:
     path.write_text("robot: {}\ncontrollers: [c]\nduration: 1\n")
     with pytest.raises(ExperimentError, match=r"robot\.hw is not set"):
         experiment.parse("own", experiment.read(str(path)))
+    path.write_text("robot: {}\ncontrolers: [c]\nsetpoints: [{time: -1}]\nmocap: {stream: {rate: 0}}\n")
+    with pytest.raises(ExperimentError) as caught:
+        experiment.load(str(path))
+    told = str(caught.value)
+    assert told.startswith("experiment own: 8 mistakes\n  no parameter 'controlers'; valid: ")
+    missing = [f"{key} is not set" for key in ("robot.hw", "setpoints[0].positions", "duration")]
+    assert all(part in told for part in ("(did you mean controllers?)", *missing))
+    assert told.endswith("for example:\n" + indent(experiment.EXAMPLE, "  "))
     path.write_text("- 1\n")
     with pytest.raises(ExperimentError, match="must be a mapping"):
         experiment.read(str(path))

@@ -128,18 +128,6 @@ def test_a_robot_and_an_experiment_of_ones_own_run_too(tmp_path: Path) -> None:
     assert result.folder.path.name.startswith("own_")
 
 
-def test_two_processes_with_one_seed_are_bit_identical(tmp_path: Path) -> None:
-    runs = [
-        rosrun(tmp_path / str(i), "pd_step", "duration:=0.5", "friction:=identified", "--seed", "7") for i in range(2)
-    ]
-    hashes = []
-    for process in runs:
-        output, error = process.communicate(timeout=60)
-        assert process.returncode == 0, error
-        hashes += re.findall(r"state_sha256: ([0-9a-f]{64})", output)
-    assert len(hashes) == 2 and hashes[0] == hashes[1]
-
-
 def test_ctrl_c_leaves_a_whole_bag_and_a_run_marked_interrupted(tmp_path: Path) -> None:
     process = rosrun(tmp_path, "pd_step", "duration:=600")
     deadline = time.monotonic() + 30.0
@@ -223,13 +211,21 @@ def test_not_exactly_one_experiment_is_refused(words: list[str], told: str, caps
     assert ended.value.code == 2 and told in capsys.readouterr().err
 
 
-def test_a_robot_that_refuses_its_parameters_is_one_line_and_a_failed_run(tmp_path: Path) -> None:
-    process = rosrun(tmp_path, "pd_step", "robot.plant.colour:=red")
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("robot.plant.colour:=red", ("no parameter 'colour'", "rotor_inertia")),
+        ("kp:=abc", ("/joint_pd_controller/kp is 'abc'; valid: a finite number",)),
+    ],
+)
+def test_what_robot_or_controller_refuse_is_one_line_and_leaves_no_folder(
+    tmp_path: Path, override: str, told: tuple[str, ...]
+) -> None:
+    process = rosrun(tmp_path / "runs", "pd_step", override)
     output, error = process.communicate(timeout=30)
     assert process.returncode == 1 and "Traceback" not in error + output, error
-    assert "colour" in error and "rotor_inertia" in error
-    data = RunFolder.open("latest", tmp_path).read()
-    assert data["status"] == "failed" and "colour" in data["error"]
+    assert all(text in error for text in told) and error.count("\n") == 1
+    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.parametrize(

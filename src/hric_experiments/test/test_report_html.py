@@ -1,6 +1,6 @@
 """The page of a run: what stands in it, how large it is, and what a browser makes of it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +20,11 @@ from hric_experiments.report_html import page, recordings, run_page
 from hric_experiments.report_html.recordings import Moving, Recordings, Signal
 from hric_experiments.report_html.thinning import thin
 
-browser_there = pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --gui installs it")
+
+def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:
+    """Mark a test as one that needs a browser, which takes long."""
+    without = pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --gui installs it")
+    return pytest.mark.slow(without(test))
 
 
 @pytest.fixture(scope="module")
@@ -173,14 +177,14 @@ def test_a_wrong_comparison_is_refused(
     assert told in capsys.readouterr().err
 
 
-@browser_there
+@in_a_browser
 def test_the_browser_logs_no_problem_and_sends_no_request(shown: Browser) -> None:
     shown.evaluate("new Promise((done) => setTimeout(done, 500))")
     assert shown.problems == [] and shown.requests == []
     assert shown.evaluate("document.title") == "made_up_panda"
 
 
-@browser_there
+@in_a_browser
 def test_every_curve_is_drawn(shown: Browser) -> None:
     lines = "p.graph.querySelectorAll('.scatterlayer path.js-line').length"
     drawn = shown.evaluate(
@@ -190,7 +194,7 @@ def test_every_curve_is_drawn(shown: Browser) -> None:
     assert all(wanted == found for _, wanted, found in drawn), drawn
 
 
-@browser_there
+@in_a_browser
 def test_every_link_is_drawn(shown: Browser) -> None:
     counts = shown.evaluate(
         """(() => {
@@ -221,7 +225,7 @@ def test_every_link_is_drawn(shown: Browser) -> None:
     assert min(counts.values()) > 20, counts
 
 
-@browser_there
+@in_a_browser
 @pytest.mark.parametrize("time", [0.0, 0.7, 1.9])
 def test_the_replay_shows_the_robot_where_it_was(shown: Browser, run: RunFolder, time: float) -> None:
     shown.evaluate(f"report.setTime({time}); report.replay.scene.updateMatrixWorld(true)")
@@ -234,7 +238,7 @@ def test_the_replay_shows_the_robot_where_it_was(shown: Browser, run: RunFolder,
     assert np.allclose(shown.evaluate(place), expected, atol=2e-4)
 
 
-@browser_there
+@in_a_browser
 def test_markers_are_in_the_frame_of_tf_and_lost_bodies_vanish(shown: Browser) -> None:
     shown.evaluate("report.setTime(1.0); report.replay.scene.updateMatrixWorld(true)")
     tracks = (
@@ -250,7 +254,7 @@ def test_markers_are_in_the_frame_of_tf_and_lost_bodies_vanish(shown: Browser) -
     assert shown.evaluate(f"report.setTime(0.2), {visible}") is False
 
 
-@browser_there
+@in_a_browser
 def test_a_zoom_shows_the_same_time_in_all_plots(shown: Browser) -> None:
     shown.evaluate("Plotly.relayout(report.plots[0].graph, { 'xaxis.range[0]': 0.5, 'xaxis.range[1]': 0.6 }), null")
     shown.wait("report.range[0] === 0.5 && report.range[1] === 0.6")
@@ -259,7 +263,7 @@ def test_a_zoom_shows_the_same_time_in_all_plots(shown: Browser) -> None:
     assert shown.problems == []
 
 
-@browser_there
+@in_a_browser
 def test_a_click_on_an_event_shows_its_moment(shown: Browser) -> None:
     shown.evaluate(
         "[...document.querySelectorAll('tr.event')].find((row) => row.textContent.includes('approach')).click()"
@@ -267,7 +271,7 @@ def test_a_click_on_an_event_shows_its_moment(shown: Browser) -> None:
     assert shown.evaluate("document.getElementById('now').textContent") == "0.700 s"
 
 
-@browser_there
+@in_a_browser
 def test_a_dark_system_gets_a_dark_page_and_paper_a_light_one(browser: Browser, shown: Browser) -> None:
     background = "getComputedStyle(document.body).backgroundColor"
     assert shown.evaluate(background) == "rgb(255, 255, 255)"
@@ -282,7 +286,7 @@ def test_a_dark_system_gets_a_dark_page_and_paper_a_light_one(browser: Browser, 
     shown.emulate(scheme="light")
 
 
-@browser_there
+@in_a_browser
 def test_three_runs_make_one_page_with_three_robots(browser: Browser, tmp_path: Path) -> None:
     runs = [report_run.write_run(tmp_path, f"run{k}", scale) for k, scale in enumerate((1.0, 0.9, 1.1))]
     words = [str(run.path) for run in runs] + [
@@ -309,7 +313,7 @@ def test_three_runs_make_one_page_with_three_robots(browser: Browser, tmp_path: 
     assert browser.problems == [] and browser.requests == []
 
 
-@browser_there
+@in_a_browser
 def test_bounds_and_bands_are_drawn(browser: Browser, tmp_path: Path) -> None:
     time = np.linspace(1.0, 2.0, 100)
     panels = tuple(Panel(name, (Curve("c", "s0", time, time),), (("limit", 1.5),)) for name in "ab")

@@ -113,6 +113,14 @@ def test_a_mistake_in_an_override_is_refused_before_anything_runs(tmp_path: Path
     assert not list(tmp_path.iterdir())
 
 
+def test_a_study_may_lie_anywhere_with_its_experiment_beside_or_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "gains.yaml"
+    path.write_text(study.EXAMPLE)
+    assert study.is_study(str(path)) and study.load(str(path)).name == "gains"
+    path.write_text("robot: {}\n")
+    assert not study.is_study(str(path)) and not study.is_study("pd_step") and study.is_study("opensim_vs_pybullet")
+
+
 def test_an_unknown_form_and_a_form_without_study_are_refused(tmp_path: Path) -> None:
     for words, told in (
         (("opensim_vs_pybullet", "--form", "half"), "full, reduced"),

@@ -110,12 +110,11 @@ def test_help_needs_no_master() -> None:
     assert answer.returncode == 0 and "Usage" in answer.stdout
 
 
-@pytest.mark.parametrize(("policy", "apart"), [("exact", 0.0), ("approximate", 5e-4)])
-def test_the_name_of_the_node_in_cpp_warns_and_serves_its_policies(ros: str, policy: str, apart: float) -> None:
-    samples, feeder = listen(f"/old_{policy}", SyncedSample), Feeder()
-    plan = {**PLAN, "policy": policy, "reference": "/sync_joints"}
+def test_the_name_of_the_node_in_cpp_warns_and_serves_its_policies(ros: str) -> None:
+    samples, feeder = listen("/old_name", SyncedSample), Feeder()
+    plan = {**PLAN, "policy": "approximate", "reference": "/sync_joints"}
     del plan["rate"]
-    with node(plan, f"_topic:=/old_{policy}", f"__name:=old_{policy}", name="synchronizer_cpp") as child:
+    with node(plan, "_topic:=/old_name", "__name:=old_name", name="synchronizer_cpp") as child:
         wait(feeder.heard)
         feeder.feed(1.0)
         wait(lambda: len(samples) > 50)
@@ -126,7 +125,7 @@ def test_the_name_of_the_node_in_cpp_warns_and_serves_its_policies(ros: str, pol
         assert message.values[0] == pytest.approx(message.header.stamp.to_sec() - feeder.begin, abs=2e-6) and all(
             message.valid
         )
-        assert abs(message.values[0] - message.values[1]) <= apart + 2e-6
+        assert abs(message.values[0] - message.values[1]) <= 5e-4 + 2e-6
 
 
 def test_several_rates_of_one_plan_go_out_on_topics_of_their_own(ros: str) -> None:
@@ -155,8 +154,7 @@ def test_a_backlog_goes_out_in_portions_and_whole(ros: str) -> None:
     assert {after - before for before, after in itertools.pairwise(stamps)} == {1_000_000}
 
 
-@pytest.mark.parametrize("rates", ["[]", "[50, 50]", "[-1]", "fast"])
-def test_rates_that_cannot_be_end_the_node_with_one_line(ros: str, rates: str) -> None:
-    with node(PLAN, f"_rates:={rates}", "__name:=wrong_rates") as child:
+def test_rates_that_cannot_be_end_the_node_with_one_line(ros: str) -> None:
+    with node(PLAN, "_rates:=[50, 50]", "__name:=wrong_rates") as child:
         output, _ = child.communicate(timeout=LIMIT)
     assert child.returncode == 1 and "/wrong_rates/rates" in output and "Traceback" not in output

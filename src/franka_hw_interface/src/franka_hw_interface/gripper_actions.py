@@ -39,8 +39,8 @@ class GripperSettings(Settings):
     robot_joint_states: str = text(
         "",
         valid="a topic, or an empty text",
-        text="topic that gets the fingers' joint states as well, e.g. /joint_states; `bringup.launch` gives the "
-        "robot's `joint_states`, where they come in messages of their own",
+        text="topic that gets the fingers' joint states as well, beside the gripper's namespace, or absolute; "
+        "`bringup.launch` gives the robot's `joint_states`, where they come in messages of their own",
     )
     default_speed: float = number(0.1, above=0.0, unit="m/s", text="of `gripper_action`")
     epsilon_inner: float = number(
@@ -98,7 +98,9 @@ class GripperActions:
         self._inbox: deque[Callable[[], None]] = deque()
         self._running: list[_Running] = []
         self._next_publish = float("-inf")
-        topics = ["joint_states"] + ([settings.robot_joint_states] if settings.robot_joint_states else [])
+        topics = ["joint_states"]
+        if robot := settings.robot_joint_states:  # relative to the namespace that the gripper's own is in
+            topics.append(robot if robot.startswith("/") else f"{node.namespace.rpartition('/')[0]}/{robot}")
         self._joint_states = [node.advertise(topic, JointState, queue_size=1) for topic in topics]
         self._kinds = {
             "homing": _Kind(HomingAction, HomingResult, lambda goal: hand.homing()),

@@ -1,5 +1,5 @@
 """Run folders: runs/<experiment>_<date>/ with run.yaml, the bag, metrics.json and figures; runs/latest points to the
-newest."""
+newest that has a recording."""
 
 import os
 from datetime import UTC, datetime
@@ -48,7 +48,7 @@ class RunFolder:
 
     @classmethod
     def create(cls, root: Path, experiment: str, now: datetime | None = None) -> "RunFolder":
-        """Make a new folder and let `latest` point to it.
+        """Make a new folder.
 
         Args:
             root: folder of all runs, made if missing.
@@ -62,7 +62,6 @@ class RunFolder:
         try:
             root.mkdir(parents=True, exist_ok=True)
             folder = _make_unique(root, name)
-            files.point_link(root / "latest", folder.name)
         except OSError as error:
             raise RunFolderError(f"cannot make a run folder in {root}: {error.strerror or error}") from error
         return cls(folder)
@@ -84,6 +83,10 @@ class RunFolder:
         raise RunFolderError(
             f"no run folder {str(path)!r} (a folder with run.yaml); newest in {base}: {', '.join(known) or 'none'}"
         )
+
+    def become_latest(self) -> None:
+        """Let `latest` point to this run, from the beginning of its recording on."""
+        files.point_link(self.path.parent / "latest", self.path.name)
 
     @property
     def bag_path(self) -> Path:

@@ -39,6 +39,26 @@ class ParameterError(HricError):
     values."""
 
 
+class ParameterErrors(ParameterError):
+    """Several of them, a line for each.
+
+    Args:
+        errors: those of parts may be several themselves.
+    """
+
+    def __init__(self, errors: Iterable[ParameterError]) -> None:
+        self.errors: list[ParameterError] = []
+        for error in errors:
+            self.errors += error.errors if isinstance(error, ParameterErrors) else [error]
+        super().__init__("\n".join(map(str, self.errors)))
+
+
+def told_of(what: str, error: HricError) -> str:
+    """The message with the name of what it is about; several mistakes below each other."""
+    lines = str(error).splitlines()
+    return f"{what}: {error}" if len(lines) == 1 else "\n  ".join([f"{what}: {len(lines)} mistakes", *lines])
+
+
 class UnknownParameterError(UnknownNameError, ParameterError):
     """A parameter, or a name within one, that does not exist."""
 

@@ -28,21 +28,23 @@ default; without one the parameter is required, with None it may be left out. Th
 of `About`. `Settings.defaults` may give defaults of a file.
 
 Text such as 1e-3, which YAML 1.1 does not take for a number, is one; a bool is none; NaN and infinity are refused.
-A refusal is a ParameterError in the same words: full name, value, what is valid with its unit.
-`rows` gives the rows of a table of INTERFACE.md; tests/interface_tables.py prints them into the pages.
+A refusal is a ParameterError in the same words: full name, value, what is valid with its unit; all mistakes of a
+mapping are told at once.
+`rows` gives the rows of a table of INTERFACE.md; tests/interface_tables.py prints them into the pages. `json_schema` is
+for editors.
 """
 
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import KW_ONLY, InitVar, dataclass, fields
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypedDict, Unpack
 
-from hric_control.errors import HricError, ParameterError, UnknownParameterError
+from hric_control.errors import HricError, ParameterError, ParameterErrors, UnknownParameterError
 from hric_control.node import REQUIRED, Node
 
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
@@ -77,9 +79,34 @@ class About(TypedDict, total=False):
     live: bool
 
 
+class Mistakes:
+    """Collects refusals, so that all are told at once."""
+
+    def __init__(self) -> None:
+        self._found: list[ParameterError] = []
+
+    @contextmanager
+    def noted(self) -> Iterator[None]:
+        """Go on after a refusal within."""
+        try:
+            yield
+        except ParameterError as error:
+            self._found.append(error)
+
+    def tell(self) -> None:
+        """Raises ParameterError where there were any, ParameterErrors where there were several."""
+        if self._found:
+            raise self._found[0] if len(self._found) == 1 else ParameterErrors(self._found)
+
+
 @dataclass(eq=False)
 class Parameter:
-    """One declared parameter; the functions below make it. `nested`: settings of a section; the others: see `About`."""
+    """One declared parameter; the functions below make it.
+
+    Attributes:
+        shape: JSON schema of its values, without range and text; by default anything.
+        nested: settings of a section. The others: see `About`.
+    """
 
     kind: str
     accepts: str
@@ -95,6 +122,7 @@ class Parameter:
     maximum: float = math.inf
     live: bool = False
     nested: "type[Settings] | None" = None
+    shape: Callable[[], dict[str, Any]] = dict
 
     def __set_name__(self, owner: object, name: str) -> None:
         self.name = self.name or name
@@ -215,11 +243,16 @@ class Settings:
     def __post_init__(self, where: str, for_joints: Sequence[str]) -> None:
         base = self.defaults()
         own = declared(type(self))
+        mistakes = Mistakes()
         for attribute in sorted(own, key="joints".__ne__):  # what is per joint needs to know them
             parameter, value = own[attribute], getattr(self, attribute)
             value = base.get(parameter.name, value) if value is parameter else value
-            value = parameter.checked(value, f"{where}{parameter.name}", for_joints or getattr(self, "joints", ()))
+            with mistakes.noted():
+                value = parameter.checked(value, f"{where}{parameter.name}", for_joints or getattr(self, "joints", ()))
             object.__setattr__(self, attribute, value)
+            if attribute == "joints":
+                mistakes.tell()
+        mistakes.tell()
         object.__setattr__(self, "prefix", where)
         self.check(where)
 
@@ -253,11 +286,16 @@ class Settings:
         by_name = {parameter.name: key for key, parameter in declared(cls).items()}
         if not isinstance(content, Mapping):
             raise refused(where.rstrip(":/."), content, f"a mapping with {', '.join(by_name)}")
+        mistakes = Mistakes()
         for name in content:
-            if name not in by_name:
-                raise unknown("parameter", name, by_name, where.rstrip(":/."))
-        given = {by_name[name]: value for name, value in content.items()}
-        return cls(**given, where=below(where), for_joints=joints)
+            with mistakes.noted():
+                if name not in by_name:
+                    raise unknown("parameter", name, by_name, where.rstrip(":/."))
+        given = {by_name[name]: value for name, value in content.items() if name in by_name}
+        with mistakes.noted():
+            made = cls(**given, where=below(where), for_joints=joints)
+        mistakes.tell()
+        return made
 
 
 def declared(settings: type[Settings]) -> dict[str, Parameter]:
@@ -328,19 +366,26 @@ def _flag(value: Any, where: str, joints: Sequence[str]) -> bool:
     return value
 
 
+def _shape(**schema: Any) -> Callable[[], dict[str, Any]]:
+    return lambda: dict(schema)
+
+
 def number(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
     """A finite number."""
-    return Parameter("float", "a finite number", lambda value, where, joints: as_number(value), default, **about)
+    shape = _shape(type="number")
+    return Parameter(
+        "float", "a finite number", lambda value, where, joints: as_number(value), default, shape=shape, **about
+    )
 
 
 def whole(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
     """A whole number."""
-    return Parameter("int", "a whole number", _whole, default, **about)
+    return Parameter("int", "a whole number", _whole, default, shape=_shape(type="integer"), **about)
 
 
 def flag(default: Any = REQUIRED, **about: Unpack[About]) -> Any:
     """True or false."""
-    return Parameter("bool", "true or false", _flag, default, **about)
+    return Parameter("bool", "true or false", _flag, default, shape=_shape(type="boolean"), **about)
 
 
 def text(
@@ -360,7 +405,8 @@ def text(
             raise ValueError
         return value
 
-    return Parameter("string", valid if empty else f"{valid} that is not empty", convert, default, **about)
+    shape = _shape(type=["string", "number"] if figures else "string", minLength=0 if empty else 1)
+    return Parameter("string", valid if empty else f"{valid} that is not empty", convert, default, shape=shape, **about)
 
 
 def choice(*valid: str, default: Any = ..., **about: Unpack[About]) -> Any:
@@ -372,7 +418,8 @@ def choice(*valid: str, default: Any = ..., **about: Unpack[About]) -> Any:
         return value
 
     default = valid[0] if default is ... else default
-    return Parameter(", ".join(f"`{word}`" for word in valid), ", ".join(valid), convert, default, **about)
+    kind, shape = ", ".join(f"`{word}`" for word in valid), _shape(enum=list(valid))
+    return Parameter(kind, ", ".join(valid), convert, default, shape=shape, **about)
 
 
 def listing(
@@ -391,15 +438,28 @@ def listing(
     counts = (count,) if isinstance(count, int) else tuple(count)
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> tuple[Any, ...]:
-        items = enumerate(_items(() if value is None else value, counts, single))
-        result = tuple(of.checked(item, f"{where}[{_label(item, index)}]", joints) for index, item in items)
+        mistakes, result = Mistakes(), []
+        for index, item in enumerate(_items(() if value is None else value, counts, single)):
+            with mistakes.noted():
+                result.append(of.checked(item, f"{where}[{_label(item, index)}]", joints))
+        mistakes.tell()
         if different and len(set(result)) != len(result):
             raise ValueError
-        return result
+        return tuple(result)
+
+    def shape() -> dict[str, Any]:
+        return _one_or_list(schema_of(of), counts, single) | ({"uniqueItems": True} if different else {})
 
     kind = of.kind if of.kind.startswith("`") else f"{of.kind.split()[0]}s"
     accepts = f"a list of {_many(counts)}values, each {of.valid}{', all different' * different}"
-    return Parameter(f"list of {_many(counts)}{kind}", accepts, convert, default, nested=of.nested, **about)
+    made = f"list of {_many(counts)}{kind}"
+    return Parameter(made, accepts, convert, default, nested=of.nested, shape=shape, **about)
+
+
+def _one_or_list(item: dict[str, Any], counts: Sequence[int], single: bool) -> dict[str, Any]:
+    length = {"minItems": min(counts), "maxItems": max(counts)} if counts else {}
+    listed = {"type": ["array"] if counts else ["array", "null"], "items": item, **length}
+    return {"anyOf": [item, listed]} if single else listed
 
 
 def _items(value: Any, counts: Sequence[int], single: bool) -> Sequence[Any]:
@@ -427,8 +487,8 @@ def numbers(
     def convert(value: Any, where: str, joints: Sequence[str]) -> tuple[float, ...]:
         return tuple(map(as_number, _items(value, counts, single)))
 
-    many = _many(counts)
-    return Parameter(f"list of {many}floats", f"a list of {many}finite numbers", convert, default, **about)
+    many, shape = _many(counts), partial(_one_or_list, {"type": "number"}, counts, single)
+    return Parameter(f"list of {many}floats", f"a list of {many}finite numbers", convert, default, shape=shape, **about)
 
 
 def names(count: int | Iterable[int] | None = None, default: Any = REQUIRED, **about: Unpack[About]) -> Any:
@@ -454,10 +514,18 @@ def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpac
             raise ValueError
         if of is None:
             return dict(value)
-        return {key: of.checked(item, f"{below(where)}{key}", joints) for key, item in value.items()}
+        mistakes, result = Mistakes(), {}
+        for key, item in value.items():
+            with mistakes.noted():
+                result[key] = of.checked(item, f"{below(where)}{key}", joints)
+        mistakes.tell()
+        return result
+
+    def shape() -> dict[str, Any]:
+        return {"type": ["object", "null"], "additionalProperties": True if of is None else schema_of(of)}
 
     accepts = "a mapping of names to values" + (f", each {of.valid}" if of else "")
-    return Parameter("mapping", accepts, convert, default, **about)
+    return Parameter("mapping", accepts, convert, default, shape=shape, **about)
 
 
 def section(of: type[Settings], default: Any = (), **about: Unpack[About]) -> Any:
@@ -471,7 +539,7 @@ def section(of: type[Settings], default: Any = (), **about: Unpack[About]) -> An
         return of.of(value or None, where, joints)
 
     accepts = f"a mapping with {', '.join(parameter.name for parameter in declared(of).values())}"
-    return Parameter("mapping", accepts, convert, default, nested=of, **about)
+    return Parameter("mapping", accepts, convert, default, nested=of, shape=partial(json_schema, of), **about)
 
 
 def variant(
@@ -494,7 +562,17 @@ def variant(
             raise unknown(key, word, kinds, where)
         return kinds[word].of(given, where, joints)
 
-    return Parameter("mapping", f"a mapping with {key}, one of {', '.join(kinds)}", convert, default, **about)
+    def shape() -> dict[str, Any]:
+        forms = []
+        for word, kind in kinds.items():
+            form = json_schema(kind)
+            form["properties"] = {key: {"const": word}, **form["properties"]}
+            form["required"] = [key] * (word != usual) + form["required"]
+            forms.append(form)
+        return {"anyOf": forms}
+
+    accepts = f"a mapping with {key}, one of {', '.join(kinds)}"
+    return Parameter("mapping", accepts, convert, default, shape=shape, **about)
 
 
 def per_joint(of: Parameter, default: Any = REQUIRED, *, others: Any = REQUIRED, **about: Unpack[About]) -> Any:
@@ -513,9 +591,14 @@ def per_joint(of: Parameter, default: Any = REQUIRED, *, others: Any = REQUIRED,
         labels = joints or range(len(value))
         return tuple(of.checked(item, f"{below(where)}{label}") for label, item in zip(labels, value, strict=True))
 
+    def shape() -> dict[str, Any]:
+        one = schema_of(of)
+        lists = {"type": "array", "items": one}, {"type": "object", "additionalProperties": one}
+        return {"anyOf": [one, *lists]}
+
     about.setdefault("unit", of.unit)
     accepts = f"{of.bounded}, or a list or mapping by joint"
-    return Parameter(f"{of.type}, or list or mapping by joint", accepts, convert, default, **about)
+    return Parameter(f"{of.type}, or list or mapping by joint", accepts, convert, default, shape=shape, **about)
 
 
 def _by_joint(value: Mapping[str, Any], where: str, joints: Sequence[str], others: Any) -> list[Any]:
@@ -539,9 +622,43 @@ def either(*kinds: Parameter, default: Any = REQUIRED, **about: Unpack[About]) -
                 return kind.converted(value, where, joints)
         raise ValueError
 
-    return Parameter(
-        " or ".join(k.type for k in kinds), ", or ".join(k.valid for k in kinds), convert, default, **about
-    )
+    def shape() -> dict[str, Any]:
+        return {"anyOf": [schema_of(kind) for kind in kinds]}
+
+    kind, accepts = " or ".join(k.type for k in kinds), ", or ".join(k.valid for k in kinds)
+    return Parameter(kind, accepts, convert, default, shape=shape, **about)
+
+
+def json_schema(settings: type[Settings]) -> dict[str, Any]:
+    """JSON schema of a mapping with these parameters; editors complete and check by it."""
+    parameters = declared(settings).values()
+    base = settings.defaults()
+    required = [one.name for one in parameters if one.default is REQUIRED and one.name not in base]
+    properties = {one.name: schema_of(one) for one in parameters}
+    kind = "object" if required else ["object", "null"]
+    return {"type": kind, "properties": properties, "required": required, "additionalProperties": False}
+
+
+def schema_of(parameter: Parameter) -> dict[str, Any]:
+    """JSON schema of one parameter."""
+    shape = parameter.shape()
+    bounds = {
+        name: bound
+        for name, bound in (
+            ("minimum", parameter.minimum),
+            ("exclusiveMinimum", parameter.above),
+            ("maximum", parameter.maximum),
+        )
+        if math.isfinite(bound)
+    }
+    inner = shape | {"items": shape["items"] | bounds} if "items" in shape else shape | bounds
+    shown = {"description": parameter.text_with_unit.strip()} if parameter.text_with_unit else {}
+    if parameter.default is None:
+        inner = {"anyOf": [inner, {"type": "null"}]}
+    elif parameter.default not in (REQUIRED, ()):
+        with suppress(TypeError):
+            shown["default"] = json.loads(json.dumps(parameter.default))
+    return shown | inner
 
 
 def rows(settings: type[Settings], prefix: str = "") -> list[tuple[str, str, str, str, str]]:

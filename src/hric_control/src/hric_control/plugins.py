@@ -69,6 +69,9 @@ def find(base: str, name: str) -> type:
     """
     info = names(base).get(name)
     if info is None:
+        clear_cache()  # a package may have come since
+        info = names(base).get(name)
+    if info is None:
         raise _not_found(base, name)
     module_name, _, class_name = info.type.partition(":")
     module = _import(info, module_name)

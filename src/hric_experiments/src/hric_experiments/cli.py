@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import json
 import logging
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +13,7 @@ import yaml
 
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_control.errors import HricError
-from hric_control.parameters import read_yaml
+from hric_control.parameters import json_schema, read_yaml
 from hric_experiments.definition import experiment, overrides, study
 
 INTERRUPTED_CODE = 130
@@ -26,7 +27,7 @@ def run(arguments: Sequence[str]) -> int:
     """Run an experiment headless."""
     given = _in_any_order(_run_parser(), arguments)
     _log_to_terminal(given.quiet)
-    if given.experiment in study.names():
+    if study.is_study(given.experiment):
         return _run_study(given)
     if given.form:
         raise experiment.ExperimentError(
@@ -190,11 +191,7 @@ def compare(arguments: Sequence[str]) -> int:
         )
     if len(runs) > 2 and not given.html:
         raise experiment.ExperimentError(f"{len(runs)} runs are compared on a page only: add --html, or name two runs")
-    folder = (
-        Path(given.output).expanduser()
-        if given.output
-        else root / f"sim_vs_real_{'_'.join(run.path.name for run in runs)}"
-    )
+    folder = Path(given.output).expanduser() if given.output else root / "_vs_".join(run.path.name for run in runs)
     _compare(runs, names, folder, given)
     return 0
 
@@ -221,9 +218,7 @@ def _compare_parser() -> argparse.ArgumentParser:
         action="store_true",
         help="lay the runs over each other by their positions, not by the setpoints' time",
     )
-    parser.add_argument(
-        "--output", metavar="DIR", help="where to write (default: sim_vs_real_A_B in the folder of all runs)"
-    )
+    parser.add_argument("--output", metavar="DIR", help="where to write (default: A_vs_B in the folder of all runs)")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
     parser.add_argument("--no-figures", action="store_true", help="do not draw")
     parser.add_argument(
@@ -248,6 +243,25 @@ def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, give
 
         page = report_html.write_comparison(runs, names, folder, fit=given.fit, progress=sys.stderr.isatty())
         print(f"page: {page.absolute()}")
+
+
+def schema(arguments: Sequence[str]) -> int:
+    """Print the JSON schema of experiment files."""
+    parser = argparse.ArgumentParser(
+        "rosrun hric_experiments schema",
+        description="Print the JSON schema of experiment files, by which editors complete and check them.",
+        epilog="An editor with a YAML language server finds it by the file's first line, for example\n"
+        "  # yaml-language-server: $schema=experiment.schema.json",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--study", action="store_true", help="of study files")
+    parser.add_argument("--example", action="store_true", help="print a small file instead, to begin with")
+    given = parser.parse_args(list(arguments))
+    if given.example:
+        print(study.EXAMPLE if given.study else experiment.EXAMPLE, end="")
+        return 0
+    print(json.dumps(json_schema(study.Study if given.study else experiment.Experiment), indent=2))
+    return 0
 
 
 def describe(arguments: Sequence[str]) -> int:
@@ -300,6 +314,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "report": report,
     "compare": compare,
     "describe": describe,
+    "schema": schema,
     "health": _of("hric_bags.health.command"),
     "export": _of("hric_bags.export.command"),
     "inverse_kinematics": _of("hric_bags.export.command", "inverse_kinematics"),

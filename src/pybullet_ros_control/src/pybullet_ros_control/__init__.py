@@ -1,1 +1,22 @@
 """Physics plant on PyBullet, and a generic simulated robot for any URDF with transmissions."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+
+
+@contextlib.contextmanager
+def _without_banner() -> Iterator[None]:
+    """PyBullet tells the time of its build on stderr whenever it is imported."""
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+with _without_banner():
+    import pybullet  # noqa: F401

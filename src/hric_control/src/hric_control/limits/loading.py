@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_control.errors import DescriptionError, ParameterError, check_known
+from hric_control.errors import DescriptionError, ParameterError, check_known, told_of
 from hric_control.limits.values import INFINITY, KINDS, JointLimits, check_kinds
 from hric_control.node import Node
 from hric_control.parameters import Settings, choice, either, flag, listing, number
@@ -135,7 +135,7 @@ def _build(name: str, values: Mapping[str, Any], where: str) -> JointLimits:
     try:
         return JointLimits(name=name, **values)
     except ParameterError as error:
-        raise ParameterError(f"{where}: {error}") from None
+        raise ParameterError(told_of(where, error)) from None
 
 
 def _from_urdf(joint: Joint) -> dict[str, Any]:

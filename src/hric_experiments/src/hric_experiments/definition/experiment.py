@@ -6,16 +6,19 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
-from hric_control.errors import HricError, ParameterError, UnknownNameError
+from hric_control.errors import HricError, ParameterError, UnknownNameError, told_of
 from hric_control.node import REQUIRED
 from hric_control.parameters import (
+    Mistakes,
     Parameter,
     Settings,
     as_number,
     declared,
     either,
+    json_schema,
     listing,
     mapping,
     number,
@@ -52,7 +55,14 @@ def _angle(value: Any, where: str, joints: Sequence[str]) -> float:
     return -angle if match["sign"] == "-" else angle
 
 
-ANGLE = Parameter("angle", "a finite number or a multiple of pi such as -3*pi/4", _angle, unit="rad")
+def _angle_shape() -> dict[str, Any]:
+    multiple_of_pi = "^" + re.sub(r"\?P<\w+>", "?:", _PI.pattern) + "$"  # group names are not the same in all languages
+    return {"anyOf": [{"type": "number"}, {"type": "string", "pattern": multiple_of_pi}]}
+
+
+ANGLE = Parameter(
+    "angle", "a finite number or a multiple of pi such as -3*pi/4", _angle, unit="rad", shape=_angle_shape
+)
 ANGLES: Any = listing(ANGLE, range(1, 100))
 
 
@@ -112,9 +122,13 @@ def _beside(name: str) -> Any:
 
         return section(SECTIONS[name]).convert(value, where, joints)
 
-    return Parameter(
-        "mapping", "a mapping", convert, None, text=f"the keys {name}.* below; none: the run is without it"
-    )
+    def shape() -> dict[str, Any]:
+        from hric_experiments.definition.sections import SECTIONS
+
+        return json_schema(SECTIONS[name])
+
+    text = f"the keys {name}.* below; none: the run is without it"
+    return Parameter("mapping", "a mapping", convert, None, text=text, shape=shape)
 
 
 _BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync")}
@@ -156,19 +170,29 @@ class Experiment(Settings):
 
     def check(self, where: str) -> None:
         """Refuse setpoints and parameters of controllers that are not started, and setpoints after the end."""
+        mistakes, valid = Mistakes(), f"not started; valid: {', '.join(self.controllers)}"
         for i, setpoint in enumerate(self.setpoints):
-            if setpoint.controller not in self.controllers:
-                valid = f"is not started; valid: {', '.join(self.controllers)}"
-                raise ParameterError(f"setpoints[{i}].controller: {setpoint.controller!r} {valid}")
-            if setpoint.time >= self.duration:
-                end = f"is not before the end (duration {self.duration} s)"
-                raise ParameterError(f"setpoints[{i}].time {setpoint.time} s {end}")
-        others = sorted(set(self.parameters) - set(self.controllers))
-        if others:
-            valid = f"valid: {', '.join(self.controllers)}"
-            raise ParameterError(f"parameters for {', '.join(others)}, which is not started; {valid}")
+            with mistakes.noted():
+                if setpoint.controller not in self.controllers:
+                    raise ParameterError(f"setpoints[{i}].controller: {setpoint.controller!r} is {valid}")
+            with mistakes.noted():
+                if setpoint.time >= self.duration:
+                    end = f"is not before the end (duration {self.duration} s)"
+                    raise ParameterError(f"setpoints[{i}].time {setpoint.time} s {end}")
+        with mistakes.noted():
+            if others := sorted(set(self.parameters) - set(self.controllers)):
+                raise ParameterError(f"parameters for {', '.join(others)}, which is {valid}")
+        mistakes.tell()
 
 
+EXAMPLE = """\
+robot: {hw: franka_sim/FrankaHWSim}
+controllers: [joint_state_controller, franka_state_controller, joint_pd_controller]
+setpoints:
+  - {time: 1.0, controller: joint_pd_controller, positions: [0.3, -pi/4, 0, -3*pi/4, 0, pi/2, pi/4]}   # [s], [rad]
+duration: 4.0   # [s]
+"""
+"""The keys that every experiment has, and a setpoint."""
 NONE = "none"
 """Name of the run that is no experiment: what the bring-up starts by itself."""
 
@@ -235,12 +259,12 @@ def parse(name: str, raw: Mapping[str, Any]) -> Experiment:
         raw: the contents.
 
     Raises:
-        ExperimentError: an unknown or missing key, a wrong type, or a value out of range.
+        ExperimentError: unknown and missing keys, wrong types, and values out of range, all of them at once.
     """
     try:
         return replace(Experiment.of(raw, ""), name=name)
     except HricError as error:
-        raise ExperimentError(f"experiment {name}: {error}") from error
+        raise ExperimentError(told_of(f"experiment {name}", error)) from error
 
 
 def load(name: str, given: Iterable[str] = ()) -> Experiment:
@@ -251,11 +275,18 @@ def load(name: str, given: Iterable[str] = ()) -> Experiment:
         given: overrides, `key:=value`.
 
     Raises:
-        HricError: no such experiment, or a mistake in it or in an override.
+        HricError: no such experiment, or a mistake in it or in an override; of a file of the user's own, with an
+            example.
     """
     from hric_experiments.definition import overrides
 
-    return parse(Path(name).stem, overrides.apply(read(name), given))
+    raw = read(name)
+    try:
+        return parse(Path(name).stem, overrides.apply(raw, given))
+    except ExperimentError as error:
+        if name in (*names(), NONE):
+            raise
+        raise ExperimentError(f"{error}\nan experiment file, for example:\n{indent(EXAMPLE, '  ')}") from error
 
 
 def to_dict(experiment: Experiment) -> dict[str, Any]:

@@ -63,11 +63,34 @@ def defaults(arm_id: str) -> dict[str, dict[str, Any]]:
     Raises:
         HricError: the file is missing or is not YAML.
     """
+    return _configured(controllers_file(), arm_id)
+
+
+def _configured(path: Path, arm_id: str) -> dict[str, dict[str, Any]]:
     try:
-        data = yaml.safe_load(controllers_file().read_text().replace("$(arg arm_id)", arm_id))
+        data = yaml.safe_load(path.read_text().replace("$(arg arm_id)", arm_id))
     except (OSError, yaml.YAMLError) as error:
-        raise HricError(f"cannot read {controllers_file()}: {error}") from error
-    return dict(data or {})
+        raise HricError(f"cannot read {path}: {error}") from error
+    return dict(data or {}) if isinstance(data, dict | None) else {}
+
+
+def configured_by_packages(arm_id: str) -> dict[str, dict[str, Any]]:
+    """Parameters of the controller instances, mappings with a type, in config/*.yaml of all packages that export
+    controllers.
+
+    Args:
+        arm_id: put in place of $(arg arm_id).
+
+    Raises:
+        HricError: a file is not YAML.
+    """
+    folders = sorted({info.source.parent for info in plugins.names(plugins.CONTROLLER).values()})
+    found: dict[str, dict[str, Any]] = {}
+    for path in (path for folder in folders for path in sorted(folder.glob("config/*.yaml"))):
+        for name, values in _configured(path, arm_id).items():
+            if isinstance(values, dict) and "type" in values:
+                found.setdefault(name, values)
+    return found
 
 
 def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
@@ -77,13 +100,15 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, Any]]:
         ExperimentError: an instance without a type; lists those that come configured.
     """
     known = defaults(experiment.robot.arm_id)
+    if set(experiment.controllers) - set(known) - set(experiment.parameters):
+        known = configured_by_packages(experiment.robot.arm_id) | known
     result: dict[str, dict[str, Any]] = {}
     for name in experiment.controllers:
         values = overlay(known.get(name, {}), experiment.parameters.get(name, {}))
         if "type" not in values:
             raise ExperimentError(
-                f"experiment {experiment.name}: controller {name!r} is not in {controllers_file().name} and "
-                f"parameters.{name}.type is not given; "
+                f"experiment {experiment.name}: controller {name!r} is not in {controllers_file().name} nor in "
+                f"config/*.yaml of a package that exports controllers, and parameters.{name}.type is not given; "
                 f"configured: {', '.join(sorted(known))}"
             )
         result[name] = values

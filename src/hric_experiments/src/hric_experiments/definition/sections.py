@@ -69,7 +69,7 @@ def for_node(declaration: Parameter, said: str) -> Any:
         declaration.checked(value, where, joints)
         return dict(value)
 
-    return Parameter("mapping", declaration.accepts, convert, None, text=said)
+    return Parameter("mapping", declaration.accepts, convert, None, text=said, shape=declaration.shape)
 
 
 @dataclass(frozen=True)

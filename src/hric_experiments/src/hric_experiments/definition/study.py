@@ -2,13 +2,24 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
-from hric_control.errors import ParameterError, UnknownNameError
+from hric_control.errors import ParameterError, UnknownNameError, told_of
 from hric_control.parameters import Settings, listing, mapping, number, read_yaml, refused, section, text
 from hric_control.parameters import names as names_
 from hric_experiments.definition import experiment
 from hric_experiments.definition.experiment import Experiment, ExperimentError
+
+EXAMPLE = """\
+description: how stiffness changes the step
+forms:
+  step:
+    experiment: pd_step
+    runs: {soft: ["kp:=50", "kd:=10"], stiff: ["kp:=200", "kd:=100"]}   # overrides of each run
+    compared:
+      - {runs: [soft, stiff]}
+"""
 
 OVERRIDES: Any = listing(text(empty=False), default=(), different=True)
 
@@ -31,7 +42,7 @@ class Form(Settings):
     """One experiment in several variants. name: within the study."""
 
     name: str = ""
-    experiment: str = text(empty=False, text="its name")
+    experiment: str = text(empty=False, text="its name, or the path of its YAML file")
     changes: tuple[str, ...] = listing(text(empty=False), default=(), different=True, text="overrides of all runs")
     runs: Mapping[str, tuple[str, ...]] = mapping(
         OVERRIDES, text="name of each run and its own overrides, in the order in which they are run"
@@ -92,24 +103,43 @@ def names() -> list[str]:
     return experiment.names("studies")
 
 
+def is_study(name: str) -> bool:
+    """Whether a name is that of a study, or of a YAML file with one.
+
+    Raises:
+        ParameterError: the file cannot be read or is not YAML.
+    """
+    if not name.endswith((".yaml", ".yml")) or not Path(name).expanduser().is_file():
+        return name in names()
+    content = read_yaml(Path(name).expanduser())
+    return isinstance(content, Mapping) and "forms" in content
+
+
 def load(name: str) -> Study:
     """Read a study and check it.
 
+    Args:
+        name: name, or path of a YAML file.
+
     Raises:
-        HricError: no such study, or a mistake in its file; the message gives the key and what is valid.
+        HricError: no such study, or mistakes in its file; the message gives the keys and what is valid.
     """
-    if name not in names():
+    if name.endswith((".yaml", ".yml")):
+        path = Path(name).expanduser()
+    elif name in names():
+        path = experiment.config_path("studies") / f"{name}.yaml"
+    else:
         raise UnknownNameError("study", name, names(), "studies")
-    return parse(name, read_yaml(experiment.config_path("studies") / f"{name}.yaml"))
+    return parse(path.stem, read_yaml(path))
 
 
 def parse(name: str, raw: Any) -> Study:
     """Check the contents of a study file.
 
     Raises:
-        ExperimentError: an unknown or missing key, or a pair that names no run.
+        ExperimentError: unknown and missing keys, all of them at once, or a pair that names no run.
     """
     try:
         return replace(Study.of(raw, ""), name=name)
     except ParameterError as error:
-        raise ExperimentError(f"study {name}: {error}") from error
+        raise ExperimentError(told_of(f"study {name}", error)) from error

@@ -2,6 +2,7 @@
 allows."""
 
 import contextlib
+import copy
 import signal
 import threading
 import time
@@ -145,7 +146,7 @@ def run(
         figures: draw.
 
     Raises:
-        HricError: the experiment cannot run; the run folder, if there is one already, says so.
+        HricError: the experiment cannot run, and no folder was made; or it failed on its way, and run.yaml says so.
     """
     _refuse_wires(definition)
     urdf = parameters.description(definition.robot)
@@ -158,14 +159,20 @@ def run(
     }
     node = LocalNode(tree)
     human = HeadlessHuman(node, definition.mocap.build(seed)) if definition.mocap is not None else None
-    folder = RunFolder.create(root, definition.name)
-    folder.write(provenance.head(folder, definition, arguments, tree, mode="headless", seed=seed))
-    files.write_text(folder.urdf_path, urdf)
+    app = RobotApp(node, node.child(parameters.ROBOT))
     try:
-        interrupted = _simulate(node, definition, folder, progress, human)
-    except BaseException as error:
-        folder.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
-        raise
+        limits, early = _prepared(app, node, definition)
+        folder = RunFolder.create(root, definition.name)
+        head = provenance.head(folder, definition, arguments, tree, mode="headless", seed=seed, limits=limits)
+        folder.write(head)
+        files.write_text(folder.urdf_path, urdf)
+        try:
+            interrupted = _simulate(app, node, definition, folder, early, progress, human)
+        except BaseException as error:
+            folder.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
+            raise
+    finally:
+        app.shutdown()
     metrics = analyse(folder, figures=figures)
     folder.update(state_sha256=metrics["state_sha256"])
     return Result(folder, metrics, interrupted)
@@ -181,40 +188,60 @@ def _refuse_wires(definition: Experiment) -> None:
         )
 
 
+Early = list[tuple[str, Any, float]]
+"""Messages from before there was a bag: topic, message, robot time."""
+
+
+def _prepared(app: RobotApp, node: LocalNode, definition: Experiment) -> tuple[dict[str, dict[str, float]], Early]:
+    """Load and start the controllers, so that all that can be refused is before anything is written.
+
+    Returns:
+        limits per joint, and what was published.
+    """
+    names = app.hw.get(JointStateInterface).names
+    limits = provenance.joint_limits(node.param("robot_description"), node, names)
+    for setpoint in definition.setpoints:
+        parameters.check_setpoint(setpoint, node.param(setpoint.controller, {}).get("joints", names), limits)
+    early: Early = []
+    tap = node.tap(lambda topic, message, time: early.append((topic, copy.deepcopy(message), time)))
+    for name in definition.controllers:
+        app.manager.load(name)
+    app.manager.switch(list(definition.controllers), [], loop_running=False)
+    tap.unregister()
+    return limits, early
+
+
 def _simulate(
-    node: LocalNode, definition: Experiment, folder: RunFolder, progress: bool, human: HeadlessHuman | None
+    app: RobotApp,
+    node: LocalNode,
+    definition: Experiment,
+    folder: RunFolder,
+    early: Early,
+    progress: bool,
+    human: HeadlessHuman | None,
 ) -> bool:
     """Run the robot into the bag. Returns whether it was interrupted."""
-    app = RobotApp(node, node.child(parameters.ROBOT))
-    try:
-        names = app.hw.get(JointStateInterface).names
-        bounds = provenance.joint_limits(node.param("robot_description"), node, names)
-        folder.update(limits=bounds)
-        for setpoint in definition.setpoints:
-            parameters.check_setpoint(setpoint, node.param(setpoint.controller, {}).get("joints", names), bounds)
-        with BagWriter(folder.bag_path) as bag:
-            bag.write("/robot_description", String(node.param("robot_description")), 0.0)
-            node.tap(bag.write)
-            for name in definition.controllers:
-                app.manager.load(name)
-            app.manager.switch(list(definition.controllers), [], loop_running=False)
-            began = time.perf_counter()
-            failure, interrupted = None, False
-            try:
-                interrupted = _run(app, node, definition, progress, human)
-            except HricError as error:  # the robot ended the run: raised when the bag, with all its cycles, is whole
-                failure = error
-            wall = time.perf_counter() - began
-        if failure is not None:
-            raise failure
-        factor = round(app.cycles * app.hw.period / wall, 3)
-        arm_error = {"arm_error": app.hw.error} if app.hw.error else {}
-        status = INTERRUPTED if interrupted else COMPLETED
-        folder.update(status=status, finished=iso_now(), real_time_factor=factor, **arm_error)
-        _check_controllers(app, definition, interrupted)
-        return interrupted
-    finally:
-        app.shutdown()
+    with BagWriter(folder.bag_path) as bag:
+        folder.become_latest()
+        bag.write("/robot_description", String(node.param("robot_description")), 0.0)
+        for topic, message, at in early:
+            bag.write(topic, message, at)
+        node.tap(bag.write)
+        began = time.perf_counter()
+        failure, interrupted = None, False
+        try:
+            interrupted = _run(app, node, definition, progress, human)
+        except HricError as error:  # the robot ended the run: raised when the bag, with all its cycles, is whole
+            failure = error
+        wall = time.perf_counter() - began
+    if failure is not None:
+        raise failure
+    factor = round(app.cycles * app.hw.period / wall, 3)
+    arm_error = {"arm_error": app.hw.error} if app.hw.error else {}
+    status = INTERRUPTED if interrupted else COMPLETED
+    folder.update(status=status, finished=iso_now(), real_time_factor=factor, **arm_error)
+    _check_controllers(app, definition, interrupted)
+    return interrupted
 
 
 def _run(app: RobotApp, node: LocalNode, definition: Experiment, progress: bool, human: HeadlessHuman | None) -> bool:

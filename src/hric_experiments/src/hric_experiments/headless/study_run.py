@@ -74,7 +74,7 @@ def run(
         folder.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
         raise
     finally:
-        files.point_link(root / "latest", folder.path.name)
+        folder.become_latest()
     result = {"study": study.name, "arguments": list(given), "forms": result}
     report = render(result)
     files.write_json(folder.metrics_path, result)

@@ -62,14 +62,14 @@ class LiveExperiment:
         self._publishers = {
             name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers
         }
-        self._folder = ""
+        self._folder = self._recorder = ""
         self._human = LiveHuman(self.experiment.mocap.body) if self.experiment.mocap is not None else None
         self._sensors = LiveSensors(self.experiment)
         if self._settings.record:
             rospy.Subscriber(RECORDING_TOPIC, String, self._on_recording)
 
     def _on_recording(self, message: Any) -> None:
-        self._folder = message.data
+        self._recorder, self._folder = message._connection_header["callerid"], message.data
 
     def run(self) -> str:
         """The whole experiment. Returns the report, empty when nothing was recorded.
@@ -129,7 +129,7 @@ class LiveExperiment:
 
     def _wait_subscribed(self) -> None:
         """The move begins when the recorder receives all that the robot publishes, and the setpoints."""
-        recorder, robot = rospy.resolve_name("recorder"), rospy.resolve_name("robot")
+        recorder, robot = self._recorder, rospy.resolve_name("robot")
         others = {*(self._human.nodes() if self._human is not None else []), *self._sensors.nodes()}
         commands = {publisher.resolved_name for publisher in self._publishers.values()}
         deadline = time.monotonic() + (SENSORS_GRACE if self._sensors.sampled else RECORDER_GRACE)

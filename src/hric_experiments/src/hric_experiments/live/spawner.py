@@ -97,5 +97,6 @@ def run() -> None:
     rospy.loginfo("started %s", ", ".join(definition.controllers))
     if definition.name == experiments.NONE:
         load_others(definition)
+    rospy.set_param("~started", list(definition.controllers))
     while not rospy.is_shutdown():
         live_node.sleep(0.05)

@@ -34,8 +34,8 @@ RECORDING_TOPIC, TRIGGER_TOPIC = "hric/experiment/recording", "hric/experiment/t
 START_SERVICE, STOP_SERVICE, SPLIT_SERVICE = (
     f"hric/experiment/{what}_recording" for what in ("start", "stop", "split")
 )
-SHUTDOWN_TIMEOUT = 1.8
-"""A node must end within 2 s of Ctrl-C; the bag is closed by then [s]."""
+SHUTDOWN_TIMEOUT = 100.0
+"""How long closing the bag may take after Ctrl-C [s]; scripts/bringup waits for it and says so."""
 OPEN_TIMEOUT = 20.0
 """How long the recorder may take to open its bag and to subscribe to what counts [s]."""
 RETRY = 30.0
@@ -97,6 +97,7 @@ class Recorder:
         recording = self._recording = Recording(folder, self._start, self._unconnected)
         try:
             recording.part.wait_open(OPEN_TIMEOUT, _shutting_down)
+            folder.become_latest()
             self._wait_subscribed()
         except HricError:
             with contextlib.suppress(HricError):
@@ -106,6 +107,7 @@ class Recorder:
             raise
         if not _shutting_down():
             self._publisher.publish(String(str(folder.path)))
+            rospy.set_param("~folder", str(folder.path))
             rospy.loginfo("recording into %s", folder.path)
         return folder.path
 

@@ -1,0 +1,87 @@
+"""What a bring-up says when it is ready: what runs, how to move it, where it records, how to end it."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from bringup_arguments import WORKSPACE
+from bringup_master import DEFAULT
+
+PERIOD = 0.2
+"""Between two looks whether all is ready [s]."""
+POSITIONS = "[0.3, -0.785, 0, -2.356, 0, 1.571, 0.785]"
+"""For an example: the usual start of the arm but for joint 1 [rad]."""
+
+Parameter = Callable[[str], Any]
+"""Value of a parameter of the master; None: there is none."""
+
+
+def block(arguments: Mapping[str, str], master: str, parameter: Parameter) -> str | None:
+    """The block, or None while something is missing.
+
+    Args:
+        arguments: of bringup.launch, as it got them.
+        master: its address.
+        parameter: reads the master's parameters.
+    """
+    space = namespace(arguments)
+    started, folder = parameter(f"{space}/spawner/started"), parameter(f"{space}/recorder/folder")
+    if started is None or (_records_at_once(arguments) and not folder):
+        return None
+    terminal = f"source {WORKSPACE}/scripts/env" + ("" if master == DEFAULT else f" && export ROS_MASTER_URI={master}")
+    rows = {
+        "ready": f"{_robot(arguments)}; controllers {', '.join(started)}",
+        "terminal": f"{terminal}      # in another one, first",
+        "move it": _move(arguments, space),
+        "record": _recording(arguments, space, folder),
+        "end": "Ctrl-C" if arguments["experiment"] == "none" else "by itself after the experiment, or Ctrl-C",
+    }
+    width = max(map(len, rows))
+    return "\n".join(f"  {name:<{width}}  {text}" for name, text in rows.items())
+
+
+def namespace(arguments: Mapping[str, str]) -> str:
+    """Of the robot, with a slash before it; empty: none."""
+    return "/" + arguments["ns"].strip("/") if arguments["ns"].strip("/") else ""
+
+
+def _records_at_once(arguments: Mapping[str, str]) -> bool:
+    return arguments["record"] == "true" or (arguments["record"] == "auto" and arguments["experiment"] != "none")
+
+
+def _robot(arguments: Mapping[str, str]) -> str:
+    if arguments["env"] == "real":
+        return f"{arguments['robot']} at {arguments['robot_ip']}"
+    factor = float(arguments["real_time_factor"])
+    pace = "as fast as it can" if factor == 0.0 else "real time" if factor == 1.0 else f"{factor:g} times real time"
+    return f"simulated Panda ({arguments['simulator']}, {pace})"
+
+
+def _move(arguments: Mapping[str, str], space: str) -> str:
+    """A command that moves the arm; how the other controllers are commanded is in the manual."""
+    name = arguments["controller"]
+    if arguments["experiment"] != "none":
+        return f"the experiment {arguments['experiment']} does"
+    if name == "none":
+        return f"rosrun controller_manager controller_manager{f' --namespace {space}' * bool(space)} start CONTROLLER"
+    if name == "joint_pd_controller":
+        return f"rostopic pub -1 {space}/{name}/command std_msgs/Float64MultiArray '{{data: {POSITIONS}}}'   # [rad]"
+    if name.endswith("joint_trajectory_controller"):
+        joints = ", ".join(f"{arguments['arm_id']}_joint{number}" for number in range(1, 8))
+        points = f"points: [{{positions: {POSITIONS}, time_from_start: {{secs: 3}}}}]"
+        return (
+            f"rostopic pub -1 {space}/{name}/command trajectory_msgs/JointTrajectory "
+            f"'{{joint_names: [{joints}], {points}}}'"
+        )
+    return f"its topics: rostopic list | grep {space}/{name}/"
+
+
+def _recording(arguments: Mapping[str, str], space: str, folder: Any) -> str:
+    if folder:
+        return f"into {folder}"
+    if arguments["record"] == "false":
+        return "nothing (record:=false)"
+    if arguments["record"] == "on_trigger":
+        return f"armed; begins with: rostopic pub -1 {space}/hric/experiment/trigger std_msgs/Empty"
+    return (
+        f"nothing yet; begins with: rosservice call {space}/hric/experiment/start_recording   (record:=true: at once)"
+    )

@@ -1,0 +1,38 @@
+"""The command line of scripts/replay, which is read before the set-up, too: this file needs nothing but Python
+itself."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+
+def parsed(argv: Sequence[str]) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        "scripts/replay",
+        description="Play a run: its bag with its own clock, the robot as it was, and rviz. The space bar pauses, "
+        "Ctrl-C ends it.",
+    )
+    parser.add_argument("run", metavar="RUN", help="run folder, its name below runs/, or latest")
+    parser.add_argument(
+        "--rate", type=_rate, default=1.0, metavar="R", help="so many times as fast as it was (default 1)"
+    )
+    parser.add_argument("--no-rviz", action="store_true", help="without rviz; by itself where there is no display")
+    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
+    return parser.parse_args(argv)
+
+
+def _rate(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e3:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not possible; valid: a number above 0 and below 1000, such as 0.5"
+        )
+    return value
+
+
+if __name__ == "__main__":
+    parsed(sys.argv[1:])
