@@ -9,7 +9,7 @@ export PYTHONNOUSERSITE=1
 plain_path=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin
 
 fail() {
-  printf 'scripts/setup: %s\n' "$@" >&2
+  printf "${program:-scripts/setup}: %s\n" "$@" >&2
   exit 1
 }
 
