@@ -70,6 +70,7 @@ def test_the_bring_ups_of_a_page_are_accepted(name: str, tmp_path: Path, monkeyp
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(step.text)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(ROOT / "src/hric_controllers/templates"))  # copied by the reader
     for words in commands(taken):
         if words[0] == "scripts/bringup":
             check(split(words[1:]), documented(), choices())
