@@ -45,7 +45,7 @@ def pages(root: Path) -> Iterator[tuple[str, str]]:
         yield f"reference/{page.parent.name}.md", without_links_of_units(page.read_text())
     for module in PYTHON:
         yield f"reference/python/{module}.md", f"# {module}\n\n::: {module}\n"
-    yield "contributing.md", (root / "CONTRIBUTING.md").read_text()
+    yield "contributing.md", (root / "CONTRIBUTING.md").read_text().replace("](docs/", "](")
 
 
 def without_links_of_units(text: str) -> str:
