@@ -4,9 +4,11 @@ import, and CONTRIBUTING.md. mkdocs calls the functions by their names (hooks in
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.structure.files import File, Files
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
 
 ROOT = Path(__file__).parent
 PYTHON = (
@@ -27,8 +29,10 @@ UNITS = re.compile(r"```.*?```|`[^`\n]*`|\](?=\s?\[)", re.DOTALL)
 """Code, or the bracket before another one: "[x, y] [m]" is a quantity with its unit, not a link."""
 
 
-def on_files(files: Files, config: MkDocsConfig) -> Files:
+def on_files(files: "Files", config: "MkDocsConfig") -> "Files":
     """Add the pages that are made."""
+    from mkdocs.structure.files import File  # in the site's own environment only
+
     for name, text in pages(ROOT):
         files.append(File.generated(config, name, content=text))
     return files
