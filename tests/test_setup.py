@@ -1,7 +1,9 @@
 """scripts/setup refuses what it cannot do, tells what is missing, and costs nothing when all is there."""
 
 import os
+import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -61,6 +63,33 @@ def test_an_unknown_option_is_refused_with_the_valid_ones() -> None:
     assert "--fast" in result.stderr and "--no-gui" in result.stderr
 
 
+def test_a_package_of_python_alone_comes_and_goes_without_a_build(tmp_path: Path) -> None:
+    own = ROOT / "src" / "test_setup_own_package"
+    shutil.copytree(ROOT / "src/hric_controllers/templates/my_controller", own)
+    try:
+        (own / "setup.py").write_text("")
+        assert setup("--check").stdout == "nothing is missing\n"
+    finally:
+        shutil.rmtree(own)
+    assert setup("--check").stdout == "nothing is missing\n"
+
+
+def test_what_was_cut_off_while_it_was_installed_is_forgotten_and_what_is_whole_stays(tmp_path: Path) -> None:
+    sys.path.insert(0, str(ROOT / "scripts/lib"))
+    import mend_venv
+
+    for name, content in (("whole", "1234"), ("cut", "12"), ("lost", None)):
+        info = tmp_path / f"{name}-1.0.dist-info"
+        info.mkdir()
+        if content is not None:
+            (tmp_path / f"{name}.py").write_text(content)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (info / "RECORD").write_text(f"{name}.py,,4\n{name}.pyc,,9\n")
+    (tmp_path / "begun-1.0.dist-info").mkdir()
+    mend_venv.mend(tmp_path)
+    assert sorted(path.name for path in tmp_path.glob("*.dist-info")) == ["whole-1.0.dist-info"]
+
+
 def test_another_python_first_in_path_and_an_odd_home_change_nothing(tmp_path: Path) -> None:
     (tmp_path / "python3").write_text("#!/bin/sh\nexit 99\n")
     (tmp_path / "python3").chmod(0o755)
@@ -80,9 +109,11 @@ def test_the_environment_has_the_pinned_numpy_and_the_empy_of_the_generators() -
 
 
 def test_every_requirement_is_pinned_exactly() -> None:
+    files = sorted((ROOT / "scripts").glob("requirements*.txt"))
     lines = [
         line.strip()
-        for line in (ROOT / "scripts/requirements.txt").read_text().splitlines()
+        for path in files
+        for line in path.read_text().splitlines()
         if line.strip() and not line.startswith("#")
     ]
-    assert lines and all(line.count("==") == 1 for line in lines)
+    assert len(files) > 2 and all(line.count("==") == 1 for line in lines)

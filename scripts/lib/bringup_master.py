@@ -1,6 +1,7 @@
 """Which ROS master a bring-up uses: the user's if it responds, else one of its own."""
 
 import http.client
+import random
 import socket
 import xmlrpc.client
 from urllib.parse import urlparse
@@ -46,10 +47,9 @@ def port_is_taken(port: int) -> bool:
 
 
 def free_port() -> int:
-    """A port that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A port that nobody listens on, below those that the system gives to connections (from 32768 on): it stays free
+    until the master is there."""
+    return next(port for port in random.sample(range(20_000, 32_000), 100) if not port_is_taken(port))
 
 
 def node_is_alive(master: str, node: str) -> bool:

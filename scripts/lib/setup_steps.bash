@@ -29,10 +29,11 @@ stamp() {
   printf '%s\n' "$1 $2" ${rest:+"$rest"} | as_user tee "$stamp_file" >/dev/null
 }
 
-# step TITLE LOG COMMAND...: run it, show that it lives, and how long it took; on failure the end of its log.
+# step TITLE LOG SHARE EXPECTED COMMAND...: run it, show its share done by `share_SHARE LOG`, and how long it took of the seconds expected on two
+# processors; on failure the end of its log.
 step() {
-  local title=$1 log=$logs/setup-$2.log started=$SECONDS pid code=0
-  shift 2
+  local title=$1 log=$logs/setup-$2.log share=$3 expected=$4 started=$SECONDS pid code=0
+  shift 4
   [ -d "$logs" ] || as_user mkdir -p "$logs"
   echo "==> $title"
   # A process group of its own, so that an interrupt can end all of it.
@@ -41,7 +42,7 @@ step() {
   pid=$!
   set +m
   trap 'kill -- -"$pid" 2>/dev/null; wait "$pid" 2>/dev/null; echo; fail "stopped by you; call it again to go on"' INT TERM
-  show_progress "$pid" "$log" "$started"
+  show_progress "$pid" "$log" "$share" "$started" "$expected"
   wait "$pid" || code=$?
   trap - INT TERM
   if [ $code != 0 ]; then
@@ -53,16 +54,36 @@ step() {
 }
 
 show_progress() {
-  local pid=$1 log=$2 started=$3 ticks=0 every=100 line
+  local pid=$1 log=$2 share=$3 started=$4 expected=$5 ticks=0 every=100 line
   [ ! -t 1 ] || every=10
   while kill -0 "$pid" 2>/dev/null; do
     sleep 0.1
     ticks=$((ticks + 1))
     [ $((ticks % every)) = 0 ] || continue
-    line=$(tail -n 1 "$log" 2>/dev/null | tr -d '\r' | cut -c1-90 || true)
-    if [ -t 1 ]; then printf '\r\033[K    %3d s  %s' $((SECONDS - started)) "$line"; else printf '    %3d s  %s\n' $((SECONDS - started)) "$line"; fi
+    line=$(printf '%3d %%  %d s of about %d s' "$("share_$share" "$log" 2>/dev/null || echo 0)" $((SECONDS - started)) "$expected")
+    if [ -t 1 ]; then printf '\r\033[K    %s' "$line"; else printf '    %s\n' "$line"; fi
   done
   [ ! -t 1 ] || printf '\r\033[K'
+}
+
+# Shares done, in percent, from the log of a step.
+share_apt() { # apt's own status lines: of the downloads, a third of the whole, and of dpkg
+  awk -F: '/^dlstatus:/ { fetched = $3 } /^pmstatus:/ { installed = $3 } END { print int(fetched / 3 + installed * 2 / 3) }' "$1"
+}
+share_pip() { # packages found, half of the whole, and then those in place
+  local wanted found placed
+  wanted=$(grep -c == "scripts/requirements${part_file:-}.txt")
+  found=$(grep -c '^Collecting' "$1")
+  if grep -q '^Installing collected' "$1"; then
+    placed=$(find .venv/lib/python3*/site-packages -maxdepth 1 -name '*.dist-info' -newer "$1.begin" | wc -l)
+    echo $((50 + (placed * 49) / (found > 0 ? found : 1)))
+  else
+    echo $((found >= wanted ? 49 : found * 49 / wanted))
+  fi
+}
+share_make() { # the configuration is a quarter of the whole
+  awk '/^-- \+\+\+ processing catkin package/ { seen++ } match($0, /^\[ *[0-9]+%\]/) { made = substr($0, 2, RLENGTH - 3) + 0 }
+    END { print made ? int(25 + made * 0.75) : (seen > 24 ? 24 : seen + 0) }' "$1"
 }
 
 # Only there do ROS 1 packages with these names and versions exist.
@@ -88,57 +109,110 @@ notice_moved_workspace() {
   fi
 }
 
-# Names in scripts/apt-packages.txt that dpkg does not call installed; $1 = no leaves out the marked gui section.
+# Names in scripts/apt-packages.txt that dpkg does not call installed: of what running needs, and of the sections given.
 missing_packages() {
-  local wanted last='$'
-  [ "$1" = yes ] || last='/^# \[gui\]/'
-  mapfile -t wanted < <(sed "1,${last}!d; /^#/d" scripts/apt-packages.txt | sort)
+  local wanted
+  mapfile -t wanted < <(awk -v sections=" $* " '
+    /^# \[/ { split($0, name, /[][]/); left_out = !index(sections, " " name[2] " ") }
+    !/^#/ && !left_out' scripts/apt-packages.txt | sort)
   comm -23 <(printf '%s\n' "${wanted[@]}") \
     <(dpkg-query -W -f '${db:Status-Status} ${Package}\n' "${wanted[@]}" 2>/dev/null | sed -n 's/^installed //p' | sort)
 }
 
-# Whatever changes the build: messages, CMake files, C and C++, the list of executables.
+requirements_of() { if [ "$1" = run ]; then echo scripts/requirements.txt; else echo "scripts/requirements-$1.txt"; fi; }
+
+python_key() { hash_of "$ws" "$(cat scripts/requirements.txt "$(requirements_of "$1")")"; }
+
+# Whatever changes the build: of packages that have messages or compiled code. A package of Python alone is found where it is.
 build_inputs() {
-  find src -mindepth 2 \( -name CMakeLists.txt -o -name package.xml -o -name setup.py -o -name '*.msg' -o -name '*.srv' \
-    -o -name '*.action' -o -name '*.cfg' -o -name '*.cmake' -o -name '*.[ch]' -o -name '*.cpp' \) -print0 | sort -z | xargs -0 sha256sum
-  find src -path '*/nodes/*' -not -path '*/__pycache__/*' | sort
+  local compiled
+  mapfile -t compiled < <(find src -mindepth 3 \( -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -name '*.[ch]' \
+    -o -name '*.cpp' \) | cut -d/ -f1,2 | sort -u)
+  find "${compiled[@]}" \( -name CMakeLists.txt -o -name package.xml -o -name setup.py -o -name '*.msg' -o -name '*.srv' -o -name '*.action' \
+    -o -name '*.cfg' -o -name '*.cmake' -o -name '*.[ch]' -o -name '*.cpp' \) -print0 | sort -z | xargs -0 sha256sum
   cat scripts/build
 }
 
 report_missing() {
-  local need_python=$1 need_build=$2
-  shift 2
-  [ $# = 0 ] || echo "missing: $# Debian packages: $*"
-  ! $need_python || echo "missing: the Python environment .venv, or it is not up to date with scripts/requirements.txt"
+  [ ${#missing[@]} = 0 ] || echo "missing: ${#missing[@]} Debian packages: ${missing[*]}"
+  [ ${#need_python[@]} = 0 ] || echo "missing: the Python environment .venv, or it is not up to date with $(requirements_of "${need_python[0]}")"
   ! $need_build || echo "missing: the build, or it is not up to date"
-  if [ $# != 0 ] || $need_python || $need_build; then
-    echo "run scripts/setup"
+  if [ ${#missing[@]} != 0 ] || [ ${#need_python[@]} != 0 ] || $need_build; then
+    echo "run scripts/setup${parts[*]:+ --with ${parts[*]}}"
     return 1
   fi
   echo "nothing is missing"
 }
 
 install_packages() {
-  local root=()
+  local root=() apt
   if [ "$EUID" != 0 ]; then
-    command -v sudo >/dev/null || fail "$# Debian packages are missing and this account is not root, nor is there sudo. As root:" "  $ws/scripts/setup --system"
-    echo "==> $# Debian packages are missing; sudo may ask for your password"
+    command -v sudo >/dev/null || fail "${#missing[@]} Debian packages are missing and this account is not root, nor is there sudo. As root:" "  $ws/scripts/setup --system"
+    echo "==> ${#missing[@]} Debian packages are missing; sudo may ask for your password"
     sudo -v || fail "sudo refused. Let somebody with the right call:  $ws/scripts/setup --system"
     root=(sudo)
   fi
-  step "Reading the package lists" apt-update "${root[@]}" env PATH=$plain_path apt-get -q update
-  step "Installing $# Debian packages and what they need (1 to 3 minutes)" apt-install "${root[@]}" env PATH=$plain_path DEBIAN_FRONTEND=noninteractive \
-    apt-get -q install -y --no-install-recommends "$@"
+  # Another program that installs is waited for.
+  apt=("${root[@]}" env "PATH=$plain_path" DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300 -o APT::Status-Fd=1)
+  if [ -n "$(dpkg --audit 2>/dev/null)" ]; then
+    step "Finishing what dpkg was interrupted in" dpkg apt 10 "${root[@]}" env PATH=$plain_path DEBIAN_FRONTEND=noninteractive dpkg --configure -a
+    step "Mending dependencies that were left half installed" apt-mend apt 10 "${apt[@]}" install -y --fix-broken
+  fi
+  step "Reading the package lists" apt-update apt 10 "${apt[@]}" update
+  tell_sizes
+  step "Installing ${#missing[@]} Debian packages and what they need" apt-install apt 120 "${apt[@]}" install -y --no-install-recommends "${missing[@]}"
+}
+
+# What apt is about to fetch and to unpack, and what comes after it.
+tell_sizes() {
+  env PATH=$plain_path apt-get install --assume-no --no-install-recommends "${missing[@]}" 2>/dev/null |
+    sed -n 's/^Need to get \(.*\) of archives.*/    to fetch: \1/p; s/^After this operation, \(.*\) of additional.*/    on the disk: \1, besides 1.3 GB in .venv and 0.1 GB of build/p' || true
 }
 
 # Debian's own Python, whatever stands first in PATH: ROS's Python packages are built for it.
 install_python() {
-  if ! grep -qs '^include-system-site-packages = true' .venv/pyvenv.cfg || ! grep -qs '^home = /usr/bin' .venv/pyvenv.cfg || [ ! -x .venv/bin/python3 ]; then
-    step "Making the Python environment .venv" venv as_user env PATH=$plain_path /usr/bin/python3 -m venv --clear --system-site-packages .venv
+  local part
+  if ! grep -qs '^include-system-site-packages = true' .venv/pyvenv.cfg || ! grep -qs '^home = /usr/bin' .venv/pyvenv.cfg ||
+    ! .venv/bin/python3 -m pip --version >/dev/null 2>&1; then
+    step "Making the Python environment .venv" venv none 10 as_user env PATH=$plain_path /usr/bin/python3 -m venv --clear --system-site-packages .venv
+  elif [ "$(stamped doing)" = python ]; then
+    as_user .venv/bin/python3 scripts/lib/mend_venv.py
   fi
-  step "Installing the pinned Python packages (1 minute)" pip as_user env PATH=$plain_path .venv/bin/python3 -m pip install \
-    --disable-pip-version-check --progress-bar off -r scripts/requirements.txt
-  check_python
+  stamp doing python
+  for part in "${need_python[@]}"; do
+    part_file=
+    [ "$part" = run ] || part_file=-$part
+    [ -d "$logs" ] || as_user mkdir -p "$logs"
+    as_user touch "$logs/setup-pip.log.begin"
+    step "Installing the pinned Python packages$(about_part "$part")" pip pip 60 as_user env PATH=$plain_path .venv/bin/python3 -m pip install \
+      --disable-pip-version-check --progress-bar off -r "$(requirements_of "$part")"
+    if [ "$part" = run ]; then
+      check_python
+      # What nothing here uses: models that come with PyBullet, headers of the rigid-body library.
+      as_user rm -rf .venv/lib/python3*/site-packages/{pybullet_data,cmeel.prefix/include}
+    fi
+    stamp "python-$part" "$(python_key "$part")"
+  done
+  stamp doing nothing
+}
+
+share_none() { echo 0; }
+
+about_part() {
+  case $1 in
+    run) echo " (1.3 GB)" ;;
+    checks) echo " of tests and lint (0.2 GB)" ;;
+    pictures) echo " that draw pictures (0.6 GB)" ;;
+  esac
+}
+
+# What a killed compiler left behind looks finished to make: the build begins anew after an interruption.
+build() {
+  if [ "$(stamped doing)" = build ]; then as_user rm -rf build devel; fi
+  stamp doing build
+  step "Building the messages and the nodes" build make 60 as_user scripts/build
+  stamp build "$build_key"
+  stamp doing nothing
 }
 
 # Two packages that others drag in silently in the wrong version.

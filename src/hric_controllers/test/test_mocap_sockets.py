@@ -8,10 +8,11 @@ import time
 
 import pytest
 from mocap_rig import MocapArm
-from motive_process import free_port, motive
+from motive_process import motive
 from natnet_rubbish import Rubbish
 from natnet_samples import one_body_frame
 
+from hric_control.testing import free_port
 from mocap_natnet.client import NatNetClient, Received, Settings
 from mocap_natnet.client.client import OK
 from mocap_natnet.codec import Codec

@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -18,6 +17,7 @@ from rosbags.highlevel import AnyReader
 
 from hric_bags import reader as bag_reader
 from hric_bags.run_folder import RunFolder
+from hric_control.testing import free_port
 from hric_experiments.definition import experiment as experiments
 from hric_experiments.definition import parameters
 from hric_experiments.recorder.process import RecorderProcess, RecordError
@@ -110,9 +110,7 @@ class System:
 
 @pytest.fixture(scope="module")
 def uri(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     uri = f"http://127.0.0.1:{port}"
     system = System(tmp_path_factory.mktemp("master"), uri)
     try:
@@ -183,11 +181,7 @@ def seen(path: Path, *ports: int) -> list[dict[str, Any]]:
 
 def test_an_experiment_starts_the_human_when_all_receive_the_motion_capture(system: System, tmp_path: Path) -> None:
     path = tmp_path / "seen.yaml"
-    ports = []
-    for _ in range(2):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            ports.append(probe.getsockname()[1])
+    ports = free_port(), free_port()
     for (package, name), values in zip(
         (("mocap_natnet", "natnet_client"), ("hric_perception", "emulated_human")), seen(path, *ports), strict=True
     ):

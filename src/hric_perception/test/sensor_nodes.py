@@ -80,13 +80,14 @@ class Nodes:
         return process.communicate(timeout=LIMIT)[0]
 
     def close(self) -> None:
-        """End them, and forget their parameters."""
+        """End them, show what they said, and forget their parameters."""
         import rospy
 
         for process in self._running:
             if process.poll() is None:
                 process.kill()
-                process.communicate()
+            if process.stdout is not None and not process.stdout.closed:
+                print(process.args, process.communicate()[0])
         for name in self._names:
             if rospy.has_param(f"/{name}"):
                 rospy.delete_param(f"/{name}")

@@ -3,7 +3,6 @@
 import contextlib
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -16,7 +15,7 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from hric_control.testing import ros, roscore
+from hric_control.testing import free_port, ros, roscore
 from hric_msgs.msg import MocapData
 
 __all__ = ["ros", "roscore"]
@@ -25,13 +24,6 @@ NODE = Path(__file__).parents[1] / "nodes" / "emulated_human"
 CLIENT = Path(__file__).parents[2] / "mocap_natnet" / "nodes" / "natnet_client"
 LIMIT = 30.0
 HUMAN = "{program: minimum_jerk, points: [[0, 0.6, 0, 0.4], [0.6, 0.6, 0.2, 0.5]]}"
-
-
-def free_port() -> int:
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 @contextlib.contextmanager

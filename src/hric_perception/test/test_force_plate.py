@@ -1,8 +1,6 @@
 """Force plates: wrench, centre of pressure, frame; samples by NatNet and by contacts of a simulation."""
 
-import contextlib
 import math
-import socket
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +13,7 @@ from hric_control.errors import HricError, ParameterError
 from hric_control.geometry import Pose, from_rotation_vector, transformed
 from hric_control.geometry.poses import from_z_up
 from hric_control.robot_time.stream_time import WallClock
+from hric_control.testing import free_port
 from hric_perception.chunk import Chunk, Layout
 from hric_perception.emulation import Faults
 from hric_perception.plate.geometry import (
@@ -133,13 +132,6 @@ def test_the_world_with_a_plate_has_it_where_the_page_says() -> None:
     world = yaml.safe_load((Path(__file__).parents[1] / "worlds" / "force_plate.yaml").read_text())
     (plate,) = world["objects"]
     assert plate["name"] == "plate" and plate["pose"]["xyz"][2] + plate["size"][2] / 2 == pytest.approx(0.05)
-
-
-def free_port() -> int:
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 class Rig:

@@ -2,7 +2,6 @@
 contacts of a simulation."""
 
 import os
-import socket
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from tf2_msgs.msg import TFMessage
 
 from gazebo_msgs.msg import ContactsState, ContactState
 from hric_control.robot_time import stamps
-from hric_control.testing import ros, roscore
+from hric_control.testing import free_port, ros, roscore
 
 __all__ = ["nodes", "ros", "roscore", "run"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
@@ -24,13 +23,6 @@ def listen(topic: str, kind: type) -> list:
     seen: list = []
     rospy.Subscriber(topic, kind, seen.append, queue_size=None)
     return seen
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def test_over_lsl_samples_wrench_and_centre_of_pressure_have_the_times_of_the_run(run: TellsTime, nodes: Nodes) -> None:

@@ -2,7 +2,6 @@
 time."""
 
 import os
-import socket
 from pathlib import Path
 
 import c3d_files
@@ -11,7 +10,7 @@ import pytest
 from c3d_files import PER_FRAME, RATE, Lab
 from sensor_nodes import Nodes, TellsTime, TopicActivation, nodes, run, wait
 
-from hric_control.testing import ros, roscore
+from hric_control.testing import free_port, ros, roscore
 
 __all__ = ["nodes", "ros", "roscore", "run"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
@@ -24,13 +23,6 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     wrench = np.column_stack([0 * t, 0 * t, -500 - 100 * t, 0 * t, 0 * t, 0 * t])
     lab = Lab(c3d_files.swinging(FRAMES)[0], {"EMG1": ("mV", 1 + t)}, [(2, wrench)])
     return c3d_files.write(tmp_path_factory.mktemp("c3d") / "trial.c3d", lab)
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def test_markers_emg_and_plate_of_a_trial_begin_together(run: TellsTime, nodes: Nodes, file: Path) -> None:

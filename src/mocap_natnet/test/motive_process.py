@@ -1,18 +1,9 @@
 """The emulated Motive as a process of its own, on ports that are free."""
 
 import contextlib
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-
-
-def free_port() -> int:
-    """A UDP port that nobody listens on now."""
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 @contextlib.contextmanager

@@ -15,6 +15,7 @@ import pytest
 
 from hric_control.errors import CommandError, HricError
 from hric_control.geometry import Pose
+from hric_control.testing import free_port
 from mocap_natnet.client import NatNetClient, Received, Settings
 from mocap_natnet.client.client import ERROR, OK
 from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Sinusoid
@@ -23,7 +24,7 @@ from mocap_natnet.tracking.tracking import Tracker
 from mocap_natnet.tracking.validity import PoseValidator
 
 sys.path.insert(0, str(Path(__file__).parent))
-from motive_process import free_port, motive
+from motive_process import motive
 from natnet_samples import Sample
 
 pytestmark = pytest.mark.alone

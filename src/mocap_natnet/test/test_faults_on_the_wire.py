@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hric_control.testing import free_port
 from mocap_natnet.client import NatNetClient, Received, Settings
 from mocap_natnet.client.client import ERROR, OK
 from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Sinusoid
 from mocap_natnet.server import Settings as ServerSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
-from motive_process import free_port, motive
+from motive_process import motive
 
 pytestmark = pytest.mark.alone
 

@@ -16,7 +16,7 @@ from tf2_msgs.msg import TFMessage
 from hric_control.errors import HricError
 from hric_control.geometry import Pose
 from hric_control.robot_time import stamps
-from hric_control.testing import ros, roscore
+from hric_control.testing import free_port, ros, roscore
 from hric_msgs.msg import MocapData, RigidBodyState
 from mocap_natnet.server.bag_source import from_bag
 from mocap_natnet.server.scene import Faults
@@ -24,7 +24,6 @@ from mocap_natnet.server.scene_file import load
 from mocap_natnet.server.sources import AHEAD, MAX_AGE, History
 
 sys.path.insert(0, str(Path(__file__).parent))
-from motive_process import free_port
 
 __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

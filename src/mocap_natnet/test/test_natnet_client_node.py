@@ -14,11 +14,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point, PoseStamped
 from std_srvs.srv import Trigger
 
-from hric_control.testing import ros, roscore
+from hric_control.testing import free_port, ros, roscore
 from hric_msgs.msg import MocapData
 
 sys.path.insert(0, str(Path(__file__).parent))
-from motive_process import free_port, motive
+from motive_process import motive
 
 __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

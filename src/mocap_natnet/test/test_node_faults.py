@@ -12,10 +12,10 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Log
 
-from hric_control.testing import ros, roscore
+from hric_control.testing import free_port, ros, roscore
 
 sys.path.insert(0, str(Path(__file__).parent))
-from motive_process import free_port, motive
+from motive_process import motive
 
 __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

@@ -15,11 +15,10 @@ from rosgraph_msgs.msg import Log
 from std_msgs.msg import String
 
 from hric_control.robot_time import stamps
-from hric_control.testing import ros, roscore
+from hric_control.testing import free_port, ros, roscore
 from hric_msgs.msg import ClockPair, MocapData
 
 sys.path.insert(0, str(Path(__file__).parent))
-from motive_process import free_port
 
 __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]

@@ -8,12 +8,12 @@ import pytest
 
 from hric_control.robot_time.clock import NS, RunClock
 from hric_control.robot_time.stream_time import StreamTime
+from hric_control.testing import free_port
 from mocap_natnet.client import NatNetClient, Received
 from mocap_natnet.client import Settings as ClientSettings
 from mocap_natnet.server import Body, Motive, MotiveServer, Scene, Settings, Sinusoid
 
 sys.path.insert(0, str(Path(__file__).parent))
-from motive_process import free_port
 
 pytestmark = pytest.mark.alone
 

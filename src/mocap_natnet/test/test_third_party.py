@@ -12,8 +12,10 @@ from pathlib import Path
 import pytest
 from scipy.spatial.transform import Rotation
 
+from hric_control.testing import free_port
+
 sys.path.insert(0, str(Path(__file__).parent))
-from motive_process import free_port, motive
+from motive_process import motive
 
 pytestmark = pytest.mark.alone
 

@@ -4,6 +4,7 @@ import atexit
 import contextlib
 import functools
 import os
+import random
 import shutil
 import socket
 import subprocess
@@ -19,12 +20,28 @@ START_TIMEOUT = 20.0
 """How long a roscore may take to respond on a busy machine [s]."""
 
 
+PORTS = range(20_000, 32_000)
+"""Below those that Linux gives to whoever asks for any, from 32768 on (net.ipv4.ip_local_port_range): one of them stays
+free until it is used."""
+_given: set[int] = set()
+
+
 def free_port() -> int:
-    """A TCP port that nobody listens on now."""
-    with contextlib.closing(socket.socket()) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    """A port that nobody listens on now, TCP nor UDP; another one at each call."""
+    while True:
+        port = random.SystemRandom().choice(PORTS)
+        if port not in _given and all(map(functools.partial(_is_free, port), (socket.SOCK_STREAM, socket.SOCK_DGRAM))):
+            _given.add(port)
+            return port
+
+
+def _is_free(port: int, kind: socket.SocketKind) -> bool:
+    with contextlib.closing(socket.socket(socket.AF_INET, kind)) as probe:
+        try:
+            probe.bind(("", port))
+        except OSError:
+            return False
+    return True
 
 
 @functools.lru_cache(maxsize=1)
