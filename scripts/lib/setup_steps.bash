@@ -75,8 +75,8 @@ share_pip() { # packages found, half of the whole, and then those in place
   wanted=$(grep -c == "scripts/requirements${part_file:-}.txt")
   found=$(grep -c '^Collecting' "$1")
   if grep -q '^Installing collected' "$1"; then
-    placed=$(find .venv/lib/python3*/site-packages -maxdepth 1 -name '*.dist-info' -newer "$1.begin" | wc -l)
-    echo $((50 + (placed * 49) / (found > 0 ? found : 1)))
+    placed=$(find "${environment:-.venv}"/lib/python3*/site-packages -maxdepth 1 -name '*.dist-info' -newer "$1.begin" | wc -l)
+    echo $((50 + (placed < wanted ? placed * 49 / wanted : 49)))
   else
     echo $((found >= wanted ? 49 : found * 49 / wanted))
   fi
