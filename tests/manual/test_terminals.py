@@ -129,6 +129,51 @@ def test_a_page_is_taken_step_by_step(tmp_path: Path) -> None:
     page_run(tmp_path).run(steps(PAGE))
 
 
+STARTED = """
+<!-- stays -->
+```bash
+scripts/bringup env:=sim
+```
+
+<!-- terminal 2 -->
+```bash
+ls up
+```
+"""
+
+
+def bringup(folder: Path, script: str) -> None:
+    """A stand-in for the real one."""
+    (folder / "scripts").mkdir()
+    (folder / "scripts/bringup").write_text(f"#!/bin/bash\necho starting\n{script}\n")
+    (folder / "scripts/bringup").chmod(0o755)
+
+
+def test_a_bring_up_is_waited_for_until_it_says_that_it_is_ready(tmp_path: Path) -> None:
+    bringup(tmp_path, "sleep 1; touch up; printf '  ready     arm\\n'; exec sleep 60")
+    page_run(tmp_path).run(steps(STARTED))
+
+
+def test_a_bring_up_that_ends_before_it_is_ready_is_an_error_with_what_it_said(tmp_path: Path) -> None:
+    bringup(tmp_path, "echo no arm at this address; exit 1")
+    with pytest.raises(StepError, match=r"(?s)line 3: the commands ended before: the block.*no arm at this address"):
+        page_run(tmp_path).run(steps(STARTED))
+
+
+def test_another_program_that_stays_is_waited_for_until_it_is_quiet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("manual_run.QUIET", 1.0)
+    program = "for i in 1 2 3; do echo $i; sleep 0.3; done; touch up; exec sleep 60"
+    page_run(tmp_path).run(steps(STARTED.replace("scripts/bringup env:=sim", f"bash -c '{program}'")))
+
+
+def test_a_page_has_its_time_and_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("manual_run.PAGE", 0.5)
+    with pytest.raises(StepError, match="still running after"):
+        page_run(tmp_path).run(steps("```bash\nsleep 60\n```\n"))
+
+
 @pytest.mark.parametrize(
     ("changed", "into", "reason"),
     [
