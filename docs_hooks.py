@@ -11,18 +11,19 @@ if TYPE_CHECKING:
     from mkdocs.structure.files import Files
 
 ROOT = Path(__file__).parent
-PYTHON = (
-    "hric_control.controller",
-    "hric_control.hardware_interface",
-    "hric_control.node",
-    "hric_control.realtime",
-    "hric_control.parameters",
-    "franka_hw_interface.interfaces",
-    "franka_hw_interface.model",
-    "hric_experiments.headless.runner",
-    "hric_bags.reader",
-)
-"""Modules that users of the workspace import."""
+PYTHON: dict[str, tuple[str, ...]] = {
+    "hric_control.controller": (),
+    "hric_control.hardware_interface": (),
+    "hric_control.node": (),
+    "hric_control.realtime": (),
+    "hric_control.parameters": (),
+    "franka_hw_interface.interfaces": (),
+    "franka_hw_interface.model": (),
+    "hric_experiments.definition.experiment": ("load", "Experiment", "Setpoint", "ExperimentError"),
+    "hric_experiments.headless.runner": ("run", "Result"),
+    "hric_bags.reader": (),
+}
+"""Modules that users of the workspace import, and what they take of them; empty: all that is public."""
 COMMENT = re.compile(r"^[ \t]*<!--.*?-->[ \t]*$", re.MULTILINE | re.DOTALL)
 """Lines that are for the tests of the manual only."""
 UNITS = re.compile(r"```.*?```|`[^`\n]*`|\](?=\s?\[)", re.DOTALL)
@@ -47,8 +48,9 @@ def pages(root: Path) -> Iterator[tuple[str, str]]:
     """Name below docs/ and text of each page that is made."""
     for page in sorted(root.glob("src/*/INTERFACE.md")):
         yield f"reference/{page.parent.name}.md", without_links_of_units(page.read_text())
-    for module in PYTHON:
-        yield f"reference/python/{module}.md", f"# {module}\n\n::: {module}\n"
+    for module, members in PYTHON.items():
+        chosen = f"    options:\n      members: [{', '.join(members)}]\n" if members else ""
+        yield f"reference/python/{module}.md", f"# {module}\n\n::: {module}\n{chosen}"
     yield "contributing.md", (root / "CONTRIBUTING.md").read_text().replace("](docs/", "](")
 
 

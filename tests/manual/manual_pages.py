@@ -42,7 +42,7 @@ def commands(taken: Iterable[Step]) -> Iterator[Command]:
             for line in filter(OF_THE_WORKSPACE.match, step.text.splitlines()):
                 ends = ENDS.search(line)
                 words = shlex.split(line[: ends.start()] if ends else line, comments=True)
-                fails = bool(ends) and ends["by"] == "||"
+                fails = ends is not None and ends["by"] == "||"
                 yield Command([word for word in words if not VARIABLE.match(word)], fails)
 
 
