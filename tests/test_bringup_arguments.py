@@ -276,7 +276,7 @@ def test_help_and_mistakes_of_scripts_need_no_set_up_and_next_to_no_computing(
     after = os.times()
     assert done.returncode == code, done.stderr
     assert all(text in (done.stderr if code else done.stdout) for text in texts)
-    assert code == 0 or (done.stdout, done.stderr.count("scripts/")) == ("", 1 + done.stderr.count("usage"))
+    assert code == 0 or (done.stdout == "" and "Traceback" not in done.stderr)
     spent = after.children_user + after.children_system - before.children_user - before.children_system
     assert spent < 0.3
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scripts", "src"]
@@ -284,6 +284,7 @@ def test_help_and_mistakes_of_scripts_need_no_set_up_and_next_to_no_computing(
 
 def test_the_shell_completes_names_and_values() -> None:
     assert completed("real") == ["realism:=", "real_time_factor:="]
+    assert completed("controller:") == ["controller:="]
     assert completed("simulator:=") == ["simulator:=pybullet", "simulator:=opensim"]
     assert "controller:=effort_joint_trajectory_controller" in completed("controller:=eff")
     assert completed("experiment:=pd") == ["experiment:=pd_step"] and completed("kp:=") == completed("colour:=") == []

@@ -117,3 +117,11 @@ def test_every_requirement_is_pinned_exactly() -> None:
         if line.strip() and not line.startswith("#")
     ]
     assert len(files) > 2 and all(line.count("==") == 1 for line in lines)
+
+
+def test_a_shell_has_roscd_and_completes_the_arguments_of_the_bring_up() -> None:
+    typed = "source scripts/env; type -t roscd; COMP_LINE='scripts/bringup env:=r' COMP_POINT=22; _hric_complete; echo ${COMPREPLY[@]}"
+    done = subprocess.run(
+        ["bash", "--norc", "-ic", typed], cwd=ROOT, capture_output=True, text=True, timeout=60, start_new_session=True
+    )
+    assert done.stdout.splitlines()[-2:] == ["function", "real"], done.stderr

@@ -463,7 +463,7 @@ def completed(word: str) -> list[str]:
     name, separator, begun = word.partition(":=")
     arguments = documented()
     if not separator:
-        return [f"{one}:=" for one in arguments if one.startswith(name)]
+        return [f"{one}:=" for one in arguments if f"{one}:=".startswith(word)]
     return [f"{name}:={value}" for value in valid_words(name, choices()) if value.startswith(begun)]
 
 

@@ -1,0 +1,27 @@
+"""vtk, which draws, weighs 0.6 GB and nothing else needs it: it is installed when the first picture is drawn."""
+
+import importlib
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from hric_control.errors import HricError
+
+
+def install_vtk() -> None:
+    """Let scripts/setup install vtk where it is missing; its progress goes to stderr.
+
+    Raises:
+        HricError: that failed, or this is no workspace.
+    """
+    if importlib.util.find_spec("vtkmodules") is not None:
+        return
+    setup = Path(os.environ.get("HRIC_WS") or Path(__file__).resolve().parents[5]) / "scripts" / "setup"
+    if not setup.is_file():
+        raise HricError("pictures need vtk, which is not installed: python3 -m pip install vtk")
+    print("the first picture: vtk is installed, which draws it", file=sys.stderr)
+    if subprocess.run([setup, "--with", "pictures"], stdout=sys.stderr, check=False).returncode:
+        raise HricError(f"pictures need vtk, which could not be installed; try again: {setup} --with pictures")
+    importlib.invalidate_caches()
