@@ -49,7 +49,13 @@ class Terminal:
         self._prompt = f"{PROMPT}-{uuid.uuid4().hex}"
         self._commands, slave = os.openpty()
         _prepare(slave)
-        told = {"PS1": "", "PS2": "", "PROMPT_COMMAND": f"printf '\\n%s %s\\n' {self._prompt} $?", "TERM": "dumb"}
+        told = {
+            "PS1": "",
+            "PS2": "",
+            "PROMPT_COMMAND": f"printf '\\n%s %s\\n' {self._prompt} $?",
+            "VIRTUAL_ENV_DISABLE_PROMPT": "1",
+            "TERM": "dumb",
+        }
         self._shell = subprocess.Popen(
             ["setsid", "--ctty", "bash", "--noprofile", "--norc", "--noediting", "+o", "history", "-i"],
             stdin=slave,
