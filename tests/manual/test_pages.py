@@ -21,8 +21,10 @@ def name_of(page: Path) -> str:
 
 
 def is_there(link: str, page: Path) -> bool:
-    """A file, or a page that the site makes of the interface of a package."""
+    """A file, or a page that the site makes: of the interface of a package, or of CONTRIBUTING.md."""
     target = (page.parent / link).resolve()
+    if target == ROOT / "docs/contributing.md":
+        target = ROOT / "CONTRIBUTING.md"
     if target.parent == ROOT / "docs/reference":
         target = ROOT / "src" / target.stem / "INTERFACE.md"
     return target.exists()
