@@ -21,7 +21,7 @@ START_TIMEOUT = 20.0
 
 
 PORTS = range(20_000, 32_000)
-"""Below those that Linux gives to whoever asks for any, from 32768 on (net.ipv4.ip_local_port_range): one of them stays
+"""Below those that Linux gives where any will do, from 32768 on (net.ipv4.ip_local_port_range): one of them stays
 free until it is used."""
 _given: set[int] = set()
 
