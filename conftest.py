@@ -22,7 +22,7 @@ MASTERS = ("roscore", "start", "live", "pd_step")
 sys.path[:0] = [
     str(folder)
     for folder in sorted(
-        [*ROOT.glob("src/*/test"), *(ROOT / "tests" / name for name in ("", "integration", "benchmarks"))]
+        [*ROOT.glob("src/*/test"), *(ROOT / "tests" / name for name in ("", "integration", "benchmarks", "manual"))]
     )
     if str(folder) not in sys.path
 ]

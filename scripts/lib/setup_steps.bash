@@ -9,7 +9,7 @@ export PYTHONNOUSERSITE=1
 plain_path=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin
 
 fail() {
-  printf 'scripts/setup: %s\n' "$@" >&2
+  printf "${program:-scripts/setup}: %s\n" "$@" >&2
   exit 1
 }
 
@@ -75,8 +75,8 @@ share_pip() { # packages found, half of the whole, and then those in place
   wanted=$(grep -c == "scripts/requirements${part_file:-}.txt")
   found=$(grep -c '^Collecting' "$1")
   if grep -q '^Installing collected' "$1"; then
-    placed=$(find .venv/lib/python3*/site-packages -maxdepth 1 -name '*.dist-info' -newer "$1.begin" | wc -l)
-    echo $((50 + (placed * 49) / (found > 0 ? found : 1)))
+    placed=$(find "${environment:-.venv}"/lib/python3*/site-packages -maxdepth 1 -name '*.dist-info' -newer "$1.begin" | wc -l)
+    echo $((50 + (placed < wanted ? placed * 49 / wanted : 49)))
   else
     echo $((found >= wanted ? 49 : found * 49 / wanted))
   fi

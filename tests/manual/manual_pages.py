@@ -1,0 +1,55 @@
+"""Which pages of the manual have commands that are tried, and the workspace's own commands in them."""
+
+import re
+import shlex
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from manual_page import Commands, Step, WrittenFile
+
+ROOT = Path(__file__).resolve().parents[2]
+TRIED = ("README.md", "docs/tutorials/*.md", "docs/howto/*.md")
+SHORT = ("docs/howto/salvage_a_bag.md",)
+"""Pages that are tried in every run of the tests: headless, a few seconds."""
+ENDS = re.compile(r"\s(?P<by>\|\||&&|[|&;>])\s?")
+OF_THE_WORKSPACE = re.compile(r"(\w+=\S+ )*(scripts/|rosrun |roslaunch )")
+VARIABLE = re.compile(r"[A-Z_]+=")
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command of a page.
+
+    Attributes:
+        words: as the shell splits them, without variables before and comments after them.
+        fails: whether the page expects that.
+    """
+
+    words: list[str]
+    fails: bool
+
+
+def names() -> list[str]:
+    """Of all pages with steps, from the workspace's root."""
+    return sorted(str(path.relative_to(ROOT)) for pattern in TRIED for path in ROOT.glob(pattern))
+
+
+def commands(taken: Iterable[Step]) -> Iterator[Command]:
+    """Scripts, nodes and launch files that a page calls at the beginning of a line."""
+    for step in taken:
+        if isinstance(step, Commands):
+            for line in filter(OF_THE_WORKSPACE.match, step.text.splitlines()):
+                ends = ENDS.search(line)
+                words = shlex.split(line[: ends.start()] if ends else line, comments=True)
+                fails = ends is not None and ends["by"] == "||"
+                yield Command([word for word in words if not VARIABLE.match(word)], fails)
+
+
+def write(taken: Iterable[Step], folder: Path) -> None:
+    """The files that the reader of a page writes."""
+    for step in taken:
+        if isinstance(step, WrittenFile):
+            path = folder / step.path
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(step.text)

@@ -1,0 +1,42 @@
+"""The experiments of the manual's pages are accepted with the overrides of their commands, or refused where the page
+says so. They are not run here."""
+
+import re
+from pathlib import Path
+
+import pytest
+from manual_page import steps
+from manual_pages import ROOT, commands, names, write
+
+from hric_control.errors import HricError
+from hric_experiments.definition import experiment, study
+
+MADE = re.compile(r"[\w/]+\.(yaml|c3d)")
+"""Files in an override: what another command of the page makes is not there."""
+
+
+def accept(name: str, given: list[str]) -> None:
+    """Read an experiment, or a study. Raises HricError."""
+    if name in experiment.names("studies") or (Path(name).exists() and "\nforms:" in Path(name).read_text()):
+        study.load(name)
+    else:
+        experiment.load(name, given)
+
+
+def overrides(words: list[str]) -> list[str]:
+    given = [word for word in words if ":=" in word]
+    return [word for word in given if all(Path(found[0]).exists() for found in MADE.finditer(word))]
+
+
+@pytest.mark.parametrize("name", names())
+def test_the_experiments_of_a_page_are_accepted(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = steps((ROOT / name).read_text())
+    write(taken, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    for command in commands(taken):
+        match command.words:
+            case ["rosrun", "hric_experiments", "run", which, *words] if not (command.fails and Path(which).exists()):
+                accept(which, overrides(words))
+            case ["rosrun", "hric_experiments", "run", which, *words]:
+                with pytest.raises(HricError):
+                    accept(which, overrides(words))
