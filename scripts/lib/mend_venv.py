@@ -6,6 +6,9 @@ import sysconfig
 from importlib import metadata
 from pathlib import Path
 
+PRUNED = {"pybullet_data"}, {"cmeel.prefix", "include"}
+"""Of a path in what scripts/setup takes out again."""
+
 
 def mend(folder: Path) -> None:
     """Forget each package below a folder one of whose files is missing or cut off."""
@@ -19,7 +22,7 @@ def mend(folder: Path) -> None:
 def whole(file: metadata.PackagePath) -> bool:
     """Whether a file is there with the size that its package says; compiled Python is not counted."""
     path = Path(str(file.locate()))
-    if path.suffix == ".pyc" or "pybullet_data" in path.parts or {"cmeel.prefix", "include"} <= set(path.parts):
+    if path.suffix == ".pyc" or any(parts <= set(path.parts) for parts in PRUNED):
         return True
     return path.is_file() and (file.size is None or path.stat().st_size == file.size)
 

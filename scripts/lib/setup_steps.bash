@@ -41,7 +41,7 @@ step() {
   "$@" </dev/null > >(as_user tee "$log" >/dev/null) 2>&1 &
   pid=$!
   set +m
-  trap 'kill -- -"$pid" 2>/dev/null; wait "$pid" 2>/dev/null; echo; fail "stopped by you; call it again to go on"' INT TERM
+  trap 'stop_step "$pid"' INT TERM
   show_progress "$pid" "$log" "$share" "$started" "$expected"
   wait "$pid" || code=$?
   trap - INT TERM
@@ -51,6 +51,18 @@ step() {
   fi
   steps_done=$((steps_done + 1))
   echo "    done in $((SECONDS - started)) s"
+}
+
+# Ends a step with all that it started, and waits for that: a package manager finishes the file that it is at.
+stop_step() {
+  local waited=0
+  kill -- -"$1" 2>/dev/null || true
+  while kill -0 -- -"$1" 2>/dev/null && [ $waited -lt 600 ]; do
+    sleep 0.1
+    waited=$((waited + 1))
+  done
+  echo
+  fail "stopped by you; call it again to go on"
 }
 
 show_progress() {
@@ -188,8 +200,10 @@ install_python() {
       --disable-pip-version-check --progress-bar off -r "$(requirements_of "$part")"
     if [ "$part" = run ]; then
       check_python
-      # What nothing here uses: models that come with PyBullet, headers of the rigid-body library.
-      as_user rm -rf .venv/lib/python3*/site-packages/{pybullet_data,cmeel.prefix/include}
+      # What nothing here uses: models that come with PyBullet but for the Panda's meshes, headers of the rigid-body library.
+      as_user find .venv/lib/python3*/site-packages/pybullet_data -mindepth 1 -maxdepth 1 ! -name franka_panda ! -name __init__.py \
+        -exec rm -rf {} +
+      as_user rm -rf .venv/lib/python3*/site-packages/cmeel.prefix/include
     fi
     stamp "python-$part" "$(python_key "$part")"
   done
