@@ -17,8 +17,8 @@ from controller_manager_msgs.srv import (
     UnloadController,
 )
 from hric_control.errors import HricError
+from hric_control.manager.services import REFUSAL
 
-_LOG = "see the reason in the robot node's log"
 SERVICES = ("load_controller", "unload_controller", "switch_controller", "list_controllers")
 
 
@@ -110,7 +110,7 @@ class ManagerClient:
 
     def _demand(self, response: Any, refusal: str) -> None:
         if not response.ok:
-            raise HricError(f"{refusal}: {_LOG}")
+            raise HricError(f"{refusal}: {rospy.get_param(self.service(REFUSAL), 'no reason was given')}")
 
     def _call(self, name: str, service_type: Any, *request: Any) -> Any:
         full = self.service(name)

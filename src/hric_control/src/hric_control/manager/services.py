@@ -32,6 +32,8 @@ from hric_control.node import Node
 from hric_control.robot_time import stamps
 
 NAMESPACE = "controller_manager"
+REFUSAL = "refusal"
+"""Parameter below it: the reason of the last refusal."""
 STATISTICS_PERIOD = 1.0
 """Between two statistics messages [s of robot time]."""
 
@@ -60,11 +62,13 @@ class ManagerServices:
         self._publisher.unregister()
 
     def _try(self, what: str, request: Callable[[], None]) -> bool:
-        # The services' types have no field for text: the response is false, the reason goes to the log.
+        # The services' types have no field for text: the response is false, the reason goes to the log, and to a
+        # parameter, from which the tools have it.
         try:
             request()
         except HricError as error:
             self._node.log_error(f"{what} refused: {error}")
+            self._node.set_param(REFUSAL, str(error))
             return False
         return True
 

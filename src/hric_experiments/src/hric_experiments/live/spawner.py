@@ -8,6 +8,7 @@ import rospy
 
 from controller_manager_msgs.srv import ListControllers, LoadController, SwitchController, SwitchControllerRequest
 from hric_control.errors import HricError
+from hric_control.manager.services import REFUSAL
 from hric_control.parameters import Settings, text
 from hric_control.ros import RosNode
 from hric_experiments.definition import experiment as experiments
@@ -44,11 +45,11 @@ def start(definition: Experiment, timeout: float = READY_TIMEOUT) -> None:
     loaded = {controller.name: controller.state for controller in _call("list_controllers", ListControllers).controller}
     for name in definition.controllers:
         if name not in loaded and not _call("load_controller", LoadController, name=name).ok:
-            raise SpawnError(f"controller {name} could not be loaded; the robot said why")
+            raise SpawnError(f"controller {name} could not be loaded: {_reason()}")
     waiting = [name for name in definition.controllers if loaded.get(name) != "running"]
     request = {"start_controllers": waiting, "stop_controllers": [], "strictness": SwitchControllerRequest.STRICT}
     if waiting and not _call("switch_controller", SwitchController, **request).ok:
-        raise SpawnError(f"controllers {', '.join(waiting)} could not be started; the robot said why")
+        raise SpawnError(f"controllers {', '.join(waiting)} could not be started: {_reason()}")
 
 
 def load_others(definition: Experiment) -> None:
@@ -59,7 +60,7 @@ def load_others(definition: Experiment) -> None:
     """
     for name in parameters.defaults(definition.robot.arm_id):
         if name not in definition.controllers and not _call("load_controller", LoadController, name=name).ok:
-            raise SpawnError(f"controller {name} could not be loaded; the robot said why")
+            raise SpawnError(f"controller {name} could not be loaded: {_reason()}")
 
 
 def _wait_for_manager(timeout: float) -> None:
@@ -71,6 +72,10 @@ def _wait_for_manager(timeout: float) -> None:
         except rospy.ROSException as error:
             if time.monotonic() > deadline:
                 raise SpawnError(f"no {rospy.resolve_name(MANAGER)} after {timeout:g} s") from error
+
+
+def _reason() -> str:
+    return str(rospy.get_param(f"{MANAGER}/{REFUSAL}", "the robot's log says why"))
 
 
 def _call(service: str, service_type: type, **request: Any) -> Any:
