@@ -14,11 +14,12 @@ import panda_description
 from hric_bags.reader import ControlRecord, RunRecord, read
 from hric_bags.run_folder import RunFolder
 from hric_experiments import cli, report_html
+from hric_experiments.analysis import recordings
+from hric_experiments.analysis.recordings import Moving, Recordings, Signal
 from hric_experiments.analysis.tracking_run import tip_positions
 from hric_experiments.report.figure import Curve, Figure, Panel
-from hric_experiments.report_html import page, recordings, run_page
-from hric_experiments.report_html.recordings import Moving, Recordings, Signal
-from hric_experiments.report_html.thinning import thin
+from hric_experiments.report.thinning import thin
+from hric_experiments.report_html import page, run_page
 
 
 def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:

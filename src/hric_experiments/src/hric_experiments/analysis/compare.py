@@ -59,9 +59,10 @@ def compare(
     report = render(result)
     _write(folder, result, report)
     if figures:
-        from hric_experiments.report import comparison_figures, png
+        from hric_experiments.report import comparison_figures, drawing
 
-        png.draw(folder, comparison_figures.pair_figures(compared, names, shown), f"{names[0]} and {names[1]}")
+        drawn = comparison_figures.pair_figures(compared, names, shown)
+        drawing.draw(folder / drawing.FOLDER, drawn, f"{names[0]} and {names[1]}")
     return {**result, "report": report}
 
 

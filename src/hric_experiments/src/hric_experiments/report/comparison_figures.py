@@ -5,7 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from hric_experiments.analysis.comparison import Comparison, difference_metrics
+from hric_experiments.report import sections
 from hric_experiments.report.figure import Curve, Figure, FloatArray, Panel, per_joint
+
+SINCE = "time since the setpoint [s]"
 
 
 def pair_figures(compared: Comparison, labels: tuple[str, str], joint: int) -> list[Figure]:
@@ -35,8 +38,26 @@ def pair_figures(compared: Comparison, labels: tuple[str, str], joint: int) -> l
         for unit, kind, curves in shown[: 2 if compared.effort[joint] else 1]
     )
     return [
-        Figure("joint_states", name, "", panels, 0.02, columns=1, abscissa="time since the setpoint [s]"),
-        per_joint("positions", "Joint positions", "position [rad]", compared.joint_names, position, min_height=0.02),
+        Figure(
+            "joint_states",
+            name,
+            "",
+            panels,
+            0.02,
+            columns=1,
+            abscissa=SINCE,
+            caption="Position and desired torque of one joint in both runs.",
+        ),
+        per_joint(
+            "positions",
+            "Joint positions",
+            "position [rad]",
+            compared.joint_names,
+            position,
+            min_height=0.02,
+            abscissa=SINCE,
+            caption="Positions of all joints in both runs, overlaid on each other setpoint by setpoint.",
+        ),
         differences([(f"{labels[0]} minus {labels[1]}", "measured", compared)]),
     ]
 
@@ -54,7 +75,17 @@ def differences(pairs: Sequence[tuple[str, str, Comparison]]) -> Figure:
         for name, role, pair in pairs
     ]
     names = pairs[0][2].joint_names
-    return per_joint("differences", "Differences of the positions", "difference [rad]", names, curves, min_height=1e-6)
+    return per_joint(
+        "differences",
+        "Differences of the positions",
+        "difference [rad]",
+        names,
+        curves,
+        min_height=1e-6,
+        abscissa=SINCE,
+        section=sections.FOUND,
+        caption="Position of a joint in the first run minus that in the other.",
+    )
 
 
 def _largest(compared: Comparison, joint: str, kind: str) -> str:

@@ -7,10 +7,10 @@ from string import Template
 from typing import Any
 
 from hric_experiments.report.figure import Figure
+from hric_experiments.report.thinning import thin
 from hric_experiments.report_html import libraries
 from hric_experiments.report_html.scene import Blob, Robot, Scene
 from hric_experiments.report_html.tables import Table, escape, render
-from hric_experiments.report_html.thinning import thin
 
 ASSETS = Path(__file__).parent / "assets"
 SCRIPTS = ("data.js", "plots.js", "scene.js", "replay.js", "page.js")

@@ -11,15 +11,15 @@ from hric_bags import reader as bag_reader
 from hric_bags.reader import BagError, RunRecord
 from hric_bags.run_folder import COMPLETED, RunFolder
 from hric_control.urdf import read
-from hric_experiments.analysis import contact_record, metrics, stability, tracking
+from hric_experiments.analysis import contact_record, metrics, recordings, stability, tracking
 from hric_experiments.analysis import run as analysis
 from hric_experiments.analysis import tracking_run as tracking_analysis
+from hric_experiments.analysis.recordings import Event, Moving, Recordings, Signal
 from hric_experiments.analysis.tracking_run import Tracking
 from hric_experiments.report import run_figures
 from hric_experiments.report.figure import Curve, Figure, FloatArray, Panel
-from hric_experiments.report_html import recordings, tables
+from hric_experiments.report_html import tables
 from hric_experiments.report_html.page import Page, replay_rate
-from hric_experiments.report_html.recordings import Event, Moving, Recordings, Signal
 from hric_experiments.report_html.scene import Robot, Track, joint_track
 
 WORLDS = ("", "world", "map")

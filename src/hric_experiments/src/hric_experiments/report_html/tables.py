@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from hric_experiments.analysis.recordings import Event, Recordings
 from hric_experiments.report.text import setpoint_cells
-from hric_experiments.report_html.recordings import Event, Recordings
 
 NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( %)?$|[-–]$|never$")
 SHOWN_EVENTS = 500
