@@ -108,9 +108,9 @@ def read(path: Path, robot_time: RobotTime, *, progress: bool = False, signals_o
     reading = _Reading(robot_time)
     with PartsReader(path) as reader:
         label = "reading the bag" if progress else ""
-        wanted = SIGNAL_TYPES if signals_only else reading.kinds
+        kinds = SIGNAL_TYPES if signals_only else reading.kinds
         for connection, stamp, raw in reader.chosen(
-            lambda c: c.msgtype in wanted and reading.wants(c.topic, c.msgtype), label
+            lambda c: c.msgtype in kinds and reading.wants(c.topic, c.msgtype), label
         ):
             reading.take(
                 connection.topic, connection.msgtype, stamp * 1e-9, partial(reader.deserialize, raw, connection.msgtype)

@@ -7,7 +7,7 @@ SINGLE, DOUBLE = 85.0, 170.0
 RESOLUTION = 300
 """Of pictures for print [dots per inch]."""
 TYPE = 7.5
-"""Size of the type in a figure of those widths; journals ask for 6 to 8 [pt]."""
+"""Size of the type in a figure of those widths; journals require 6 to 8 [pt]."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ ALIKE = (
     ("#7d8f1a", "#c3d45c"),
     ("#4a4fd0", "#a3a7ff"),
 )
-"""Of curves that are told apart by colour alone: light, dark."""
+"""Of curves that differ by colour alone: light, dark."""
 ROLES = {
     "measured": Role("#1f5fa8", "#7db4f0"),
     "setpoint": Role("#222222", "#e6e9ec", 0.9, (4.0, 2.0)),

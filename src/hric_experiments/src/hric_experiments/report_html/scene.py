@@ -47,7 +47,7 @@ class Plate:
 
     Attributes:
         name: for people.
-        parent: the link in whose frame it stands; a name that is no link: of the world.
+        parent: the link in whose frame it is fixed; a name that is no link: of the world.
         xyz, quaternion: middle of its surface [m], and x y z w; z is normal to the surface.
         size: along x and y [m].
         time: of the forces, shape (n,) [s].
@@ -76,7 +76,7 @@ class Robot:
         tracks: what else moves.
         role: colour where a page has several, as `Curve.role`; "": the description's.
         tip: link and point in its frame [m] that leave a trail; None: none.
-        plates: that stand beside it.
+        plates: beside it.
     """
 
     label: str
