@@ -9,7 +9,7 @@ from hric_experiments.analysis import stability
 
 GOOD, BAD, PLAIN = "good", "bad", "plain"
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-"""Of units, down to what a double of 1 rad still tells apart."""
+"""Of units, down to what the positions of a run resolve."""
 
 
 @dataclass(frozen=True)
