@@ -11,6 +11,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.ticker import EngFormatter
 
 from hric_bags import files
 from hric_experiments.report import style
@@ -27,11 +28,13 @@ POINTS = 1500
 """Of one curve at most: more than a column has dots at 300 per inch. Project default, unconfirmed."""
 INCH = 25.4
 """[mm]"""
-LEFT, RIGHT, BOTTOM, TOP, TITLE, LEGEND, GAP, BETWEEN = 14.0, 2.5, 9.5, 2.0, 3.5, 3.6, 14.5, 6.5
+LEFT, RIGHT, BOTTOM, TOP, TITLE, LEGEND, GAP, BETWEEN = 16.0, 2.5, 9.5, 2.0, 3.5, 3.6, 16.0, 6.5
 """Room beside, below and above the panels, of their titles and of a row of the legend, and between the columns and rows
 of panels [mm]."""
-LABEL = 9.8
-"""From a vertical axis to its label: what a number of five characters takes [mm]."""
+LABEL = 12.0
+"""From a vertical axis to its label: what a number of six characters takes [mm]."""
+SMALL = 5e-3
+"""Axes that show nothing greater have numbers with a prefix, such as 200µ, as on the page."""
 ROW, ALONE = 24.0, 52.0
 """Height of a panel among others, and of one row of panels [mm]."""
 STYLE = {
@@ -171,6 +174,8 @@ def _draw_panel(ax: Axes, figure: Figure, panel: Panel, *, first: bool) -> None:
     ax.set_ylim(low, high)
     if not figure.logarithmic:
         ax.locator_params(axis="both" if figure.equal else "y", nbins=5)
+        if max(abs(low), abs(high)) < SMALL:
+            ax.yaxis.set_major_formatter(EngFormatter(sep=""))
     if figure.equal:
         ax.set_xlim(*figure.horizontal_range(panel))
         ax.set_aspect("equal")
@@ -195,6 +200,7 @@ def _draw_bound(ax: Axes, name: str, bound: float) -> None:
         va="top" if upper else "bottom",
         color=style.LIMIT[0],
         fontsize=style.TYPE - 1.0,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.3},
     )
 
 

@@ -87,8 +87,8 @@ def _positions(record: RunRecord, moves: Sequence[Move], limits: Limits) -> Figu
         curves.append(Curve("desired (profile)", "desired", times, np.column_stack(columns)))
     curves.append(Curve("measured", "measured", log.time, log.position))
     bounds = _bounds(limits, "position limit", "lower", "upper")
-    shown = [*["setpoints (dashed)"] * bool(moves), *["positions of the profile"] * bool(record.profiles), "measured"]
-    caption = f"Joint positions: {', '.join(shown)}. Dotted: position limits where near."
+    shown = ["setpoints (dashed)"] * bool(moves) + ["positions of the profile"] * bool(record.profiles)
+    caption = f"{', '.join([*shown, 'measured positions']).capitalize()}. Dotted: position limits where near."
     unit, names = "position [rad]", log.joint_names
     figure = per_joint("positions", "Joint positions", unit, names, curves, bounds, min_height=0.02)
     return figure.about(sections.MOTION, caption)

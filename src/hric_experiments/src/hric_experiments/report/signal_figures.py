@@ -8,6 +8,8 @@ from hric_experiments.report.figure import Curve, Figure, Panel
 
 TOGETHER = 3
 """Channels of one unit that share a panel at most: those of a vector."""
+QUANTITIES = {"V": "voltage", "N": "force", "N m": "moment", "m": "position", "MVC": "activation"}
+"""What is measured in a unit, where a topic has the unit alone."""
 
 
 def signal_figures(signals: Iterable[Signal]) -> list[Figure]:
@@ -28,18 +30,23 @@ def signal_figures(signals: Iterable[Signal]) -> list[Figure]:
 
 def _figure(topic: str, signals: Iterable[Signal]) -> Figure:
     section, title, caption = sections.of_topic(topic)
-    panels = tuple(panel for signal in signals for panel in _panels(signal))
+    roles: dict[str, str] = {}
+    panels = tuple(panel for signal in signals for panel in _panels(signal, roles))
     key = topic.strip("/").replace("/", ".")
     return Figure(key, title, "", panels).about(section, f"{caption} Topic {topic}.")
 
 
-def _panels(signal: Signal) -> list[Panel]:
-    """Of the channels of one unit."""
+def _panels(signal: Signal, roles: dict[str, str]) -> list[Panel]:
+    """Of the channels of one unit; roles: of the names in the figure's legend, which it gets."""
+    quantity, _, unit = signal.unit.rpartition("[")
+    quantity = quantity.strip() or QUANTITIES.get(unit.rstrip("]"), "")
+    label = f"{quantity} [{unit}".strip()
     columns = list(zip(signal.channels, signal.values.T, strict=True))
-    if len(columns) <= TOGETHER:
-        title = signal.unit.partition(" [")[0].strip("[]")
-        curves = (Curve(name, f"s{k}", signal.time, values) for k, (name, values) in enumerate(columns))
-        return [Panel(title, tuple(curves), unit=signal.unit)]
-    return [
-        Panel(name, (Curve("sample", "measured", signal.time, values),), unit=signal.unit) for name, values in columns
-    ]
+    if len(columns) > TOGETHER:
+        return [Panel(name, (Curve("sample", "measured", signal.time, one),), unit=label) for name, one in columns]
+    curves = []
+    for channel, values in columns:
+        name = channel.removeprefix(f"{quantity} ")
+        role = roles.setdefault(name, f"s{len(roles) % 10}")
+        curves.append(Curve(name, role, signal.time, values))
+    return [Panel(quantity, tuple(curves), unit=label)]

@@ -117,7 +117,7 @@
         height, margin: { ...margin, autoexpand: false }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: this.spec.equal ? "closest" : "x",
         font: { color: text, size: look.font, family: FAMILY }, showlegend: false, annotations: [], shapes: [], hoverlabel: { bgcolor: report.colour("panel"), font: { color: text } },
       };
-      const words = (string, place, size = look.font, colour = text) => layout.annotations.push({ text: string, showarrow: false, xanchor: "left", yanchor: "bottom", font: { size, color: colour }, ...place });
+      const words = (string, place, size = look.font, colour = text) => layout.annotations.push({ text: string, showarrow: false, xanchor: "left", yanchor: "bottom", font: { size, color: colour }, borderpad: 0, ...place });
       this.panels.forEach((panel, k) => {
         const number = k ? k + 1 : "", { x, y } = domain(k), common = { gridcolor: line, zerolinecolor: line, linecolor: text, showline: true, ticks: "outside", ticklen: 3, automargin: false };
         const title = (string) => ({ text: string, standoff: 4, font: { size: look.font } });
@@ -135,7 +135,7 @@
           layout.shapes.push({ type: "line", ...place, line: { color: report.colour("limit"), width: 1.2, dash: "dot" } });
           const at = this.spec.logarithmic ? Math.log10(bound) : bound, [low, high] = layout["yaxis" + number].range;
           const below = at > (low + high) / 2; // away from the title
-          if (at > low && at < high) words(name, { xref: "x" + number + " domain", yref: "y" + number, x: 1, y: at, xanchor: "right", yanchor: below ? "top" : "bottom" }, look.font - 1.5, report.colour("limit"));
+          if (at > low && at < high) words(name, { xref: "x" + number + " domain", yref: "y" + number, x: 1, y: at, xanchor: "right", yanchor: below ? "top" : "bottom", bgcolor: report.colour("page"), opacity: 0.85 }, look.font - 1.5, report.colour("limit"));
         }
       });
       return layout;
