@@ -52,11 +52,12 @@ def test_a_joint_that_never_settles_is_named() -> None:
 
 
 def test_what_went_wrong_comes_before_what_was_measured() -> None:
-    unstable = {"verdict": "unstable", "reasons": ["j4 chatters"]}
+    unstable = {"verdict": "unstable", "reasons": ["j4 chatters", "j5 chatters"]}
     reflex = [{"time": 1.25, "errors": ["joint_reflex"]}]
     values = metrics(setpoints=[move()], stability=unstable, reflexes=reflex)
     found = headline.of_run({"status": "failed", "error": "the simulation diverged"}, values)
     assert [one.name for one in found][:3] == ["The run failed", "Stability", "Reflexes"]
+    assert found[1].meaning == "j4 chatters; 1 more below"
     assert all(one.kind == headline.BAD for one in found[:3]) and "1.250 s: joint_reflex" in found[2].meaning
 
 
@@ -93,4 +94,9 @@ def test_a_comparison_says_how_far_the_runs_are_apart_where_it_is_most() -> None
         ("Peak difference", "50.0 mrad"),
         ("Steady difference", "2.00 µrad"),
     ]
-    assert found[0].meaning == "j4, 2.291 s after the setpoint: a minus b"
+    same = {"peak_difference": 0.0, "peak_time": 0.0, "steady_difference": 0.0}
+    assert (
+        headline.of_comparison("a", {"b": [{"joints": {"j1": same}}]})[0].meaning
+        == "all positions of a and b are equal"
+    )
+    assert found[0].meaning == "j4 after 2.291 s: a minus b"

@@ -67,10 +67,12 @@ def of_comparison(first: str, pairs: Mapping[str, Sequence[Mapping[str, Any]]]) 
         if not joints:
             continue
         joint, one = max(joints, key=lambda item: abs(item[1]["peak_difference"]))
-        meaning = f"{joint}, {one['peak_time']:.3f} s after the setpoint: {first} minus {name}"
+        meaning = f"{joint} after {one['peak_time']:.3f} s: {first} minus {name}"
+        if not one["peak_difference"]:
+            meaning = f"all positions of {first} and {name} are equal"
         found.append(Finding("Peak difference", scaled(abs(one["peak_difference"]), "rad"), meaning))
         joint, one = max(joints, key=lambda item: abs(item[1]["steady_difference"]))
-        meaning = f"{joint}, mean of the last 0.1 s before the next setpoint: {first} minus {name}"
+        meaning = f"{joint}, mean of the last 0.1 s of a setpoint's time: {first} minus {name}"
         found.append(Finding("Steady difference", scaled(abs(one["steady_difference"]), "rad"), meaning))
     return found
 
@@ -101,8 +103,9 @@ def _problems(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> list[Findin
     if run.get("error"):
         found.append(Finding("The run failed", str(run.get("status", "failed")), str(run["error"]), BAD))
     if metrics["stability"]["verdict"] not in (None, stability.STABLE):
-        reasons = "; ".join(metrics["stability"]["reasons"])
-        found.append(Finding("Stability", str(metrics["stability"]["verdict"]), reasons, BAD))
+        first, *others = metrics["stability"]["reasons"] or ["for no reason that is known"]
+        meaning = f"{first}; {len(others)} more below" if others else first
+        found.append(Finding("Stability", str(metrics["stability"]["verdict"]), meaning, BAD))
     if reflexes := metrics.get("reflexes"):
         first = f"the arm protected itself, first at {reflexes[0]['time']:.3f} s: {', '.join(reflexes[0]['errors'])}"
         found.append(Finding("Reflexes", str(len(reflexes)), first, BAD))

@@ -176,7 +176,9 @@ def _paths(laid: Sequence[Laid]) -> list[Figure]:
         ]
         panels.append(replace(panel, curves=tuple(curves)))
     panels[-1] = replace(panels[-1], title="distance from the marker, after the lag of each run")
-    return [replace(followed[0], title="The end effectors follow the marker", panels=tuple(panels), bands=())]
+    caption = "Position of the end effector in each run, and its distance from where the marker was a lag before."
+    figure = replace(followed[0], title="The end effectors follow the marker", panels=tuple(panels), bands=())
+    return [figure.about(sections.TRACKING, caption)]
 
 
 def _difference_tables(first: str, one: Laid) -> list[Table]:
