@@ -157,13 +157,13 @@ def _sensors(bag: BagWriter, time: float) -> None:
     wrench = WrenchStamped()
     wrench.wrench.force.x, wrench.wrench.force.z = 10.0, -50.0 * time
     bag.write("/hric/perception/force_plate/1/wrench", _stamped(wrench, time), time)
-    synced = SyncedSample(values=[1.0, 2.0], age=[0.001, 0.004], valid=[True, time > 1.0])
+    synced = SyncedSample(values=[1.0, time - 1e-4], age=[0.001, 0.004], valid=[True, time > 1.0])
     bag.write("/hric/perception/sync", _stamped(synced, time), time)
 
 
 def _words(bag: BagWriter) -> None:
     layout = SyncLayout(
-        names=["a", "b"],
+        names=["a", "/emg.data[time]"],
         sources=["/joint_states", "/emg"],
         units=["", ""],
         interpolations=["linear", "hold"],

@@ -186,6 +186,9 @@ def test_what_was_found_comes_first_and_how_it_was_made_last(run: RunFolder) -> 
     titles = re.findall(r"<section id=[^>]*><h2>([^<]*)", text)
     assert titles == [title for title in sections.ORDER if title in titles]
     assert titles[0] == sections.RESULTS and titles[-1] == sections.MADE and sections.EMG in titles
+    shown = re.findall(r"<dt>([^<]*)</dt><dd class=value>([^<]*)", text)
+    assert [name for name, _ in shown][:3] == ["Final error", "Settling time", "Overshoot"]
+    assert ("Samples lost", "0") in shown and ("Skew", "0.100 ms") in shown
     assert text.index("Settling time") < text.index("Joint positions</h3>")
 
 
@@ -232,6 +235,15 @@ def test_no_legend_covers_a_title_or_a_panel(shown: Browser) -> None:
       return titles.some((one) => one.top < legend.bottom - 1) ? [spec.key] : [];
     })""")
     assert covered == []
+
+
+@in_a_browser
+def test_on_a_narrow_screen_what_was_found_still_comes_before_the_replay(shown: Browser) -> None:
+    shown.call("Emulation.setDeviceMetricsOverride", width=420, height=900, deviceScaleFactor=1, mobile=False)
+    top = "document.getElementById('%s').getBoundingClientRect().top"
+    found, replay, motion = (shown.evaluate(top % name) for name in ("what-was-found", "replay", "motion"))
+    shown.call("Emulation.clearDeviceMetricsOverride")
+    assert found < replay < motion
 
 
 @in_a_browser

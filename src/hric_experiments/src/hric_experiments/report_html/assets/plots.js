@@ -163,6 +163,13 @@
       else if ("autosize" in change) this.moveCursor();
     }
 
+    // Panels keep their distance in pixels, whatever the width.
+    resized(width) {
+      if (report.paper || Math.abs(width - (this.width || width)) < 1) { this.width = width; return; }
+      Object.assign(this, { width, stale: true });
+      if (this.drawn && this.inSight) this.draw();
+    }
+
     // Another part of the time; the plot that was zoomed keeps its vertical axes.
     show(keep) {
       if (!this.drawn) return;
@@ -238,7 +245,8 @@
       view.inSight = entry.isIntersecting;
       if (view.inSight) { view.draw(); view.moveCursor(); }
     }), { rootMargin: "200px" });
-    report.plots.forEach((view) => observer.observe(view.frame));
+    const resized = new ResizeObserver((entries) => entries.forEach((entry) => views.get(entry.target).resized(entry.contentRect.width)));
+    report.plots.forEach((view) => { observer.observe(view.frame); resized.observe(view.frame); });
   };
   report.drawAll = () => report.plots.forEach((view) => { view.stale = true; view.draw(); });
 }
