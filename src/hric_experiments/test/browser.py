@@ -166,5 +166,7 @@ class Browser:
             if "GL Driver Message" in values["entry"]["text"]:
                 return  # about the speed of drawing in software
             self.problems.append(f"{values['entry']['text']} {values['entry'].get('url', '')}")
-        elif method == "Network.requestWillBeSent" and values["request"]["url"] != getattr(self, "_page", ""):
-            self.requests.append(values["request"]["url"])
+        elif method == "Network.requestWillBeSent":
+            address = values["request"]["url"]
+            if address != getattr(self, "_page", "") and not address.startswith("blob:"):  # of the page's own memory
+                self.requests.append(address)

@@ -15,13 +15,24 @@ import panda_description
 from hric_bags.run_folder import RunFolder
 from hric_control.robot_time.stamps import to_time
 from hric_experiments.headless.bag_writer import BagWriter
-from hric_msgs.msg import ControlLog, MocapData, RigidBodyState, SampleChunk, SyncedSample, SyncLayout, SyncStatus
+from hric_msgs.msg import (
+    ControlLog,
+    MocapData,
+    RigidBodyState,
+    SampleChunk,
+    SourceCount,
+    SyncedSample,
+    SyncLayout,
+    SyncStatus,
+)
 
 ARM = tuple(f"panda_joint{k}" for k in range(1, 8))
 JOINTS = (*ARM, "panda_finger_joint1", "panda_finger_joint2")
 BEGIN = np.array([0.0, -0.4, 0.0, -1.6, 0.0, 1.2, 0.0, 0.0, 0.0])
 END = np.array([0.8, 0.2, 0.3, -2.2, 0.2, 1.9, 0.8, 0.03, 0.03])
 CYCLES, BATCH, CHANNELS = 2000, 100, 4
+SOURCES = {"emg": 2000.0, "plate": 1000.0}
+"""Sensors that count what they send, and their rates [Hz]."""
 NASTY = "</script><script>document.title = 'broken'</script>"
 """What a log message may hold."""
 
@@ -44,15 +55,11 @@ def write_run(root: Path, name: str = "made_up_panda", scale: float = 1.0) -> Ru
             stamp = float(time[first])
             bag.write("/control_log", _log(first, time, q), stamp)
             bag.write("/hric/perception/emg/raw", _chunk(first, stamp), stamp)
-            plate = SampleChunk(
-                source="made",
-                channels=["Fx", "Fz", "Mx"],
-                unit="N N N m",
-                rate=1000.0,
-                first_sample=first,
-                data=[1.0, 2.0, 3.0] * BATCH,
-            )
-            bag.write("/hric/perception/force_plate/1/samples", _stamped(plate, stamp), stamp)
+            bag.write("/hric/perception/force_plate/1/samples", _plate(first, stamp), stamp)
+            for source, rate in SOURCES.items():
+                following = round((first + BATCH) * rate / 1000.0)
+                count = SourceCount(source=source, counts="samples", next=following, sent=following, rate=rate)
+                bag.write("/hric/perception/sent", _stamped(count, stamp + (BATCH - 1) * 1e-3), stamp)
         for k in range(0, CYCLES, 10):
             _sensors(bag, float(time[k]))
         _words(bag)
@@ -65,6 +72,7 @@ def write_run(root: Path, name: str = "made_up_panda", scale: float = 1.0) -> Ru
         "status": "completed",
         "mode": "headless",
         "bag": folder.bag_path.name,
+        "interval": [0.05, 1.95],
     }
     definition = {"robot": {"hw": "made/Up"}, "parameters": {"pd": {"kp": 50.0 * scale}}}
     folder.write({**run, "limits": limits, "definition": definition, "parameters": {"pd": {"joints": list(JOINTS)}}})
@@ -89,23 +97,46 @@ def _log(first: int, time: np.ndarray, q: np.ndarray) -> Any:
 
 
 def _chunk(first: int, time: float) -> Any:
+    """EMG with a time code, as an emulated device sends it."""
     samples = np.arange(2 * first, 2 * (first + BATCH))
-    data = np.sin(samples[:, None] * np.linspace(0.1, 0.4, CHANNELS))
-    names = [f"muscle {k}" for k in range(CHANNELS)]
+    bursts = 0.5 * (1.0 - np.cos(samples[:, None] * 0.004 + np.arange(CHANNELS)))
+    data = np.column_stack([1e-3 * bursts * np.sin(samples[:, None] * np.linspace(0.5, 1.1, CHANNELS)), samples / 2e3])
     return _stamped(
         SampleChunk(
-            source="made", channels=names, unit="V", rate=2000.0, first_sample=2 * first, data=data.ravel().tolist()
+            source="emg",
+            channels=[*(f"muscle {k}" for k in range(CHANNELS)), "time"],
+            unit=" ".join([*["V"] * CHANNELS, "s"]),
+            rate=SOURCES["emg"],
+            first_sample=2 * first,
+            data=data.ravel().tolist(),
+        ),
+        time,
+    )
+
+
+def _plate(first: int, time: float) -> Any:
+    samples = np.arange(first, first + BATCH)
+    return _stamped(
+        SampleChunk(
+            source="plate",
+            channels=["Fx", "Fz", "Mx", "time"],
+            unit="N N N m s",
+            rate=SOURCES["plate"],
+            first_sample=first,
+            data=np.column_stack([np.tile([1.0, 2.0, 3.0], (BATCH, 1)), samples / 1e3]).ravel().tolist(),
         ),
         time,
     )
 
 
 def _static() -> Any:
-    """The motion capture is 0.5 m before the base, turned by 90 degrees about z."""
+    """The motion capture is 0.5 m before the base, turned by 90 degrees about z; the plate 0.6 m before it."""
     transform = _stamped(TransformStamped(child_frame_id="mocap"), 0.0, "panda_link0")
     transform.transform.translation.x = 0.5
     transform.transform.rotation.z = transform.transform.rotation.w = np.sqrt(0.5)
-    return TFMessage(transforms=[transform])
+    plate = _stamped(TransformStamped(child_frame_id="force_plate_1"), 0.0, "panda_link0")
+    plate.transform.translation.x, plate.transform.translation.z, plate.transform.rotation.w = 0.6, 0.05, 1.0
+    return TFMessage(transforms=[transform, plate])
 
 
 def _sensors(bag: BagWriter, time: float) -> None:
@@ -124,15 +155,15 @@ def _sensors(bag: BagWriter, time: float) -> None:
     pose.pose.position.x, pose.pose.orientation.w = 0.6, 1.0
     bag.write("/hric/human/hand", _stamped(pose, time, "panda_link0"), time)
     wrench = WrenchStamped()
-    wrench.wrench.force.z = 10.0 * time
+    wrench.wrench.force.x, wrench.wrench.force.z = 10.0, -50.0 * time
     bag.write("/hric/perception/force_plate/1/wrench", _stamped(wrench, time), time)
-    synced = SyncedSample(values=[1.0, 2.0], age=[0.001, 0.004], valid=[True, time > 1.0])
+    synced = SyncedSample(values=[1.0, time - 1e-4], age=[0.001, 0.004], valid=[True, time > 1.0])
     bag.write("/hric/perception/sync", _stamped(synced, time), time)
 
 
 def _words(bag: BagWriter) -> None:
     layout = SyncLayout(
-        names=["a", "b"],
+        names=["a", "/emg.data[time]"],
         sources=["/joint_states", "/emg"],
         units=["", ""],
         interpolations=["linear", "hold"],

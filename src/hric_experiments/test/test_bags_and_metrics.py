@@ -69,13 +69,10 @@ def test_the_controllers_own_joint_order_is_respected(tmp_path: Path) -> None:
 def test_every_figure_is_drawn_and_the_report_says_what_matters(tmp_path: Path) -> None:
     folder = write_run(tmp_path, lost=(50,))
     report = analyse(folder)["report"]
-    assert {path.stem for path in folder.path.glob("*.png")} == {
-        "positions",
-        "velocities",
-        "torques",
-        "rotatum",
-        "errors",
-    }
+    drawn = {"positions", "velocities", "torques", "rotatum", "errors"}
+    assert {path.stem for path in (folder.path / "figures").glob("*.png")} == drawn
+    assert {path.stem for path in (folder.path / "figures").glob("*.svg")} == drawn
+    assert (folder.path / "figures" / "captions.md").read_text().count("**") == 2 * len(drawn)
     assert "20 cycles MISSING in 1 gaps" in report
     assert "limits acted (cycles, summed over the joints): position 0, velocity 7" in report
     assert "started outside the position range: j3" in report

@@ -78,12 +78,8 @@ def test_a_log_is_compared_drawn_and_its_friction_fitted_and_read_back(data, tmp
         assert told in out
     assert all(out.count(f"\n{name}  ") == 2 for name in NAMES)
     folder = tmp_path / "arm_check_model"
-    assert sorted(file.name for file in folder.iterdir()) == [
-        "friction.png",
-        "residuals.png",
-        "summary.txt",
-        "torques.png",
-    ]
+    drawn = [f"{name}.{kind}" for name in ("friction", "residuals", "torques") for kind in ("png", "svg")]
+    assert {file.name for file in folder.iterdir()} == {*drawn, "captions.md", "summary.txt"}
     assert all(file.read_bytes().startswith(PNG) for file in folder.glob("*.png"))
     assert (folder / "summary.txt").read_text().strip() in out
     for phi, truth in zip(read_friction(fitted), FRICTION, strict=True):

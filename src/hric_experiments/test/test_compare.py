@@ -103,11 +103,14 @@ def test_figures_table_and_what_was_set_differently_are_there(
     assert {path.name for path in folder.iterdir()} == {
         "metrics.json",
         "summary.txt",
+        "figures",
+    }
+    assert {path.name for path in (folder / "figures").glob("*.png")} == {
         "joint_states.png",
         "positions.png",
         "differences.png",
     }
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in folder.glob("*.png"))
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in (folder / "figures").glob("*.png"))
     report = (folder / "summary.txt").read_text()
     assert report in done.stdout and f"comparison: {folder}" in done.stdout
     assert all(name in report for name in PANDA) and "- robot.plant.rotor_inertia: not set; 0.2" in report

@@ -1,12 +1,16 @@
 """What a figure shows, and what is drawn of it."""
 
 from pathlib import Path
+from xml.etree import ElementTree
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from hric_experiments.report import png
+from hric_experiments.analysis.recordings import Signal
+from hric_experiments.report import drawing, sections, style
 from hric_experiments.report.figure import Curve, Figure, Panel, per_joint
+from hric_experiments.report.signal_figures import signal_figures
 from hric_experiments.report_html.page import Page, render_page
 
 TIME = np.linspace(0.0, 1.0, 11)
@@ -52,16 +56,68 @@ def test_a_joint_without_values_has_no_panel() -> None:
 def test_a_figure_without_any_value_is_left_out(tmp_path: Path) -> None:
     unknown = Curve("measured", "measured", TIME, np.full((len(TIME), 2), np.nan))
     figure = per_joint("a", "A", "[rad]", ("j1", "j2"), [unknown])
-    assert png.draw(tmp_path, [figure], "made up") == []
+    assert drawing.draw(tmp_path, [figure], "made up") == []
     assert "plot-a" not in render_page(Page("a", "b", figures=[figure]))
 
 
 def test_every_part_of_a_figure_is_drawn(tmp_path: Path) -> None:
-    curves = tuple(Curve(role, role, TIME, TIME + k) for k, role in enumerate(png.STYLES))
+    curves = tuple(Curve(role, role, TIME, TIME + k) for k, role in enumerate(style.ROLES))
     panel = Panel("", curves, (("limit", 1.2),))
     plain = Figure("plain", "Plain", "[m]", (panel,) * 3, bands=(("lost", 0.2, 0.4),))
     equal = Figure("equal", "Equal", "[m]", (panel,) * 3, columns=3, equal=True)
     logarithmic = Figure("log", "Log", "[m]", (Panel("", (Curve("a", "s0", TIME, TIME + 1e-3),)),), logarithmic=True)
-    files = png.draw(tmp_path, [plain, equal, logarithmic], "made up")
+    files = drawing.draw(tmp_path, [plain, equal, logarithmic], "made up")
     assert [path.name for path in files] == ["plain.png", "equal.png", "log.png"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["equal.png", "log.png", "plain.png"]
+    drawn = {f"{name}.{kind}" for name in ("plain", "equal", "log") for kind in ("png", "svg")}
+    assert {path.name for path in tmp_path.iterdir()} == {*drawn, "captions.md"}
+
+
+@pytest.mark.parametrize(("panels", "width"), [(1, style.SINGLE), (4, style.DOUBLE)])
+def test_a_figure_is_as_wide_as_one_or_two_columns_of_a_journal_at_300_dots_per_inch(
+    tmp_path: Path, panels: int, width: float
+) -> None:
+    figure = Figure("a", "A", "[rad]", (Panel("j", (Curve("measured", "measured", TIME, TIME),)),) * panels)
+    (path,) = drawing.draw(tmp_path, [figure], "made up")
+    header = path.read_bytes()
+    assert int.from_bytes(header[16:20], "big") == pytest.approx(width / 25.4 * 300, abs=1)
+    assert b"pHYs" + (11811).to_bytes(4, "big") * 2 in header
+    root = ElementTree.parse(path.with_suffix(".svg")).getroot()
+    assert float(root.attrib["width"].removesuffix("pt")) == pytest.approx(width / 25.4 * 72, abs=0.1)
+
+
+def test_the_legend_of_many_curves_covers_no_title_and_stays_within_the_figure() -> None:
+    curves = tuple(Curve(f"a rather long name {k}", f"s{k}", TIME, TIME + k) for k in range(10))
+    figure = Figure("a", "A", "[rad]", (Panel("a title of the panel", curves),) * 2)
+    with plt.rc_context(drawing.STYLE):
+        drawn = drawing.drawn(figure)
+        drawn.canvas.draw()
+        legend = drawn.legends[0].get_window_extent()
+        assert drawn.bbox.x0 <= legend.x0 and legend.x1 <= drawn.bbox.x1 and legend.y1 <= drawn.bbox.y1 + 1.0
+        assert all(ax.title.get_window_extent().y1 <= legend.y0 + 1.0 for ax in drawn.axes)
+        plt.close(drawn)
+
+
+def test_a_caption_names_the_run_and_says_what_is_seen(tmp_path: Path) -> None:
+    figure = _figure(Curve("measured", "measured", TIME, TIME)).about("Motion", "A ramp.")
+    drawing.draw(tmp_path, [figure], "made up")
+    assert "**a.png, a.svg.** A (made up). A ramp." in (tmp_path / "captions.md").read_text()
+    assert "A (made up). A ramp." in (tmp_path / "a.svg").read_text()
+
+
+def test_a_sensor_that_shows_one_value_has_an_axis_that_can_be_read() -> None:
+    low, high = _range(_figure(Curve("Mx", "s0", TIME, np.full_like(TIME, 3.0))))
+    assert high - low == pytest.approx(0.33) and low < 3.0 < high
+
+
+@pytest.mark.parametrize(
+    ("topic", "section", "title"),
+    [
+        ("/hric/perception/emg/raw", sections.EMG, "Muscle activity"),
+        ("/hric/perception/force_plate/left/wrench", sections.PLATE, "Load on force plate left"),
+        ("/franka_state_controller/F_ext", sections.FORCES, "External wrench on the end effector"),
+        ("/my/topic", sections.OTHER, "/my/topic"),
+    ],
+)
+def test_what_a_sensor_measured_is_found_by_its_meaning(topic: str, section: str, title: str) -> None:
+    (figure,) = signal_figures([Signal(topic, "[V]", ("a",), TIME, TIME[:, None])])
+    assert (figure.section, figure.title) == (section, title) and topic in figure.caption

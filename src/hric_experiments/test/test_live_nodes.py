@@ -169,7 +169,7 @@ def test_an_armed_experiment_waits_for_the_trigger_then_records_reports_and_ends
     assert (record.log.gaps, record.log.repeats) == ((), ())
     assert len(record.setpoints) == 1 and record.log.time[0] < record.setpoints[0].time - 0.15
     assert record.log.time[-1] - record.setpoints[0].time > 1.6
-    assert (folder.path / "positions.png").is_file() and folder.metrics_path.is_file()
+    assert (folder.path / "figures" / "positions.png").is_file() and folder.metrics_path.is_file()
 
 
 def seen(path: Path, *ports: int) -> list[dict[str, Any]]:

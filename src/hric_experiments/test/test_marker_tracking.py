@@ -57,7 +57,9 @@ def test_the_arm_follows_the_marker_within_lag_error_and_acceleration(
     assert abs(metrics["tracking"]["stamp_error"]["mean"]) < 5 * metrics["tracking"]["stamp_error"]["uncertainty"]
     assert json.loads(folder.metrics_path.read_text())["tracking"] == metrics["tracking"]
     assert re.search(r"lag \d+\.\d ms, RMS error after it \d\.\d\d mm", metrics["report"])
-    assert all((folder.path / name).stat().st_size > 10_000 for name in ("tracking.png", "tracking_path.png"))
+    assert all(
+        (folder.path / "figures" / name).stat().st_size > 10_000 for name in ("tracking.png", "tracking_path.png")
+    )
 
 
 def test_the_bag_has_what_the_laboratory_has_and_the_truth(half_a_swing: tuple[RunFolder, dict[str, Any]]) -> None:

@@ -1,8 +1,10 @@
 """The page of a run: what stands in it, how large it is, and what a browser makes of it."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -14,11 +16,13 @@ import panda_description
 from hric_bags.reader import ControlRecord, RunRecord, read
 from hric_bags.run_folder import RunFolder
 from hric_experiments import cli, report_html
+from hric_experiments.analysis import recordings
+from hric_experiments.analysis.recordings import Moving, Recordings, Signal
 from hric_experiments.analysis.tracking_run import tip_positions
+from hric_experiments.report import headline, sections
 from hric_experiments.report.figure import Curve, Figure, Panel
-from hric_experiments.report_html import page, recordings, run_page
-from hric_experiments.report_html.recordings import Moving, Recordings, Signal
-from hric_experiments.report_html.thinning import thin
+from hric_experiments.report.thinning import thin
+from hric_experiments.report_html import moving, page, run_data, run_page, scene
 
 
 def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:
@@ -86,7 +90,7 @@ def test_ten_minutes_with_every_sensor_make_less_than_20_MB(run: RunFolder) -> N
     assert "Long curves are thinned" in text
 
 
-def _long(run: RunFolder, duration: float) -> run_page.RunData:
+def _long(run: RunFolder, duration: float) -> run_data.RunData:
     """A run of 1 kHz with 8 channels of 2 kHz, a plate of 1 kHz and 20 markers; noise, which nothing makes smaller."""
     rng = np.random.default_rng(1)
     time = np.arange(0.0, duration, 1e-3)
@@ -99,7 +103,7 @@ def _long(run: RunFolder, duration: float) -> run_page.RunData:
     signals.append(Signal("/plate", "[N]", ("x", "y", "z"), time, arrays[0][:, :3]))
     seen = time[::10]
     moving = [Moving("marker", f"m{k}", "panda_link0", seen, arrays[0][::10, :3]) for k in range(20)]
-    return run_page.RunData(
+    return run_data.RunData(
         run,
         run.read(),
         report_html.metrics_of(run),
@@ -155,7 +159,7 @@ def test_a_page_names_no_folder_of_the_machine(run: RunFolder) -> None:
 
 
 def test_a_lost_mesh_is_noted_and_the_rest_is_drawn(run: RunFolder) -> None:
-    data = run_page.load(run, report_html.metrics_of(run))
+    data = run_data.load(run, report_html.metrics_of(run))
     lost = replace(data, description=data.description.replace("link3.obj", "gone.obj"))
     assert "drawn without its mesh" in page.render_page(run_page.build(lost))
 
@@ -175,6 +179,83 @@ def test_a_wrong_comparison_is_refused(
         (tmp_path / name / "run.yaml").write_text("{}")
     assert cli.main(["compare", *words, "--runs", str(tmp_path)]) == 1
     assert told in capsys.readouterr().err
+
+
+def test_what_was_found_comes_first_and_how_it_was_made_last(run: RunFolder) -> None:
+    text = (run.path / report_html.NAME).read_text()
+    titles = re.findall(r"<section id=[^>]*><h2>([^<]*)", text)
+    assert titles == [title for title in sections.ORDER if title in titles]
+    assert titles[0] == sections.RESULTS and titles[-1] == sections.MADE and sections.EMG in titles
+    shown = re.findall(r"<dt>([^<]*)</dt><dd class=value>([^<]*)", text)
+    assert [name for name, _ in shown][:3] == ["Final error", "Settling time", "Overshoot"]
+    assert ("Samples lost", "0") in shown and ("Skew", "0.100 ms") in shown
+    assert text.index("Settling time") < text.index("Joint positions</h3>")
+
+
+def test_a_note_on_the_page_is_no_disclaimer_before_the_findings(tmp_path: Path) -> None:
+    text = page.render_page(page.Page("a", "b", findings=[headline.Finding("Lag", "1 ms", "late")], notes=["beware"]))
+    assert text.index("Lag") < text.index("beware")
+
+
+def test_a_time_code_is_no_muscle(run: RunFolder) -> None:
+    found = recordings.read(run.bag_path, float, signals_only=True)
+    assert not [signal for signal in found.signals if "time" in signal.channels]
+    assert not found.moving and not found.events
+
+
+def test_the_robot_has_the_colours_of_its_meshes(run: RunFolder) -> None:
+    blob = scene.Blob()
+    drawn = scene.Scene(blob)
+    drawn.add(moving.robot(run_data.load(run, report_html.metrics_of(run)), 60.0, []))
+    hand = next(link for link in drawn.data()["robots"][0]["links"] if link["name"] == "panda_hand")
+    shades = {round(sum(visual["rgba"][:3]), 2) for visual in hand["visuals"]}
+    assert len(shades) >= 3, "the Panda's hand is white, light and dark"
+
+
+@in_a_browser
+def test_a_plot_is_saved_for_a_column_of_a_journal_in_light_colours(shown: Browser) -> None:
+    shown.emulate(scheme="dark")
+    bytes_of = """report.plots.find(({ spec }) => spec.key === 'positions').picture('%s', %d)
+        .then(async (blob) => [...new Uint8Array(await blob.arrayBuffer())])"""
+    png = bytes(shown.evaluate(bytes_of % ("png", 85)))
+    assert png.startswith(b"\x89PNG") and int.from_bytes(png[16:20], "big") == pytest.approx(85 / 25.4 * 300, abs=1)
+    assert b"pHYs" + (11811).to_bytes(4, "big") * 2 in png
+    svg = ElementTree.fromstring(bytes(shown.evaluate(bytes_of % ("svg", 170))))
+    assert svg.attrib["width"] == "170mm" and "rgb(31, 95, 168)" in ElementTree.tostring(svg, "unicode")
+    caption = bytes(shown.evaluate(bytes_of % ("txt", 0))).decode()
+    assert caption.startswith("Joint positions (made_up_panda")
+    shown.emulate(scheme="light")
+
+
+@in_a_browser
+def test_no_legend_covers_a_title_or_a_panel(shown: Browser) -> None:
+    covered = shown.evaluate("""report.plots.flatMap(({ spec, graph, frame }) => {
+      const legend = frame.parentElement.querySelector('.legend').getBoundingClientRect();
+      const titles = [...graph.querySelectorAll('.annotation, .subplot')].map((one) => one.getBoundingClientRect());
+      return titles.some((one) => one.top < legend.bottom - 1) ? [spec.key] : [];
+    })""")
+    assert covered == []
+
+
+@in_a_browser
+def test_on_a_narrow_screen_what_was_found_still_comes_before_the_replay(shown: Browser) -> None:
+    shown.call("Emulation.setDeviceMetricsOverride", width=420, height=900, deviceScaleFactor=1, mobile=False)
+    top = "document.getElementById('%s').getBoundingClientRect().top"
+    found, replay, motion = (shown.evaluate(top % name) for name in ("what-was-found", "replay", "motion"))
+    shown.call("Emulation.clearDeviceMetricsOverride")
+    assert found < replay < motion
+
+
+@in_a_browser
+def test_end_effector_and_marker_leave_trails_and_the_plate_is_where_it_stands(shown: Browser) -> None:
+    robot = "report.replay.robots[0]"
+    shown.evaluate("report.setTime(1.9); report.replay.scene.updateMatrixWorld(true)")
+    points = shown.evaluate(f"{robot}.trails.map(({{ role, object }}) => [role, object.geometry.drawRange.count])")
+    assert {role for role, _ in points} == {"measured", "marker"} and all(count > 50 for _, count in points)
+    (plate,) = shown.evaluate(
+        f"{robot}.plates.map((plate) => [plate.object.getWorldPosition(new THREE.Vector3()).toArray(), plate.arrow.visible])"  # noqa: E501
+    )
+    assert np.allclose(plate[0], [0.6, 0.0, 0.05], atol=1e-6) and plate[1] is True
 
 
 @in_a_browser
@@ -302,9 +383,11 @@ def test_three_runs_make_one_page_with_three_robots(browser: Browser, tmp_path: 
     assert cli.main(["compare", *words]) == 0
     browser.open(tmp_path / "compared" / report_html.NAME)
     browser.wait("typeof report === 'object' && report.ready === true")
-    browser.evaluate("report.plots[0].draw(); report.replay.draw()")
+    positions = "report.plots.find(({ spec }) => spec.key === 'positions')"
+    browser.evaluate(f"{positions}.draw(); report.replay.draw()")
     assert browser.evaluate("report.replay.robots.map((robot) => robot.label)") == ["one", "two", "three"]
-    assert browser.evaluate("report.plots[0].graph.data.slice(0, 4).map(({ name }) => name)") == [
+    assert browser.evaluate("document.querySelector('.finding .value').textContent") == "80.0 mrad"
+    assert browser.evaluate(f"{positions}.graph.data.slice(0, 4).map(({{ name }}) => name)") == [
         "setpoint",
         "one",
         "two",

@@ -69,7 +69,11 @@ def test_both_engines_put_the_links_at_the_same_place_before_the_start(
 def test_figures_17_18_and_19_of_the_thesis_are_drawn(engines: tuple[Any, dict[str, Any], Path]) -> None:
     folder = engines[2]
     for form in ("reduced", "full"):
-        for name in ("law_times", "initial_poses", "opensim_pybullet/positions", "opensim_pybullet/differences"):
+        for name in (
+            "law_times",
+            "initial_poses",
+            *(f"opensim_pybullet/figures/{figure}" for figure in ("positions", "differences")),
+        ):
             assert (folder / form / f"{name}.png").stat().st_size > 10_000
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from hric_control.errors import DescriptionError
 from hric_control.geometry import FloatArray
-from urdf_to_osim.mesh_files import Surface, read_surface
+from urdf_to_osim.mesh_files import Surface, read_coloured, read_surface
 from urdf_to_osim.meshes import MeshRequest, MeshResult, convert_meshes, write_whole
 
 DATA = Path(pybullet_data.getDataPath())
@@ -41,6 +41,9 @@ DAE = """<?xml version="1.0"?>
 MISSING_TEXTURE = """<library_effects><effect id="e"><profile_COMMON><newparam sid="x"><sampler2D><source>nothing</source></sampler2D></newparam>
   <technique sid="t"><lambert><diffuse><texture texture="x" texcoord="UV"/></diffuse></lambert></technique>
   </profile_COMMON></effect></library_effects>
+  <library_materials><material id="m0"><instance_effect url="#e"/></material></library_materials>"""  # noqa: E501
+BLUE = """<library_effects><effect id="e"><profile_COMMON>
+  <technique sid="t"><lambert><diffuse><color>0 0.5 1 1</color></diffuse></lambert></technique></profile_COMMON></effect></library_effects>
   <library_materials><material id="m0"><instance_effect url="#e"/></material></library_materials>"""  # noqa: E501
 BINDING = (
     '<bind_material><technique_common><instance_material symbol="m" target="#m0"/></technique_common></bind_material>'
@@ -303,3 +306,27 @@ def test_without_a_home_meshes_are_converted_and_not_kept(tmp_path: Path, monkey
     monkeypatch.chdir(tmp_path)
     assert not convert_meshes([request(tmp_path / "a.obj")], tmp_path / "Geometry")[0].cached
     assert sorted(path.name for path in tmp_path.iterdir()) == ["Geometry", "a.obj"]
+
+
+def test_a_mesh_comes_apart_by_the_colours_of_its_materials(tmp_path: Path) -> None:
+    (tmp_path / "two.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl grey\nKd 0.25 0.25 0.25\n")
+    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    text = f"mtllib two.mtl\n{corners}usemtl red\nf 1 2 3\nusemtl grey\nf 1 2 4\nf 1 3 4\n"
+    found = read_coloured(tmp_path / "two.obj", text.encode(), (1.0, 1.0, 1.0))
+    assert [(len(surface.faces), np.round(colour or (), 2).tolist()) for surface, colour in found] == [
+        (2, [0.25, 0.25, 0.25, 1.0]),
+        (1, [1.0, 0.0, 0.0, 1.0]),
+    ]
+
+
+def test_a_collada_file_gives_its_diffuse_colour() -> None:
+    content = collada(library=BLUE, binding=BINDING)
+    ((surface, colour),) = read_coloured(Path("a.dae"), content, SCALE)
+    assert colour == (0.0, 0.5, 1.0, 1.0)
+    assert np.array_equal(surface.vertices, read_surface(Path("a.dae"), content, SCALE).vertices)
+
+
+def test_a_mesh_whose_materials_are_gone_is_one_surface_without_a_colour(tmp_path: Path) -> None:
+    text = "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n"
+    ((surface, colour),) = read_coloured(tmp_path / "one.obj", text.encode(), (2.0, 1.0, 1.0))
+    assert colour is None and surface.vertices.max() == 2.0

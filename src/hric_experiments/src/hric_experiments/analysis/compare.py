@@ -56,12 +56,12 @@ def compare(
         "setpoints": comparison.difference_metrics(compared),
         "settings": comparison.settings(settings_of(runs[0]), settings_of(runs[1])),
     }
-    report = render(result)
-    _write(folder, result, report)
+    _write(folder, result, report := render(result))
     if figures:
-        from hric_experiments.report import comparison_figures, png
+        from hric_experiments.report import comparison_figures, drawing
 
-        png.draw(folder, comparison_figures.pair_figures(compared, names, shown), f"{names[0]} and {names[1]}")
+        pair = comparison_figures.pair_figures(compared, names, shown)
+        drawing.draw(folder / drawing.FOLDER, pair, " and ".join(names))
     return {**result, "report": report}
 
 

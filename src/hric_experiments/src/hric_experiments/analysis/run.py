@@ -8,8 +8,17 @@ from hric_bags import files
 from hric_bags import reader as bag_reader
 from hric_bags.reader import RunRecord
 from hric_bags.run_folder import RunFolder
-from hric_experiments.analysis import collection, collection_record, contact_record, differences, metrics, stability
+from hric_experiments.analysis import (
+    collection,
+    collection_record,
+    contact_record,
+    differences,
+    metrics,
+    recordings,
+    stability,
+)
 from hric_experiments.analysis import tracking_run as tracking_analysis
+from hric_experiments.analysis.tracking_run import Tracking
 from hric_experiments.definition.experiment import MetricsSpec
 from hric_experiments.report import text as report_text
 
@@ -48,12 +57,26 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
 
         opensim_files.write(folder, run, record.log)
     if figures:
-        from hric_experiments.report import png, run_figures
-
-        moves = metrics.moves(record, joint_orders(run))
-        shown = run_figures.robot_figures(record, moves, run.get("limits") or {}, tolerances)
-        png.draw(folder.path, [*shown, *run_figures.tracking_figures(followed)], _title(run))
+        _draw(folder, run, bag, record, followed, tolerances)
     return {**result, "report": report}
+
+
+def _draw(
+    folder: RunFolder,
+    run: Mapping[str, Any],
+    bag: Path,
+    record: RunRecord,
+    followed: Tracking | None,
+    tolerances: Sequence[float],
+) -> None:
+    """The figures of a run and what its sensors measured, into its folder `figures`."""
+    from hric_experiments.report import drawing, run_figures, signal_figures
+
+    moves = metrics.moves(record, joint_orders(run))
+    shown = run_figures.robot_figures(record, moves, run.get("limits") or {}, tolerances)
+    shown += run_figures.tracking_figures(followed)
+    shown += signal_figures.signal_figures(recordings.read(bag, record.robot_time, signals_only=True).signals)
+    drawing.draw(folder.path / drawing.FOLDER, shown, title(run))
 
 
 def _metrics(run: Mapping[str, Any], bag: Path, record: RunRecord, tolerances: Sequence[float]) -> dict[str, Any]:
@@ -85,7 +108,8 @@ def joint_orders(run: Mapping[str, Any]) -> dict[str, list[str]]:
     return found
 
 
-def _title(run: Mapping[str, Any]) -> str:
+def title(run: Mapping[str, Any]) -> str:
+    """Of a run: its experiment and its arguments; run: contents of run.yaml."""
     arguments = " ".join(run.get("arguments") or [])
     return f"{run.get('experiment', 'run')} ({arguments})" if arguments else str(run.get("experiment", "run"))
 

@@ -8,7 +8,7 @@ import numpy as np
 from franka_hw_interface.friction_fit import JointFriction
 from franka_hw_interface.model_check import ModelCheck
 from hric_control.plants import Phi, sigmoid_torque
-from hric_experiments.report import png
+from hric_experiments.report import drawing
 from hric_experiments.report.figure import Curve, Figure, per_joint
 
 POINTS, LINE_POINTS = 6000, 300
@@ -21,11 +21,11 @@ def draw_all(
     """Draw all figures into a folder.
 
     Args:
-        folder: where the PNG files go.
+        folder: where the PNG and SVG files go.
         check: the log against the model.
         friction: of the model; None: none.
         fits: fitted friction; empty: none was fitted.
-        title: name of the log, above each figure.
+        title: name of the log, in the captions.
 
     Returns:
         The files.
@@ -40,7 +40,7 @@ def draw_all(
         per_joint("residuals", "Measured minus modelled torque", unit, names, [residual], min_height=0.2),
         _friction(check, friction, fits, part),
     ]
-    return png.draw(folder, figures, title)
+    return drawing.draw(folder, figures, title)
 
 
 def _friction(check: ModelCheck, friction: Sequence[Phi] | None, fits: Sequence[JointFriction], part: slice) -> Figure:

@@ -173,17 +173,16 @@ def _settling(result: Result) -> dict[str, Any]:
 
 
 def _draw(form: Form, runs: Mapping[str, Result], given: Sequence[str], folder: Path, result: dict[str, Any]) -> None:
-    from hric_experiments.report import study_figures
+    from hric_experiments.report import drawing, study_figures
 
     first = form.compared[0].runs
     poses = {name: start_poses(form.definition(name, given)) for name in first}
     a, b = (poses[name] for name in first)
     result["start_pose_difference_max"] = max(float(np.abs(a[link] - b[link]).max()) for link in a if link in b)
-    study_figures.draw_times(
-        folder, {name: times_of(run.folder) for name, run in runs.items() if name in first}, form.name
-    )
+    times = study_figures.times({name: times_of(run.folder) for name, run in runs.items() if name in first})
+    followed = study_tracking.figure({name: run.folder for name, run in runs.items()})
+    drawing.draw(folder, [times] if followed is None else [times, followed], form.name)
     study_figures.draw_poses(folder, poses, form.name)
-    study_tracking.draw(folder, {name: run.folder for name, run in runs.items()}, form.name)
 
 
 def render(result: Mapping[str, Any]) -> str:

@@ -5,7 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from hric_experiments.analysis.comparison import Comparison, difference_metrics
+from hric_experiments.report import sections
 from hric_experiments.report.figure import Curve, Figure, FloatArray, Panel, per_joint
+
+SINCE = "time since the setpoint [s]"
 
 
 def pair_figures(compared: Comparison, labels: tuple[str, str], joint: int) -> list[Figure]:
@@ -34,9 +37,12 @@ def pair_figures(compared: Comparison, labels: tuple[str, str], joint: int) -> l
         Panel(_largest(compared, name, kind), tuple(curve.column(joint) for curve in curves), unit=unit)
         for unit, kind, curves in shown[: 2 if compared.effort[joint] else 1]
     )
+    states = Figure("joint_states", name, "", panels, 0.02, columns=1, abscissa=SINCE)
+    unit, names = "position [rad]", compared.joint_names
+    positions = per_joint("positions", "Joint positions", unit, names, position, min_height=0.02, abscissa=SINCE)
     return [
-        Figure("joint_states", name, "", panels, 0.02, columns=1, abscissa="time since the setpoint [s]"),
-        per_joint("positions", "Joint positions", "position [rad]", compared.joint_names, position, min_height=0.02),
+        states.about(sections.FORCES, "Position and desired torque of one joint in both runs."),
+        positions.about(sections.MOTION, "Positions in both runs, overlaid on each other setpoint by setpoint."),
         differences([(f"{labels[0]} minus {labels[1]}", "measured", compared)]),
     ]
 
@@ -54,7 +60,9 @@ def differences(pairs: Sequence[tuple[str, str, Comparison]]) -> Figure:
         for name, role, pair in pairs
     ]
     names = pairs[0][2].joint_names
-    return per_joint("differences", "Differences of the positions", "difference [rad]", names, curves, min_height=1e-6)
+    title, unit = "Differences of the positions", "difference [rad]"
+    figure = per_joint("differences", title, unit, names, curves, min_height=1e-6, abscissa=SINCE)
+    return figure.about(sections.RESULTS, "Position of a joint in the first run minus that in the other.")
 
 
 def _largest(compared: Comparison, joint: str, kind: str) -> str:

@@ -1,5 +1,5 @@
-"""What a figure shows, as plain data: curves, bounds and bands in panels. `report.png` draws it as PNG, `report_html`
-in a page."""
+"""What a figure shows, as plain data: curves, bounds and bands in panels, and its caption. `report.drawing` draws it
+for paper (SVG, PNG), `report_html` in a page, both by the colours and strokes of `report.style`."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +15,18 @@ NEAR = 0.6
 """A bound this far beyond the curves still belongs to the vertical axis [1/height of the curves]."""
 
 
+STILL = 1e-9
+"""Curves whose height is less than this share of their values stand still, and their axis shows nothing finer."""
+
+
 @dataclass(frozen=True)
 class Curve:
     """One line.
 
     Attributes:
         name: in the legend.
-        role: colour and stroke, in `png.STYLES` and page.css: measured, setpoint, desired, raw, other, samples (points
-            without a line), or s0, s1, ... for one of several alike.
+        role: colour and stroke, of `style.ROLES`: measured, setpoint, desired, raw, other, samples (points without a
+            line), or s0, s1, ... for one of several alike.
         time: or another abscissa, shape (n,); curves that share the array share it in a page, too.
         values: shape (n,); NaN is a gap.
         cut: whether the axis may end before the curve's peaks.
@@ -71,8 +75,10 @@ class Figure:
         logarithmic: whether the vertical axes are.
         abscissa: of the horizontal axes.
         bands: what happened for a while, in all panels: (what, begin, end).
-        columns: panels side by side in a PNG.
-        equal: whether all axes have one scale, so that a path keeps its shape.
+        columns: panels side by side; at most two in one column of a journal.
+        equal: whether all axes have one scale, so that a path keeps its shape; the abscissa is no time then.
+        section: of `report.sections`, where it belongs.
+        caption: what a reader sees in it, in whole sentences.
     """
 
     key: str
@@ -85,6 +91,19 @@ class Figure:
     bands: tuple[tuple[str, float, float], ...] = ()
     columns: int = 2
     equal: bool = False
+    section: str = ""
+    caption: str = ""
+
+    def about(self, section: str, caption: str) -> "Figure":
+        """The same figure with its part of the report and its caption."""
+        return replace(self, section=section, caption=caption)
+
+    def horizontal_range(self, panel: Panel) -> tuple[float, float]:
+        """Ends of a panel's horizontal axis where all axes have one scale: as long as its vertical one."""
+        low, high = _extent(curve.time for curve in panel.curves)
+        below, above = self.vertical_range(panel)
+        middle, half = 0.5 * (low + high), 0.5 * (above - below)
+        return middle - half, middle + half
 
     def vertical_range(self, panel: Panel) -> tuple[float, float]:
         """Ends of a panel's vertical axis: its curves with some room, and a bound that is not far from them."""
@@ -94,7 +113,9 @@ class Figure:
         span = max(high - low, self.min_height)
         lowest, highest = _extent(curve.values for curve in panel.curves)
         low, high = max(lowest, low - span), min(highest, high + span)
-        span, middle = max(high - low, self.min_height, 1e-12), 0.5 * (low + high)
+        span, middle = max(high - low, self.min_height), 0.5 * (low + high)
+        if span <= STILL * max(abs(low), abs(high)):
+            span = self.min_height or 0.1 * abs(middle) or 1.0
         low, high = middle - 0.55 * span, middle + 0.55 * span
         for _, bound in panel.bounds:
             if low - NEAR * span < bound < low:

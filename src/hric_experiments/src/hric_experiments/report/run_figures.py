@@ -10,6 +10,7 @@ from hric_experiments.analysis.metrics import Move, rate
 from hric_experiments.analysis.tracking import STEP
 from hric_experiments.analysis.tracking_record import States
 from hric_experiments.analysis.tracking_run import Tracking
+from hric_experiments.report import sections
 from hric_experiments.report.figure import Bound, Curve, Figure, FloatArray, Panel, per_joint
 
 Limits = Mapping[str, Mapping[str, float]]
@@ -33,25 +34,30 @@ def robot_figures(
     names, time = log.joint_names, log.time
     velocity = Curve("measured", "measured", time, log.velocity)
     bounds = _bounds(limits, "velocity limit", "velocity")
-    found = [
-        _positions(record, moves, limits),
-        per_joint("velocities", "Joint velocities", "velocity [rad/s]", names, [velocity], bounds, min_height=0.02),
-    ]
-    if "effort" in log.interfaces:
-        requested = Curve("requested", "raw", time, log.command_raw, cut=True)
-        sent = Curve("sent (after the limits)", "measured", time, log.command)
-        bounds = _bounds(limits, "torque limit", "effort")
-        found.append(
-            per_joint("torques", "Commanded torques", "torque [N m]", names, [requested, sent], bounds, min_height=0.2)
-        )
-        rates = Curve("sent", "measured", time, rate(log.command, time))
-        bounds = _bounds(limits, "rotatum limit", "effort_rate")
-        found.append(
-            per_joint("rotatum", "Rate of torque (rotatum)", "[N m/s]", names, [rates], bounds, min_height=2.0)
-        )
+    unit = "velocity [rad/s]"
+    found = [_positions(record, moves, limits)]
     if moves:
         found.append(_errors(log, moves, tolerances))
-    return found
+    velocities = per_joint("velocities", "Joint velocities", unit, names, [velocity], bounds, min_height=0.02)
+    found.append(velocities.about(sections.MOTION, "Measured joint velocities. Dotted: velocity limits where near."))
+    return [*found, *_torques(log, limits)] if "effort" in log.interfaces else found
+
+
+def _torques(log: ControlRecord, limits: Limits) -> list[Figure]:
+    """What was commanded, and its rate."""
+    names, time = log.joint_names, log.time
+    requested = Curve("requested", "raw", time, log.command_raw, cut=True)
+    sent = Curve("sent (after the limits)", "measured", time, log.command)
+    rates = Curve("sent", "measured", time, rate(log.command, time))
+    bounds, unit = _bounds(limits, "torque limit", "effort"), "torque [N m]"
+    torques = per_joint("torques", "Commanded torques", unit, names, [requested, sent], bounds, min_height=0.2)
+    bounds, unit = _bounds(limits, "rotatum limit", "effort_rate"), "rate [N m/s]"
+    of_torques = per_joint("rotatum", "Rate of torque (rotatum)", unit, names, [rates], bounds, min_height=2.0)
+    requests = "Torque that the controller requested, and what was sent after the limits. Dotted: limits where near."
+    return [
+        torques.about(sections.FORCES, requests),
+        of_torques.about(sections.FORCES, "Rate of the torque sent, per cycle. Dotted: its limits where near."),
+    ]
 
 
 def _bounds(limits: Limits, name: str, *keys: str) -> Callable[[str], tuple[Bound, ...]]:
@@ -75,13 +81,17 @@ def setpoints(log: ControlRecord, moves: Sequence[Move]) -> list[Curve]:
 def _positions(record: RunRecord, moves: Sequence[Move], limits: Limits) -> Figure:
     log = record.log
     curves = setpoints(log, moves)
-    for times, desired, names in record.profiles.values():
+    for times, desired, known in record.profiles.values():
         unknown = np.full(len(times), np.nan)
-        columns = [desired[:, names.index(name)] if name in names else unknown for name in log.joint_names]
+        columns = [desired[:, known.index(name)] if name in known else unknown for name in log.joint_names]
         curves.append(Curve("desired (profile)", "desired", times, np.column_stack(columns)))
     curves.append(Curve("measured", "measured", log.time, log.position))
     bounds = _bounds(limits, "position limit", "lower", "upper")
-    return per_joint("positions", "Joint positions", "position [rad]", log.joint_names, curves, bounds, min_height=0.02)
+    shown = ["setpoints (dashed)"] * bool(moves) + ["positions of the profile"] * bool(record.profiles)
+    caption = f"{', '.join([*shown, 'measured positions']).capitalize()}. Dotted: position limits where near."
+    unit, names = "position [rad]", log.joint_names
+    figure = per_joint("positions", "Joint positions", unit, names, curves, bounds, min_height=0.02)
+    return figure.about(sections.MOTION, caption)
 
 
 def _errors(log: ControlRecord, moves: Sequence[Move], tolerances: Sequence[float]) -> Figure:
@@ -91,7 +101,9 @@ def _errors(log: ControlRecord, moves: Sequence[Move], tolerances: Sequence[floa
         error[part] = np.maximum(np.abs(move.target - log.position[part]), MIN_ERROR)
     curves = tuple(Curve(name, f"s{j % 10}", log.time, error[:, j]) for j, name in enumerate(log.joint_names))
     panel = Panel("", curves, tuple((f"{tolerance:g} rad", tolerance) for tolerance in tolerances))
-    return Figure("errors", "Distance from the setpoint", "|setpoint - position| [rad]", (panel,), logarithmic=True)
+    caption = "Distance of each joint from its setpoint, on a logarithmic axis. Dotted: bands of the settling time."
+    figure = Figure("errors", "Distance from the setpoint", "distance [rad]", (panel,), logarithmic=True)
+    return figure.about(sections.MOTION, caption)
 
 
 def tracking_figures(found: Tracking | None) -> list[Figure]:
@@ -100,11 +112,17 @@ def tracking_figures(found: Tracking | None) -> list[Figure]:
         return []
     data, record = found.data, found.record
     lag = round((found.values["lag"] or 0.0) / STEP)
-    names = [f"{axis} of the end effector in {record.base}" for axis in AXES]
+    names = [f"{axis} in {record.base}" for axis in AXES]
     curves = _followed(found, data.desired(0))
+    caption = (
+        "Position of the marker and of the end effector, each from its origin, and what the controller desired. Last "
+        f"panel: distance of the end effector from where the marker was {1e3 * lag * STEP:.0f} ms before, the lag that "
+        "fits best."
+    )
     over_time = per_joint("tracking", "The end effector follows the marker", "position [m]", names, curves)
-    error = Curve("distance", "measured", data.time, 1e3 * np.linalg.norm(data.error(lag), axis=1))
-    distance = Panel(f"distance from the marker {1e3 * lag * STEP:.0f} ms ago", (error,), unit="error [mm]")
+    over_time = over_time.about(sections.TRACKING, caption)
+    error = Curve("actual", "measured", data.time, 1e3 * np.linalg.norm(data.error(lag), axis=1))
+    distance = Panel(f"error after the lag of {1e3 * lag * STEP:.0f} ms", (error,), unit="error [mm]")
     panels, bands = (*over_time.panels, distance), _losses(record.states)
     in_space = _path(_followed(found, data.desired(lag)), f"Path of the end effector in {record.base}")
     return [replace(over_time, panels=panels, bands=bands, min_height=0.02), in_space]
@@ -144,4 +162,6 @@ def _path(curves: Sequence[Curve], title: str) -> Figure:
         for a, b in ((0, 1), (0, 2), (1, 2))
     )
     extent = max(float(np.max(np.nanmax(curve.values, axis=0) - np.nanmin(curve.values, axis=0))) for curve in curves)
-    return Figure("tracking_path", title, "", panels, max(extent, 0.02), columns=3, equal=True)
+    caption = "The same path seen along each axis, the marker shifted by the lag; all axes have one scale."
+    figure = Figure("tracking_path", title, "", panels, max(extent, 0.02), columns=3, equal=True)
+    return figure.about(sections.TRACKING, caption)

@@ -1,5 +1,5 @@
-"""Figures of a study (PNG), in the form of the thesis's figures 17 and 18; its figure 19 is the comparison's
-`positions.png`."""
+"""Figures of a study, in the form of the thesis's figures 17 and 18; its figure 19 is the comparison's
+`figures/positions.png`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from hric_bags.reader import FloatArray
+from hric_experiments.report.drawing import INCH, STYLE, save
 from hric_experiments.report.figure import Curve, Figure, Panel
-from hric_experiments.report.png import STYLE, draw, save
+from hric_experiments.report.style import DOUBLE, SINGLE
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
@@ -22,31 +23,35 @@ AXIS_LENGTH = 0.07
 """Of the drawn frames [m]."""
 
 
-def draw_times(folder: Path, times: Mapping[str, FloatArray], title: str) -> Path:
+def times(of_runs: Mapping[str, FloatArray]) -> Figure:
     """Thesis fig. 17: the time that the control law saw, over its calls."""
-    folder.mkdir(parents=True, exist_ok=True)
     panels = []
-    for name, time in times.items():
+    for name, time in of_runs.items():
         back = int(np.count_nonzero(np.diff(time) <= 0.0))
         calls = Curve("", "samples", np.arange(len(time), dtype=float), time)
         panels.append(Panel(f"{name}: {back} steps back", (calls,)))
-    unit, abscissa = "time seen by the law [s]", "call of the law"
-    (path,) = draw(folder, [Figure("law_times", "Time of the law", unit, tuple(panels), abscissa=abscissa)], title)
-    return path
+    return Figure(
+        "law_times",
+        "Time of the law",
+        "time seen by the law [s]",
+        tuple(panels),
+        abscissa="call of the law",
+        caption="Time that the control law saw at each of its calls.",
+    )
 
 
 def draw_poses(folder: Path, poses: Mapping[str, Mapping[str, FloatArray]], title: str) -> Path:
     """Thesis fig. 18: the link frames at the start, as each engine has them."""
     folder.mkdir(parents=True, exist_ok=True)
     with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(4.5 * len(poses), 4.8))
-        figure.suptitle(f"{title}: initial pose", fontsize=12)
+        width = DOUBLE if len(poses) > 1 else SINGLE
+        figure = plt.figure(figsize=(width / INCH, min(SINGLE, width / len(poses)) / INCH))
         for i, (name, frames) in enumerate(poses.items(), 1):
             ax: Axes3D = figure.add_subplot(1, len(poses), i, projection="3d")
             _draw_frames(ax, list(frames.values()))
             ax.set_title(name, loc="left")
-        figure.subplots_adjust(left=0.02, right=0.94, bottom=0.04, top=0.9, wspace=0.1)
-        return save(figure, folder / "initial_poses.png")
+        figure.subplots_adjust(left=0.02, right=0.94, bottom=0.06, top=0.92, wspace=0.15)
+        return save(figure, folder / "initial_poses.png", f"{title}: initial pose")
 
 
 def _draw_frames(ax: Axes3D, frames: list[FloatArray]) -> None:

@@ -27,9 +27,9 @@ def write(folder: RunFolder, *, progress: bool = False) -> Path:
     Raises:
         HricError: the bag or the description cannot be used, or a library of the page is not installed.
     """
-    from hric_experiments.report_html import run_page
+    from hric_experiments.report_html import run_data, run_page
 
-    return _write(folder.path, run_page.build(run_page.load(folder, metrics_of(folder), progress=progress)))
+    return _write(folder.path, run_page.build(run_data.load(folder, metrics_of(folder), progress=progress)))
 
 
 def write_comparison(
@@ -48,9 +48,9 @@ def write_comparison(
         HricError: as `write`; or the runs do not match.
     """
     from hric_experiments.analysis.compare import settings_of
-    from hric_experiments.report_html import comparison_page, run_page
+    from hric_experiments.report_html import comparison_page, run_data
 
-    data = [run_page.load(folder, metrics_of(folder), progress=progress) for folder in runs]
+    data = [run_data.load(folder, metrics_of(folder), progress=progress) for folder in runs]
     laid = comparison_page.lay(data, labels, fit=fit)
     return _write(
         target, comparison_page.build(laid, comparison_page.differing([settings_of(one.run) for one in data]))

@@ -10,11 +10,11 @@ import numpy as np
 from hric_experiments.analysis import comparison
 from hric_experiments.analysis import run as analysis
 from hric_experiments.analysis.comparison import Comparison
-from hric_experiments.report import comparison_figures, run_figures
+from hric_experiments.report import comparison_figures, headline, run_figures, sections
 from hric_experiments.report.figure import Curve, Figure, FloatArray, per_joint
-from hric_experiments.report_html import run_page, tables
+from hric_experiments.report_html import moving, run_page, tables
 from hric_experiments.report_html.page import Page, replay_rate
-from hric_experiments.report_html.run_page import RunData
+from hric_experiments.report_html.run_data import RunData
 from hric_experiments.report_html.scene import Robot
 from hric_experiments.report_html.tables import Table, number
 
@@ -73,24 +73,35 @@ def build(laid: Sequence[Laid], settings: Sequence[Mapping[str, Any]]) -> Page:
     """
     notes = ["Each run's own page shows its sensors, its limits and its parameters."]
     duration = max(float(np.ptp(one.time)) for one in laid)
-    rate = replay_rate(duration, sum(run_page.width(one.data) for one in laid))
-    head = [_overview(laid)]
+    rate = replay_rate(duration, sum(moving.width(one.data) for one in laid))
+    made = [_overview(laid)]
     if settings:
         rows = tuple(
             (item["key"], *("not set" if value is None else str(value) for value in item["values"]))
             for item in settings
         )
-        head.append(Table("Set differently", ("key", *(one.label for one in laid)), rows))
+        made.append(Table("Set differently", ("key", *(one.label for one in laid)), rows, section=sections.MADE))
+    pairs = {one.label: comparison.difference_metrics(one.compared) for one in laid if one.compared is not None}
     return Page(
         title=" and ".join(one.label for one in laid),
         subtitle="runs of the same motion, overlaid on each other",
         verdicts=[("plain", f"{one.label}: {one.data.run.get('status', '')}") for one in laid],
-        head=head,
+        findings=[*headline.of_comparison(laid[0].label, pairs), *_problems(laid)],
         figures=_figures(laid),
-        tables=[*(table for one in laid[1:] for table in _difference_tables(laid[0].label, one)), _events(laid)],
+        tables=[*(table for one in laid[1:] for table in _difference_tables(laid[0].label, one)), _events(laid), *made],
         robots=[_robot(one, k, rate, notes) for k, one in enumerate(laid) if one.data.description],
         notes=notes,
     )
+
+
+def _problems(laid: Sequence[Laid]) -> list[headline.Finding]:
+    """What went wrong in one of the runs, and how each followed a marker."""
+    found = []
+    for one in laid:
+        for finding in headline.of_run(one.data.run, {**one.data.values, "setpoints": [], "sources": None}):
+            if finding.kind == headline.BAD or finding.name in ("Lag", "Error after the lag"):
+                found.append(replace(finding, name=f"{one.label}: {finding.name}"))
+    return found
 
 
 def differing(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -118,7 +129,7 @@ def _overview(laid: Sequence[Laid]) -> Table:
         ("run", *(one.data.folder.path.name for one in laid)),
         *((key, *(column[key] for column in columns)) for key in keys),
     ]
-    return Table("", ("what", *(one.label for one in laid)), tuple(rows))
+    return Table("What ran", ("what", *(one.label for one in laid)), tuple(rows), section=sections.MADE)
 
 
 def _figures(laid: Sequence[Laid]) -> list[Figure]:
@@ -139,10 +150,12 @@ def _figures(laid: Sequence[Laid]) -> list[Figure]:
         for k, one in enumerate(laid)
         if one.compared is not None
     ]
+    motion = per_joint("positions", "Joint positions", "position [rad]", names, positions, min_height=0.02)
+    forces = per_joint("torques", "Torques sent", "torque [N m]", names, torques, min_height=0.2)
     figures = [
-        per_joint("positions", "Joint positions", "position [rad]", names, positions, min_height=0.02),
-        per_joint("torques", "Torques sent", "torque [N m]", names, torques, min_height=0.2),
         comparison_figures.differences(pairs),
+        motion.about(sections.MOTION, "Positions of all joints in all runs, and their setpoints."),
+        forces.about(sections.FORCES, "Torques that were sent to the joints, after the limits."),
         *_paths(laid),
     ]
     since = "the first setpoint" if first.data.moves else "the begin"
@@ -163,7 +176,9 @@ def _paths(laid: Sequence[Laid]) -> list[Figure]:
         ]
         panels.append(replace(panel, curves=tuple(curves)))
     panels[-1] = replace(panels[-1], title="distance from the marker, after the lag of each run")
-    return [replace(followed[0], title="The end effectors follow the marker", panels=tuple(panels), bands=())]
+    caption = "Position of the end effector in each run, and its distance from where the marker was a lag before."
+    figure = replace(followed[0], title="The end effectors follow the marker", panels=tuple(panels), bands=())
+    return [figure.about(sections.TRACKING, caption)]
 
 
 def _difference_tables(first: str, one: Laid) -> list[Table]:
@@ -181,7 +196,8 @@ def _difference_tables(first: str, one: Laid) -> list[Table]:
         ]
         rows = tuple((name, *(number(joint.get(key), 3) for key in keys)) for name, joint in move["joints"].items())
         since = f"from the setpoint at {move['time_a']:.3f} s on" if one.data.moves else "from the begin on"
-        found.append(Table(f"{first} minus {one.label}, {since}, {move['duration']:.3f} s long", tuple(head), rows))
+        title = f"{first} minus {one.label}, {since}, {move['duration']:.3f} s long"
+        found.append(Table(title, tuple(head), rows, section=sections.RESULTS))
     return found
 
 
@@ -191,10 +207,10 @@ def _events(laid: Sequence[Laid]) -> Table:
     shown = events[: tables.SHOWN_EVENTS]
     rows = tuple((f"{time:.3f}", label, event.kind, event.source, event.text) for time, label, event in shown)
     note = "" if len(shown) == len(events) else f"The first {len(shown)} of {len(events)}."
-    return Table(
-        "Events", ("time [s]", "run", "what", "of", "text"), rows, note, times=tuple(time for time, _, _ in shown)
-    )
+    times = tuple(time for time, _, _ in shown)
+    head = ("time [s]", "run", "what", "of", "text")
+    return Table("Events", head, rows, note, times=times, section=sections.LIMITS)
 
 
 def _robot(one: Laid, number_of_run: int, rate: float, notes: list[str]) -> Robot:
-    return run_page.robot(one.data, rate, notes, label=one.label, role=f"s{number_of_run}", shift=-one.zero)
+    return moving.robot(one.data, rate, notes, label=one.label, role=f"s{number_of_run}", shift=-one.zero)

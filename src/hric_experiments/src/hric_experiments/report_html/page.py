@@ -1,19 +1,22 @@
 """From what a page shows to one file without a network request: template, style, scripts, libraries and numbers."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from string import Template
 from typing import Any
 
+from hric_experiments.report import sections, style
 from hric_experiments.report.figure import Figure
+from hric_experiments.report.headline import Finding
+from hric_experiments.report.thinning import thin
 from hric_experiments.report_html import libraries
 from hric_experiments.report_html.scene import Blob, Robot, Scene
 from hric_experiments.report_html.tables import Table, escape, render
-from hric_experiments.report_html.thinning import thin
 
 ASSETS = Path(__file__).parent / "assets"
-SCRIPTS = ("data.js", "plots.js", "scene.js", "replay.js", "page.js")
+SCRIPTS = ("data.js", "pictures.js", "plots.js", "scene.js", "replay.js", "page.js")
 PLOT_VALUES, REPLAY_VALUES = 1_100_000, 600_000
 """Numbers that plots and replay may take. As single precision in base64 they are 5.9 MB and 3.2 MB, times and what
 rounding adds come on top; with 6 MB of libraries and meshes a page stays below 20 MB, however long the run. Project
@@ -30,21 +33,22 @@ class Page:
         title: of the run.
         subtitle: below it.
         verdicts: short words beside it, as (kind, text): good, bad or plain.
-        head: tables above the figures, what ran.
-        figures: in order; one without panels is left out.
-        tables: below the figures.
+        findings: what was found, before all else.
+        figures, tables: by the part of the report that they name, in order; a figure without panels is left out.
         robots: in the replay.
-        notes: what a reader must know, e.g. what could not be drawn.
+        notes: what a reader must know of the page itself, e.g. what could not be drawn.
+        name: of the run, for captions and names of files; "": the title.
     """
 
     title: str
     subtitle: str
     verdicts: list[tuple[str, str]] = field(default_factory=list)
-    head: list[Table] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
     robots: list[Robot] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    name: str = ""
 
 
 def render_page(page: Page) -> str:
@@ -64,23 +68,66 @@ def render_page(page: Page) -> str:
     scene = Scene(blob)
     for robot in page.robots:
         scene.add(robot)
-    data = {"plots": [_figure(figure, blob) for figure in figures], "scene": scene.data()}
+    roles = {name: {"width": r.width, "dash": r.dash, "opacity": r.opacity} for name, r in style.ROLES.items()}
+    plots = [_figure(figure, blob) for figure in figures]
+    data = {"plots": plots, "roles": roles, "scene": scene.data(), "name": page.name or page.title}
+    parts = _parts(page, figures, [*notes, *dict.fromkeys(scene.notes)])
     used = (libraries.plotly(), libraries.three())
     return Template((ASSETS / "page.html").read_text()).substitute(
         title=escape(page.title),
         subtitle=escape(page.subtitle),
         verdicts="".join(f'<span class="verdict {kind}">{escape(text)}</span>' for kind, text in page.verdicts),
-        notes="".join(f"<p class=note>{escape(note)}</p>" for note in [*notes, *dict.fromkeys(scene.notes)]),
-        head="".join(map(render, page.head)),
-        links=" ".join(f'<a href="#plot-{escape(figure.key)}">{escape(figure.title)}</a>' for figure in figures),
-        tables="".join(map(render, page.tables)),
+        links=" ".join(f'<a href="#{_anchor(title)}">{escape(title)}</a>' for title in parts),
+        sections="".join(parts.values()),
         libraries=escape("; ".join(library.name for library in used)),
-        style=(ASSETS / "page.css").read_text(),
+        style=(ASSETS / "page.css").read_text() + style.css(),
         plotly=used[0].text,
         three=used[1].text,
         data=_json(data),
         numbers=blob.text(),
         scripts="\n".join((ASSETS / name).read_text() for name in SCRIPTS),
+    )
+
+
+def _parts(page: Page, figures: Sequence[Figure], notes: Sequence[str]) -> dict[str, str]:
+    """HTML of each part of the report that has something in it, by its title."""
+    found = {}
+    for title in sections.ORDER:
+        content = _findings(page.findings) if title == sections.RESULTS else ""
+        content += "".join(_plot(figure) for figure in figures if (figure.section or sections.OTHER) == title)
+        content += "".join(render(table) for table in page.tables if (table.section or sections.OTHER) == title)
+        if title == sections.MADE:
+            content += "".join(f"<p class=note>{escape(note)}</p>" for note in notes)
+        if content:
+            found[title] = f'<section id="{_anchor(title)}"><h2>{escape(title)}</h2>{content}</section>'
+    return found
+
+
+def _anchor(title: str) -> str:
+    return title.lower().replace(" ", "-")
+
+
+def _findings(findings: Sequence[Finding]) -> str:
+    cards = (
+        f'<dl class="finding {one.kind}"><dt>{escape(one.name)}</dt><dd class=value>{escape(one.value)}</dd>'
+        f"<dd class=meaning>{escape(one.meaning)}</dd></dl>"
+        for one in findings
+    )
+    return f"<div class=findings>{''.join(cards)}</div>" if findings else ""
+
+
+def _plot(figure: Figure) -> str:
+    """Where a plot is drawn, with its title, its caption, and what saves it."""
+    buttons = "".join(
+        f"<button type=button data-format={kind} data-width={width:g}>{kind.upper()} {width:g} mm</button> "
+        for kind in ("svg", "png")
+        for width in (style.SINGLE, style.DOUBLE)
+    )
+    save = f"<span class=save>{buttons}<button type=button data-format=txt data-width=0>caption</button></span>"
+    return (
+        f'<figure class=plot id="plot-{escape(figure.key)}"><h3>{escape(figure.title)}</h3><div class=legend></div>'
+        "<div class=canvas><div class=graph></div></div>"
+        f"<figcaption>{escape(figure.caption)} {save}</figcaption></figure>"
     )
 
 
@@ -102,11 +149,19 @@ def _figure(figure: Figure, blob: Blob) -> dict[str, Any]:
             for curve in panel.curves
             if len(curve.values)
         ]
-        shown = {"title": panel.title, "unit": panel.unit or figure.unit, "range": figure.vertical_range(panel)}
-        panels.append({**shown, "curves": lines, "bounds": [value for _, value in panel.bounds]})
-    words = {"key": figure.key, "title": figure.title, "timeTitle": figure.abscissa}
-    bands = [(begin, end) for _, begin, end in figure.bands]
-    return {**words, "panels": panels, "bands": bands, "logarithmic": figure.logarithmic}
+        shown = {
+            "title": panel.title,
+            "unit": panel.unit or figure.unit,
+            "own": bool(panel.unit),
+            "abscissa": panel.abscissa or figure.abscissa,
+            "range": figure.vertical_range(panel),
+        }
+        if figure.equal:
+            shown["xrange"] = figure.horizontal_range(panel)
+        panels.append({**shown, "curves": lines, "bounds": panel.bounds})
+    words = {"key": figure.key, "title": figure.title, "caption": figure.caption, "columns": figure.columns}
+    looks = {"bands": figure.bands, "logarithmic": figure.logarithmic, "equal": figure.equal}
+    return {**words, **looks, "panels": panels}
 
 
 def replay_rate(duration: float, columns: int) -> float:

@@ -1,81 +1,15 @@
 """The page of one run."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from scipy.spatial.transform import Rotation
-
-from hric_bags import reader as bag_reader
-from hric_bags.reader import BagError, RunRecord
-from hric_bags.run_folder import COMPLETED, RunFolder
-from hric_control.urdf import read
-from hric_experiments.analysis import contact_record, metrics, stability, tracking
-from hric_experiments.analysis import run as analysis
-from hric_experiments.analysis import tracking_run as tracking_analysis
-from hric_experiments.analysis.tracking_run import Tracking
-from hric_experiments.report import run_figures
-from hric_experiments.report.figure import Curve, Figure, FloatArray, Panel
-from hric_experiments.report_html import recordings, tables
+from hric_bags.run_folder import COMPLETED
+from hric_experiments.analysis import contact_record, stability
+from hric_experiments.analysis.recordings import Event
+from hric_experiments.report import headline, run_figures, sections, signal_figures
+from hric_experiments.report_html import moving, tables
 from hric_experiments.report_html.page import Page, replay_rate
-from hric_experiments.report_html.recordings import Event, Moving, Recordings, Signal
-from hric_experiments.report_html.scene import Robot, Track, joint_track
-
-WORLDS = ("", "world", "map")
-"""Frames taken as the robot's root where the description has no link of that name."""
-
-
-@dataclass(frozen=True)
-class RunData:
-    """A run, read.
-
-    Attributes:
-        folder: where it lies.
-        run: contents of run.yaml.
-        values: contents of metrics.json.
-        record: its control log and what goes with it.
-        followed: how a marker was followed; None: none was.
-        found: what else is in the bag.
-        description: URDF; "": the run folder has none.
-    """
-
-    folder: RunFolder
-    run: Mapping[str, Any]
-    values: Mapping[str, Any]
-    record: RunRecord
-    followed: Tracking | None
-    found: Recordings
-    description: str
-
-    @property
-    def moves(self) -> list[metrics.Move]:
-        """Its setpoints."""
-        return metrics.moves(self.record, analysis.joint_orders(self.run))
-
-
-def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False) -> RunData:
-    """Read a run.
-
-    Args:
-        folder: of the run.
-        values: its metrics, as `analysis.analyse` returns them.
-        progress: show a progress bar.
-
-    Raises:
-        HricError: its bag or its description cannot be used.
-    """
-    run = folder.read()
-    bag = analysis.bag_of(folder, run)
-    record = bag_reader.read(bag)
-    try:
-        description = folder.urdf_path.read_text() if folder.urdf_path.is_file() else ""
-    except OSError as error:
-        raise BagError(f"cannot read {folder.urdf_path.name} of {folder.path.name}: {error.strerror}") from error
-    followed = tracking_analysis.analyse(folder, bag, run, record) if description else None
-    return RunData(
-        folder, run, values, record, followed, recordings.read(bag, record.robot_time, progress=progress), description
-    )
+from hric_experiments.report_html.run_data import RunData
 
 
 def build(data: RunData) -> Page:
@@ -83,33 +17,22 @@ def build(data: RunData) -> Page:
     run, values = data.run, data.values
     notes: list[str] = []
     tolerances = sorted({float(value) for move in values["setpoints"] for value in move["settling_time_max"]})
+    span = data.record.log.time[-1] - data.record.log.time[0]
     return Page(
         title=f"{run.get('experiment', 'run')}",
         subtitle=f"{data.folder.path.name}: {run.get('description', '')}",
         verdicts=verdicts(run, values),
-        head=[tables.overview(run, values)],
+        findings=headline.of_run(run, values),
         figures=[
             *run_figures.robot_figures(data.record, data.moves, run.get("limits") or {}, tolerances),
-            *run_figures.tracking_figures(data.followed)[:1],
-            *signal_figures(data.found.signals),
+            *run_figures.tracking_figures(data.followed),
+            *signal_figures.signal_figures(data.found.signals),
         ],
         tables=_tables(data),
-        robots=[robot(data, replay_rate(data.record.log.time[-1] - data.record.log.time[0], width(data)), notes)]
-        if data.description
-        else [],
+        robots=[moving.robot(data, replay_rate(span, moving.width(data)), notes)] if data.description else [],
         notes=notes if data.description else ["The run folder has no robot.urdf: there is no replay."],
+        name=data.folder.path.name,
     )
-
-
-def signal_figures(signals: Iterable[Signal]) -> list[Figure]:
-    """One figure per topic: channels of a vector in one panel, those of a sensor with many in one each."""
-    by_topic: dict[str, list[Panel]] = {}
-    for signal in signals:
-        curves = [Curve(name, f"s{k}", signal.time, signal.values[:, k]) for k, name in enumerate(signal.channels)]
-        together = [Panel(signal.unit, tuple(curves))]
-        alone = [Panel(f"{curve.name} {signal.unit}", (curve,)) for curve in curves]
-        by_topic.setdefault(signal.topic, []).extend(together if len(curves) <= 3 else alone)
-    return [Figure(topic.strip("/").replace("/", "."), topic, "", tuple(panels)) for topic, panels in by_topic.items()]
 
 
 def verdicts(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -137,28 +60,30 @@ def verdicts(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tuple[st
 def _tables(data: RunData) -> list[tables.Table]:
     values, run = data.values, data.run
     found = [tables.move_table(move) for move in values["setpoints"]]
-    found.append(tables.limits_table(values["joints"], values["limits_touched"] is not None))
     if values.get("contacts"):
-        forces = values["contacts"]
-        found.append(
-            tables.Table(
-                "Contact forces", contact_record.HEAD, tuple(contact_record.cells(forces)), contact_record.note(forces)
-            )
-        )
+        cells, note = tuple(contact_record.cells(values["contacts"])), contact_record.note(values["contacts"])
+        found.append(tables.Table("Contact forces", contact_record.HEAD, cells, note, section=sections.FORCES))
     if values.get("tracking"):
         # Phases are among the events.
-        found.append(
-            tables.tree_table(
-                "Following the marker [SI units]", {k: v for k, v in values["tracking"].items() if k != "phases"}
-            )
-        )
+        tree = {key: value for key, value in values["tracking"].items() if key != "phases"}
+        found.append(tables.tree_table("All figures [SI units]", tree, folded=True, section=sections.TRACKING))
+    if values.get("sources"):
+        found.append(tables.sources_table(values["sources"]))
+    if values.get("sync"):
+        found.append(tables.skew_table(values["sync"]))
     found += tables.sync_tables(data.found)
+    found.append(tables.limits_table(values["joints"], values["limits_touched"] is not None))
     found.append(tables.events_table(events(data)))
+    return [*found, *_provenance(run, values)]
+
+
+def _provenance(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tables.Table]:
+    """How the run was made."""
+    found = [tables.overview(run, values)]
     if values.get("differences"):
         rows = tuple((d["what"], str(d["reference"]), str(d["here"]), d["why"]) for d in values["differences"])
-        found.append(
-            tables.Table(f"Differences from {values['reference']['title']}", ("what", "there", "here", "why"), rows)
-        )
+        title, head = f"Differences from {values['reference']['title']}", ("what", "there", "here", "why")
+        found.append(tables.Table(title, head, rows, section=sections.MADE))
     found.append(tables.topics_table(values))
     found.append(tables.tree_table("The experiment as it was run", run.get("definition") or {}, folded=True))
     about = {key: run.get(key) for key in ("parameters", "limits", "versions", "revision", "platform") if run.get(key)}
@@ -175,76 +100,3 @@ def events(data: RunData) -> list[Event]:
     ]
     found += [Event(time, "reflex", "arm", ", ".join(names)) for time, names in data.record.reflexes]
     return sorted(found, key=lambda event: event.time)
-
-
-def width(data: RunData) -> int:
-    """Numbers per instant of a run's replay: joints, markers and frames with their times."""
-    return len(data.record.log.joint_names) + sum(int(moving.values.shape[1]) + 2 for moving in data.found.moving)
-
-
-def robot(
-    data: RunData, rate: float, notes: list[str], *, label: str = "", role: str = "", shift: float = 0.0
-) -> Robot:
-    """The robot of a run for the replay.
-
-    Args:
-        data: the run.
-        rate: at most so many instants per second.
-        notes: gets what a reader must know.
-        label, role: as `Robot`.
-        shift: is added to all times [s].
-    """
-    time, position = joint_track(data.record.log, rate)
-    links = set(read(data.description).links)
-    tracks = [_track(moving, rate, links, data.found.statics, notes, shift) for moving in data.found.moving]
-    return Robot(
-        label,
-        data.description,
-        data.record.log.joint_names,
-        time + shift,
-        position,
-        [t for t in tracks if len(t.time)],
-        role,
-    )
-
-
-def _track(
-    moving: Moving, rate: float, links: set[str], statics: Mapping[str, Any], notes: list[str], shift: float
-) -> Track:
-    """Thinned to the rate, in the frame of a link where one is known."""
-    steps = np.floor((moving.time - moving.time[0]) * rate)
-    _, kept = np.unique(steps, return_index=True)
-    frame, R, p = _placed(moving.frame_id, links, statics)
-    if frame not in links and frame not in WORLDS:
-        R, p = Rotation.from_matrix(np.array(tracking.THESIS_ROTATION)), np.zeros(3)
-        note = (
-            f"Where the frame {moving.frame_id!r} stands is not in the bag: what it holds is drawn about the "
-            "robot's root, its y axis upwards."
-        )
-        if note not in notes:
-            notes.append(note)
-    values = moving.values[kept].copy()
-    values[:, :3] = R.apply(values[:, :3]) + p
-    seen = ~np.isnan(values[:, 0])
-    if values.shape[1] > 3 and seen.any():
-        values[seen, 3:] = (R * Rotation.from_quat(_unit(values[seen, 3:]))).as_quat()
-    return Track(moving.kind, moving.name, frame, moving.time[kept] + shift, values)
-
-
-def _unit(quaternions: FloatArray) -> FloatArray:
-    """A message that was not filled in has the quaternion 0, which is no rotation."""
-    empty = np.linalg.norm(quaternions, axis=1) < 0.5
-    return np.where(empty[:, None], np.array([0.0, 0.0, 0.0, 1.0]), quaternions)
-
-
-def _placed(frame: str, links: set[str], statics: Mapping[str, Any]) -> tuple[str, Rotation, FloatArray]:
-    """The link in which a frame is fixed, and where: (link, rotation, translation); (frame, ...) where none is
-    known."""
-    name, R, p = frame, Rotation.identity(), np.zeros(3)
-    for _ in range(len(statics) + 1):
-        if name in links or name not in statics:
-            break
-        name, xyz, quaternion = statics[name]
-        here = Rotation.from_quat(quaternion)
-        R, p = here * R, here.apply(p) + np.array(xyz)
-    return name, R, p

@@ -30,6 +30,7 @@ class Track:
         time: shape (n,) [s].
         values: position of a marker, shape (n, 3) [m]; or position and quaternion x y z w of a frame, shape (n, 7);
             NaN: not seen.
+        trail: whether it leaves one.
     """
 
     kind: str
@@ -37,6 +38,29 @@ class Track:
     parent: str
     time: FloatArray
     values: FloatArray
+    trail: bool = False
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A force plate.
+
+    Attributes:
+        name: for people.
+        parent: the link in whose frame it is fixed; a name that is no link: of the world.
+        xyz, quaternion: middle of its surface [m], and x y z w; z is normal to the surface.
+        size: along x and y [m].
+        time: of the forces, shape (n,) [s].
+        force: that acts on it, in its own axes, shape (n, 3) [N].
+    """
+
+    name: str
+    parent: str
+    xyz: tuple[float, ...]
+    quaternion: tuple[float, ...]
+    size: tuple[float, float]
+    time: FloatArray
+    force: FloatArray
 
 
 @dataclass
@@ -51,6 +75,8 @@ class Robot:
         position: shape (n, j) [rad, m].
         tracks: what else moves.
         role: colour where a page has several, as `Curve.role`; "": the description's.
+        tip: link and point in its frame [m] that leave a trail; None: none.
+        plates: beside it.
     """
 
     label: str
@@ -60,6 +86,8 @@ class Robot:
     position: FloatArray
     tracks: list[Track] = field(default_factory=list)
     role: str = ""
+    tip: tuple[str, tuple[float, ...]] | None = None
+    plates: list[Plate] = field(default_factory=list)
 
 
 class Scene:
@@ -72,7 +100,7 @@ class Scene:
     def __init__(self, blob: "Blob") -> None:
         self._blob = blob
         self._meshes: list[dict[str, Any]] = []
-        self._mesh_of: dict[tuple[str, tuple[float, ...]], int | None] = {}
+        self._mesh_of: dict[tuple[str, tuple[float, ...]], list[dict[str, Any]]] = {}
         self._robots: list[dict[str, Any]] = []
         self.notes: list[str] = []
 
@@ -83,10 +111,9 @@ class Scene:
             DescriptionError: its description cannot be read.
         """
         described = read(robot.description)
-        drawn = {link.name: [self._visual(shape) for shape in link.visuals] for link in described.links.values()}
         links = [
-            {"name": name, "visuals": [shape for shape in shapes if shape is not None]}
-            for name, shapes in drawn.items()
+            {"name": link.name, "visuals": [part for shape in link.visuals for part in self._visuals(shape)]}
+            for link in described.links.values()
         ]
         self._robots.append(
             {
@@ -98,6 +125,8 @@ class Scene:
                 "time": self._blob.add(robot.time, "f8"),
                 "position": self._blob.add(robot.position, "f4"),
                 "tracks": [self._track(track) for track in robot.tracks],
+                "plates": [self._plate(plate) for plate in robot.plates],
+                "tip": None if robot.tip is None else {"link": robot.tip[0], "xyz": robot.tip[1]},
             }
         )
 
@@ -112,42 +141,47 @@ class Scene:
             "name": track.name,
             "parent": track.parent,
             "width": track.values.shape[1],
+            "trail": track.trail,
             **arrays,
         }
 
-    def _visual(self, shape: Shape) -> dict[str, Any] | None:
+    def _plate(self, plate: Plate) -> dict[str, Any]:
+        words = {key: getattr(plate, key) for key in ("name", "parent", "xyz", "quaternion", "size")}
+        return {**words, "time": self._blob.add(plate.time, "f8"), "force": self._blob.add(plate.force, "f4")}
+
+    def _visuals(self, shape: Shape) -> list[dict[str, Any]]:
+        """What is drawn of a shape: of a mesh one part per colour; its own colours go before the description's."""
         if shape.kind == "capsule":
             self.notes.append("a shape <capsule> is not drawn")
-            return None
-        what: dict[str, Any] = {shape.kind: shape.size}
-        if shape.kind == "mesh":
-            number = self._mesh(shape.address, shape.size)
-            if number is None:
-                return None
-            what = {"mesh": number}
-        return {**what, **_origin(shape.T_link_shape), "rgba": shape.colour or GREY}
+            return []
+        parts = self._mesh(shape.address, shape.size) if shape.kind == "mesh" else [{shape.kind: shape.size}]
+        own = {**_origin(shape.T_link_shape), "rgba": shape.colour or GREY}
+        return [{**own, **part} for part in parts]
 
-    def _mesh(self, address: str, scale: tuple[float, ...]) -> int | None:
+    def _mesh(self, address: str, scale: tuple[float, ...]) -> list[dict[str, Any]]:
         key = (address, scale)
         if key not in self._mesh_of:
             self._mesh_of[key] = self._read_mesh(address, scale)
         return self._mesh_of[key]
 
-    def _read_mesh(self, address: str, scale: tuple[float, ...]) -> int | None:
+    def _read_mesh(self, address: str, scale: tuple[float, ...]) -> list[dict[str, Any]]:
         from hric_experiments.report_html.meshes import few_triangles
 
         try:
-            surface = few_triangles(mesh_path(address), (scale[0], scale[1], scale[2]))
+            parts = few_triangles(mesh_path(address), (scale[0], scale[1], scale[2]))
         except (HricError, OSError, UnreadableMeshError) as error:
             self.notes.append(
                 f"a link is drawn without its mesh: {Path(address).name}: "
                 f"{error if isinstance(error, HricError) else 'cannot be read'}"
             )
-            return None
-        self._meshes.append(
+            return []
+        first = len(self._meshes)
+        self._meshes += [
             {"vertices": self._blob.add(surface.vertices, "f4"), "faces": self._blob.add(surface.faces, "u4")}
-        )
-        return len(self._meshes) - 1
+            for surface, _ in parts
+        ]
+        colours = ({} if colour is None else {"rgba": colour} for _, colour in parts)
+        return [{"mesh": first + k, **colour} for k, colour in enumerate(colours)]
 
 
 def mesh_path(address: str) -> Path:

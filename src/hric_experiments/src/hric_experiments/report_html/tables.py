@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from hric_experiments.analysis.recordings import Event, Recordings
+from hric_experiments.report import sections
 from hric_experiments.report.text import setpoint_cells
-from hric_experiments.report_html.recordings import Event, Recordings
 
 NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( %)?$|[-–]$|never$")
 SHOWN_EVENTS = 500
@@ -28,6 +29,7 @@ class Table:
         note: below the heading.
         folded: closed until it is clicked, but printed.
         times: per row, the time that a click on it shows [s]; empty: none.
+        section: of `report.sections`, where it belongs.
     """
 
     title: str
@@ -36,6 +38,7 @@ class Table:
     note: str = ""
     folded: bool = False
     times: tuple[float, ...] = ()
+    section: str = ""
 
 
 def render(table: Table) -> str:
@@ -112,14 +115,15 @@ def overview(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> Table:
     rows += [(key, str(run[key])) for key in ("error", "subject", "notes") if run.get(key)]
     if run.get("arm_error"):
         rows.append(("error of the arm at the end", str(run["arm_error"])))
-    return Table("", ("what", "value"), tuple(rows))
+    return Table("What ran", ("what", "value"), tuple(rows), section=sections.MADE)
 
 
 def move_table(move: Mapping[str, Any]) -> Table:
     """How one setpoint was reached; move: of `setpoints` in metrics.json."""
     columns, rows = setpoint_cells(move)
     head = tuple(f"{name} [{unit}]" if unit else name for name, unit in columns)
-    return Table(f"Setpoint at {move['time']:.3f} s through {move['controller']}", head, tuple(map(tuple, rows)))
+    title = f"Setpoint at {move['time']:.3f} s through {move['controller']}"
+    return Table(title, head, tuple(map(tuple, rows)), section=sections.MOTION)
 
 
 def limits_table(joints: Mapping[str, Any], counted: bool) -> Table:
@@ -144,12 +148,13 @@ def limits_table(joints: Mapping[str, Any], counted: bool) -> Table:
 def _known(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> Table:
     """A table without the columns of which nothing is known."""
     kept = [k for k in range(len(head)) if any(row[k] != "-" for row in rows)]
-    return Table(title, tuple(head[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in rows), note)
+    cells = tuple(tuple(row[k] for k in kept) for row in rows)
+    return Table(title, tuple(head[k] for k in kept), cells, note, section=sections.LIMITS)
 
 
-def tree_table(title: str, tree: Any, *, folded: bool = False) -> Table:
+def tree_table(title: str, tree: Any, *, folded: bool = False, section: str = sections.MADE) -> Table:
     """Leaves of a tree of values, each with its dotted key."""
-    return Table(title, ("what", "value"), tuple(flat(tree)), folded=folded)
+    return Table(title, ("what", "value"), tuple(flat(tree)), folded=folded, section=section)
 
 
 def topics_table(metrics: Mapping[str, Any]) -> Table:
@@ -159,7 +164,9 @@ def topics_table(metrics: Mapping[str, Any]) -> Table:
         (topic, str(count), number(count / duration, 3) if duration > 0 else "-")
         for topic, count in metrics.get("topics", {}).items()
     ]
-    return Table("Topics in the bag", ("topic", "messages", "per second"), tuple(rows), folded=True)
+    return Table(
+        "Topics in the bag", ("topic", "messages", "per second"), tuple(rows), folded=True, section=sections.MADE
+    )
 
 
 def sync_tables(found: Recordings) -> list[Table]:
@@ -175,7 +182,8 @@ def sync_tables(found: Recordings) -> list[Table]:
         policy = f", {layout.policy}, {layout.reference or f'{layout.rate:g} Hz'}" if layout is not None else ""
         rows = tuple(_source(name, ages[:, k].astype(float), valid[:, k]) for k, name in enumerate(names))
         head = ("source", "valid", "age, median [ms]", "age, 99 % [ms]", "age, largest [ms]")
-        tables.append(Table(f"Synchronised on {topic}: {len(samples)} samples{policy}", head, rows))
+        title = f"Synchronised on {topic}: {len(samples)} samples{policy}"
+        tables.append(Table(title, head, rows, section=sections.SYNC))
     return tables + [_status_table(topic, status) for topic, status in found.statuses.items()]
 
 
@@ -204,7 +212,7 @@ def _status_table(topic: str, status: Any) -> Table:
     note = (
         f"{status.sent} samples went out, {status.incomplete} of them incomplete, {status.dropped} instants left out."
     )
-    return Table(f"State of {topic} at the end", head, rows, note)
+    return Table(f"State of {topic} at the end", head, rows, note, section=sections.SYNC)
 
 
 def events_table(events: Sequence[Event]) -> Table:
@@ -216,4 +224,31 @@ def events_table(events: Sequence[Event]) -> Table:
         if len(events) <= SHOWN_EVENTS
         else f"The first {SHOWN_EVENTS} of {len(events)}."
     )
-    return Table("Events", ("time [s]", "what", "of", "text"), rows, note, times=tuple(event.time for event in shown))
+    times = tuple(event.time for event in shown)
+    return Table("Events", ("time [s]", "what", "of", "text"), rows, note, times=times, section=sections.LIMITS)
+
+
+def sources_table(sources: Mapping[str, Mapping[str, Any]]) -> Table:
+    """What each source sent, and what of it is in the bag; sources: of metrics.json."""
+    head = ("source", "counted in", "sent", "recorded", "lost", "twice", "stamps off, 99 % [ms]", "largest [ms]")
+    rows = []
+    for topic, one in sources.items():
+        counts = (number(one.get(key), 12) for key in ("sent", "recorded", "lost", "twice"))
+        late = one.get("stamps") or {}
+        stamps = (number(1e3 * late[key], 3) if key in late else "-" for key in ("p99", "largest"))
+        rows.append((topic, one["counts"], *counts, *stamps))
+    note = "Counted by the sources' own numbers. Stamps are compared with the time codes of emulated devices."
+    return Table("Sent and recorded", head, tuple(rows), note, section=sections.SYNC)
+
+
+def skew_table(streams: Mapping[str, Mapping[str, Any]]) -> Table:
+    """How far synchronised values are from their instants; streams: `sync` of metrics.json."""
+    head = ("stream", "source", "valid", "skew, median [ms]", "99 % [ms]", "largest [ms]", "by")
+    rows = []
+    for topic, stream in streams.items():
+        for source, one in stream["sources"].items():
+            skew = one["skew"] or {}
+            times = (number(1e3 * skew[key], 3) if key in skew else "-" for key in ("median", "p99", "largest"))
+            valid = "-" if one["valid"] is None else f"{100 * one['valid']:.2f} %"
+            rows.append((topic, source, valid, *times, one["by"] or "not known"))
+    return Table("Skew of the synchronised values", head, tuple(rows), section=sections.SYNC)

@@ -8,7 +8,7 @@
 
   const timeSpan = () => {
     const times = report.data.scene.robots.map((robot) => report.read(robot.time));
-    if (!times.length) for (const plot of report.data.plots) for (const panel of plot.panels) for (const curve of panel.curves) times.push(report.read(curve.time));
+    if (!times.length) for (const plot of report.data.plots) if (!plot.equal) for (const panel of plot.panels) for (const curve of panel.curves) times.push(report.read(curve.time));
     const filled = times.filter((one) => one.length);
     return filled.length ? [Math.min(...filled.map((one) => one[0])), Math.max(...filled.map((one) => one[one.length - 1]))] : [0, 1];
   };
@@ -58,7 +58,8 @@
       const count = (kind) => robot.tracks.filter((track) => track.kind === kind);
       const frames = count("frame").map((track) => track.name), markers = count("marker").length;
       const line = document.createElement("span");
-      line.textContent = [several ? robot.label : "", markers ? markers + " markers" : "", frames.length ? "frames: " + frames.join(", ") : ""].filter(Boolean).join("; ");
+      const trails = robot.trails.map(({ role }) => (role === "marker" ? "marker (orange)" : "end effector (blue)"));
+      line.textContent = [several ? robot.label : "", markers ? markers + " markers" : "", frames.length ? "frames: " + frames.join(", ") : "", robot.plates.map((plate) => plate.object.name).join(", "), trails.length && !several ? "trails of 8 s: " + [...new Set(trails)].join(", ") : ""].filter(Boolean).join("; ");
       if (several) line.style.color = report.colour(robot.role);
       words.push(line, document.createElement("br"));
     }
@@ -72,6 +73,8 @@
     dark.addEventListener("change", () => paint());
     find("show-frames").addEventListener("change", (event) => report.replay?.showFrames(event.target.checked));
     find("show-tracks").addEventListener("change", () => report.replay?.pose(report.time));
+    find("show-trails").addEventListener("change", () => report.replay?.pose(report.time));
+    find("all").addEventListener("click", () => report.setRange([report.begin, report.end]));
     find("home").addEventListener("click", () => report.replay?.home());
     document.querySelectorAll("tr.event").forEach((row) => row.addEventListener("click", () => report.setTime(Number(row.dataset.time))));
     document.addEventListener("keydown", (event) => {
@@ -90,7 +93,7 @@
   report.range = [report.begin, report.end];
   Object.assign(find("time"), { min: report.begin, max: report.end });
   document.documentElement.dataset.theme = dark.matches ? "dark" : "light";
-  report.makePlots(find("plots"));
+  report.makePlots();
   report.replay = report.makeReplay(document.querySelector("#view canvas"));
   if (report.replay) legend();
   connect();

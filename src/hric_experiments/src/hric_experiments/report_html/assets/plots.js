@@ -1,8 +1,12 @@
 "use strict";
 // The plots. Each is drawn when it comes into sight, with as many points as its width can show; a zoom shows the finer ones.
+// A picture for a paper is the same plot in light colours at the width of a journal's column.
 {
-  const POINTS = 900, MARGIN = { l: 62, r: 14, t: 52, b: 40 }, ROW = 175, PAPER_ROW = 140, GAP = 0.07;
-  const STROKES = { setpoint: { dash: "dash", width: 1.2 }, desired: { width: 2.6 }, raw: { width: 2.2 }, measured: { width: 1.3 } };
+  const POINTS = 900, PIXELS_PER_MM = 96 / 25.4, DOTS_PER_INCH = 300;
+  const SCREEN = { margin: { l: 64, r: 14, t: 12, b: 42 }, title: 16, row: 138, alone: 300, gap: 66, between: 44, font: 11, line: 1.35 };
+  const PRINTED = { ...SCREEN, row: 105 };
+  const PAPER = { margin: { l: 48, r: 9, t: 8, b: 33 }, title: 12, row: 88, alone: 190, gap: 50, between: 30, font: 9.5, line: 1.25, legend: 14 };
+  const FAMILY = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif";
 
   // The part of a curve between two times, one point beyond each: as it is, or least and greatest of equal parts.
   const part = (curve, [begin, end]) => {
@@ -22,75 +26,116 @@
     return { x, y };
   };
 
+  const dash = (role, width) => (role.dash.length ? role.dash.map((length) => length * width + "px").join(",") : "solid");
+
   class PlotView {
-    constructor(spec, parent) {
-      this.spec = spec;
-      this.drawn = false;
-      this.stale = false;
+    constructor(spec, section) {
+      Object.assign(this, { spec, drawn: false, stale: false, hidden: new Set() });
       this.panels = spec.panels.map((panel) => ({
         ...panel, curves: panel.curves.map((curve) => ({ ...curve, time: report.read(curve.time), values: report.read(curve.values) })),
       }));
-      this.columns = this.panels.length > 1 ? 2 : 1;
-      this.rows = Math.ceil(this.panels.length / this.columns);
-      const section = parent.appendChild(document.createElement("section"));
-      section.className = "plot";
-      section.id = "plot-" + spec.key;
-      section.innerHTML = "<h3></h3><div class=canvas><div class=graph></div></div>";
-      section.querySelector("h3").textContent = spec.title;
+      this.names = new Map();
+      for (const panel of this.panels) for (const curve of panel.curves) if (!this.names.has(curve.name)) this.names.set(curve.name, curve.role);
       this.frame = section.querySelector(".canvas");
       this.graph = section.querySelector(".graph");
-      this.frame.style.minHeight = this.height + "px";
-      this.cursors = Array.from({ length: this.columns }, () => {
+      this.makeLegend(section.querySelector(".legend"));
+      section.querySelectorAll(".save button").forEach((button) => button.addEventListener("click", () => this.save(button.dataset.format, Number(button.dataset.width))));
+      this.frame.style.minHeight = this.geometry().height + "px";
+      this.cursors = spec.equal ? [] : this.panels.map(() => {
         const line = this.frame.appendChild(document.createElement("div"));
         line.className = "cursor";
         return line;
       });
     }
 
-    get height() {
-      return MARGIN.t + MARGIN.b + (this.columns === 1 ? 320 : (report.paper ? PAPER_ROW : ROW) * this.rows);
+    // The legend stands above the graph, where it covers nothing; a click hides a curve.
+    makeLegend(parent) {
+      const entries = [...this.names].map(([name, role]) => {
+        const entry = document.createElement("button"), swatch = entry.appendChild(document.createElement("i")), look = report.data.roles[role];
+        entry.append(name);
+        entry.type = "button";
+        Object.assign(swatch.style, { borderTop: `${look.width ? Math.max(1.5, 1.5 * look.width) : 3}px ${look.dash.length ? "dashed" : look.width ? "solid" : "dotted"} var(--${role})`, opacity: look.opacity });
+        entry.addEventListener("click", () => {
+          if (!this.hidden.delete(name)) this.hidden.add(name);
+          entry.classList.toggle("off", this.hidden.has(name));
+          this.stale = true;
+          this.draw();
+        });
+        return entry;
+      });
+      for (const name of new Set(this.spec.bands.map((band) => band[0]))) {
+        const entry = document.createElement("span"), swatch = entry.appendChild(document.createElement("i"));
+        swatch.className = "band";
+        entry.append(name);
+        entries.push(entry);
+      }
+      if (entries.length > 1) parent.append(...entries);
     }
 
-    domain(k) {
-      const column = k % this.columns, row = Math.floor(k / this.columns), width = (1 - GAP * (this.columns - 1)) / this.columns;
-      const gap = this.rows > 1 ? 0.3 / this.rows : 0, height = (1 - gap * (this.rows - 1)) / this.rows, top = 1 - row * (height + gap);
-      return { x: [column * (width + GAP), column * (width + GAP) + width], y: [Math.max(0, top - height), top] };
+    // Sizes and places of the panels [pixels]; mm: width of a picture for a paper, nothing: of the page.
+    geometry(mm) {
+      const look = mm ? PAPER : report.paper ? PRINTED : SCREEN, width = mm ? mm * PIXELS_PER_MM : report.paper || this.frame.clientWidth || 800;
+      const columns = Math.min(this.spec.columns, this.panels.length, width < 500 ? (this.spec.equal ? 1 : 2) : 3), rows = Math.ceil(this.panels.length / columns);
+      const { l, r, t, b } = look.margin, legend = mm ? this.legendRows(width - l - r, look) : [];
+      const top = t + legend.length * (look.legend || 0) + (this.panels.some((panel) => panel.title) ? look.title : 0);
+      const wide = (width - l - r - look.gap * (columns - 1)) / columns, high = this.spec.equal ? Math.min(wide, 340) : rows > 1 ? look.row : look.alone;
+      const inner = { width: width - l - r, height: rows * high + (rows - 1) * look.between };
+      const domain = (k) => {
+        const x = (k % columns) * (wide + look.gap), y = Math.floor(k / columns) * (high + look.between);
+        return { x: [x / inner.width, (x + wide) / inner.width], y: [Math.max(0, 1 - (y + high) / inner.height), 1 - y / inner.height] };
+      };
+      return { look, legend, width, columns, rows, inner, domain, margin: { l, r, t: top, b }, height: top + b + inner.height };
     }
 
-    traces() {
-      const seen = new Set();
+    // Entries of a picture's legend, row by row: [name, role, left].
+    legendRows(width, look) {
+      if (this.names.size < 2) return [];
+      const rows = [[]];
+      let left = 0;
+      for (const [name, role] of this.names) {
+        const wide = 30 + 0.56 * look.font * name.length;
+        if (left && left + wide > width) { rows.push([]); left = 0; }
+        rows[rows.length - 1].push([name, role, left]);
+        left += wide;
+      }
+      return rows;
+    }
+
+    traces(look, range) {
       return this.panels.flatMap((panel, k) => panel.curves.map((curve) => {
-        const first = !seen.has(curve.name);
-        seen.add(curve.name);
-        const line = { color: report.colour(curve.role), width: 1.4, ...STROKES[curve.role] };
+        const role = report.data.roles[curve.role], width = Math.max(role.width, 0.1) * look.line;
+        const drawn = role.width ? { mode: "lines", line: { color: report.colour(curve.role), width, dash: dash(role, width), simplify: false } } : { mode: "markers", marker: { color: report.colour(curve.role), size: 2.5 } };
         const axes = { xaxis: "x" + (k ? k + 1 : ""), yaxis: "y" + (k ? k + 1 : "") };
-        return { ...part(curve, this.range), ...axes, type: "scatter", mode: "lines", name: curve.name, legendgroup: curve.name, showlegend: first, line };
+        const points = this.spec.equal ? { x: curve.time, y: curve.values } : part(curve, range);
+        return { ...points, ...axes, ...drawn, type: "scatter", name: curve.name, opacity: role.opacity, visible: !this.hidden.has(curve.name) };
       }));
     }
 
-    layout() {
-      const text = report.colour("text"), line = report.colour("line"), names = new Set(this.panels.flatMap((panel) => panel.curves.map((c) => c.name)));
+    layout(shape, range) {
+      const { look, domain, columns, margin, height, inner } = shape, text = report.colour("text"), line = report.colour("line");
       const layout = {
-        height: this.height, autosize: !report.paper, ...(report.paper ? { width: report.paper } : {}), margin: { ...MARGIN, autoexpand: false }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: "x",
-        font: { color: text, size: 11 }, showlegend: names.size > 1, legend: { orientation: "h", x: 0, y: 1, yanchor: "top", yref: "container", font: { size: 11 } },
-        annotations: [], shapes: [], modebar: { bgcolor: "rgba(0,0,0,0)", color: report.colour("faint"), activecolor: report.colour("accent") }, hoverlabel: { bgcolor: report.colour("panel"), font: { color: text } },
+        height, margin: { ...margin, autoexpand: false }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: this.spec.equal ? "closest" : "x",
+        font: { color: text, size: look.font, family: FAMILY }, showlegend: false, annotations: [], shapes: [], hoverlabel: { bgcolor: report.colour("panel"), font: { color: text } },
       };
+      const words = (string, place, size = look.font, colour = text) => layout.annotations.push({ text: string, showarrow: false, xanchor: "left", yanchor: "bottom", font: { size, color: colour }, borderpad: 0, ...place });
       this.panels.forEach((panel, k) => {
-        const number = k ? k + 1 : "", { x, y } = this.domain(k), common = { gridcolor: line, zerolinecolor: line, linecolor: line, automargin: false };
-        const title = (words) => ({ text: words, standoff: 4, font: { size: 10.5 } });
-        const lowest = k + this.columns >= this.panels.length;
-        layout["xaxis" + number] = { ...common, domain: x, anchor: "y" + number, range: [...this.range], ...(k ? { matches: "x" } : {}), ...(lowest ? { title: title(this.spec.timeTitle) } : {}) };
-        const range = this.spec.logarithmic ? panel.range.map(Math.log10) : panel.range;
-        const kind = this.spec.logarithmic ? { type: "log", exponentformat: "power", dtick: 2 } : {};
-        layout["yaxis" + number] = { ...common, ...kind, domain: y, anchor: "x" + number, range, title: title(panel.unit), nticks: 6 };
-        layout.annotations.push({ text: panel.title, xref: "paper", yref: "paper", x: x[0], y: y[1], xanchor: "left", yanchor: "bottom", showarrow: false, font: { size: 11.5 } });
-        for (const [begin, end] of this.spec.bands) {
+        const number = k ? k + 1 : "", { x, y } = domain(k), common = { gridcolor: line, zerolinecolor: line, linecolor: text, showline: true, ticks: "outside", ticklen: 3, automargin: false };
+        const title = (string) => ({ text: string, standoff: 4, font: { size: look.font } });
+        const lowest = k + columns >= this.panels.length, ends = this.spec.equal ? { range: panel.xrange } : { range: [...range], ...(k ? { matches: "x" } : {}) };
+        layout["xaxis" + number] = { ...common, ...ends, domain: x, anchor: "y" + number, nticks: Math.max(3, Math.round((x[1] - x[0]) * inner.width / 60)), showticklabels: lowest, ...(lowest ? { title: title(panel.abscissa) } : {}) };
+        const vertical = this.spec.logarithmic ? { range: panel.range.map(Math.log10), type: "log", exponentformat: "power", dtick: 2 } : { range: panel.range };
+        layout["yaxis" + number] = { ...common, ...vertical, domain: y, anchor: "x" + number, nticks: 6, ...(k % columns === 0 || panel.own ? { title: title(panel.unit) } : {}) };
+        words(`<b>${panel.title}</b>`, { xref: "paper", yref: "paper", x: x[0], y: y[1], xshift: -2 });
+        for (const [, begin, end] of this.spec.bands) {
           const place = { xref: "x" + number, yref: "y" + number + " domain", x0: begin, x1: end, y0: 0, y1: 1 };
           layout.shapes.push({ type: "rect", ...place, fillcolor: report.colour("limit"), opacity: 0.12, line: { width: 0 } });
         }
-        for (const bound of panel.bounds) {
+        for (const [name, bound] of panel.bounds) {
           const place = { xref: "x" + number + " domain", yref: "y" + number, x0: 0, x1: 1, y0: bound, y1: bound };
           layout.shapes.push({ type: "line", ...place, line: { color: report.colour("limit"), width: 1.2, dash: "dot" } });
+          const at = this.spec.logarithmic ? Math.log10(bound) : bound, [low, high] = layout["yaxis" + number].range;
+          const below = at > (low + high) / 2; // away from the title
+          if (at > low && at < high) words(name, { xref: "x" + number + " domain", yref: "y" + number, x: 1, y: at, xanchor: "right", yanchor: below ? "top" : "bottom", bgcolor: report.colour("page"), opacity: 0.85 }, look.font - 1.5, report.colour("limit"));
         }
       });
       return layout;
@@ -98,15 +143,13 @@
 
     draw() {
       if (this.drawn && !this.stale) return;
-      const begun = this.drawn;
-      this.drawn = true;
-      this.stale = false;
-      this.range = report.range;
-      this.frame.style.minHeight = this.height + "px";
-      const buttons = [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]]; // not the one that uploads
-      const settings = { displaylogo: false, responsive: true, modeBarButtons: buttons, plotlyServerURL: "", doubleClick: false };
-      Plotly.react(this.graph, this.traces(), this.layout(), settings);
-      if (!begun) {
+      const begun = this.drawn, shape = this.geometry();
+      Object.assign(this, { drawn: true, stale: false, range: report.range });
+      this.frame.style.minHeight = shape.height + "px";
+      const settings = { displaylogo: false, displayModeBar: false, responsive: true, plotlyServerURL: "", doubleClick: false };
+      const layout = { ...this.layout(shape, this.range), autosize: !report.paper, ...(report.paper ? { width: report.paper } : {}) };
+      Plotly.react(this.graph, this.traces(shape.look, this.range), layout, settings);
+      if (!begun && !this.spec.equal) {
         this.graph.on("plotly_relayout", (change) => this.zoomed(change));
         this.graph.on("plotly_doubleclick", () => report.setRange([report.begin, report.end]));
         this.graph.on("plotly_click", (event) => report.setTime(event.points[0].x));
@@ -120,38 +163,90 @@
       else if ("autosize" in change) this.moveCursor();
     }
 
+    // Panels keep their distance in pixels, whatever the width.
+    resized(width) {
+      if (report.paper || Math.abs(width - (this.width || width)) < 1) { this.width = width; return; }
+      Object.assign(this, { width, stale: true });
+      if (this.drawn && this.inSight) this.draw();
+    }
+
     // Another part of the time; the plot that was zoomed keeps its vertical axes.
     show(keep) {
       if (!this.drawn) return;
       if (!keep) { this.stale = true; if (this.inSight) this.draw(); return; }
       this.range = report.range;
-      Plotly.react(this.graph, this.traces(), this.graph.layout);
+      Plotly.react(this.graph, this.traces(this.geometry().look, this.range), this.graph.layout);
       this.moveCursor();
     }
 
     moveCursor() {
-      if (!this.drawn || !(this.inSight || report.paper)) return;
-      const width = (report.paper || this.frame.clientWidth) - MARGIN.l - MARGIN.r, at = (report.time - this.range[0]) / (this.range[1] - this.range[0]);
-      this.cursors.forEach((line, column) => {
-        const [left, right] = this.domain(column).x, below = this.panels.length - column;
-        const rows = Math.ceil(below / this.columns), bottom = this.domain(column + (rows - 1) * this.columns).y[0];
-        line.style.display = at >= 0 && at <= 1 && rows > 0 ? "" : "none";
-        line.style.left = MARGIN.l + width * (left + at * (right - left)) + "px";
-        line.style.top = MARGIN.t + "px";
-        line.style.height = (this.height - MARGIN.t - MARGIN.b) * (1 - bottom) + "px";
+      if (!this.drawn || this.spec.equal || !(this.inSight || report.paper)) return;
+      const { width, inner, margin, domain } = this.geometry(), at = (report.time - this.range[0]) / (this.range[1] - this.range[0]);
+      const drawn = (report.paper ? width : this.frame.clientWidth) - margin.l - margin.r;
+      this.cursors.forEach((line, k) => {
+        const [left, right] = domain(k).x, [bottom, top] = domain(k).y;
+        line.style.display = at >= 0 && at <= 1 ? "" : "none";
+        line.style.left = margin.l + drawn * (left + at * (right - left)) + "px";
+        line.style.top = margin.t + inner.height * (1 - top) + "px";
+        line.style.height = inner.height * (top - bottom) + "px";
       });
+    }
+
+    // The plot as it is zoomed, as SVG of that width [mm], in light colours whatever the page has.
+    async svg(mm) {
+      const root = document.documentElement, theme = root.dataset.theme, shape = this.geometry(mm);
+      root.dataset.theme = "light";
+      const range = this.range || report.range, layout = { ...this.layout(shape, range), width: shape.width, paper_bgcolor: "#ffffff" };
+      const traces = this.traces(shape.look, range);
+      shape.legend.forEach((row, k) => row.forEach(([name, role, left]) => this.legendEntry(layout, shape, name, role, left, k)));
+      root.dataset.theme = theme;
+      const found = await Plotly.toImage({ data: traces, layout, config: { plotlyServerURL: "" } }, { format: "svg", width: shape.width, height: shape.height });
+      const drawing = new DOMParser().parseFromString(decodeURIComponent(found.slice(found.indexOf(",") + 1)), "image/svg+xml").documentElement;
+      drawing.setAttribute("viewBox", `0 0 ${shape.width} ${shape.height}`);
+      drawing.setAttribute("width", mm + "mm");
+      drawing.setAttribute("height", (shape.height / PIXELS_PER_MM).toFixed(2) + "mm");
+      const about = document.createElementNS("http://www.w3.org/2000/svg", "desc");
+      about.textContent = this.caption;
+      drawing.prepend(about);
+      return { text: new XMLSerializer().serializeToString(drawing), width: shape.width, height: shape.height };
+    }
+
+    legendEntry(layout, shape, name, role, left, row) {
+      const { look, margin, inner } = shape, look_of = report.data.roles[role], width = Math.max(look_of.width, 1.5) * look.line;
+      const above = margin.t - look.margin.t + 2 - row * look.legend - look.legend / 2, y = 1 + above / inner.height, x = left / inner.width;
+      const line = { color: report.colour(role), width, dash: look_of.width ? dash(look_of, width) : "dot" };
+      layout.shapes.push({ type: "line", xref: "paper", yref: "paper", x0: x, x1: x + 18 / inner.width, y0: y, y1: y, line, opacity: look_of.opacity });
+      layout.annotations.push({ text: name, showarrow: false, xref: "paper", yref: "paper", x: x + 21 / inner.width, y, xanchor: "left", yanchor: "middle", font: { size: look.font, color: layout.font.color } });
+    }
+
+    get caption() { return `${this.spec.title} (${report.data.name}). ${this.spec.caption}`; }
+
+    // A file for a paper: svg or png of that width [mm], or the caption as text.
+    async picture(format, mm) {
+      if (format === "txt") return new Blob([this.caption + "\n"], { type: "text/plain" });
+      const { text, width, height } = await this.svg(mm), drawing = new Blob([text], { type: "image/svg+xml" });
+      return format === "svg" ? drawing : report.rasterise(drawing, width / PIXELS_PER_MM, height / PIXELS_PER_MM, DOTS_PER_INCH);
+    }
+
+    async save(format, mm) {
+      const link = document.createElement("a");
+      link.href = URL.createObjectURL(await this.picture(format, mm));
+      link.download = [report.data.name.replace(/[^\w.-]+/g, "_"), this.spec.key, ...(format === "txt" ? ["caption"] : [mm + "mm"])].join("_") + "." + format;
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
     }
   }
 
-  report.makePlots = (parent) => {
-    report.plots = report.data.plots.map((spec) => new PlotView(spec, parent));
+  report.makePlots = () => {
+    report.plots = report.data.plots.map((spec) => new PlotView(spec, document.getElementById("plot-" + spec.key)));
     const views = new Map(report.plots.map((view) => [view.frame, view]));
     const observer = new IntersectionObserver((entries) => entries.forEach((entry) => {
       const view = views.get(entry.target);
       view.inSight = entry.isIntersecting;
       if (view.inSight) { view.draw(); view.moveCursor(); }
     }), { rootMargin: "200px" });
-    report.plots.forEach((view) => observer.observe(view.frame));
+    const resized = new ResizeObserver((entries) => entries.forEach((entry) => views.get(entry.target).resized(entry.contentRect.width)));
+    report.plots.forEach((view) => { observer.observe(view.frame); resized.observe(view.frame); });
   };
   report.drawAll = () => report.plots.forEach((view) => { view.stale = true; view.draw(); });
 }

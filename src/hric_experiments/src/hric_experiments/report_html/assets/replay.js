@@ -65,6 +65,7 @@
         for (const robot of this.robots) for (const { object } of robot.tracks) {
           if (object.visible) box.expandByPoint(object.getWorldPosition(new THREE.Vector3()));
         }
+        for (const robot of this.robots) for (const plate of robot.plates) box.expandByObject(plate.box);
         for (const robot of this.robots) for (const link of robot.links.values()) {
           box.expandByPoint(new THREE.Vector3().setFromMatrixPosition(link.matrixWorld));
           for (const mesh of link.children) if (mesh.isMesh && mesh.visible) box.expandByObject(mesh);
@@ -80,7 +81,11 @@
     pose(t) {
       for (const robot of this.robots) robot.pose(t);
       const shown = document.getElementById("show-tracks").checked;
-      if (!shown) for (const robot of this.robots) for (const track of robot.tracks) track.object.visible = false;
+      const trails = document.getElementById("show-trails").checked;
+      for (const robot of this.robots) {
+        if (!shown) for (const track of robot.tracks) track.object.visible = false;
+        if (!trails) for (const trail of robot.trails) trail.object.visible = false;
+      }
       this.ask();
     }
 

@@ -2,6 +2,8 @@
 // The robots: links as groups that joints move, and markers and frames that move by themselves. z is up.
 {
   const LOST = 0.25; // a marker that was not seen for so long is not drawn [s]
+  const TRAIL = 8, TRAIL_POINTS = 3000; // how long a trail is [s], and how many points that of a run has at most
+  const PER_NEWTON = 0.002, THICK = 0.02; // length of the arrow of a force [m/N]; of a plate, below its surface [m]
   const geometries = new Map();
 
   const meshGeometry = (number) => {
@@ -54,6 +56,46 @@
     }
   }
 
+  // Where something was in the last seconds; points: x, y, z of each instant, NaN where it was not seen.
+  class Trail {
+    constructor(time, points, role) {
+      Object.assign(this, { time, role });
+      const geometry = new THREE.BufferGeometry().setAttribute("position", new THREE.BufferAttribute(points, 3));
+      this.object = new THREE.Line(geometry, new THREE.LineBasicMaterial());
+      this.object.frustumCulled = false;
+    }
+
+    show(t) {
+      const first = report.countUntil(this.time, t - TRAIL), last = report.countUntil(this.time, t);
+      this.object.geometry.setDrawRange(first, last - first);
+      this.object.visible = last - first > 1;
+    }
+  }
+
+  // The surface of a force plate, and what presses on it: an arrow that ends where it acts.
+  class Plate {
+    constructor(spec) {
+      this.object = place(new THREE.Group(), spec);
+      this.object.name = spec.name;
+      this.box = new THREE.Mesh(new THREE.BoxGeometry(spec.size[0], spec.size[1], THICK), new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.8 }));
+      this.box.position.z = -THICK / 2;
+      this.arrow = new THREE.ArrowHelper(new THREE.Vector3(0, 0, -1), new THREE.Vector3(), 0.1, 0xb3261e, 0.03, 0.02);
+      this.object.add(this.box, this.arrow);
+      Object.assign(this, { time: report.read(spec.time), force: report.read(spec.force) });
+    }
+
+    show(t) {
+      const k = report.countUntil(this.time, t) - 1, force = new THREE.Vector3();
+      if (k >= 0) force.fromArray(this.force, 3 * k);
+      const length = force.length() * PER_NEWTON;
+      this.arrow.visible = length > 0.005;
+      if (!this.arrow.visible) return;
+      this.arrow.position.copy(force).multiplyScalar(-PER_NEWTON);
+      this.arrow.setDirection(force.normalize());
+      this.arrow.setLength(length, Math.min(0.03, 0.4 * length), 0.02);
+    }
+  }
+
   class Robot {
     constructor(spec, scene) {
       Object.assign(this, { label: spec.label, role: spec.role, joints: [], links: new Map() });
@@ -73,6 +115,36 @@
       const root = this.links.get([...roots][0]);
       this.tracks = spec.tracks.map((track) => new Track(track));
       for (const track of this.tracks) (this.links.get(track.parent) || root).add(track.object);
+      this.plates = spec.plates.map((plate) => new Plate(plate));
+      this.plates.forEach((plate, k) => (this.links.get(spec.plates[k].parent) || root).add(plate.object));
+      this.trails = [...this.trailOfTip(spec.tip, scene), ...this.trailsOfTracks()];
+    }
+
+    // Of the end effector, in the world.
+    trailOfTip(tip, scene) {
+      const link = tip && this.links.get(tip.link);
+      if (!link) return [];
+      const count = Math.min(this.time.length, TRAIL_POINTS), time = new Float64Array(count), points = new Float32Array(3 * count), point = new THREE.Vector3();
+      for (let k = 0; k < count; k++) {
+        time[k] = this.time[Math.round((k * (this.time.length - 1)) / Math.max(count - 1, 1))];
+        this.pose(time[k]);
+        link.updateWorldMatrix(true, false);
+        link.localToWorld(point.fromArray(tip.xyz)).toArray(points, 3 * k);
+      }
+      const trail = new Trail(time, points, "measured");
+      scene.add(trail.object);
+      return [trail];
+    }
+
+    // Of each body that moves, in its own frame.
+    trailsOfTracks() {
+      return this.tracks.filter((track) => track.trail).map((track) => {
+        const points = new Float32Array(3 * track.time.length);
+        for (let k = 0; k < track.time.length; k++) points.set(track.values.subarray(k * track.width, k * track.width + 3), 3 * k);
+        const trail = new Trail(track.time, points, "marker");
+        track.object.parent.add(trail.object);
+        return trail;
+      });
     }
 
     makeLink(link) {
@@ -98,7 +170,7 @@
         if (joint.type === "prismatic") joint.child.position.copy(joint.axis).multiplyScalar(q);
         else joint.child.quaternion.setFromAxisAngle(joint.axis, q);
       }
-      for (const track of this.tracks) track.show(t);
+      for (const moved of [...this.tracks, ...(this.plates || []), ...(this.trails || [])]) moved.show(t);
     }
 
     // Robots of several runs are told apart by colour; the first is as it is, the others can be seen through.
@@ -109,6 +181,11 @@
         Object.assign(mesh.material, behind ? { transparent: true, opacity: 0.65, polygonOffset: true, polygonOffsetFactor: behind, polygonOffsetUnits: behind } : {});
       });
       for (const track of this.tracks) if (track.kind === "marker") track.object.material.color.set(report.colour(several ? this.role : "marker"));
+      for (const trail of this.trails) trail.object.material.color.set(report.colour(several ? this.role : trail.role));
+      for (const plate of this.plates) {
+        plate.box.material.color.set(report.colour("plate"));
+        plate.arrow.setColor(report.colour("limit"));
+      }
     }
   }
 

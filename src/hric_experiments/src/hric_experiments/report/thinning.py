@@ -1,4 +1,4 @@
-"""Thins the curves of a page, so that a long run still makes a small page."""
+"""Thins curves, so that a long run still makes a small page and a small picture."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -31,6 +31,12 @@ def thin(figures: Sequence[Figure], budget: int) -> tuple[list[Figure], int | No
     return [replace(figure, panels=tuple(thinner.panel(panel) for panel in figure.panels)) for figure in figures], low
 
 
+def limited(figure: Figure, points: int) -> Figure:
+    """A figure whose curves have at most about `points` points each."""
+    thinner = _Thinner(points)
+    return replace(figure, panels=tuple(thinner.panel(panel) for panel in figure.panels))
+
+
 class _Thinner:
     """Thins curves to the same number of points; curves that shared their time still do."""
 
@@ -44,6 +50,9 @@ class _Thinner:
     def _curve(self, curve: Curve) -> Curve:
         if len(curve.values) <= self._points:
             return curve
+        if np.any(np.diff(curve.time) < 0.0):  # a path: it has no parts of time
+            part = slice(None, None, -(-len(curve.values) // self._points))
+            return replace(curve, time=curve.time[part], values=curve.values[part])
         edges = np.linspace(0, len(curve.values), self._points // 2 + 1).astype(np.int64)
         known = self._times.get(id(curve.time))
         if known is None:

@@ -1,8 +1,7 @@
-"""What a page shows of a bag beside the control log: sensors, moving frames and markers, and events. No
-ROS."""
+"""What a report shows of a bag beside the control log: sensors, moving frames and markers, and events. No ROS."""
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -13,11 +12,14 @@ import numpy.typing as npt
 
 from hric_bags.parts import PartsReader
 from hric_bags.reader import FloatArray, RobotTime, seconds
+from hric_experiments.analysis.collection_record import TIME_CODE
 
 SignalKey = tuple[str, str, tuple[str, ...]]
 """Topic, unit, channels."""
 REPLAY_SPACING = 0.009
 """Frames and markers are taken at most so often, which is finer than the replay shows them [s]."""
+SIGNAL_TYPES = {"geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PointStamped", "hric_msgs/msg/SampleChunk"}
+"""What becomes a `Signal`."""
 LEVELS = {4: "warning", 8: "error", 16: "fatal"}
 """Of rosgraph_msgs/Log."""
 CONDITIONS = {0: "good", 1: "warning", 2: "error", 3: "stale"}
@@ -94,18 +96,22 @@ class Recordings:
     )
 
 
-def read(path: Path, robot_time: RobotTime, *, progress: bool = False) -> Recordings:
+def read(path: Path, robot_time: RobotTime, *, progress: bool = False, signals_only: bool = False) -> Recordings:
     """Read a bag.
 
     Args:
         path: of the bag.
         robot_time: from stamps to robot time.
         progress: show a progress bar on the terminal.
+        signals_only: leave out all but the sensors' numbers.
     """
     reading = _Reading(robot_time)
     with PartsReader(path) as reader:
         label = "reading the bag" if progress else ""
-        for connection, stamp, raw in reader.chosen(lambda c: reading.wants(c.topic, c.msgtype), label):
+        kinds = SIGNAL_TYPES if signals_only else reading.kinds
+        for connection, stamp, raw in reader.chosen(
+            lambda c: c.msgtype in kinds and reading.wants(c.topic, c.msgtype), label
+        ):
             reading.take(
                 connection.topic, connection.msgtype, stamp * 1e-9, partial(reader.deserialize, raw, connection.msgtype)
             )
@@ -139,6 +145,11 @@ class _Reading:
             "std_msgs/msg/String": self._phase,
         }
         self._thinned = {"hric_msgs/msg/MocapData", "geometry_msgs/msg/PoseStamped"}
+
+    @property
+    def kinds(self) -> Set[str]:
+        """Types of messages that are of use."""
+        return self._takers.keys()
 
     def wants(self, topic: str, kind: str) -> bool:
         """Whether messages of a topic are of use; that of all nodes' log comes once more by each node."""
@@ -209,8 +220,9 @@ class _Reading:
             return
         times = time + np.arange(len(values)) / message.rate
         own = units if len(units) == len(channels) else [str(message.unit)] * len(channels)
-        for unit in dict.fromkeys(own):
-            columns = [k for k, one in enumerate(own) if one == unit]
+        measured = [k for k, channel in enumerate(channels) if channel != TIME_CODE]
+        for unit in dict.fromkeys(own[k] for k in measured):
+            columns = [k for k in measured if own[k] == unit]
             self._chunks[topic, f"[{unit.replace('.', ' ')}]", tuple(channels[k] for k in columns)].append(
                 (times, values[:, columns])
             )

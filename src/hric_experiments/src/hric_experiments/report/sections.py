@@ -1,0 +1,67 @@
+"""The parts of a report by what they are about, in the order in which they are read, and the topics of each."""
+
+import re
+
+RESULTS = "What was found"
+MOTION = "Motion"
+FORCES = "Forces and torques"
+TRACKING = "Motion capture and tracking"
+EMG = "EMG"
+PLATE = "Force plate"
+SYNC = "Synchronisation"
+LIMITS = "Limits and stability"
+OTHER = "Other measurements"
+MADE = "How it was made"
+ORDER = (RESULTS, MOTION, FORCES, TRACKING, EMG, PLATE, SYNC, LIMITS, OTHER, MADE)
+KNOWN = (
+    (r"/emg/raw$", EMG, "Muscle activity", "EMG as the device sent it, one panel per muscle."),
+    (r"/emg/envelope$", EMG, "Envelope of the muscle activity", "Rectified and low-pass filtered EMG."),
+    (r"/view/emg$", EMG, "Envelope of the muscle activity, as viewed", "The envelope that a viewer got."),
+    (
+        r"/force_plate/([^/]+)/wrench$",
+        PLATE,
+        r"Load on force plate \1",
+        "Force and moment about the middle of the surface, mean of each message.",
+    ),
+    (
+        r"/force_plate/([^/]+)/samples$",
+        PLATE,
+        r"Samples of force plate \1",
+        "Channels of the plate as the device sent them.",
+    ),
+    (
+        r"/force_plate/([^/]+)/cop$",
+        PLATE,
+        r"Centre of pressure on force plate \1",
+        "From the middle of the surface, while the vertical force is above 20 N.",
+    ),
+    (
+        r"/F_ext$",
+        FORCES,
+        "External wrench on the end effector",
+        "Estimated by the robot, in its stiffness frame.",
+    ),
+    (r"/arm_wrench$", FORCES, "External wrench, as viewed", "The estimate that a viewer got."),
+    (
+        r"/commanded_wrench$",
+        FORCES,
+        "Wrench of the controller's spring and damper",
+        "In the axes of the robot's base.",
+    ),
+    (
+        r"/mocap/marker_stamped$",
+        TRACKING,
+        "Position of the marker",
+        "Position of the body that the motion capture tracked.",
+    ),
+)
+"""Of a topic: a pattern of its name, the part of the report, its figure's title and caption."""
+
+
+def of_topic(topic: str) -> tuple[str, str, str]:
+    """Part of the report, title and caption; of a topic that is not known, its name is the title."""
+    for pattern, section, title, caption in KNOWN:
+        found = re.search(pattern, topic)
+        if found:
+            return section, found.expand(title), caption
+    return OTHER, topic, "As it was recorded."

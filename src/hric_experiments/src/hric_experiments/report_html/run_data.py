@@ -1,0 +1,66 @@
+"""A run as its page needs it, read from its folder."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hric_bags import reader as bag_reader
+from hric_bags.reader import BagError, RunRecord
+from hric_bags.run_folder import RunFolder
+from hric_experiments.analysis import metrics, recordings
+from hric_experiments.analysis import run as analysis
+from hric_experiments.analysis import tracking_run as tracking_analysis
+from hric_experiments.analysis.recordings import Recordings
+from hric_experiments.analysis.tracking_run import Tracking
+
+
+@dataclass(frozen=True)
+class RunData:
+    """A run, read.
+
+    Attributes:
+        folder: where it lies.
+        run: contents of run.yaml.
+        values: contents of metrics.json.
+        record: its control log and what goes with it.
+        followed: how a marker was followed; None: none was.
+        found: what else is in the bag.
+        description: URDF; "": the run folder has none.
+    """
+
+    folder: RunFolder
+    run: Mapping[str, Any]
+    values: Mapping[str, Any]
+    record: RunRecord
+    followed: Tracking | None
+    found: Recordings
+    description: str
+
+    @property
+    def moves(self) -> list[metrics.Move]:
+        """Its setpoints."""
+        return metrics.moves(self.record, analysis.joint_orders(self.run))
+
+
+def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False) -> RunData:
+    """Read a run.
+
+    Args:
+        folder: of the run.
+        values: its metrics, as `analysis.analyse` returns them.
+        progress: show a progress bar.
+
+    Raises:
+        HricError: its bag or its description cannot be used.
+    """
+    run = folder.read()
+    bag = analysis.bag_of(folder, run)
+    record = bag_reader.read(bag)
+    try:
+        description = folder.urdf_path.read_text() if folder.urdf_path.is_file() else ""
+    except OSError as error:
+        raise BagError(f"cannot read {folder.urdf_path.name} of {folder.path.name}: {error.strerror}") from error
+    followed = tracking_analysis.analyse(folder, bag, run, record) if description else None
+    return RunData(
+        folder, run, values, record, followed, recordings.read(bag, record.robot_time, progress=progress), description
+    )
