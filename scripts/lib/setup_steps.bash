@@ -200,9 +200,9 @@ install_python() {
       --disable-pip-version-check --progress-bar off -r "$(requirements_of "$part")"
     if [ "$part" = run ]; then
       check_python
-      # What nothing here uses: models that come with PyBullet but for the Panda's meshes, headers of the rigid-body library.
-      as_user find .venv/lib/python3*/site-packages/pybullet_data -mindepth 1 -maxdepth 1 ! -name franka_panda ! -name __init__.py \
-        -exec rm -rf {} +
+      # What nothing here uses: models that come with PyBullet, but for the Panda's meshes and those of tests; headers of the rigid-body library.
+      as_user find .venv/lib/python3*/site-packages/pybullet_data -mindepth 1 -maxdepth 1 ! -name __init__.py ! -name franka_panda \
+        ! -name racecar ! -name kuka_iiwa ! -name 'duck*' -exec rm -rf {} +
       as_user rm -rf .venv/lib/python3*/site-packages/cmeel.prefix/include
     fi
     stamp "python-$part" "$(python_key "$part")"
