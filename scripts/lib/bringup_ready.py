@@ -41,7 +41,8 @@ def block(arguments: Mapping[str, str], master: str, parameter: Parameter) -> st
 
 def namespace(arguments: Mapping[str, str]) -> str:
     """Of the robot, with a slash before it; empty: none."""
-    return "/" + arguments["ns"].strip("/") if arguments["ns"].strip("/") else ""
+    name = arguments["ns"].strip("/")
+    return "" if name in ("", "none") else f"/{name}"
 
 
 def _records_at_once(arguments: Mapping[str, str]) -> bool:

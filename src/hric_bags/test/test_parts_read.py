@@ -22,7 +22,7 @@ from hric_bags.export import recording
 from hric_bags.run_folder import RunFolder
 from hric_control.testing import ros, roscore  # noqa: F401
 from hric_experiments import cli
-from hric_experiments.report_html import recordings
+from hric_experiments.analysis import recordings
 from hric_msgs.msg import ControlLog, SampleChunk
 
 SENT_AT, CYCLES = 0.1, 60_000
