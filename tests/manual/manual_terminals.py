@@ -57,7 +57,8 @@ class Terminal:
             "TERM": "dumb",
         }
         self._shell = subprocess.Popen(
-            ["setsid", "--ctty", "bash", "--noprofile", "--norc", "--noediting", "+o", "history", "-i"],
+            # As from a terminal, also where whoever runs the tests lets processes ignore Ctrl-C.
+            "env --default-signal=INT,QUIT setsid --ctty bash --noprofile --norc --noediting +o history -i".split(),
             stdin=slave,
             stdout=slave,
             stderr=slave,

@@ -45,7 +45,7 @@ def test_a_sourced_file_may_have_commands_that_fail(terminal: Terminal, tmp_path
 
 
 def test_ctrl_c_reaches_what_runs_and_not_the_shell(terminal: Terminal) -> None:
-    terminal.start("python3 -c 'import time; print(\"up\", flush=True); time.sleep(60)'")
+    terminal.start('python3 -c \'import time; print("u" + "p", flush=True); time.sleep(60)\'')
     terminal.wait_until(lambda output: "up" in output, PATIENCE, "up")
     terminal.interrupt()
     assert terminal.wait(PATIENCE) != 0
