@@ -58,7 +58,19 @@ class Terminal:
         }
         self._shell = subprocess.Popen(
             # As from a terminal, also where whoever runs the tests lets processes ignore Ctrl-C.
-            "env --default-signal=INT,QUIT setsid --ctty bash --noprofile --norc --noediting +o history -i".split(),
+            [
+                "env",
+                "--default-signal=INT,QUIT",
+                "setsid",
+                "--ctty",
+                "bash",
+                "--noprofile",
+                "--norc",
+                "--noediting",
+                "+o",
+                "history",
+                "-i",
+            ],
             stdin=slave,
             stdout=slave,
             stderr=slave,
