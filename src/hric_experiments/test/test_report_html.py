@@ -27,7 +27,7 @@ from hric_experiments.report_html import moving, page, run_data, run_page, scene
 
 def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:
     """Mark a test as one that needs a browser, which takes long."""
-    without = pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --gui installs it")
+    without = pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it")
     return pytest.mark.slow(without(test))
 
 
