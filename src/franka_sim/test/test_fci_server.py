@@ -129,6 +129,21 @@ def test_the_lock_step_clock_waits_for_the_command_for_the_last_state() -> None:
     assert given[-90:] == [2.0 * k for k in range(10, 100)]
 
 
+def test_a_client_that_does_not_get_to_run_for_a_while_loses_no_command_in_lock_step() -> None:
+    device = Recorder()
+    with serving(device, pace=0.0) as ip, Peer(ip) as peer:
+        peer.response(peer.move())
+        peer.until_moving()
+        peer.newest_state()
+        for k in range(9):
+            time.sleep(0.2 * (k % 3 == 1))
+            peer.send(command(1.0 + k))
+            peer.state()
+    given = [None if c is None else c.tau[0] for c in device.commands]
+    first = given.index(1.0)
+    assert given[first : first + 9] == [1.0 + k for k in range(9)]
+
+
 def test_a_command_that_does_not_come_is_lost_and_the_lock_step_clock_goes_on() -> None:
     device = Recorder()
     with serving(device, pace=0.0) as ip, Peer(ip) as peer:
@@ -252,7 +267,18 @@ def test_an_unpaced_lock_step_clock_runs_with_the_commands_and_in_real_time_with
     now = 5.0 + 1e-2
     assert clock.left(now, Phase.ARRIVED) <= 0.0
     assert 0.0 < clock.left(now, Phase.IDLE) <= 1e-3
-    assert clock.left(now, Phase.AWAITING) > 0.04
+    assert clock.left(now, Phase.AWAITING) > 0.4
+
+
+def test_only_the_first_command_that_is_lost_is_awaited_long_and_none_on_a_network_that_loses_them() -> None:
+    clock, lossy = LockStepClock(0.0), LockStepClock(0.0, lossy=True)
+    for one in (clock, lossy):
+        one.ticked(5.0, Phase.ARRIVED)
+    assert (clock.left(5.0, Phase.AWAITING), lossy.left(5.0, Phase.AWAITING)) == pytest.approx((0.5, 0.05))
+    clock.ticked(5.5, Phase.AWAITING)
+    assert clock.left(5.5, Phase.AWAITING) == pytest.approx(0.05)
+    clock.ticked(5.51, Phase.ARRIVED)
+    assert clock.left(5.51, Phase.AWAITING) == pytest.approx(0.5)
 
 
 def test_a_bad_network_loses_the_requested_share_and_delays_the_rest() -> None:

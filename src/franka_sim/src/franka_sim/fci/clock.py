@@ -8,12 +8,15 @@ from hric_control.parameters import number
 
 PERIOD = 1e-3
 """A cycle of the robot [s]."""
+PATIENCE = 0.5
+"""How long a command may keep the lock-step clock waiting before it counts as lost [s]: longer than a busy machine
+keeps a process from running, shorter than libfranka waits for a state (1 s)."""
 TIME_OUT = 0.05
-"""How long a command may keep the lock-step clock waiting before it counts as lost [s]: project default, unconfirmed,
-20 lost ones make 1 s."""
-FIRST_WAIT = 0.01
+"""The same after a command that was lost, and on a network that loses them [s]: project default, unconfirmed, 20 lost
+ones make 1 s."""
+FIRST_WAIT = 0.05
 """Before the first command of a motion, after the two states that the client needs: pause to the next state, doubled up
-to TIME_OUT [s].
+to PATIENCE [s].
 
 A client that computes its first command sends it for the newest state then, and the motion begins the same way each
 time.
@@ -67,26 +70,28 @@ class WallClock(Clock):
 
 
 class LockStepClock(Clock):
-    """In a motion, each state waits for the command for the one before; what does not come within TIME_OUT
-    counts as lost.
+    """In a motion, each state waits for the command for the one before; what does not come within PATIENCE, or
+    within TIME_OUT after one that was lost, counts as lost.
 
     Args:
         real_time_factor: robot time per wall time at most; 0: as fast as the client sends (at idle: real time).
+        lossy: on a network that loses datagrams, where TIME_OUT holds for all.
     """
 
-    def __init__(self, real_time_factor: float = 1.0) -> None:
+    def __init__(self, real_time_factor: float = 1.0, lossy: bool = False) -> None:
         factor = number(minimum=0.0).checked(real_time_factor, "the real-time factor of the lock-step clock")
         self._paced, self._period = factor > 0.0, PERIOD / (factor or 1.0)
         self._last = self._next = 0.0
         self._starting = 0
+        self._lossy, self._lost = lossy, False
 
     def left(self, now: float, phase: Phase) -> float:
         """To the command, or to the deadline of the paced clock."""
         if phase is Phase.AWAITING:
-            return self._last + TIME_OUT - now
+            return self._last + (TIME_OUT if self._lossy or self._lost else PATIENCE) - now
         if phase is Phase.STARTING and self._starting >= STATES_BEFORE_FIRST:
             wait = FIRST_WAIT * 2.0 ** min(self._starting - STATES_BEFORE_FIRST, 8)
-            return self._last + min(wait, TIME_OUT) - now
+            return self._last + min(wait, PATIENCE) - now
         if phase is Phase.ARRIVED and not self._paced:
             return 0.0
         return self._next - now
@@ -94,13 +99,16 @@ class LockStepClock(Clock):
     def ticked(self, now: float, phase: Phase) -> None:
         """Next deadline."""
         self._starting = self._starting + 1 if phase is Phase.STARTING else 0
+        self._lost = phase is Phase.AWAITING
         self._last = now
         self._next = max(self._next + self._period, now - CATCH_UP) if self._paced else now + self._period
 
 
-def make_clock(name: str, real_time_factor: float) -> Clock:
-    """The clock "lock_step" or "wall". Raises UnknownNameError, ParameterError."""
-    kinds: dict[str, type[LockStepClock] | type[WallClock]] = {"lock_step": LockStepClock, "wall": WallClock}
-    if name not in kinds:
-        raise UnknownNameError("clock", name, kinds)
-    return kinds[name](real_time_factor)
+def make_clock(name: str, real_time_factor: float, lossy: bool = False) -> Clock:
+    """The clock "lock_step" (on a network that loses datagrams if `lossy`) or "wall". Raises UnknownNameError,
+    ParameterError."""
+    if name == "lock_step":
+        return LockStepClock(real_time_factor, lossy)
+    if name == "wall":
+        return WallClock(real_time_factor)
+    raise UnknownNameError("clock", name, ("lock_step", "wall"))

@@ -44,12 +44,12 @@ class FciServer:
     ) -> None:
         if version not in PROTOCOLS:
             raise UnknownNameError("protocol version", version, map(str, PROTOCOLS), "FciServer")
-        self._clock = make_clock(clock, pace)
+        faults = faults or Faults()
+        self._clock = make_clock(clock, pace, lossy=faults.loss > 0.0)
         self._selector = selectors.SelectSelector()  # an epoll would round the wait up to a millisecond
         self._services: list[Service] = []
         self._stop = False
         self._cycles = 0
-        faults = faults or Faults()
         try:
             self.arm = ArmService(self._selector, PROTOCOLS[version], device, ip, faults)
             self._services.append(self.arm)
