@@ -61,6 +61,7 @@ class CalibrateNode(NodeApp):
         node.subscribe(settings.state_topic, FrankaState, self._on_state)
         for name, handler in (("add", self._add), ("solve", self._solve), ("clear", self._clear)):
             node.service(name, Trigger, lambda request, handler=handler: self._serve(handler))  # type: ignore[misc]
+        node.log_info(f"at each pose, at rest: rosservice call {node.namespace}/add; at the end: {node.namespace}/solve")
 
     def _on_mocap(self, message: Any) -> None:
         body = next((body for body in message.rigid_bodies if self._body in ("", body.name)), None)
