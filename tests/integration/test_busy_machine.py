@@ -1,10 +1,12 @@
-"""A minute of motion capture while others take the processors: the order of its stamps, and what the controller makes
-of them."""
+"""Others take the processors: the order of the stamps of motion capture and what the controller makes of them, and
+Ctrl-C at any moment."""
 
 import contextlib
 import itertools
+import signal
 import subprocess
 import sys
+import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +14,8 @@ from typing import Any
 
 import pytest
 import yaml
+from bags import control_log, gaps_and_repeats
+from bringup_end import LIMIT
 from live_system import ROOT, LiveSystem
 from rosbags.highlevel import AnyReader
 
@@ -21,6 +25,7 @@ EXPERIMENT = ROOT / "src/hric_experiments/config/experiments/marker_tracking.yam
 MINUTE = 60.0
 STAMPED = ("/hric/perception/mocap", "/mocap/marker_stamped", "/mocap/hand/pose")
 STATE = "/cartesian_pose_controller/state"
+MOMENTS = 10
 
 
 @contextlib.contextmanager
@@ -77,3 +82,41 @@ def test_beside_two_busy_loops_no_stamp_goes_back_for_a_minute_and_no_marker_is_
     assert set(steps) == set(STAMPED) and all(len(found) > 200 * MINUTE for found in stamps.values())
     assert min(steps.values()) > 0.0
     assert list(state.refused_reasons) == []
+
+
+def whole_run(system: LiveSystem) -> float:
+    """How long pd_step takes from the command to its report [s of wall time]."""
+    began = time.monotonic()
+    assert system.wait(240.0) == 0, system.output
+    return time.monotonic() - began
+
+
+def ended_well(system: LiveSystem) -> None:
+    """Nothing was ended by force or complained, and what was written is whole."""
+    output = system.output
+    assert system.process.returncode in {0, 130, -signal.SIGINT}, output  # the last: before Python ran
+    assert system.processes() == {}
+    assert not any(word in output for word in ("Traceback", "killed", "SIGKILL", "[ERROR]", "[FATAL]")), output
+    for folder in [folder for folder in system.runs.glob("*") if not folder.is_symlink()]:
+        assert yaml.safe_load((folder / "run.yaml").read_text())["status"] in {"interrupted", "completed"}, output
+        assert not list(folder.glob("*.active"))
+        for bag in folder.glob("*.bag"):
+            assert gaps_and_repeats(control_log(bag)[0]) == (0, 0)
+
+
+@pytest.mark.slow
+def test_ctrl_c_at_ten_moments_of_a_run_beside_two_busy_loops_ends_it_quietly_and_whole(
+    start: Callable[..., LiveSystem], figure: Callable[[str, float, str], None]
+) -> None:
+    arguments = ("env:=sim", "rviz:=false", "experiment:=pd_step")
+    ends = []
+    with busy_loops(2):
+        duration = whole_run(start(*arguments))
+        for moment in range(MOMENTS):
+            system = start(*arguments)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                system.process.wait((moment + 0.5) / MOMENTS * duration)
+            ends.append(system.interrupt() if system.process.poll() is None else 0.0)
+            ended_well(system)
+    figure("Ctrl-C beside two busy loops: longest end", max(ends), "s")
+    assert max(ends) < LIMIT
