@@ -17,6 +17,9 @@ from hric_control.robot_time import stamps
 from hric_control.ros.action import RosActionServer
 from hric_control.ros.live import RosLiveParameters
 
+# rospy: a queue_size of None sends in the calling thread, a number queues. It takes None for an oversight and warns.
+warnings.filterwarnings("ignore", "The publisher should be created with", SyntaxWarning)
+
 
 class RosPublisher:
     """Sends on a rospy topic.
@@ -26,13 +29,10 @@ class RosPublisher:
     """
 
     def __init__(self, topic: str, message_type: type, queue_size: int, latch: bool) -> None:
-        # rospy: None sends in the calling thread, a number queues. It takes None for an oversight and warns.
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SyntaxWarning)
-            try:
-                self._publisher = rospy.Publisher(topic, message_type, queue_size=queue_size or None, latch=latch)
-            except (ValueError, rospy.ROSException) as error:
-                raise HricError(f"topic {topic} cannot be advertised: {error}") from error
+        try:
+            self._publisher = rospy.Publisher(topic, message_type, queue_size=queue_size or None, latch=latch)
+        except (ValueError, rospy.ROSException) as error:
+            raise HricError(f"topic {topic} cannot be advertised: {error}") from error
         self._what, self._type = f"topic {topic}", message_type
 
     def publish(self, message: Any) -> None:
