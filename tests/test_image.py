@@ -23,6 +23,7 @@ HOST = (
     "/etc/apt/auth.conf.d",
     "/etc/apt/sources.list.d",
     "/etc/pip.conf",
+    "/usr/local/share/ca-certificates",
     "/etc/ssl/certs/ca-certificates.crt",
 )
 """Where this machine fetches packages from, which may be a mirror of its own: the image fetches from there too."""
