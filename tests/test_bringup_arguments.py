@@ -246,37 +246,34 @@ def test_an_address_where_no_arm_is_is_told_before_anything_starts() -> None:
 
 
 @pytest.mark.parametrize(
-    ("script", "argument", "code", "texts"),
+    ("script", "texts"),
     [
-        ("bringup", "--help", 0, ("env:=sim", "real_time_factor:=1.0", "[N m/rad]", "experiment:=none")),
-        ("bringup", "kp:=abc", 2, ("scripts/bringup: kp:=abc is not a number",)),
-        ("replay", "--help", 0, ("--rate R",)),
-        ("replay", "--rate=0", 2, ("'0' is not possible; valid: a number above 0",)),
-        ("setup", "--help", 0, ("usage: scripts/setup",)),
-        ("setup", "--fast", 2, ("no option --fast",)),
-        ("test", "--help", 0, ("scripts/test --live",)),
-        ("lint", "--help", 0, ("scripts/lint --fix",)),
-        ("lint", "--mend", 2, ("no option --mend",)),
+        ("bringup", ("env:=sim", "real_time_factor:=1.0", "[N m/rad]", "experiment:=none")),
+        ("replay", ("--rate R",)),
+        ("setup", ("usage: scripts/setup",)),
+        ("test", ("scripts/test --live",)),
+        ("lint", ("scripts/lint --fix",)),
     ],
 )
-def test_help_and_mistakes_of_scripts_need_no_set_up_and_next_to_no_computing(
-    tmp_path: Path, script: str, argument: str, code: int, texts: tuple[str, ...]
+def test_help_of_scripts_needs_no_set_up_and_next_to_no_computing(
+    tmp_path: Path, script: str, texts: tuple[str, ...]
 ) -> None:
-    """In a copy that was never set up, with a Python that has nothing but itself."""
-    for folder in ("scripts", "src/hric_bringup", "src/hric_experiments/config"):
+    """In a copy that was never set up, with a Python that has nothing but itself; tests/test_wrong_inputs.py has the
+    mistakes."""
+    sources = ("src/hric_bags/src", "src/hric_control/src")  # in which scripts/replay looks for a run
+    for folder in ("scripts", "src/hric_bringup", "src/hric_experiments/config", *sources):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     before = os.times()
     done = subprocess.run(
-        [str(tmp_path / "scripts" / script), argument],
+        [str(tmp_path / "scripts" / script), "--help"],
         env={"PATH": os.defpath},
         capture_output=True,
         text=True,
         timeout=60,
     )
     after = os.times()
-    assert done.returncode == code, done.stderr
-    assert all(text in (done.stderr if code else done.stdout) for text in texts)
-    assert code == 0 or (done.stdout == "" and "Traceback" not in done.stderr)
+    assert done.returncode == 0, done.stderr
+    assert all(text in done.stdout for text in texts)
     spent = after.children_user + after.children_system - before.children_user - before.children_system
     assert spent < 0.3
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scripts", "src"]

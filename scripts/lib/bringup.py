@@ -20,7 +20,7 @@ from bringup_end import end_nodes
 from bringup_master import DEFAULT, MasterError, call, choose
 from bringup_ready import PERIOD, block, namespace
 
-from hric_control.errors import HricError
+from hric_control.errors import FAILURE, HricError
 
 INTERRUPTED = 130
 PROBE_TIMEOUT = 1.0
@@ -157,6 +157,10 @@ def main(argv: list[str]) -> int:
         known, defaults = given.choices(), {name: default for name, (default, _) in given.documented().items()}
         arguments = defaults | given.check(given.split(argv), defaults, known)
         check_realism(arguments["realism"])
+        if arguments["experiment"].endswith((".yaml", ".yml")):
+            import hric_experiments.definition.experiment  # whose mistakes are one error, as all others
+
+            hric_experiments.definition.experiment.load(arguments["experiment"])
         if arguments["env"] == "real":
             # with all that the arm's driver is made of, which a simulated one need not wait for
             import franka_real.probe
@@ -168,7 +172,7 @@ def main(argv: list[str]) -> int:
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, f"{namespace(arguments)}/robot")
     except (given.ArgumentError, MasterError, HricError) as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
-        return given.USER_ERROR if isinstance(error, given.ArgumentError) else 1
+        return getattr(error, "exit_code", FAILURE)
     announce(shown, master, running)
     return run(arguments, master)
 

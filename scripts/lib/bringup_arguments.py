@@ -26,7 +26,13 @@ Documented = Mapping[str, tuple[str, str]]
 
 
 class ArgumentError(Exception):
-    """A name or a value that bringup.launch cannot use; the message lists what it can."""
+    """A name or a value that bringup.launch cannot use; the message lists what it can.
+
+    Attributes:
+        exit_code: of the command, as of `hric_control.errors`, which cannot be imported before the set-up.
+    """
+
+    exit_code = 2
 
 
 @dataclass(frozen=True)
@@ -52,8 +58,6 @@ BROADCASTERS = ("joint_state_controller", "franka_state_controller")
 BOOL = ("true", "false")
 REALISM = ("auto", "ideal", "measured")
 JOINTS = 7
-USER_ERROR = 2
-"""Exit code where an argument is wrong."""
 
 
 def documented() -> dict[str, tuple[str, str]]:
@@ -487,7 +491,7 @@ def main(argv: list[str]) -> int:
         check(split(argv), arguments, choices())
     except ArgumentError as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
-        return USER_ERROR
+        return error.exit_code
     return 0
 
 

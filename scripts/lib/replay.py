@@ -17,7 +17,7 @@ from bringup_master import DEFAULT, MasterError, call, choose, node_is_alive
 from replay_arguments import parsed
 from replay_run import Run, blocked, find
 
-from hric_control.errors import HricError
+from hric_control.errors import FAILURE, FailureError, HricError
 from hric_control.processes import end_process
 
 WORKSPACE = Path(__file__).resolve().parents[2]
@@ -112,9 +112,9 @@ def _wait(what: str, done: Callable[[], bool], process: subprocess.Popen[bytes],
     deadline = time.monotonic() + timeout
     while not done():
         if process.poll() is not None:
-            raise HricError(f"{what} ended with code {process.returncode}; its messages are above")
+            raise FailureError(f"{what} ended with code {process.returncode}; its messages are above")
         if time.monotonic() > deadline:
-            raise HricError(f"{what} did not start within {timeout:g} s")
+            raise FailureError(f"{what} did not start within {timeout:g} s")
         time.sleep(0.05)
 
 
@@ -122,7 +122,7 @@ def _ended(player: subprocess.Popen[bytes]) -> int:
     while player.poll() is None:
         time.sleep(0.05)
     if player.returncode:
-        raise HricError(f"rosbag play ended with code {player.returncode}; its messages are above")
+        raise FailureError(f"rosbag play ended with code {player.returncode}; its messages are above")
     return 0
 
 
@@ -151,7 +151,7 @@ def main(argv: Sequence[str]) -> int:
         master, running = choose(os.environ.get("ROS_MASTER_URI") or DEFAULT, f"{run.namespace}/robot")
         if running and (reason := blocked(call(master, "getSystemState"), run)):
             other = "ROS_MASTER_URI=http://localhost:11322 scripts/replay ..."
-            raise HricError(
+            raise FailureError(
                 f"{reason} on the master {master}: the run would be mixed with it. End it first, or replay beside "
                 f"it:  {other}"
             )
@@ -160,7 +160,7 @@ def main(argv: Sequence[str]) -> int:
         return play(run, master, running, given.rate, not given.no_rviz and bool(os.environ.get("DISPLAY")))
     except (HricError, MasterError) as error:
         print(f"scripts/replay: {error}", file=sys.stderr)
-        return 1
+        return getattr(error, "exit_code", FAILURE)
     except Interrupted:
         return INTERRUPTED
 

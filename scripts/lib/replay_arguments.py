@@ -1,13 +1,18 @@
 """The command line of scripts/replay, which is read before the set-up, too: this file needs nothing but Python
-itself."""
+itself and the source beside it."""
 
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
+
+sys.path += [str(Path(__file__).resolve().parents[2] / "src" / name / "src") for name in ("hric_bags", "hric_control")]
+from hric_bags.run_folder import RunFolder, runs_root
+from hric_control.errors import HricError
 
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
-    """The command line."""
+    """The command line; a run that is not there is refused."""
     parser = argparse.ArgumentParser(
         "scripts/replay",
         description="Play a run: its bag with its own clock, the robot as it was, and rviz. The space bar pauses, "
@@ -19,7 +24,12 @@ def parsed(argv: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--no-rviz", action="store_true", help="without rviz; by itself where there is no display")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
-    return parser.parse_args(argv)
+    given = parser.parse_args(argv)
+    try:
+        RunFolder.open(given.run, runs_root(given.runs))
+    except HricError as error:
+        parser.error(str(error))
+    return given
 
 
 def _rate(text: str) -> float:

@@ -103,9 +103,9 @@ def test_a_replay_ends_by_itself_with_the_bag(runs: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "text", "code"),
     [
-        (("pd_stepp",), "no run folder 'pd_stepp'", 1),
+        (("pd_stepp",), "no run folder 'pd_stepp'", 2),
         (("latest", "--rate", "0"), "a number above 0", 2),
-        (("unfinished",), "--salvage", 1),
+        (("unfinished",), "--salvage", 2),
     ],
 )
 def test_what_cannot_be_played_is_told_in_one_error_before_anything_starts(

@@ -165,7 +165,7 @@ def test_a_world_that_cannot_be_used_is_told_in_one_error_and_ends_the_run(start
     world = tmp_path / "bad.yaml"
     world.write_text("objects: [{name: box, shape: pyramid}]\n")
     system = start("env:=sim", "rviz:=false", f"world:={world}")
-    assert system.wait(timeout=60.0) == 1
+    assert system.wait(timeout=60.0) == 2
     assert "bad.yaml" in system.output and "Traceback" not in system.output
     assert system.processes() == {}
 

@@ -161,7 +161,7 @@ def test_a_bad_parameter_ends_it_with_one_clear_line(ros):
     node = Node("_publish_rate:=-1")
     output, _ = node.process.communicate(timeout=LIMIT)
     rospy.delete_param("/grip")
-    assert node.process.returncode == 1
+    assert node.process.returncode == 2
     assert "/grip/franka_gripper/publish_rate is -1; valid: a finite number above 0" in output
     assert "Traceback" not in output
 

@@ -220,7 +220,7 @@ def test_a_disk_that_refuses_leaves_no_half_file(tmp_path: Path) -> None:
 def test_a_wrong_argument_is_one_line_with_the_valid_choices(
     truth: Truth, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], reason: str
 ) -> None:
-    assert cli.main(["export", str(truth.bag), "--output", str(tmp_path / "out"), *arguments]) == 1
+    assert cli.main(["export", str(truth.bag), "--output", str(tmp_path / "out"), *arguments]) == 2
     message = capsys.readouterr().err
     assert reason in message and message.count("\n") == 1
     assert not (tmp_path / "out").exists()
@@ -301,5 +301,5 @@ def test_a_damaged_bag_is_refused_with_the_way_to_salvage_it(
 ) -> None:
     cut = tmp_path / "cut.bag"
     cut.write_bytes(truth.bag.read_bytes()[:20000])
-    assert cli.main(["export", str(cut), "--format", "npz"]) == 1
+    assert cli.main(["export", str(cut), "--format", "npz"]) == 2
     assert "health --salvage" in capsys.readouterr().err

@@ -229,7 +229,7 @@ def test_a_bag_that_is_being_written_is_not_salvaged(
     path = tmp_path / "a.bag.active"
     path.write_bytes(whole.read_bytes()[:-4000])
     with path.open("ab"):
-        assert cli.main(["health", str(path), "--salvage", "--quiet"]) == 1
+        assert cli.main(["health", str(path), "--salvage", "--quiet"]) == 2
     assert "is being written" in capsys.readouterr().err and list(tmp_path.iterdir()) == [path]
 
 
@@ -246,6 +246,6 @@ def test_what_is_no_bag_is_refused_in_one_line(
 ) -> None:
     if data is not None:
         (tmp_path / name).write_bytes(data)
-    assert cli.main(["health", str(tmp_path / name), "--runs", str(tmp_path), "--salvage"]) == 1
+    assert cli.main(["health", str(tmp_path / name), "--runs", str(tmp_path), "--salvage"]) == 2
     message = capsys.readouterr().err
     assert expected in message and message.count("\n") == 1

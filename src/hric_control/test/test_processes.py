@@ -1,5 +1,6 @@
 """The control loop's thread has a higher priority, where that is allowed."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from hric_control import processes
+from hric_control.errors import FailureError, HricError, ParameterError, failing
 
 
 def test_only_the_calling_thread_gets_the_priority() -> None:
@@ -46,3 +48,35 @@ def test_a_process_that_ignores_the_interrupt_is_killed_with_its_group() -> None
     processes.end_process(process, 0.2)
     assert process.returncode == -signal.SIGKILL
     processes.end_process(process, 0.2)  # which has ended
+
+
+def interrupted() -> None:
+    raise KeyboardInterrupt
+
+
+def refused(error: HricError, begun: bool = False) -> int:
+    """What a command returns whose work raises the error, before or after it has begun."""
+
+    def work() -> None:
+        with failing() if begun else contextlib.nullcontext():
+            raise error
+
+    return processes.run_command("tool", work)
+
+
+def test_a_command_returns_2_for_a_mistake_and_1_for_a_failure(capsys: pytest.CaptureFixture[str]) -> None:
+    assert refused(ParameterError("kp is -1; valid: 0 or more")) == 2
+    assert refused(FailureError("no robot")) == 1
+    assert capsys.readouterr().err == "tool: kp is -1; valid: 0 or more\ntool: no robot\n"
+
+
+def test_what_goes_wrong_once_a_command_has_begun_is_a_failure_whatever_its_type() -> None:
+    assert refused(ParameterError("kp is -1"), begun=True) == 1
+    assert ParameterError("kp is -1").exit_code == 2
+
+
+def test_a_command_returns_what_its_work_does_and_130_after_ctrl_c() -> None:
+    assert processes.run_command("tool", lambda: None) == 0
+    assert processes.run_command("tool", lambda: 3) == 3
+    assert processes.run_command("tool", interrupted) == 130
+    assert processes.run_command("tool", interrupted, interrupted=0) == 0

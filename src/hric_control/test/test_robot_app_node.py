@@ -209,10 +209,10 @@ def test_an_unpaced_robot_says_so_to_drivers(start):
     assert pairs[-1][1].real_time_factor == 0.0
 
 
-def test_a_mistake_at_the_start_is_one_fatal_line_and_exit_code_1(start):
+def test_a_mistake_at_the_start_is_one_fatal_line_and_exit_code_2(start):
     process = start("_robot_hw:=nobody/Knows")
     output, _ = process.communicate(timeout=20.0)
-    assert process.returncode == 1
+    assert process.returncode == 2
     assert "no hric_control::RobotHW 'nobody/Knows'" in output
     assert "toy/Toy" in output
     assert "Traceback" not in output

@@ -210,7 +210,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line_and_nothing_is_written(
 ) -> None:
     write, said = REFUSED[kind]
     code, out, err = called(capsys, write(tmp_path / "arm.csv", data))
-    assert (code, out, err.count("\n")) == (1, "", 1) and err.startswith("check_model: ")
+    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("check_model: ")
     assert said in err
     assert [file.name for file in tmp_path.iterdir()] == ["arm.csv"]
 
@@ -236,7 +236,7 @@ def test_a_wrong_argument_is_refused_with_what_would_be_right(
 ) -> None:
     path = write_csv(tmp_path / "arm.csv", columns(data))
     code, out, err = called(capsys, path, *arguments)
-    assert (code, out, err.count("\n")) == (1, "", 1) and said in err
+    assert (code, out, err.count("\n")) == (2, "", 1) and said in err
     assert called(capsys, tmp_path / "nothing.csv")[2].endswith("nothing.csv: No such file or directory\n")
 
 
@@ -303,7 +303,7 @@ def test_joints_and_topics_that_a_bag_does_not_have_are_refused_with_those_it_ha
     path = write_joint_states(tmp_path / "other.bag", few, [f"a{i}" for i in range(1, 8)])
     code, _, err = called(capsys, path)
     assert (
-        code == 1 and "no joints <arm>_joint1 to 7 with position, velocity and effort; joints there: a1, a2, a3" in err
+        code == 2 and "no joints <arm>_joint1 to 7 with position, velocity and effort; joints there: a1, a2, a3" in err
     )
     path = write_joint_states(tmp_path / "panda.bag", few, NAMES)
     assert "no joints left_joint1 to 7" in called(capsys, path, "--arm-id", "left")[2]

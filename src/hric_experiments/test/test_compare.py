@@ -146,15 +146,6 @@ def test_a_run_compared_with_itself_differs_by_nothing(root: Path, simulated: Ru
     } == {0.0}
 
 
-def test_what_cannot_be_compared_is_one_line_without_a_traceback(root: Path, simulated: RunFolder) -> None:
-    done = rosrun("compare", simulated.path.name, "nowhere", "--runs", str(root))
-    assert (
-        done.returncode == 1
-        and done.stderr.splitlines()[-1].startswith("compare: no run folder 'nowhere'")
-        and "Traceback" not in done.stderr
-    )
-
-
 @pytest.fixture
 def record(tmp_path: Path) -> RunRecord:
     return bag_reader.read(write_run(tmp_path).bag_path)

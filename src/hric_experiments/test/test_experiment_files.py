@@ -206,7 +206,7 @@ def test_unknown_and_missing_keys_of_a_file_are_named(tmp_path: Path) -> None:
     assert told.startswith("experiment own: 8 mistakes\n  no parameter 'controlers'; valid: ")
     missing = [f"{key} is not set" for key in ("robot.hw", "setpoints[0].positions", "duration")]
     assert all(part in told for part in ("(did you mean controllers?)", *missing))
-    assert told.endswith("for example:\n" + indent(experiment.EXAMPLE, "  "))
+    assert told.endswith("for example:\n" + indent(experiment.EXAMPLE.rstrip(), "  "))
     path.write_text("- 1\n")
     with pytest.raises(ExperimentError, match="must be a mapping"):
         experiment.read(str(path))

@@ -203,7 +203,8 @@ def test_experiment_options_and_overrides_come_in_any_order(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"), [(["kp:=20"], "got none"), (["pd_step", "--quiet", "thesis_step"], "got pd_step, thesis_step")]
+    ("words", "told"),
+    [(["kp:=20"], "got none; valid: "), (["pd_step", "--quiet", "thesis_step"], "got pd_step, thesis_step")],
 )
 def test_not_exactly_one_experiment_is_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
@@ -223,7 +224,7 @@ def test_what_robot_or_controller_refuse_is_one_line_and_leaves_no_folder(
 ) -> None:
     process = rosrun(tmp_path / "runs", "pd_step", override)
     output, error = process.communicate(timeout=30)
-    assert process.returncode == 1 and "Traceback" not in error + output, error
+    assert process.returncode == 2 and "Traceback" not in error + output, error
     assert all(text in error for text in told) and error.count("\n") == 1
     assert not (tmp_path / "runs").exists()
 

@@ -257,7 +257,7 @@ def test_an_experiment_that_never_becomes_ready_says_what_is_missing(system: Sys
 def test_an_unknown_experiment_is_one_line_with_the_valid_names(system: System) -> None:
     for name in ("recorder", "experiment"):
         code, output, _ = ended(system.node(name, "_experiment:=pdstep"), 20.0)
-        assert code == 1 and "Traceback" not in output, output
+        assert code == 2 and "Traceback" not in output, output
         assert (
             "no experiment 'pdstep'" in output
             and "valid: data_collection, marker_tracking, pd_step, thesis_step" in output

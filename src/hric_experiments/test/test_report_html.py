@@ -177,7 +177,7 @@ def test_a_wrong_comparison_is_refused(
     for name in "abc":
         (tmp_path / name).mkdir()
         (tmp_path / name / "run.yaml").write_text("{}")
-    assert cli.main(["compare", *words, "--runs", str(tmp_path)]) == 1
+    assert cli.main(["compare", *words, "--runs", str(tmp_path)]) == 2
     assert told in capsys.readouterr().err
 
 

@@ -121,4 +121,4 @@ def test_a_wrong_parameter_ends_a_node_with_one_line(
 ) -> None:
     process = nodes.start(name, "__name:=wrong", argument)
     output = process.communicate(timeout=LIMIT)[0]
-    assert process.returncode == 1 and words in output and "Traceback" not in output
+    assert process.returncode == 2 and words in output and "Traceback" not in output

@@ -105,7 +105,7 @@ def test_a_wrong_parameter_ends_the_node_with_one_line(ros: str) -> None:
 
     with process(NODE, "__name:=wrong_human", "_human:={program: walk}") as node:
         output, _ = node.communicate(timeout=LIMIT)
-    assert node.returncode == 1
+    assert node.returncode == 2
     assert (
         "no program 'walk' in /wrong_human/human; valid: c3d, minimum_jerk, reactive, sinusoid" in output
         and "Traceback" not in output

@@ -208,7 +208,7 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
         assert told.returncode == 0 and picture.stat().st_size > 10_000, told.stderr
         for given, words in ((["nothing"], "no panel 'nothing'; valid: efforts"), ([], "--screenshot FILE")):
             refused = subprocess.run([*plot, *given], env=environment, capture_output=True, text=True, timeout=60)
-            assert refused.returncode == 1 and words in refused.stderr and refused.stderr.count("\n") == 1
+            assert refused.returncode == 2 and words in refused.stderr and refused.stderr.count("\n") == 1
     finally:
         feed.close()
         for subscriber in subscribers:

@@ -52,6 +52,6 @@ def test_every_argument_is_explained() -> None:
     assert all(argument.get("doc") for argument in ET.parse(FILE).getroot().findall("arg"))
 
 
-def test_the_names_that_roslaunch_adds_are_left_alone(caplog: pytest.LogCaptureFixture) -> None:
-    assert app.main(["--rate", "-1", "__name:=emulated_motive", "__log:=/tmp/x.log"]) == 1
-    assert "rate is -1" in caplog.text
+def test_the_names_that_roslaunch_adds_are_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.main(["--rate", "-1", "__name:=emulated_motive", "__log:=/tmp/x.log"]) == 2
+    assert "rate is -1" in capsys.readouterr().err

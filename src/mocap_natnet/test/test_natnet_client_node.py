@@ -112,7 +112,7 @@ def test_a_wrong_parameter_ends_the_node_with_one_line(ros: str) -> None:
 
     process = start("__name:=wrong_client", "_up_axis:=x")
     output, _ = process.communicate(timeout=LIMIT)
-    assert process.returncode == 1
+    assert process.returncode == 2
     assert "/wrong_client/up_axis is 'x'; valid: y, z" in output and "Traceback" not in output
     rospy.delete_param("/wrong_client")
 

@@ -1,7 +1,5 @@
 """The command `rosrun panda_description urdf`."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -49,10 +47,3 @@ def test_an_unknown_argument_is_refused_with_all_valid_names(word: str) -> None:
 def test_a_word_that_cannot_be_read_is_refused(word: str, said: str) -> None:
     with pytest.raises(ParameterError, match=said):
         description.parse([word])
-
-
-def test_the_executable_ends_with_1_and_one_line_on_a_mistake() -> None:
-    done = subprocess.run([sys.executable, str(NODE), "hnad:=true"], capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert done.stdout == ""
-    assert done.stderr.count("\n") == 1 and "no argument 'hnad'" in done.stderr

@@ -51,10 +51,10 @@ def test_it_prints_the_proof_and_the_times_and_leaves_model_and_meshes_only(tmp_
     assert all(path.suffix == ".obj" for path in (tmp_path / "Geometry").iterdir())
 
 
-def test_a_refusal_is_one_line_and_exit_code_1_and_nothing_is_left(tmp_path: Path) -> None:
+def test_a_refusal_is_one_line_and_exit_code_2_and_nothing_is_left(tmp_path: Path) -> None:
     (tmp_path / "bad.urdf").write_text(one_joint(child=""))
     done = run(tmp_path, "bad.urdf")
-    assert (done.returncode, done.stdout) == (1, "")
+    assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("urdf_to_osim: link arm: joint swing moves it") and done.stderr.count("\n") == 1
     assert names(tmp_path) == ["bad.urdf"]
 
@@ -64,7 +64,7 @@ def test_a_robot_that_cannot_move_is_refused_after_it_was_built_without_a_crash_
         link("a"), link("b", ""), link("c"), joint("first", "revolute", "a", "b"), joint("second", "revolute", "b", "c")
     )
     done = run(tmp_path, "-", "-o", "a.osim", stdin=urdf_xml)
-    assert done.returncode == 1 and done.stderr.startswith("urdf_to_osim: joints first, second can move together")
+    assert done.returncode == 2 and done.stderr.startswith("urdf_to_osim: joints first, second can move together")
     assert names(tmp_path) == []
 
 
@@ -103,14 +103,14 @@ def test_a_mistake_on_the_command_line_is_one_clear_error(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "robot.urdf").write_text(one_joint())
-    assert cli.main(words) == 1
+    assert cli.main(words) == 2
     assert message in capsys.readouterr().err
     assert names(tmp_path) == ["robot.urdf"]
 
 
 def test_bytes_that_are_no_text_are_one_clear_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.urdf").write_bytes(b"\xff\xfe\x00robot")
-    assert cli.main([str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim")]) == 1
+    assert cli.main([str(tmp_path / "a.urdf"), "-o", str(tmp_path / "a.osim")]) == 2
     assert "not XML" in capsys.readouterr().err
 
 

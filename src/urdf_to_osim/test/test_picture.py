@@ -17,8 +17,8 @@ import panda_description
 import urdf_to_osim
 from hric_control.errors import DescriptionError, ParameterError
 from hric_control.geometry import FloatArray
-from urdf_to_osim.decorations import Decoration, load_scene
-from urdf_to_osim.drawing.drawing import Look, draw
+from urdf_to_osim.decorations import Decoration, Look, load_scene
+from urdf_to_osim.drawing.drawing import draw
 from urdf_to_osim.drawing.picture import main, picture
 
 NODE = Path(__file__).resolve().parents[1] / "nodes" / "picture"
@@ -222,7 +222,7 @@ def test_a_mistake_gives_one_line_and_no_picture(
     words: list[str], error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = slider(tmp_path)
-    assert main([str(path), *words]) == 1
+    assert main([str(path), *words]) == 2
     said = capsys.readouterr().err
     assert error in said
     assert len(said.splitlines()) == 1

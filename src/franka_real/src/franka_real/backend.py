@@ -9,14 +9,14 @@ from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.command_set import ArmCommand
 from franka_hw_interface.modes import Mode
 from franka_real.settings import Settings
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 
 
-class RobotError(HricError):
+class RobotError(FailureError):
     """The arm ended or refused a motion, or refused a setting; it is still there. The message is libfranka's."""
 
 
-class ConnectionLostError(HricError):
+class ConnectionLostError(FailureError):
     """The arm no longer responds."""
 
 

@@ -13,7 +13,7 @@ from franka_real.backend import Backend, ConnectionLostError
 from franka_real.realtime_setup import priority_kept
 from franka_real.settings import Settings
 from franka_real.watchdog import Watchdog
-from hric_control.errors import CommandError, HricError
+from hric_control.errors import CommandError, FailureError
 
 MASS_TOLERANCE = 0.1
 """How far the end effector's mass in the description and in the arm may be apart without a word; project default,
@@ -79,7 +79,7 @@ def _backend(robot: str) -> Callable[[Settings], Backend]:
 
         return PandaBackend
     except ImportError as error:
-        raise HricError(
+        raise FailureError(
             f"libfranka's binding for robot {robot!r} cannot be imported ({error}); {wheel} is installed by "
             "scripts/setup"
         ) from error

@@ -12,7 +12,7 @@ from typing import Any
 from franka_hw_interface.hand import HandMotion, HandOutcome
 from franka_real import probe
 from franka_real.settings import ROBOT_IP
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 from hric_control.node import Node
 from hric_control.parameters import Settings, choice
 
@@ -211,7 +211,7 @@ def connector(address: str, library: str = "auto") -> Callable[[], Any]:
             problems.append(f"{name}: {error}")
             continue
         return lambda: _connect(module, address)
-    raise HricError(f"no binding of libfranka for the hand: {'; '.join(problems)}")
+    raise FailureError(f"no binding of libfranka for the hand: {'; '.join(problems)}")
 
 
 def _connect(module: Any, address: str) -> Any:
@@ -219,7 +219,7 @@ def _connect(module: Any, address: str) -> Any:
     try:
         return module.Gripper(address)
     except Exception as error:  # as above
-        raise HricError(f"no Franka hand at {address}: {error}") from error
+        raise FailureError(f"no Franka hand at {address}: {error}") from error
 
 
 @dataclass(frozen=True)

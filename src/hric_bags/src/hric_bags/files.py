@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 
 @contextlib.contextmanager
 def atomic(path: Path) -> Iterator[Path]:
@@ -37,6 +35,8 @@ def write_json(path: Path, data: Any) -> None:
 
 def write_yaml(path: Path, data: Any) -> None:
     """Write YAML in the order of the keys."""
+    import yaml
+
     write_text(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=140))
 
 

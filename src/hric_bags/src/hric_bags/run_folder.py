@@ -2,14 +2,14 @@
 newest that has a recording."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hric_bags import files
-from hric_control.errors import HricError
+from hric_control.errors import HricError, failing
 
 RUNNING, COMPLETED, INTERRUPTED, FAILED = "running", "completed", "interrupted", "failed"
 STAMP = "%Y%m%d-%H%M%S"
@@ -109,6 +109,8 @@ class RunFolder:
 
     def read(self) -> dict[str, Any]:
         """Contents of run.yaml."""
+        import yaml  # looking for a run needs Python alone
+
         try:
             data = yaml.safe_load((self.path / "run.yaml").read_text())
         except (OSError, yaml.YAMLError) as error:
@@ -120,6 +122,16 @@ class RunFolder:
     def update(self, **changes: Any) -> None:
         """Change keys of run.yaml."""
         self.write({**self.read(), **changes})
+
+    @contextmanager
+    def filled(self) -> Iterator[None]:
+        """While the run is made: what goes wrong is a failure, no mistake of the user, and run.yaml says so."""
+        try:
+            with failing():
+                yield
+        except BaseException as error:
+            self.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
+            raise
 
 
 def _make_unique(root: Path, name: str) -> Path:

@@ -1,12 +1,40 @@
 """Errors of the framework: each message says what was wrong, where, and what would be valid."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
+
+MISTAKE, FAILURE = 2, 1
+"""Exit codes of commands and nodes: what was given is wrong, and nothing was begun; it was right, and did not
+succeed."""
 
 
 class HricError(Exception):
     """A mistake of the user or a state that forbids the request. The message is complete; a node prints it without a
-    traceback."""
+    traceback.
+
+    Attributes:
+        exit_code: of the command that it ends, MISTAKE or FAILURE.
+    """
+
+    exit_code = MISTAKE
+
+
+class FailureError(HricError):
+    """What was requested correctly did not succeed: a robot, a master or a port is not there, a simulation diverged, a
+    disk is full."""
+
+    exit_code = FAILURE
+
+
+@contextmanager
+def failing() -> Iterator[None]:
+    """What goes wrong within is a failure, whatever its type: the user's words were accepted before."""
+    try:
+        yield
+    except HricError as error:
+        error.exit_code = FAILURE
+        raise
 
 
 class UnknownNameError(HricError):

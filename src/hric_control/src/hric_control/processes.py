@@ -1,15 +1,17 @@
 """Threads and processes of the operating system: their priority, their end, the exit code of a command."""
 
-import logging
 import os
 import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 
 from hric_control.errors import HricError
 
+INTERRUPTED_CODE = 130
+"""Exit code of a command that Ctrl-C ended, as shells have it."""
 NICE = -10
 """Of the control loop's thread, 0 being everybody's: beside one that others have it gets nine tenths of a processor;
 project default, unconfirmed."""
@@ -47,19 +49,33 @@ def end_process(process: subprocess.Popen[bytes], timeout: float) -> None:
         process.wait()
 
 
-def run_command(work: Callable[[], None], log: logging.Logger) -> int:
-    """Do the work; a HricError becomes one line of the log. SIGINT and SIGTERM end it until the work handles them
-    itself.
+def run_command(
+    name: str,
+    work: Callable[[], int | None],
+    report: Callable[[str], object] | None = None,
+    interrupted: int = INTERRUPTED_CODE,
+) -> int:
+    """Do the work of a command or a node; a HricError becomes its message, not a traceback.
+
+    Args:
+        name: of the command, in front of the message.
+        work: returns the exit code, None for 0.
+        report: takes the message; None: it goes to stderr.
+        interrupted: exit code after Ctrl-C.
 
     Returns:
-        the exit code: 1 after a HricError.
+        the exit code: of the work, or of the HricError.
     """
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     try:
-        work()
+        return work() or 0
     except HricError as error:
-        log.critical("%s", error)
-        return 1
+        (report or partial(print, file=sys.stderr))(f"{name}: {error}")
+        return error.exit_code
     except KeyboardInterrupt:
-        return 0
-    return 0
+        return interrupted
+
+
+def run_server(name: str, work: Callable[[], None], report: Callable[[str], object] | None = None) -> int:
+    """`run_command` of what ends well with Ctrl-C and SIGTERM, from its start until the work handles them itself."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    return run_command(name, work, report, interrupted=0)

@@ -10,7 +10,7 @@ from typing import Any
 from hric_control import plugins, realtime, transmission
 from hric_control.control_log import ControlLog
 from hric_control.diagnostics import Diagnostics
-from hric_control.errors import DescriptionError, HricError
+from hric_control.errors import DescriptionError, HricError, failing
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.limits import LimitCounts
 from hric_control.manager import services as manager_services
@@ -258,7 +258,7 @@ class RobotApp:
         paced = self.loop is None or self.loop.real_time_factor > 0.0
         realtime.set_polling(paced)
         try:
-            with _quiet_collector() if paced else nullcontext():
+            with failing(), _quiet_collector() if paced else nullcontext():
                 self.hw.run(self.on_cycle)
         finally:
             self.manager.loop_running = self._live

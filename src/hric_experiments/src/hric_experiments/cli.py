@@ -12,11 +12,10 @@ from typing import Any
 import yaml
 
 from hric_bags.run_folder import RunFolder, runs_root
-from hric_control.errors import HricError
-from hric_control.parameters import json_schema, read_yaml
+from hric_control.parameters import json_schema, read_yaml, whole
+from hric_control.processes import INTERRUPTED_CODE, run_command
 from hric_experiments.definition import experiment, overrides, study
 
-INTERRUPTED_CODE = 130
 DESCRIBED = {"robot": "robot", "limits": "joint_limits", "controllers": "controllers", "mocap": "mocap"}
 """What `describe` prints as YAML, and the function of `parameters` that returns it."""
 NODES = ("natnet_client", "emulated_human", "emg", "emulated_emg", "force_plate", "emulated_plate", "synchronizer")
@@ -26,6 +25,7 @@ NODES = ("natnet_client", "emulated_human", "emg", "emulated_emg", "force_plate"
 def run(arguments: Sequence[str]) -> int:
     """Run an experiment headless."""
     given = _in_any_order(_run_parser(), arguments)
+    whole(minimum=0).checked(given.seed, "--seed")
     _log_to_terminal(given.quiet)
     if study.is_study(given.experiment):
         return _run_study(given)
@@ -33,9 +33,9 @@ def run(arguments: Sequence[str]) -> int:
         raise experiment.ExperimentError(
             f"{given.experiment} is no study, so it has no form {given.form[0]}; studies: {', '.join(study.names())}"
         )
-    from hric_experiments.headless import runner as headless
-
     definition = experiment.load(given.experiment, given.overrides)
+    from hric_experiments.headless import runner as headless  # slow to load, which a mistake need not wait for
+
     result = headless.run(
         definition,
         given.overrides,
@@ -71,6 +71,7 @@ def _run_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "experiment",
+        nargs="?",
         help=f"one of: {', '.join(experiment.names())}; a study: {', '.join(study.names())}; or the path of a "
         "YAML file",
     )
@@ -95,22 +96,24 @@ def _run_parser() -> argparse.ArgumentParser:
 def _in_any_order(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> argparse.Namespace:
     """Options, `experiment` and `overrides` may be mixed: what has := is an override."""
     given = parser.parse_intermixed_args(list(arguments))
-    words = [given.experiment, *given.overrides]
+    words = [word for word in (given.experiment, *given.overrides) if word is not None]
     given.overrides = [word for word in words if ":=" in word]
     names = [word for word in words if ":=" not in word]
     if len(names) != 1:
-        parser.error(f"one experiment is needed; got {', '.join(names) or 'none'}. Overrides are written key:=value")
+        valid = f"valid: {', '.join(experiment.names())}, or the path of a YAML file"
+        parser.error(f"one experiment is needed; got {', '.join(names) or 'none'}; {valid}")
     given.experiment = names[0]
     return given
 
 
 def _run_study(given: argparse.Namespace) -> int:
+    definition = study.load(given.experiment)
+    forms = definition.chosen(given.form)
     from hric_experiments.headless import study_run
 
-    definition = study.load(given.experiment)
     result = study_run.run(
         definition,
-        definition.chosen(given.form),
+        forms,
         given.overrides,
         seed=given.seed,
         root=runs_root(given.runs),
@@ -272,6 +275,7 @@ def describe(arguments: Sequence[str]) -> int:
     parser.add_argument("what", choices=["urdf", *DESCRIBED, *NODES], help="robot_description; parameters (YAML)")
     parser.add_argument(
         "experiment",
+        nargs="?",
         help=f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or a YAML file",
     )
     parser.add_argument("overrides", nargs="*", metavar="key:=value", help="changes, as for run")
@@ -323,15 +327,11 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
 }
 
 
-def main(arguments: Sequence[str]) -> int:
-    """First argument: the command. Returns the exit code; a user's mistake is one line, not a traceback."""
-    try:
-        return COMMANDS[arguments[0]](arguments[1:])
-    except HricError as error:
-        print(f"{arguments[0]}: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        return INTERRUPTED_CODE
+def main(arguments: Sequence[str] | None = None) -> int:
+    """First argument: the command; None: those of the process, the program's name being the command's. Returns the exit
+    code; a user's mistake is one line, not a traceback."""
+    name, *others = arguments or [Path(sys.argv[0]).name, *sys.argv[1:]]
+    return run_command(name, lambda: COMMANDS[name](others))
 
 
 def _log_to_terminal(quiet: bool) -> None:

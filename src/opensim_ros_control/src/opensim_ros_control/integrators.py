@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import opensim
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 from hric_control.plant import FloatArray
 from opensim_ros_control.dynamics import Dynamics
 from opensim_ros_control.engine import Engine, to_vector
@@ -31,7 +31,7 @@ LONGEST_CALL = 1e-3
 unconfirmed)."""
 
 
-class IntegrationError(HricError):
+class IntegrationError(FailureError):
     """OpenSim's integrator gives a step up."""
 
 

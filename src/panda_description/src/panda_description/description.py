@@ -6,6 +6,7 @@ import sys
 import threading
 import types
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from math import isfinite
@@ -13,8 +14,6 @@ from pathlib import Path
 from typing import Any
 from xml.dom import Node, minidom
 from xml.parsers.expat import ExpatError
-
-import yaml
 
 from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
 from hric_control.parameters import Parameter, Settings, choice, declared, flag, number, refused, text
@@ -226,7 +225,9 @@ def parse(words: Sequence[str]) -> dict[str, Any]:
 def _value(word: str, kind: str) -> Any:
     if kind == "bool":
         return _BOOLS.get(word.strip().lower(), word)
-    return yaml.safe_load(word) if kind == "float" else word
+    with suppress(ValueError):
+        return float(word) if kind == "float" else word
+    return word
 
 
 def run(words: Sequence[str]) -> str:

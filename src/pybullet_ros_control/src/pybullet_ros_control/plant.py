@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from hric_control.errors import CommandError, HricError, ParameterError
+from hric_control.errors import CommandError, FailureError, HricError, ParameterError
 from hric_control.geometry import MassProperties
 from hric_control.plant import Contact, DrivenPlant, FloatArray, Load, Mode
 from hric_control.plants import PlantConfig, Surfaces, Wrenches, load_masks, load_surfaces, load_world
@@ -115,7 +115,7 @@ class PyBulletPlant(DrivenPlant):
             external = self._push() if self._wrenches.active or self._world.penalty.pairs else None
             self._robot.step(self._values, external)
         except pybullet.error as error:
-            raise HricError(
+            raise FailureError(
                 f"PyBullet stopped ({error})" + ("; was its window closed?" if self.config.gui else "")
             ) from error
 

@@ -10,8 +10,9 @@ from xml.etree import ElementTree
 
 import opensim
 
-from hric_control.errors import DescriptionError, HricError, ParameterError
+from hric_control.errors import DescriptionError, FailureError, ParameterError
 from hric_control.parameters import declared, read_yaml
+from hric_control.processes import run_command
 from urdf_to_osim.converter import Conversion, convert
 from urdf_to_osim.options import CHOICES, Options
 from urdf_to_osim.output import SUFFIX, write
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 FORWARD = 0.1
 """Simulated time of the forward run [s]."""
 EPILOG = """The model is written only if the file, read back, agrees with the description: frames, mass matrix, gravity and inverse dynamics with a
-rigid-body library, damping, friction, stops and couplers with closed forms. Exit code 0: written; 1: refused, nothing is written."""  # noqa: E501
+rigid-body library, damping, friction, stops and couplers with closed forms. Exit code 0: written; else nothing is written: 2: refused, 1: the proof failed."""  # noqa: E501
 
 
 def parser() -> argparse.ArgumentParser:
@@ -88,12 +89,7 @@ def main(words: Sequence[str]) -> int:
     """Run the command; returns its exit code."""
     arguments = parser().parse_args(list(words))
     opensim.Logger.setLevelString("Error")
-    try:
-        run(arguments)
-    except HricError as error:
-        print(f"urdf_to_osim: {error}", file=sys.stderr)
-        return 1
-    return 0
+    return run_command("urdf_to_osim", lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -138,7 +134,7 @@ def _demand(path: Path, urdf_xml: str, conversion: Conversion, arguments: argpar
     )
     if not proof.passed:
         print(proof.table())
-        raise DescriptionError(f"the proof failed: {', '.join(proof.failed)}; nothing was written")
+        raise FailureError(f"the proof failed: {', '.join(proof.failed)}; nothing was written")
     return proof
 
 

@@ -11,6 +11,7 @@ import opensim
 
 from hric_control.errors import DescriptionError, ParameterError, UnknownNameError
 from hric_control.geometry import FloatArray, homogeneous
+from hric_control.parameters import Settings, flag, number, whole
 from urdf_to_osim import transforms
 
 WIREFRAME = 2
@@ -39,6 +40,18 @@ class Decoration:
     opacity: float
     wireframe: bool
     file: str = ""
+
+
+@dataclass(frozen=True)
+class Look(Settings):
+    """How to draw."""
+
+    width: int = whole(900, minimum=16, maximum=8192, unit="pixel", text="of the picture")
+    height: int = whole(900, minimum=16, maximum=8192, unit="pixel", text="of the picture")
+    azimuth: float = number(40.0, unit="deg", text="of the camera about the vertical, from x towards the left of x")
+    elevation: float = number(15.0, minimum=-90.0, maximum=90.0, unit="deg", text="of the camera above the floor")
+    centres: bool = flag(True, text="quartered balls at the centres of mass, drawn over everything")
+    frames: bool = flag(False, text="axes of the bodies")
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from franka_sim.fci.faults import Faults
 from franka_sim.fci.robots import ROBOTS, Robot
 from franka_sim.fci.server import FciServer
 from franka_sim.gripper import Gripper
-from hric_control.errors import HricError
+from hric_control.errors import FailureError, HricError
 from hric_control.parameters import text, whole
-from hric_control.processes import run_command
+from hric_control.processes import run_server
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -35,7 +35,7 @@ def _take_priority(priority: int) -> None:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:
-        raise HricError(
+        raise FailureError(
             f"no right to real-time priority {priority}: allow it (ulimit -r) or leave --priority out"
         ) from None
 
@@ -85,4 +85,4 @@ def main(words: Sequence[str] | None = None) -> int:
     """The command. Returns its exit code."""
     options = parser().parse_args(words)
     logging.basicConfig(level=logging.INFO, format="[%(levelname)s] %(message)s")
-    return run_command(lambda: serve(options), LOG)
+    return run_server("control_box", lambda: serve(options))

@@ -13,7 +13,7 @@ from franka_sim.fci.complaints import LOG, Complaints
 from franka_sim.fci.connection import BadMessageError, Connection, ConnectionLostError, Message
 from franka_sim.fci.faults import Faults, Link, make_link
 from franka_sim.fci.wire import CONNECT, CONNECT_PAYLOAD, VERSION, Framing
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 
 HANDSHAKE_TIME = 1.0
 """A connection that does not say what it is within this time is closed [s]: project default, unconfirmed."""
@@ -226,7 +226,7 @@ def listen(address: tuple[str, int], name: str) -> socket.socket:
         listener.listen(16)
     except OSError as error:
         listener.close()
-        raise HricError(
+        raise FailureError(
             f"the {name} service cannot listen on {address[0]}:{address[1]}: {error.strerror or error}"
         ) from None
     return listener

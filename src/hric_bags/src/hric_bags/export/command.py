@@ -19,7 +19,7 @@ def main(arguments: Sequence[str]) -> int:
         "so that an interrupted export goes on.",
     )
     parser.add_argument(
-        "--format", nargs="+", required=True, metavar="FORMAT", dest="formats", help=f"some of: {', '.join(FORMATS)}"
+        "--format", nargs="+", required=True, metavar=f"{{{','.join(FORMATS)}}}", dest="formats", help="what to write"
     )
     parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="to which to keep (default: all)")
     parser.add_argument(

@@ -19,7 +19,7 @@ def main(arguments: Sequence[str]) -> int:
         "rosrun hric_experiments health",
         description="Examine a bag, or each part of one and where they meet: rates, gaps, order, clock, and damage. "
         "Needs no ROS master.",
-        epilog="exit codes: 0 healthy; 3 readable, with problems; 4 damaged; 1 cannot be examined. With --salvage, "
+        epilog="exit codes: 0 healthy; 3 readable, with problems; 4 damaged; 2 cannot be examined. With --salvage, "
         "of the salvaged bag.",
     )
     parser.add_argument(

@@ -18,7 +18,7 @@ from hric_bags.run_folder import RunFolder, runs_root
 from hric_control.errors import HricError
 
 HEALTHY, PROBLEMS, DAMAGED = 0, 3, 4
-"""Exit codes of the health command; 1 is an error, 2 a wrong argument."""
+"""Exit codes of the health command, beside those of `hric_control.errors`."""
 
 
 class HealthError(HricError):

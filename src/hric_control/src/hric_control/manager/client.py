@@ -16,7 +16,7 @@ from controller_manager_msgs.srv import (
     SwitchControllerRequest,
     UnloadController,
 )
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 from hric_control.manager.services import REFUSAL
 
 SERVICES = ("load_controller", "unload_controller", "switch_controller", "list_controllers")
@@ -29,7 +29,7 @@ def check_master() -> None:
         HricError: gives the address that was tried.
     """
     if not rosgraph.is_master_online():
-        raise HricError(
+        raise FailureError(
             f"no ROS master at {rosgraph.get_master_uri()}: start one (roscore, roslaunch) or set ROS_MASTER_URI"
         )
 
@@ -63,10 +63,10 @@ class ManagerClient:
         for name in map(self.service, SERVICES):
             while not _service_is_there(name, 0.5):
                 if rospy.is_shutdown():
-                    raise HricError(f"ended while waiting for the service {name}")
+                    raise FailureError(f"ended while waiting for the service {name}")
                 now = time.monotonic()
                 if timeout is not None and now - begin > timeout:
-                    raise HricError(
+                    raise FailureError(
                         f"no service {name} after {timeout:g} s: is the robot node running, and is the namespace right?"
                     )
                 if now - reported > 5.0 or reported == begin:
@@ -110,14 +110,14 @@ class ManagerClient:
 
     def _demand(self, response: Any, refusal: str) -> None:
         if not response.ok:
-            raise HricError(f"{refusal}: {rospy.get_param(self.service(REFUSAL), 'no reason was given')}")
+            raise FailureError(f"{refusal}: {rospy.get_param(self.service(REFUSAL), 'no reason was given')}")
 
     def _call(self, name: str, service_type: Any, *request: Any) -> Any:
         full = self.service(name)
         try:
             return rospy.ServiceProxy(full, service_type)(*request)
         except (rospy.ServiceException, rospy.ROSException) as error:
-            raise HricError(f"the service {full} failed: {error}") from error
+            raise FailureError(f"the service {full} failed: {error}") from error
 
 
 def _service_is_there(name: str, timeout: float) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 
 import rospy
 
-from hric_control.manager.client import ManagerClient
+from hric_control.manager.client import ManagerClient, check_master
 from hric_control.manager.spawner import run_tool
 
 _NAMED: dict[str, str] = {
@@ -53,11 +53,12 @@ def run(argv: Sequence[str]) -> int:
     args = parser().parse_args(rospy.myargv(["tool", *argv])[1:])
 
     def work() -> None:
+        check_master()
         client = ManagerClient(args.namespace)
         client.wait(args.timeout, print)
         _COMMANDS[args.command](client, args)
 
-    return run_tool(work)
+    return run_tool("controller_manager", work)
 
 
 def _list(client: ManagerClient, args: argparse.Namespace) -> None:

@@ -2,7 +2,6 @@
 
 import argparse
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ from controller_manager_msgs.srv import SwitchControllerRequest
 from hric_control.errors import HricError
 from hric_control.manager.client import ManagerClient, check_master
 from hric_control.parameters import read_yaml
+from hric_control.processes import run_command
 
 
 def spawner_parser() -> argparse.ArgumentParser:
@@ -159,16 +159,20 @@ def run_spawner(argv: Sequence[str]) -> int:
     args = spawner_parser().parse_args(rospy.myargv([*_PROGRAM, *argv])[1:])
 
     def work() -> None:
+        controllers = {name: one for argument in args.controllers for name, one in _controllers(argument).items()}
         client = _connect("spawner", args)
         if args.wait_for:
             _wait_for_true(args.wait_for)
-        names = [name for argument in args.controllers for name in _controllers(argument, args.namespace)]
+        for name, configuration in controllers.items():
+            if configuration is not None:
+                prefix = f"{args.namespace.rstrip('/')}/" if args.namespace else ""
+                rospy.set_param(rospy.resolve_name(prefix + name), configuration)
         spawner = Spawner(client)
         rospy.on_shutdown(lambda: _bounded(spawner.down, args.shutdown_timeout))
-        spawner.up(names, start=not args.stopped)
+        spawner.up(list(controllers), start=not args.stopped)
         rospy.spin()
 
-    return run_tool(work)
+    return run_tool("spawner", work)
 
 
 def run_unspawner(argv: Sequence[str]) -> int:
@@ -182,28 +186,27 @@ def run_unspawner(argv: Sequence[str]) -> int:
             unspawner.hold()
             rospy.rostime.wallsleep(1.0)
 
-    return run_tool(work)
+    return run_tool("unspawner", work)
 
 
 _PROGRAM = ("tool",)  # rospy.myargv wants the program's name in front
 
 
-def run_tool(work: Callable[[], None]) -> int:
-    """Run a tool's work; a HricError becomes one line on stderr and exit code 1, Ctrl-C a normal end."""
-    try:
-        check_master()
-        work()
-    except HricError as error:
-        if rospy.core.is_shutdown_requested():
-            return 0
-        print(f"error: {error}", file=sys.stderr, flush=True)
-        return 1
-    except (rospy.ROSInterruptException, KeyboardInterrupt):
-        return 0
-    return 0
+def run_tool(name: str, work: Callable[[], None]) -> int:
+    """Run a tool's work; a HricError becomes one line on stderr, Ctrl-C and a shutdown request are a normal end."""
+
+    def until_shutdown() -> None:
+        try:
+            work()
+        except (HricError, rospy.ROSInterruptException) as error:
+            if isinstance(error, HricError) and not rospy.core.is_shutdown_requested():
+                raise
+
+    return run_command(name, until_shutdown, interrupted=0)
 
 
 def _connect(name: str, args: argparse.Namespace) -> ManagerClient:
+    check_master()
     rospy.init_node(name, anonymous=True, disable_signals=True)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end)
@@ -234,19 +237,15 @@ def _wait_for_true(topic: str) -> None:
     subscriber.unregister()
 
 
-def _controllers(argument: str, namespace: str) -> list[str]:
-    """Names in a YAML file, whose content goes to the parameter server; or the argument itself."""
+def _controllers(argument: str) -> dict[str, Any]:
+    """Configurations by name, of a YAML file; or the argument itself, with None."""
     path = Path(argument)
-    if not path.is_file():
-        return [argument]
+    if not path.is_file() and path.suffix not in (".yaml", ".yml"):
+        return {argument: None}
     content = read_yaml(path)
     if not isinstance(content, dict) or not content:
         raise HricError(f"{path} must hold the controllers' configuration by name")
-    for name, configuration in content.items():
-        rospy.set_param(
-            rospy.resolve_name(f"{namespace.rstrip('/')}/{name}" if namespace else str(name)), configuration
-        )
-    return [str(name) for name in content]
+    return {str(name): configuration for name, configuration in content.items()}
 
 
 def _bounded(work: Callable[[], None], timeout: float) -> None:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 
 VELOCITY_FACTOR = 100.0
 """Multiple of its velocity limit beyond which a joint has diverged [1]; default chosen by this project, unconfirmed.
@@ -16,7 +16,7 @@ UNLIMITED_BOUND = 1000.0
 unconfirmed."""
 
 
-class DivergedError(HricError):
+class DivergedError(FailureError):
     """The simulation has diverged; the message has joint, simulation time and value in one line.
 
     Attributes:

@@ -7,7 +7,7 @@ from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 from hric_control.node import Registration
 from hric_control.robot_time.clock import HORIZON_NS, NS, RunClock
 from hric_control.ros import RosNode
@@ -26,7 +26,7 @@ LOOK = NS // 50
 PAIRS, TICKS, WALL, NOTHING = TOPIC, "/clock", "the wall clock", "nothing"
 
 
-class UnpacedError(HricError):
+class UnpacedError(FailureError):
     """A sensor on a wire cannot take part in a run that is not paced."""
 
 

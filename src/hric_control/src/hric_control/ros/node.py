@@ -11,7 +11,7 @@ import rospy
 from rospy.msg import serialize_message
 
 from hric_control import names
-from hric_control.errors import HricError, ParameterError
+from hric_control.errors import FailureError, HricError, ParameterError
 from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Namespaced, Undoable
 from hric_control.robot_time import stamps
 from hric_control.ros.action import RosActionServer
@@ -32,7 +32,7 @@ class RosPublisher:
         try:
             self._publisher = rospy.Publisher(topic, message_type, queue_size=queue_size or None, latch=latch)
         except (ValueError, rospy.ROSException) as error:
-            raise HricError(f"topic {topic} cannot be advertised: {error}") from error
+            raise FailureError(f"topic {topic} cannot be advertised: {error}") from error
         self._what, self._type = f"topic {topic}", message_type
 
     def publish(self, message: Any) -> None:
@@ -202,7 +202,7 @@ class RosNode(Namespaced):
         try:
             service = rospy.Service(full, service_type, handle)
         except rospy.ServiceException as error:
-            raise HricError(f"service {full} cannot be offered: {error}") from error
+            raise FailureError(f"service {full} cannot be offered: {error}") from error
         return Undoable(lambda: service.shutdown("unregistered"))
 
     def action_server(
@@ -247,4 +247,4 @@ def _query(request: Callable[[], Any]) -> Any:
     try:
         return request()
     except (TimeoutError, OSError, XmlRpcError) as error:
-        raise HricError(f"the ROS master at {rosgraph.get_master_uri()} does not respond: {error}") from error
+        raise FailureError(f"the ROS master at {rosgraph.get_master_uri()} does not respond: {error}") from error

@@ -1,5 +1,6 @@
 """A node's process: from its start to its shutdown request."""
 
+import argparse
 import logging
 import signal
 import sys
@@ -9,7 +10,8 @@ from collections.abc import Callable
 import rospy
 from rospy.impl import tcpros_base
 
-from hric_control.errors import HricError
+from hric_control.errors import failing
+from hric_control.processes import run_command
 from hric_control.ros import prompt as ros_prompt
 from hric_control.ros.node import RosNode
 
@@ -39,6 +41,22 @@ class NodeApp:
         """End; called once, also after an error of `tick`."""
 
 
+def check_words(name: str, text: str) -> None:
+    """Print --help, and refuse any other word of the command line, before a master is looked for: exits.
+
+    Args:
+        name: of the node.
+        text: for --help; from "Usage: " on also said of a wrong word.
+    """
+    what, _, usage = text.partition("Usage: ")
+    argparse.ArgumentParser(
+        name,
+        usage.strip() or "%(prog)s [_PARAMETER:=VALUE ...]",
+        what,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    ).parse_args(rospy.myargv(sys.argv)[1:])
+
+
 def run(name: str, text: str, app: Callable[[RosNode], NodeApp]) -> int:
     """Run a node.
 
@@ -50,9 +68,7 @@ def run(name: str, text: str, app: Callable[[RosNode], NodeApp]) -> int:
     Returns:
         the exit code.
     """
-    if {"-h", "--help"} & set(sys.argv[1:]):
-        print(text)
-        return 0
+    check_words(name, text)
     shutdown_requested = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: shutdown_requested.set())
@@ -61,21 +77,18 @@ def run(name: str, text: str, app: Callable[[RosNode], NodeApp]) -> int:
     ros_prompt.send_promptly()
     rospy.on_shutdown(shutdown_requested.set)
     forward_to_ros(logging.getLogger("hric"))
-    try:
+
+    def work() -> None:
         running = app(RosNode("~"))
-    except HricError as error:
-        rospy.logfatal(str(error))
-        return 1
-    try:
-        while not shutdown_requested.wait(running.period):
-            running.tick()
-    except HricError as error:
-        rospy.logfatal(str(error))
-        return 1
-    finally:
-        running.close()
-        rospy.signal_shutdown("requested")
-    return 0
+        try:
+            with failing():
+                while not shutdown_requested.wait(running.period):
+                    running.tick()
+        finally:
+            running.close()
+            rospy.signal_shutdown("requested")
+
+    return run_command(name, work, rospy.logfatal)
 
 
 class _RosHandler(logging.Handler):

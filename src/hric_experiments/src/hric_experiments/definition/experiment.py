@@ -286,7 +286,7 @@ def load(name: str, given: Iterable[str] = ()) -> Experiment:
     except ExperimentError as error:
         if name in (*names(), NONE):
             raise
-        raise ExperimentError(f"{error}\nan experiment file, for example:\n{indent(EXAMPLE, '  ')}") from error
+        raise ExperimentError(f"{error}\nan experiment file, for example:\n{indent(EXAMPLE.rstrip(), '  ')}") from error
 
 
 def to_dict(experiment: Experiment) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from tqdm import tqdm
 
 from franka_msgs.msg import FrankaState
 from hric_bags import files
-from hric_bags.run_folder import COMPLETED, FAILED, INTERRUPTED, RunFolder, iso_now
-from hric_control.errors import HricError
+from hric_bags.run_folder import COMPLETED, INTERRUPTED, RunFolder, iso_now
+from hric_control.errors import FailureError, HricError, failing
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.local.node import LocalNode
 from hric_control.robot_app import RobotApp
@@ -146,7 +146,8 @@ def run(
         figures: draw.
 
     Raises:
-        HricError: the experiment cannot run, and no folder was made; or it failed on its way, and run.yaml says so.
+        HricError: the experiment cannot run, and no folder was made: a mistake of the user; or it failed on its way,
+            and run.yaml says so: `exit_code` FAILURE.
     """
     _refuse_wires(definition)
     tree = _tree(definition, seed)
@@ -159,14 +160,12 @@ def run(
         head = provenance.head(folder, definition, arguments, tree, mode="headless", seed=seed, limits=limits)
         folder.write(head)
         files.write_text(folder.urdf_path, tree["robot_description"])
-        try:
+        with folder.filled():
             interrupted = _simulate(app, node, definition, folder, early, progress, human)
-        except BaseException as error:
-            folder.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
-            raise
     finally:
         app.shutdown()
-    metrics = analyse(folder, figures=figures)
+    with failing():
+        metrics = analyse(folder, figures=figures)
     folder.update(state_sha256=metrics["state_sha256"])
     return Result(folder, metrics, interrupted)
 
@@ -284,7 +283,7 @@ def _interruptible(app: RobotApp) -> Iterator[threading.Event]:
 def _check_controllers(app: RobotApp, definition: Experiment, interrupted: bool) -> None:
     failed = [status.name for status in app.manager.list() if status.state == "aborted"]
     if failed and not interrupted:
-        raise HricError(
+        raise FailureError(
             f"experiment {definition.name}: controller {', '.join(failed)} was stopped by an error; its message is "
             "above"
         )

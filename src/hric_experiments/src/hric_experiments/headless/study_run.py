@@ -11,7 +11,7 @@ from hric_bags import files
 from hric_bags import reader as bag_reader
 from hric_bags import text as text_table
 from hric_bags.reader import FloatArray
-from hric_bags.run_folder import COMPLETED, FAILED, INTERRUPTED, RUNNING, RunFolder, iso_now
+from hric_bags.run_folder import COMPLETED, INTERRUPTED, RUNNING, RunFolder, iso_now
 from hric_control.errors import HricError
 from hric_control.local.node import LocalNode
 from hric_control.robot_app import RobotApp
@@ -69,10 +69,8 @@ def run(
     }
     folder.write({**head, "status": RUNNING, "started": iso_now()})
     try:
-        result, interrupted = _forms(forms, given, seed, folder.path, root, progress, figures)
-    except BaseException as error:
-        folder.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
-        raise
+        with folder.filled():
+            result, interrupted = _forms(forms, given, seed, folder.path, root, progress, figures)
     finally:
         folder.become_latest()
     result = {"study": study.name, "arguments": list(given), "forms": result}

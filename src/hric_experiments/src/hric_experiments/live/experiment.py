@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 
 from controller_manager_msgs.srv import ListControllers
 from hric_bags.run_folder import RunFolder
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 from hric_control.parameters import Settings, flag, number, text
 from hric_control.ros import RosNode
 from hric_experiments.definition import experiment as experiments
@@ -34,7 +34,7 @@ SENSORS_GRACE = 20.0
 """The same where every sample is to be recorded [s of wall time]."""
 
 
-class NotReady(HricError):
+class NotReady(FailureError):
     """The system did not become ready in time."""
 
 
@@ -183,7 +183,7 @@ class LiveExperiment:
             if now != last[0]:
                 last = (now, time.monotonic())
             elif time.monotonic() - last[1] > 5.0 and self._missing_controllers():
-                raise HricError(
+                raise FailureError(
                     f"experiment {self.experiment.name}: robot time stays at {now:.3f} s and the robot does not respond"
                 )
             live_node.sleep(POLL)
@@ -192,9 +192,9 @@ class LiveExperiment:
         try:
             response = rospy.ServiceProxy(STOP_SERVICE, Trigger)()
         except rospy.ServiceException as error:
-            raise HricError(f"the recorder does not respond: {error}") from error
+            raise FailureError(f"the recorder does not respond: {error}") from error
         if not response.success:
-            raise HricError(f"the recording could not be ended: {response.message}")
+            raise FailureError(f"the recording could not be ended: {response.message}")
         return RunFolder(Path(response.message).parent)
 
 

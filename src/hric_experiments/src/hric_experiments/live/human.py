@@ -7,7 +7,7 @@ import rosgraph
 import rospy
 from std_srvs.srv import Trigger
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 from hric_experiments.analysis.tracking_record import FRAMES
 from hric_experiments.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
 from hric_msgs.msg import MocapData
@@ -58,9 +58,9 @@ class LiveHuman:
         try:
             response = rospy.ServiceProxy(service, Trigger)()
         except rospy.ServiceException as error:
-            raise HricError(f"{service} does not respond: {error}") from error
+            raise FailureError(f"{service} does not respond: {error}") from error
         if not response.success:
-            raise HricError(f"{service}: {response.message}")
+            raise FailureError(f"{service}: {response.message}")
         rospy.loginfo("%s", response.message)
 
     def _service(self) -> str:

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -11,9 +10,10 @@ from typing import Any
 import rosgraph
 import rospy
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError, HricError
+from hric_control.processes import INTERRUPTED_CODE
+from hric_control.ros.process import check_words
 
-INTERRUPTED_CODE = 130
 MASTER_TIMEOUT = 30.0
 """How long to wait for a master [s]."""
 
@@ -36,11 +36,9 @@ def main(name: str, text: str, work: Callable[[], None], interrupted: int = INTE
         interrupted: exit code after Ctrl-C; 0 for a node that ends in no other way.
 
     Returns:
-        exit code: 0 done, 1 failed.
+        exit code: 0 done, else that of the HricError.
     """
-    if {"-h", "--help"} & set(sys.argv[1:]):
-        print(text, "Parameters: INTERFACE.md of hric_experiments.")
-        return 0
+    check_words(name, f"{text} Parameters: INTERFACE.md of hric_experiments.")
     _on_signals(_interrupt)
     try:
         wait_for_master()
@@ -49,7 +47,7 @@ def main(name: str, text: str, work: Callable[[], None], interrupted: int = INTE
         return 0
     except HricError as error:
         rospy.logfatal("%s", error)
-        return 1
+        return error.exit_code
     except Interrupted:
         return interrupted
     finally:
@@ -61,12 +59,12 @@ def wait_for_master(timeout: float = MASTER_TIMEOUT) -> None:
     """Wait until a master responds.
 
     Raises:
-        HricError: none does.
+        FailureError: none does.
     """
     deadline = time.monotonic() + timeout
     while not rosgraph.is_master_online():
         if time.monotonic() > deadline:
-            raise HricError(f"no ROS master at {os.environ.get('ROS_MASTER_URI', '(ROS_MASTER_URI is not set)')}")
+            raise FailureError(f"no ROS master at {os.environ.get('ROS_MASTER_URI', '(ROS_MASTER_URI is not set)')}")
         sleep(0.1)
 
 

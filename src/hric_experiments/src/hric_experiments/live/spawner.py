@@ -7,7 +7,7 @@ from typing import Any
 import rospy
 
 from controller_manager_msgs.srv import ListControllers, LoadController, SwitchController, SwitchControllerRequest
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 from hric_control.manager.services import REFUSAL
 from hric_control.parameters import Settings, text
 from hric_control.ros import RosNode
@@ -21,7 +21,7 @@ READY_TIMEOUT = 60.0
 MANAGER = "controller_manager"
 
 
-class SpawnError(HricError):
+class SpawnError(FailureError):
     """The controllers could not be started; the robot's log has the reason."""
 
 

@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from hric_bags import files
 from hric_bags.run_folder import COMPLETED, FAILED, INTERRUPTED, RunFolder, runs_root
-from hric_control.errors import HricError
+from hric_control.errors import FailureError, HricError
 from hric_control.ros import RosNode
 from hric_experiments import provenance
 from hric_experiments.definition import experiment as experiments
@@ -143,7 +143,7 @@ class Recorder:
         deadline, name = time.monotonic() + OPEN_TIMEOUT, rospy.resolve_name(self._node_name)
         while not _shutting_down() and not live_topics.subscribed(name, expected):
             if time.monotonic() > deadline:
-                raise HricError(
+                raise FailureError(
                     f"the recorder did not subscribe to {', '.join(sorted(expected))} within {OPEN_TIMEOUT:g} s"
                 )
             time.sleep(0.05)
@@ -191,7 +191,7 @@ class Recorder:
             recording.finish(FAILED)
             full = f"; {free:.0f} MB are free" if free < self._settings.min_free else ""
             where = f"see {recording.folder.path}, and rosrun hric_experiments health"
-            raise HricError(f"the recorder (pid {recording.part.pid}) ended by itself{full}; {where}")
+            raise FailureError(f"the recorder (pid {recording.part.pid}) ended by itself{full}; {where}")
         if free < self._settings.min_free:
             self._end_for_space(free)
             return

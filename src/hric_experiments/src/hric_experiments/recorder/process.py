@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 
 STOP_TIMEOUT = 10.0
 """How long the recorder may take to write what it holds and the index [s]."""
@@ -16,7 +16,7 @@ _POLL = 0.02
 _PR_SET_PDEATHSIG = 1
 
 
-class RecordError(HricError):
+class RecordError(FailureError):
     """The recording cannot start, ended by itself, or did not end in time."""
 
 

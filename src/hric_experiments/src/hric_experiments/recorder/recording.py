@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hric_bags.run_folder import RunFolder, iso_now
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 from hric_experiments.recorder.process import STOP_TIMEOUT, RecorderProcess, RecordError
 
 SPLIT_TIMEOUT = 20.0
@@ -25,7 +25,7 @@ Missing = Callable[[int, int], set[str]]
 """Topics that the recorder of the second part receives and that of the first does not."""
 
 
-class DiskFullError(HricError):
+class DiskFullError(FailureError):
     """Too little room to record."""
 
 

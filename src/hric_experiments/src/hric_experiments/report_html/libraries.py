@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 
 VIEWER, TEMPLATE = "resources/templates/viewer.zip", "viewer.html.template"
 THREE_BEGINS = "!function(t,e){"
@@ -40,7 +40,7 @@ def plotly() -> Library:
     try:
         return Library(f"plotly.js (MIT licence), from plotly {version('plotly')}", path.read_text())
     except OSError as error:
-        raise HricError(f"cannot read plotly.js: {error}; scripts/setup installs the pinned package plotly") from error
+        raise FailureError(f"cannot read plotly.js: {error}; scripts/setup installs the pinned plotly") from error
 
 
 def three() -> Library:
@@ -54,12 +54,12 @@ def three() -> Library:
         with zipfile.ZipFile(path) as archive:
             lines = archive.read(TEMPLATE).decode().splitlines()
     except (OSError, KeyError, zipfile.BadZipFile) as error:
-        raise HricError(
+        raise FailureError(
             f"cannot read three.js from {path}: {error}; scripts/setup installs the pinned package trimesh"
         ) from error
     found = [line for line in lines if line.startswith(THREE_BEGINS)]
     if not found:
-        raise HricError(f"{path} has no three.js in it any more; the pinned version of trimesh has")
+        raise FailureError(f"{path} has no three.js in it any more; the pinned version of trimesh has")
     licence = "/* three.js: Copyright 2010-2022 Three.js Authors, SPDX-License-Identifier: MIT */\n"
     return Library(f"three.js (MIT licence), from trimesh {version('trimesh')}", licence + found[0])
 
@@ -67,5 +67,5 @@ def three() -> Library:
 def _package(name: str) -> Path:
     found = importlib.util.find_spec(name)
     if found is None or not found.submodule_search_locations:
-        raise HricError(f"the Python package {name} is not installed; scripts/setup installs it, pinned")
+        raise FailureError(f"the Python package {name} is not installed; scripts/setup installs it, pinned")
     return Path(next(iter(found.submodule_search_locations)))

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 from hric_perception.chunk import FloatArray
 from hric_perception.trigno import protocol
 
@@ -50,7 +50,7 @@ class TrignoServer:
             except OSError as error:
                 self.close()
                 reason = os.strerror(error.errno) if error.errno else str(error)
-                raise HricError(f"cannot listen on {ip}, TCP port {port}: {reason}") from error
+                raise FailureError(f"cannot listen on {ip}, TCP port {port}: {reason}") from error
             one.settimeout(IDLE)
             self._sockets.append(one)
         self.command_port, self.data_port = (one.getsockname()[1] for one in self._sockets)

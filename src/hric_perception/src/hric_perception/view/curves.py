@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 WINDOW = 10.0
 """What is shown [s]; project default, unconfirmed."""
@@ -107,7 +106,7 @@ class Picture:
         histories: one per panel.
     """
 
-    def __init__(self, figure: Figure, shown: Sequence[Panel], histories: Mapping[str, History]) -> None:
+    def __init__(self, figure: Any, shown: Sequence[Panel], histories: Mapping[str, History]) -> None:
         self._figure, self._histories = figure, [(panel, histories[panel.title]) for panel in shown]
         self._axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
         self._lines: list[dict[str, Any]] = [{} for _ in shown]

@@ -2,7 +2,6 @@
 
 import argparse
 import signal
-import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -12,10 +11,10 @@ from typing import Any
 
 import rospy
 from geometry_msgs.msg import WrenchStamped
-from matplotlib.figure import Figure
 from sensor_msgs.msg import JointState
 
 from hric_control.errors import HricError, UnknownNameError
+from hric_control.processes import run_command
 from hric_msgs.msg import SampleChunk
 from hric_perception.view import curves
 from hric_perception.view.curves import History, Panel, Picture
@@ -65,18 +64,16 @@ def main(text: str, arguments: Sequence[str]) -> int:
         help="save the picture so much later (default: %(default)g)",
     )
     given = parser.parse_args(list(arguments))
-    try:
-        return _show(given)
-    except HricError as error:
-        print(f"live_plot: {error}", file=sys.stderr)
-        return 1
+    return run_command("live_plot", lambda: _show(given), interrupted=0)
 
 
-def _show(given: argparse.Namespace) -> int:
+def _show(given: argparse.Namespace) -> None:
     known = curves.panels(given.plate)
     for name in given.panels:
         if name not in known:
             raise UnknownNameError("panel", name, known)
+    if given.screenshot and given.screenshot.suffix not in (".png", ".svg", ".pdf"):
+        raise PlotError(f"--screenshot {given.screenshot}: no kind of picture; valid: .png, .svg, .pdf")
     shown = [known[name] for name in given.panels or DEFAULT]
     shutdown = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -92,7 +89,6 @@ def _show(given: argparse.Namespace) -> int:
             _save(given.screenshot, given.after, shown, histories, shutdown)
     finally:
         rospy.signal_shutdown("shutdown requested")
-    return 0
 
 
 def _listen(panel: Panel) -> History:
@@ -161,5 +157,7 @@ def _run_window(root: Any, shown: Sequence[Panel], histories: dict[str, History]
     root.mainloop()
 
 
-def _figure(panels: int) -> Figure:
+def _figure(panels: int) -> Any:
+    from matplotlib.figure import Figure  # slow to load, which a wrong word need not wait for
+
     return Figure(figsize=(SIZE[0], SIZE[1] * panels), layout="constrained")

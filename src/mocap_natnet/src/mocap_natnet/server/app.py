@@ -15,7 +15,7 @@ from hric_control.errors import HricError, ParameterError
 from hric_control.geometry import UP_AXES
 from hric_control.parameters import Settings as Declared
 from hric_control.parameters import declared
-from hric_control.processes import run_command
+from hric_control.processes import run_server
 from hric_control.robot_time.stream_time import Clock
 from mocap_natnet.codec import FIRST, LAST, parse, text
 from mocap_natnet.server.motive import Motive
@@ -224,5 +224,6 @@ def options_of(words: Sequence[str] | None) -> argparse.Namespace:
 def main(words: Sequence[str] | None = None) -> int:
     """The command without ROS. Returns its exit code."""
     options = options_of(words)
-    logging.basicConfig(level=logging.INFO, format="[%(levelname)s] %(message)s")
-    return run_command(lambda: serve(options), LOG)
+    logging.basicConfig(format="[%(levelname)s] %(message)s")
+    logging.getLogger("hric").setLevel(logging.INFO)  # rospy's own, where it is loaded, is of no interest
+    return run_server("emulated_motive", lambda: serve(options))

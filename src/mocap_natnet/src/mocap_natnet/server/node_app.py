@@ -18,7 +18,7 @@ from gazebo_msgs.msg import LinkStates
 from gazebo_msgs.srv import GetLinkState
 from hric_control.geometry import Pose, normalized
 from hric_control.geometry.messages import pose_of
-from hric_control.processes import run_command
+from hric_control.processes import run_server
 from hric_control.robot_time.follower import RobotTime
 from hric_control.ros import RosNode, forward_to_ros
 from mocap_natnet.server import app
@@ -153,4 +153,4 @@ def main(words: Sequence[str] | None = None) -> int:
             robot_time.close()
             rospy.signal_shutdown("shutdown requested")
 
-    return run_command(work, LOG)
+    return run_server(NAME, work, LOG.critical)

@@ -7,7 +7,7 @@ import select
 import socket
 import threading
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 from hric_control.robot_time.stream_time import Clock, StreamTime, WallClock
 from mocap_natnet.client.client import datagram_socket
 from mocap_natnet.server.motive import Motive, Outgoing
@@ -62,7 +62,7 @@ class MotiveServer:
             self._data.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 2)
         except OSError as error:
             self._close_sockets()
-            raise HricError(
+            raise FailureError(
                 f"cannot listen on {settings.ip}, UDP port {settings.command_port}: {error.strerror or error}"
             ) from error
         self._time = StreamTime(self._clock)

@@ -3,7 +3,6 @@
 import ctypes
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +19,9 @@ from vtkmodules.vtkIOImage import vtkPNGWriter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 from vtkmodules.vtkRenderingOpenGL2 import vtkEGLRenderWindow
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError, HricError
 from hric_control.geometry import FloatArray
-from hric_control.parameters import Settings, flag, number, whole
-from urdf_to_osim.decorations import Decoration, Scene
+from urdf_to_osim.decorations import Decoration, Look, Scene
 
 READERS = {".obj": vtkOBJReader, ".stl": vtkSTLReader, ".vtp": vtkXMLPolyDataReader}
 AXES = ((0.85, 0.15, 0.15), (0.1, 0.6, 0.15), (0.15, 0.3, 0.85))
@@ -33,18 +31,6 @@ BALL, AXIS, LINE = 0.022, 0.3, 0.003
 BACKGROUND, GRID = (0.92, 0.94, 0.96), (0.75, 0.77, 0.8)
 VIEW_ANGLE, MARGIN = 20.0, 0.05
 """Of the camera, vertical [deg]; what is left free at the edges, a part of the picture."""
-
-
-@dataclass(frozen=True)
-class Look(Settings):
-    """How to draw."""
-
-    width: int = whole(900, minimum=16, maximum=8192, unit="pixel", text="of the picture")
-    height: int = whole(900, minimum=16, maximum=8192, unit="pixel", text="of the picture")
-    azimuth: float = number(40.0, unit="deg", text="of the camera about the vertical, from x towards the left of x")
-    elevation: float = number(15.0, minimum=-90.0, maximum=90.0, unit="deg", text="of the camera above the floor")
-    centres: bool = flag(True, text="quartered balls at the centres of mass, drawn over everything")
-    frames: bool = flag(False, text="axes of the bodies")
 
 
 def draw(scene: Scene, look: Look) -> bytes:
@@ -84,13 +70,13 @@ def _window(look: Look) -> Any:
     try:
         ctypes.CDLL("libEGL.so.1")
     except OSError as error:
-        raise HricError(f"{need}: {error}") from error
+        raise FailureError(f"{need}: {error}") from error
     window = vtkEGLRenderWindow()
     window.SetOffScreenRendering(1)
     window.SetSize(look.width, look.height)
     window.SetMultiSamples(8)
     if not window.SupportsOpenGL():
-        raise HricError(f"{need}; this one cannot draw")
+        raise FailureError(f"{need}; this one cannot draw")
     return window
 
 

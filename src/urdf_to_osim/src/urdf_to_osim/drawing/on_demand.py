@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from hric_control.errors import HricError
+from hric_control.errors import FailureError
 
 
 def install_vtk() -> None:
@@ -20,8 +20,8 @@ def install_vtk() -> None:
         return
     setup = Path(os.environ.get("HRIC_WS") or Path(__file__).resolve().parents[5]) / "scripts" / "setup"
     if not setup.is_file():
-        raise HricError("pictures need vtk, which is not installed: python3 -m pip install vtk")
+        raise FailureError("pictures need vtk, which is not installed: python3 -m pip install vtk")
     print("the first picture: vtk is installed, which draws it", file=sys.stderr)
     if subprocess.run([setup, "--with", "pictures"], stdout=sys.stderr, check=False).returncode:
-        raise HricError(f"pictures need vtk, which could not be installed; try again: {setup} --with pictures")
+        raise FailureError(f"pictures need vtk, which could not be installed; try again: {setup} --with pictures")
     importlib.invalidate_caches()

@@ -8,8 +8,9 @@ from pathlib import Path
 import opensim
 
 from hric_control.errors import HricError, ParameterError
-from urdf_to_osim.decorations import load_scene
-from urdf_to_osim.drawing.drawing import Look, draw
+from hric_control.processes import run_command
+from urdf_to_osim.decorations import Look, load_scene
+from urdf_to_osim.drawing.on_demand import install_vtk
 from urdf_to_osim.meshes import write_whole
 
 
@@ -26,6 +27,9 @@ def picture(osim: Path, png: Path, pose: Mapping[str, float] | None = None, look
     """
     look = look or Look()
     scene = load_scene(osim, pose)
+    install_vtk()
+    from urdf_to_osim.drawing.drawing import draw
+
     image = draw(scene, look)
     try:
         write_whole(png, image)
@@ -37,19 +41,18 @@ def picture(osim: Path, png: Path, pose: Mapping[str, float] | None = None, look
 def main(arguments: Sequence[str]) -> int:
     """The command; returns its exit code."""
     given = _parser().parse_args(arguments)
+    return run_command("picture", lambda: _draw(given))
+
+
+def _draw(given: argparse.Namespace) -> None:
     opensim.Logger.setLevelString("Error")
     output = given.output or given.model.with_suffix(".png")
     (width, height), (azimuth, elevation) = given.size, given.view
-    try:
-        look = Look(width, height, azimuth, elevation, given.centres, given.frames)
-        missing = picture(given.model, output, _pose(given.pose), look)
-    except HricError as error:
-        print(f"picture: {error}", file=sys.stderr)
-        return 1
+    look = Look(width, height, azimuth, elevation, given.centres, given.frames)
+    missing = picture(given.model, output, _pose(given.pose), look)
     for file in missing:
         print(f"picture: no mesh {file} in Geometry/ beside {given.model}; left out", file=sys.stderr)
     print(output)
-    return 0
 
 
 def _parser() -> argparse.ArgumentParser:

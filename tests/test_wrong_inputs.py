@@ -1,0 +1,188 @@
+"""What is given wrong is answered at once: one line or block that says what is wrong and what would be valid, exit
+code 2, and nothing is written."""
+
+import os
+import re
+import resource
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+MISTAKE = 2
+BLOCK = 18
+"""Lines that an answer has at most: the options of the tool that has most of them, and what is wrong."""
+SCRIPT_TIME = 0.3
+"""Processor time that a script takes at most [s]."""
+NOBODY = "http://127.0.0.1:1"
+"""Where no ROS master is."""
+
+FILES = {
+    "notes.txt": "not a bag\n",
+    "notes.csv": "a,b\n1,2\n",
+    "not.yaml": "robot: {hw: [\n",
+    "list.yaml": "- 1\n",
+    "wrong.yaml": "robot: {hw: franka_sim/FrankaHWSim}\ncontrolers: []\ncontrollers: [a]\nduration: -1\n",
+    "study.yaml": "description: x\nforms: {a: {experiment: pd_step, runs: {b: []}, compared: [{runs: [b, c]}]}}\n",
+    "scene.yaml": "bodys: []\n",
+    "cut.urdf": "<robot",
+    "open/run.yaml": "experiment: pd_step\n",
+}
+"""What the user has: path and content."""
+
+SCRIPTS = [
+    ("bringup envv:=real", r"no argument 'envv' \(did you mean env\?\); valid: .*simulator"),
+    ("bringup env:=gazebo", r"env:=gazebo.*valid: sim, real"),
+    ("bringup experiment:=step", r"experiment:=step: .*valid: data_collection, .*pd_step, .*\.yaml"),
+    ("bringup kp:=abc", r"kp:=abc is not a number or a list of 7 numbers"),
+    ("replay", r"required: RUN"),
+    ("replay nowhere", r"no run folder 'nowhere' .*newest in .*/runs: none"),
+    ("replay latest --rate=0", r"--rate: '0' is not possible; valid: a number above 0"),
+    ("setup --fast", r"no option --fast\nusage: .*--check .*--no-gui .*--with PART"),
+    ("setup --with everything", r"--with everything is not possible; valid: checks, pictures"),
+    ("docs --open", r"not understood: --open; valid: --serve or --check"),
+    ("count --total", r"--at REVISION.*--check.*--twins.*--words.*\n.*unrecognized arguments: --total"),
+    ("lint --mend", r"no option --mend; valid: --fix"),
+    ("test tests/test_nothing.py", r"no tests/test_nothing\.py; valid: .*src/PACKAGE/test.*--live, --all"),
+]
+"""Words after scripts/, and what the answer has."""
+
+TOOLS = [
+    ("hric_experiments run", r"one experiment is needed; got none; valid: .*pd_step"),
+    ("hric_experiments run step_pd", r"no experiment 'step_pd' .*valid: data_collection, .*pd_step"),
+    ("hric_experiments run pd_step kpp:=200", r"no override 'kpp' \(did you mean kp\?\); valid: .*kd, kp, limits"),
+    ("hric_experiments run pd_step friction:=dry", r"'friction:=dry'; valid: none, coulomb, identified, or a YAML"),
+    ("hric_experiments run pd_step duration:=-1", r"duration is -1; valid: a finite number above 0 \[s\]"),
+    ("hric_experiments run pd_step kp:=stiff", r"joint_pd_controller/kp is 'stiff'; valid: .*\[N m/rad\]"),
+    ("hric_experiments run pd_step simulator:=gazebo", r"'gazebo' .*valid: opensim\w+/OpenSimPlant, pybullet"),
+    ("hric_experiments run pd_step --seed -1", r"--seed is -1; valid: a whole number of 0 or more"),
+    ("hric_experiments run pd_step --form soft", r"pd_step is no study.*studies: .*opensim_vs_pybullet"),
+    ("hric_experiments run not.yaml", r"not\.yaml is not YAML: .*line 2, column 1"),
+    ("hric_experiments run wrong.yaml", r"2 mistakes\n +no parameter 'controlers'; valid: controllers.*\n +duration"),
+    ("hric_experiments run study.yaml", r"forms\.a\.compared\[0\]\.runs is 'c'; valid: two of b"),
+    ("hric_experiments describe robott pd_step", r"invalid choice: 'robott' \(choose from 'urdf', 'robot'"),
+    ("hric_experiments report nowhere", r"no run folder 'nowhere' .*newest in .*/runs: none"),
+    ("hric_experiments health notes.txt", r"notes\.txt is no bag of version 2\.0"),
+    ("hric_experiments health open", r"no bag in .*/open: neither open\.bag nor open\.bag\.active"),
+    ("hric_experiments export notes.txt", r"--format\s+\{npz,csv,.*c3d,bag\}.*\n.*required: --format"),
+    ("hric_experiments export notes.txt --format xls", r"no format 'xls'; valid: bag, c3d, csv"),
+    ("hric_experiments export notes.txt --format csv", r"cannot read notes\.txt: .*health --salvage"),
+    ("hric_experiments compare open nowhere", r"no run folder 'nowhere'"),
+    ("hric_experiments compare open open --labels a", r"--labels names 1 runs \(a\), but 2 are compared"),
+    ("hric_experiments schema --studies", r"\[--study\] \[--example\]\n.*unrecognized arguments: --studies"),
+    ("hric_experiments check_model notes.csv", r"notes\.csv has no columns t .*there: a, b; .*--columns t=NAME"),
+    ("hric_experiments inverse_dynamics nowhere", r"no run folder 'nowhere'"),
+    ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),
+    ("hric_control robot here", r"\[_robot_hw:=TYPE\].*\n.*unrecognized arguments: here"),
+    ("controller_manager controller_manager lod", r"invalid choice: 'lod' \(choose from 'list', .*'load'"),
+    ("controller_manager spawner nowhere.yaml", r"nowhere\.yaml cannot be read: No such file"),
+    ("controller_manager spawner list.yaml", r"list\.yaml must hold the controllers' configuration by name"),
+    ("controller_manager unspawner --timeout soon a", r"--timeout: invalid float value: 'soon'"),
+    ("franka_sim control_box --robot ur5", r"invalid choice: 'ur5' \(choose from 'panda', 'fr3'\)"),
+    ("franka_sim control_box --ip here", r"--ip is 'here'; valid: an IPv4 address"),
+    ("franka_sim control_box --loss 2", r"--loss is 2\.0; valid: a finite number from 0 to 1"),
+    ("franka_sim control_box --realism clean", r"no preset 'clean' in --realism; valid: ideal, measured"),
+    ("franka_sim control_box --plant nope/X", r"'nope/X' .*valid: opensim\w+/OpenSimPlant, pybullet"),
+    ("franka_real check_workstation --repair", r"\[--fix\] \[robot_ip\]\n.*unrecognized arguments: --repair"),
+    ("mocap_natnet emulated_motive --transport tcp", r"invalid choice: 'tcp' \(choose from 'unicast', 'multicast'\)"),
+    ("mocap_natnet emulated_motive --rate 0", r"rate is 0\.0; valid: a finite number from 0\.001 to 10000 \[Hz\]"),
+    ("mocap_natnet emulated_motive --scene scene.yaml", r"'bodys' in scene\.yaml; valid: bodies, plates"),
+    ("mocap_natnet emulated_motive --occlude 1:2:head", r"--occlude names the body 'head'; valid: marker"),
+    ("mocap_natnet natnet_client 10.0.0.1", r"\[_server:=127\.0\.0\.1\].*unrecognized arguments: 10\.0\.0\.1"),
+    ("hric_perception emg --source lsl", r"\[_source:=lsl\].*\n.*unrecognized arguments: --source lsl"),
+    ("hric_perception live_plot speed", r"no panel 'speed'; valid: efforts, emg"),
+    ("hric_perception live_plot --screenshot x.bmp", r"--screenshot x\.bmp: .*valid: \.png, \.svg, \.pdf"),
+    ("panda_description urdf color:=red", r"no argument 'color'; valid: arm_id, .*hand"),
+    ("panda_description urdf damping:=[1,", r"damping is '\[1,'; valid: a finite number of 0 or more"),
+    ("panda_description inertials --set mine", r"invalid choice: 'mine' \(choose from 'barycentric', 'thesis'\)"),
+    ("xacro xacro nowhere.xacro", r"No such file or directory: .*nowhere\.xacro"),
+    ("urdf_to_osim urdf_to_osim nowhere.urdf", r"no file nowhere\.urdf"),
+    ("urdf_to_osim urdf_to_osim cut.urdf", r"cut\.urdf: not XML: unclosed token: line 1"),
+    ("urdf_to_osim picture nowhere.osim --pose elbow", r"--pose elbow: it must be COORDINATE=VALUE"),
+]
+"""Words after rosrun, and what the answer has."""
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All that a tool could write to, and what the user gives it, in `here`."""
+    folder = tmp_path_factory.mktemp("home")
+    for name in ("ros", "runs", "here"):
+        (folder / name).mkdir()
+    for name, content in FILES.items():
+        path = folder / "here" / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(content)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A workspace that was never set up."""
+    folder = tmp_path_factory.mktemp("workspace")
+    parts = ("scripts", "tests/house", "src/hric_bringup", "src/hric_experiments/config", "src/hric_bags/src")
+    for part in (*parts, "src/hric_control/src"):
+        shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+def contents(folder: Path) -> dict[str, tuple[int, int]]:
+    return {
+        str(path.relative_to(folder)): (state.st_mtime_ns, state.st_size)
+        for path in folder.rglob("*")
+        if (state := path.lstat())
+    }
+
+
+def answer(command: list[str], home: Path, environment: dict[str, str]) -> str:
+    """What a command says that is wrong, when all else is as it must be."""
+    own = {"HOME": str(home), "ROS_HOME": str(home / "ros"), "HRIC_RUNS": str(home / "runs"), "ROS_MASTER_URI": NOBODY}
+    before = contents(home)
+    done = subprocess.run(
+        command,
+        cwd=home / "here",
+        env=environment | own | {"PYTHONDONTWRITEBYTECODE": "1"},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == MISTAKE, done.stdout + done.stderr
+    assert done.stdout == "" and "Traceback" not in done.stderr, done.stdout + done.stderr
+    assert 1 <= done.stderr.count("\n") <= BLOCK and "\n\n" not in done.stderr, done.stderr
+    assert contents(home) == before
+    return done.stderr
+
+
+@pytest.mark.parametrize(("words", "pattern"), TOOLS, ids=[words for words, _ in TOOLS])
+def test_a_tool_says_what_is_wrong_and_what_is_valid_and_writes_nothing(words: str, pattern: str, home: Path) -> None:
+    package, tool, *others = shlex.split(words)
+    node = ROOT / "src" / package / "nodes" / tool
+    environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "ROS_LOG_DIR")}
+    told = answer([sys.executable, str(node), *others], home, environment)
+    assert re.search(pattern, told, re.DOTALL), told
+
+
+def test_mistakes_in_an_experiment_file_end_the_bring_up_before_anything_starts(home: Path) -> None:
+    told = answer(
+        [sys.executable, str(ROOT / "scripts/lib/bringup.py"), "experiment:=wrong.yaml"], home, {**os.environ}
+    )
+    assert re.search(r"scripts/bringup: experiment wrong: 2 mistakes\n +no parameter 'controlers'; valid: ", told), told
+
+
+@pytest.mark.parametrize(("words", "pattern"), SCRIPTS, ids=[words for words, _ in SCRIPTS])
+def test_a_script_says_it_before_any_set_up_and_with_next_to_no_computing(
+    words: str, pattern: str, home: Path, copy: Path
+) -> None:
+    """With a Python that has nothing but itself."""
+    script, *others = shlex.split(words)
+    before, began = contents(copy), resource.getrusage(resource.RUSAGE_CHILDREN)
+    told = answer([str(copy / "scripts" / script), *others], home, {"PATH": os.defpath})
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert re.search(pattern, told, re.DOTALL), told
+    assert ended.ru_utime + ended.ru_stime - began.ru_utime - began.ru_stime < SCRIPT_TIME
+    assert contents(copy) == before
