@@ -61,7 +61,8 @@ class CalibrateNode(NodeApp):
         node.subscribe(settings.state_topic, FrankaState, self._on_state)
         for name, handler in (("add", self._add), ("solve", self._solve), ("clear", self._clear)):
             node.service(name, Trigger, lambda request, handler=handler: self._serve(handler))  # type: ignore[misc]
-        node.log_info(f"at each pose, at rest: rosservice call {node.namespace}/add; at the end: {node.namespace}/solve")
+        name = node.namespace
+        node.log_info(f"at each pose, at rest: rosservice call {name}/add; at the end: rosservice call {name}/solve")
 
     def _on_mocap(self, message: Any) -> None:
         body = next((body for body in message.rigid_bodies if self._body in ("", body.name)), None)
