@@ -216,9 +216,9 @@ class _Ticker:
 
 
 def options_of(words: Sequence[str] | None) -> argparse.Namespace:
-    """The command line, without the names that roslaunch adds for rospy."""
+    """The command line, without the names and remappings that roslaunch adds for rospy."""
     given = sys.argv[1:] if words is None else words
-    return parser().parse_args([word for word in given if not word.startswith("__")])
+    return parser().parse_args([word for word in given if word.startswith("-") or ":=" not in word])
 
 
 def main(words: Sequence[str] | None = None) -> int:
