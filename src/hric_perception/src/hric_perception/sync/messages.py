@@ -164,9 +164,9 @@ def _figures(found: Any, synchroniser: Synchroniser) -> Iterator[tuple[str, obje
             yield f"{topic} {reason}", count
 
 
-TOPIC = "/hric/perception/sync"
+TOPIC = "hric/perception/sync"
 
 
 def rate_topic(topic: str, rate: float) -> str:
-    """Where samples of one rate of several go, such as /hric/perception/sync_100hz."""
+    """Where samples of one rate of several go, such as hric/perception/sync_100hz."""
     return f"{topic}_{f'{rate:g}'.replace('.', '_')}hz"
