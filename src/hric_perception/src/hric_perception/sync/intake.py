@@ -16,6 +16,8 @@ OUT_OF_ORDER, FOREIGN, MALFORMED, NOT_FOR_US = (
     "malformed",
     "without the values wanted",
 )
+NOT_YET, START = "not heard yet", 5.0
+"""While all nodes start, a source from which nothing came is no failure yet [s] (project default, unconfirmed)."""
 REFUSALS = (OUT_OF_ORDER, FOREIGN, MALFORMED)
 """Samples refused for these reasons are losses; messages of somebody else on the same topic are none."""
 
@@ -129,7 +131,7 @@ class Intake:
                 else f"only messages {NOT_FOR_US}"
             )
         if self._last is None:
-            return "never heard"
+            return NOT_YET if now - since <= START else "never heard"
         return f"silent for {now - since:.1f} s" if now - since < 100 else "silent"
 
     def awaited(self, busy: float) -> bool:
