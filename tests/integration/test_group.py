@@ -1,31 +1,35 @@
 """A launch file of somebody else includes the bring-up inside `<group ns="lab">`: all of it lies below /lab, and the
 tools work there by ROS's own means."""
 
+import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import pytest
 import rosgraph
+import yaml
 from bags import control_log, topics
-from live_system import LiveSystem, wait_for
+from live_system import ROOT, LiveSystem, wait_for
 
 pytestmark = pytest.mark.alone
 
-OWN_LAUNCH = """
-<launch>
-  <group ns="lab">
-    <include file="$(find hric_bringup)/launch/bringup.launch">
-      <arg name="rviz" value="false"/>
-      <arg name="view" value="true"/>
-      <arg name="mocap" value="emulated"/>
-      <arg name="mocap_server" value="127.0.7.16"/>
-    </include>
-  </group>
-</launch>
-"""
+
+def own_launch(folder: Path, **arguments: str) -> str:
+    """A launch file of somebody else, in a folder."""
+    given = "".join(f'<arg name="{name}" value="{value}"/>' for name, value in arguments.items())
+    path = folder / "own.launch"
+    path.write_text(
+        '<launch><group ns="lab"><include file="$(find hric_bringup)/launch/bringup.launch">'
+        f'<arg name="rviz" value="false"/><arg name="mocap_server" value="127.0.7.16"/>{given}'
+        "</include></group></launch>"
+    )
+    return str(path)
+
+
 OF_ROS = {"/clock", "/rosout", "/rosout_agg", "/diagnostics"}
 """Absolute in ROS itself: one clock and one log per master, and diagnostics by REP 107."""
 TOOLS = re.compile(r"/rosout$|(/lab)?/(rostopic|rosservice)_")
@@ -36,8 +40,7 @@ PARAMETERS_OF_ROS = ("/use_sim_time", "/rosdistro", "/rosversion", "/run_id", "/
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
     folder = tmp_path_factory.mktemp("lab")
-    (folder / "own.launch").write_text(OWN_LAUNCH)
-    system = LiveSystem(folder, str(folder / "own.launch"), program="roslaunch")
+    system = LiveSystem(folder, own_launch(folder, mocap="emulated", view="true"), program="roslaunch")
     try:
         system.wait_running("joint_pd_controller", namespace="/lab")
         wait_for(lambda: "/lab/mocap/marker_stamped" in graph(system)[0], 60.0, "the motion capture publishes")
@@ -151,3 +154,20 @@ def test_ctrl_c_ends_all_of_it(lab: LiveSystem) -> None:
     lab.interrupt()
     assert lab.process.returncode == 0 and lab.processes() == {}
     assert "Traceback" not in lab.output and "escalating" not in lab.output, lab.output
+
+
+def test_an_experiment_with_a_motion_capture_follows_reports_and_ends_there(
+    start: Callable[..., LiveSystem], tmp_path: Path
+) -> None:
+    raw = yaml.safe_load((ROOT / "src/hric_experiments/config/experiments/marker_tracking.yaml").read_text())
+    raw["mocap"]["human"] |= {"cycles": 1, "frequency": 0.5}
+    path = tmp_path / "short_tracking.yaml"
+    path.write_text(yaml.safe_dump(raw | {"duration": 5.0}))
+    system = start(own_launch(tmp_path, experiment=str(path)), program="roslaunch")
+    system.wait(180.0)
+    run = yaml.safe_load((system.run_folder / "run.yaml").read_text())
+    assert run["status"] == "completed", system.output
+    tracking = json.loads((system.run_folder / "metrics.json").read_text())["tracking"]
+    assert tracking is not None and tracking["marker"] == "truth"
+    assert outside(topics(next(system.run_folder.glob("*.bag")))) <= OF_ROS
+    assert system.output.count("report, step ") == 5 and system.processes() == {}, system.output
