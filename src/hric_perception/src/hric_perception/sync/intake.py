@@ -4,6 +4,7 @@ from collections import Counter, deque
 
 import numpy as np
 
+from hric_perception.stream import START
 from hric_perception.sync.buffer import StampBuffer, Stamps, Values
 from hric_perception.sync.extract import Samples
 from hric_perception.sync.instants import AGREE, Verdict
@@ -16,8 +17,8 @@ OUT_OF_ORDER, FOREIGN, MALFORMED, NOT_FOR_US = (
     "malformed",
     "without the values wanted",
 )
-NOT_YET, START = "not heard yet", 5.0
-"""While all nodes start, a source from which nothing came is no failure yet [s] (project default, unconfirmed)."""
+NOT_YET = "not heard yet"
+"""Of a source while all nodes start: no failure."""
 REFUSALS = (OUT_OF_ORDER, FOREIGN, MALFORMED)
 """Samples refused for these reasons are losses; messages of somebody else on the same topic are none."""
 
