@@ -95,17 +95,20 @@ def _show(processes: Processes, run: Run, master: str, rviz: bool) -> None:
         _set(master, f"{space}/robot_description", run.urdf)
         if not run.has_transforms:
             name = f"{space}/robot_state_publisher"
-            publisher = processes.start(
-                "rosrun", "robot_state_publisher", "robot_state_publisher", f"__ns:={space or '/'}"
-            )
+            publisher = processes.start("rosrun", "robot_state_publisher", "robot_state_publisher", *_inside(space))
             _wait(name, lambda: node_is_alive(master, name), publisher, START_TIMEOUT)
     else:
         print("the run has no robot.urdf: no robot is shown", flush=True)
     if rviz:
-        shown = processes.start("rosrun", "rviz", "rviz", "-d", str(VIEW), f"__ns:={space or '/'}", "__name:=rviz")
+        shown = processes.start("rosrun", "rviz", "rviz", "-d", str(VIEW), *_inside(space), "__name:=rviz")
         _wait("rviz", lambda: node_is_alive(master, f"{space}/rviz"), shown, RVIZ_TIMEOUT)
         if run.urdf and f"{space}/hric/view/limits" not in run.topics:
-            processes.start("rosrun", "hric_perception", "live_view", f"__ns:={space or '/'}", "__name:=live_view")
+            processes.start("rosrun", "hric_perception", "live_view", *_inside(space), "__name:=live_view")
+
+
+def _inside(space: str) -> list[str]:
+    """Arguments of a node in the robot's namespace, where its transforms are, too."""
+    return [f"__ns:={space or '/'}", "/tf:=tf", "/tf_static:=tf_static"]
 
 
 def _wait(what: str, done: Callable[[], bool], process: subprocess.Popen[bytes], timeout: float) -> None:

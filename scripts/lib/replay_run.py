@@ -59,7 +59,7 @@ def find(given: str, root: str | None) -> Run:
     try:
         with PartsReader(bag) as reader:
             topics = sorted(set(reader.topics) - set(NOT_PLAYED)) if reader.message_count else []
-            senders = [str(getattr(c.ext, "callerid", "")) for c in reader.connections if c.topic == "/tf"]
+            senders = [str(getattr(c.ext, "callerid", "")) for c in reader.connections if c.topic.endswith("/tf")]
             duration = reader.duration * 1e-9 if topics else 0.0
     except (AnyReaderError, OSError) as error:
         raise HricError(

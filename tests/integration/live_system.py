@@ -40,10 +40,13 @@ class LiveSystem:
     Args:
         folder: for output and runs.
         arguments: as on the command line.
+        program: in place of `scripts/bringup`.
         environment: additional variables.
     """
 
-    def __init__(self, folder: Path, *arguments: str, **environment: str) -> None:
+    def __init__(
+        self, folder: Path, *arguments: str, program: str = f"{ROOT}/scripts/bringup", **environment: str
+    ) -> None:
         self.mark = uuid.uuid4().hex
         self.uri = f"http://localhost:{free_port()}"
         self.runs = folder / "runs"
@@ -59,7 +62,7 @@ class LiveSystem:
         }
         with self.output_path.open("w") as output:
             self.process = subprocess.Popen(
-                [str(ROOT / "scripts/bringup"), *arguments],
+                [program, *arguments],
                 env=self.environment,
                 stdout=output,
                 stderr=subprocess.STDOUT,

@@ -48,5 +48,6 @@ def test_rviz_shows_the_arm_and_the_picture_changes_as_it_moves(
         )
         wait_for_picture(display, tmp_path / "after.png", 20.0, died)
         assert changed_pixels(before, still) < STILL
+        assert "rospack" not in system.output, system.output
         (ROOT / "build/test_results").mkdir(parents=True, exist_ok=True)
         shutil.copy(tmp_path / "after.png", ROOT / "build/test_results/panda_rviz.png")

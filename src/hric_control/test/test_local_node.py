@@ -14,6 +14,12 @@ def test_it_has_the_face_of_a_node() -> None:
     assert isinstance(LocalNode(), Node)
 
 
+def test_what_belongs_to_the_whole_robot_lies_beside_a_nodes_own_namespace() -> None:
+    assert LocalNode().child("lab").child("natnet_client").beside("mocap/marker") == "/lab/mocap/marker"
+    assert LocalNode().child("natnet_client").beside("mocap/marker") == "/mocap/marker"
+    assert LocalNode().beside("mocap/marker") == "/mocap/marker" and LocalNode().child("a").beside("/b") == "/b"
+
+
 def test_children_see_the_same_parameters_under_their_own_names() -> None:
     node = LocalNode({"arm": {"pd": {"kp": 50.0}}, "arm/pd/kd": 10.0})
     child = node.child("arm").child("pd")

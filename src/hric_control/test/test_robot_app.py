@@ -112,7 +112,7 @@ def test_the_clock_ticks_at_100_hz_of_robot_time_and_the_counts_come_each_second
 def test_a_headless_run_spends_nothing_on_pairs_of_clocks(run):
     one = run()
     one.app.run(0.1)
-    assert "/hric/clock" not in one.messages
+    assert not any(topic.endswith("hric/clock") for topic in one.messages)
 
 
 def test_the_log_can_be_switched_off_by_parameter(run):

@@ -183,7 +183,7 @@ def test_pairs_tell_drivers_the_time_of_the_run_also_while_it_stands(start):
 
     from hric_msgs.msg import ClockPair
 
-    with listening("/hric/clock", ClockPair) as pairs:
+    with listening("/toy/hric/clock", ClockPair) as pairs:
         start("_real_time_factor:=0.5")
         pause = caller("/toy/sim/pause_physics", Empty)
         wait(lambda: len(pairs) > 100, 15.0)
@@ -203,7 +203,7 @@ def test_pairs_tell_drivers_the_time_of_the_run_also_while_it_stands(start):
 def test_an_unpaced_robot_says_so_to_drivers(start):
     from hric_msgs.msg import ClockPair
 
-    with listening("/hric/clock", ClockPair) as pairs:
+    with listening("/toy/hric/clock", ClockPair) as pairs:
         start("_real_time_factor:=0")
         wait(lambda: pairs, 15.0)
     assert pairs[-1][1].real_time_factor == 0.0

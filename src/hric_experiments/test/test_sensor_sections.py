@@ -31,7 +31,7 @@ def test_the_data_collection_has_every_sensor_at_the_requested_rates() -> None:
     assert run.emg is not None and (len(run.emg.channels), run.emg.rate, run.emg.time_code) == (8, 2000.0, True)
     assert run.force_plate is not None and (run.force_plate.rate, run.force_plate.time_code) == (1000.0, True)
     assert run.sync.rates == (100.0, 1000.0)
-    assert run.sync.topics == ["/hric/perception/sync_100hz", "/hric/perception/sync_1000hz"]
+    assert run.sync.topics == ["hric/perception/sync_100hz", "hric/perception/sync_1000hz"]
 
 
 def test_every_node_gets_its_parameters_from_the_sections(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,12 +62,12 @@ def test_what_is_synchronised_follows_the_sections() -> None:
     plan = nodes("emg.channels:=4", "force_plate.id:=left", "arm_id:=other")["synchronizer"]["plan"]
     assert [source["topic"] for source in plan["sources"]] == [
         "control_log",
-        "/hric/perception/mocap",
-        "/hric/perception/emg/raw",
-        "/hric/perception/force_plate/left/samples",
+        "hric/perception/mocap",
+        "hric/perception/emg/raw",
+        "hric/perception/force_plate/left/samples",
     ]
     assert signals(plan, "control_log")[0].startswith("position[other_joint1, other_joint2")
-    assert signals(plan, "/hric/perception/emg/raw") == [f"data[{', '.join(MUSCLES[:4])}]", "data[time]"]
+    assert signals(plan, "hric/perception/emg/raw") == [f"data[{', '.join(MUSCLES[:4])}]", "data[time]"]
 
 
 def test_real_devices_take_the_place_of_the_emulated_ones() -> None:
@@ -75,7 +75,7 @@ def test_real_devices_take_the_place_of_the_emulated_ones() -> None:
     assert sorted(found) == ["emg", "synchronizer"]
     assert found["emg"] == {"source": "lsl", "chunk": 0.05}, "any stream of type EMG in the network"
     plan = found["synchronizer"]["plan"]
-    assert signals(plan, "/hric/perception/emg/raw") == ["data[biceps, triceps]"], "a real device has no time code"
+    assert signals(plan, "hric/perception/emg/raw") == ["data[biceps, triceps]"], "a real device has no time code"
     assert not any("force_plate" in source["topic"] for source in plan["sources"])
 
 

@@ -13,7 +13,7 @@ from hric_perception.chunk import Chunk, Layout
 from hric_perception.emg.muscles import PROGRAM, Muscles
 from hric_perception.emulation import Emulator, EvenSensor, Faults
 from hric_perception.lsl import LslOutlet, LslReader, StreamQuery, use_session
-from hric_perception.stream import ERROR, SampleStream, StreamHealth
+from hric_perception.stream import ERROR, START, WARN, SampleStream, StreamHealth
 
 pytestmark = pytest.mark.alone
 
@@ -133,3 +133,12 @@ def test_the_requested_stream_must_be_named() -> None:
         StreamQuery("EMG", "it's")
     with pytest.raises(ParameterError, match="session"):
         use_session("a b")
+
+
+def test_a_stream_that_is_not_there_yet_is_waited_for_and_an_error_when_all_nodes_had_time_to_start(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    health, now = StreamHealth("a stream by lsl"), time.monotonic()
+    assert health.report()[:2] == (WARN, "waiting for a stream by lsl")
+    monkeypatch.setattr(time, "monotonic", lambda: now + START + 1.0)
+    assert health.report()[:2] == (ERROR, "waiting for a stream by lsl")

@@ -4,9 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from time_coded import NS, START, Stream, plan, skews, synchronise
 
 from hric_msgs.msg import SampleChunk
+from hric_perception.sync import messages
 from hric_perception.sync.core import Synchroniser
 
 ROBOT, MOCAP = Stream(1000.0), Stream(240.0, 0.0055, phase=0.0013)
@@ -69,7 +71,22 @@ def test_a_source_that_never_comes_is_named_and_the_others_begin_without_it() ->
     absent = dataclasses.replace(MOCAP, silent=(0.0, np.inf))
     batch, synchroniser = synchronise(plan("resample", 2, rate=100.0), [ROBOT, absent], 2.0)
     assert seconds(batch)[-1] > 1.9 and batch.valid[:, 0].all() and not batch.valid[:, 1].any()
-    assert synchroniser.starving(START + 2.0) == {"/s1": "never heard"}
+    assert synchroniser.starving(START + 2.0) == {"/s1": "not heard yet"}
+    assert synchroniser.starving(START + 11.0)["/s1"] == "never heard"
+
+
+def test_a_source_that_is_not_heard_yet_is_waited_for_while_all_nodes_start_and_is_an_error_afterwards() -> None:
+    absent = dataclasses.replace(MOCAP, silent=(0.0, np.inf))
+    _, synchroniser = synchronise(plan("resample", 2, rate=100.0), [ROBOT, absent], 2.0)
+
+    def told(after: float) -> tuple[int, str]:
+        found = messages.status(synchroniser, START + after, ["/s0", "/s1"])
+        state = messages.diagnostics(found, synchroniser, None, standing=False)
+        return state.level, state.message
+
+    assert told(2.0) == (DiagnosticStatus.WARN, "waiting for sources: /s1: not heard yet")
+    assert told(2.3)[0] == DiagnosticStatus.WARN
+    assert told(11.0)[0] == DiagnosticStatus.ERROR
 
 
 def test_the_reference_that_dies_is_named_and_no_sample_goes_out() -> None:

@@ -40,7 +40,7 @@ def test_the_plan_of_a_data_collection_is_valid_and_knows_its_units_and_muscles(
         for name, column in zip(plan.names, (one for source in plan.sources for one in source.columns), strict=True)
     }
     assert {"rad", "rad/s", "N m", "m", "1", "N"} <= set(units.values())
-    assert all(f"/hric/perception/emg/raw.data[{muscle}]" in units for muscle in MUSCLES)
+    assert all(f"hric/perception/emg/raw.data[{muscle}]" in units for muscle in MUSCLES)
 
 
 def test_the_rate_of_the_command_line_replaces_that_of_the_file() -> None:

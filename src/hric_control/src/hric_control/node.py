@@ -127,6 +127,10 @@ class Node(Protocol):
     def resolve(self, name: str) -> str:
         """Absolute name."""
 
+    def beside(self, name: str) -> str:
+        """Absolute name, one namespace up: in the one that a process was started in, of its private node; in the
+        robot's, of a controller. What belongs to the whole robot lies there, such as the motion capture."""
+
     def has_param(self, name: str) -> bool:
         """Whether the parameter exists."""
 
@@ -193,6 +197,10 @@ class Namespaced:
     def namespace(self) -> str:
         """Absolute namespace."""
         return self._namespace
+
+    def beside(self, name: str) -> str:
+        """Absolute name, one namespace up."""
+        return names.resolve(self._namespace.rpartition("/")[0], name)
 
     def search_param(self: Any, name: str, default: Any = REQUIRED) -> Any:
         """Value of the parameter in this namespace or the nearest one above it."""

@@ -45,6 +45,10 @@ class ScopedNode:
         """Absolute name."""
         return self._node.resolve(name)
 
+    def beside(self, name: str) -> str:
+        """Absolute name, one namespace up."""
+        return self._node.beside(name)
+
     def has_param(self, name: str) -> bool:
         """Whether the parameter exists."""
         return self._node.has_param(name)

@@ -1,6 +1,7 @@
 """Command line: run, list, report, compare and describe."""
 
 import argparse
+import contextlib
 import importlib
 import json
 import logging
@@ -12,6 +13,7 @@ from typing import Any
 import yaml
 
 from hric_bags.run_folder import RunFolder, runs_root
+from hric_bags.text import Steps
 from hric_control.parameters import json_schema, read_yaml, whole
 from hric_control.processes import INTERRUPTED_CODE, run_command
 from hric_experiments.definition import experiment, overrides, study
@@ -167,10 +169,12 @@ def report(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("--no-figures", action="store_true", help="do not draw the PNG files")
     given = parser.parse_args(list(arguments))
-    from hric_experiments.analysis.run import analyse
+    from hric_experiments.analysis.run import FIGURE_STEPS, STEPS, analyse
 
     folder = RunFolder.open(given.run, runs_root(given.runs))
-    print(analyse(folder, figures=not given.no_figures)["report"] + f"\nrun folder: {folder.path}")
+    with contextlib.closing(Steps(STEPS + FIGURE_STEPS * (not given.no_figures))) as step:
+        found = analyse(folder, figures=not given.no_figures, step=step)
+    print(f"{found['report']}\nrun folder: {folder.path}")
     if given.html:
         _html(folder)
     return 0

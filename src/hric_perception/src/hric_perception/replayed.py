@@ -16,7 +16,7 @@ from hric_perception.chunk import FloatArray
 
 HISTORY = 5.0
 """Span of the values that a track keeps [s] (project default, unconfirmed)."""
-START_TOPIC = "/hric/human/start"
+START_TOPIC = "hric/human/start"
 """Its stamp is the robot time at which the emulated human's program begins."""
 START_DELAY = 0.2
 """So long after a sample was taken it is known whether the human had begun [s] (default chosen by this project,

@@ -145,7 +145,7 @@ def follow_human(node: RosNode, replayed: Replayed) -> float:
     """
     if not replayed.waits:
         return 0.0
-    node.subscribe(START_TOPIC, Header, lambda message: replayed.start(message.stamp.to_sec()))
+    node.subscribe(node.beside(START_TOPIC), Header, lambda message: replayed.start(message.stamp.to_sec()))
     return START_DELAY
 
 

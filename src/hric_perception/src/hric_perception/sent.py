@@ -6,7 +6,7 @@ from hric_control.node import Node
 from hric_control.robot_time import stamps
 from hric_msgs.msg import SourceCount
 
-TOPIC = "/hric/perception/sent"
+TOPIC = "hric/perception/sent"
 PERIOD = 0.1
 """Between messages [s of wall time] (project default, unconfirmed)."""
 
@@ -22,7 +22,7 @@ class SentCounts:
     """
 
     def __init__(self, node: Node, source: str, counts: str, rate: float) -> None:
-        self._publisher = node.advertise(TOPIC, SourceCount, queue_size=100)
+        self._publisher = node.advertise(node.beside(TOPIC), SourceCount, queue_size=100)
         self._source, self._counts, self._rate = source, counts, rate
         self._published = 0.0
 

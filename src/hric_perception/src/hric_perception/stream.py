@@ -16,6 +16,8 @@ OK, WARN, ERROR = 0, 1, 2
 SILENT = 0.5
 """A stream that says nothing for so long is silent [s]. The constants of this file are project defaults,
 unconfirmed."""
+START = 10.0
+"""While all nodes start, a source of which nothing was received yet is waited for, and is no error [s of wall time]."""
 MEMORY = 5.0
 """So long an event is reported [s]."""
 RATE_SPAN = 2.0
@@ -50,7 +52,7 @@ class StreamHealth:
         self.samples = self.lost = self.not_finite = self.jumps = self.begun = 0
         self._layout: Layout | None = None
         self._trouble = f"waiting for {expected}"
-        self._last = -1.0
+        self._last, self._made = -1.0, time.monotonic()
         self._events: deque[tuple[float, str]] = deque(maxlen=20)
         self._arrived: deque[tuple[float, int]] = deque()
 
@@ -114,7 +116,8 @@ class StreamHealth:
         }
         recent = list(dict.fromkeys(text for at, text in list(self._events) if at > now - MEMORY))
         if self._trouble or self._layout is None:
-            return Health(ERROR, "; ".join([self._trouble, *recent]), values)
+            starts = not self.begun and now - self._made < START
+            return Health(WARN if starts else ERROR, "; ".join([self._trouble, *recent]), values)
         if now - self._last > SILENT:
             if standing:
                 return Health(WARN, "the run is paused or has not begun; no samples", values)

@@ -1,5 +1,5 @@
 """Robot time for everybody beside the loop: the robot's nodes, /clock, stamps, and pairs with the machine's clock on
-/hric/clock, by which drivers and emulators of sensors keep the time of the run."""
+hric/clock, by which drivers and emulators of sensors keep the time of the run."""
 
 from collections.abc import Callable
 from time import monotonic_ns
@@ -13,8 +13,8 @@ from hric_control.robot_hw import RobotHW
 from hric_control.robot_time import stamps
 from hric_msgs.msg import ClockPair
 
-TOPIC = "/hric/clock"
-"""Absolute: one clock per run."""
+TOPIC = "hric/clock"
+"""In the robot's namespace: one clock per run."""
 PERIOD = 20_000_000
 """Between pairs, of wall time [ns]."""
 
@@ -55,7 +55,7 @@ class RobotClock:
     Args:
         hw: the robot, initialised.
         nodes: the robot's own; the first one advertises.
-        live: publish pairs on /hric/clock, for drivers of sensors and emulators.
+        live: publish pairs on hric/clock, for drivers of sensors and emulators.
         on_clock: called with each stamp that goes out on /clock, in the loop; None: nobody.
 
     Attributes:

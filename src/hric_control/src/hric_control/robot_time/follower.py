@@ -13,7 +13,7 @@ from hric_control.robot_time.clock import HORIZON_NS, NS, RunClock
 from hric_control.ros import RosNode
 from hric_msgs.msg import ClockPair
 
-TOPIC = "/hric/clock"
+TOPIC = "hric/clock"
 PATIENCE = 3.0
 """Without a pair for so long, another clock gives the time [s] (project default, unconfirmed)."""
 FRESH = NS
@@ -31,7 +31,7 @@ class UnpacedError(FailureError):
 
 
 class RobotTime:
-    """Maps the monotonic clock here to the time of the run: by the pairs on `/hric/clock`; without them for some
+    """Maps the monotonic clock here to the time of the run: by the pairs on `hric/clock`; without them for some
     seconds, by the ticks of `/clock` where `/use_sim_time` is true, else by the wall clock. A clock for `MotiveServer`.
     From any thread.
 
@@ -50,7 +50,7 @@ class RobotTime:
         self._received = time.monotonic_ns()
         self._known = self._unpaced = self._foreign = False
         self._reported = PAIRS
-        self._pair_subscription = node.subscribe(TOPIC, ClockPair, self._on_pair, queue_size=0)
+        self._pair_subscription = node.subscribe(node.beside(TOPIC), ClockPair, self._on_pair, queue_size=0)
         self._tick_subscription: Registration | None = None
         self._subscribe_ticks(self._simulated)
 

@@ -10,8 +10,8 @@ from hric_controllers.marker.motion import MotionLimits
 from hric_controllers.marker.sample import SampleValidator
 from hric_controllers.parameters import state_rate
 
-SOURCES = {"mocap": "/hric/perception/mocap", "point": "/mocap/marker", "none": ""}
-"""source -> topic of the markers unless another is given."""
+SOURCES = {"mocap": "hric/perception/mocap", "point": "mocap/marker", "none": ""}
+"""source -> topic of the markers in the robot's namespace, unless another is given."""
 THESIS_ROTATION = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 """R_base_marker of thesis ch. 3.3: a stream with y up, its x along the robot's."""
 
@@ -54,7 +54,7 @@ class TrackingSettings(Settings):
     target_marker: str = text(
         "",
         default_text="by `source`",
-        text="topic of the markers; empty: `/hric/perception/mocap` or `/mocap/marker`",
+        text="topic of the markers; empty: `hric/perception/mocap` or `mocap/marker` in the robot's namespace",
     )
     body: str = text("", text="name of the rigid body; empty: the first of each frame")
     mode: str = choice(

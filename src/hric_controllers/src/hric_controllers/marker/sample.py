@@ -85,17 +85,18 @@ def subscribe_markers(
 
     Args:
         source: mocap (hric_msgs/MocapData), point (geometry_msgs/Point) or none.
-        topic: its name.
+        topic: its name, in the robot's namespace, which the controller's is in.
         body: of the rigid body; empty: the first of each frame.
         base: name of the robot's base frame.
     """
+    if source == "none":
+        return []
+    topic = node.beside(topic)
     if source == "mocap":
         return [node.subscribe(topic, MocapData, MocapReader(node, topic, body, base, take), queue_size=10)]
-    if source == "point":
-        return [
-            node.subscribe(topic, Point, lambda message: take(Marker((message.x, message.y, message.z))), queue_size=10)
-        ]
-    return []
+    return [
+        node.subscribe(topic, Point, lambda message: take(Marker((message.x, message.y, message.z))), queue_size=10)
+    ]
 
 
 class MocapReader:

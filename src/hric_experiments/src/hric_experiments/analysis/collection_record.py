@@ -110,11 +110,11 @@ def read(path: Path) -> Collection | None:
     """Read a bag with all its parts; None: it has neither samples nor frames nor synchronised samples."""
     found: dict[str, dict[str, list[Any]]] = {kind: {} for kind in (*TYPES, TRUTH_TOPIC)}
     with PartsReader(path) as reader:
-        counted = [c for c in reader.connections if c.msgtype in TYPES or c.topic == TRUTH_TOPIC]
+        counted = [c for c in reader.connections if c.msgtype in TYPES or c.topic.endswith(TRUTH_TOPIC)]
         if not any(c.msgtype in (CHUNK, FRAMES, SAMPLE) for c in counted):
             return None
         for connection, _, raw in reader.messages(connections=counted):
-            kind = connection.msgtype if connection.topic != TRUTH_TOPIC else TRUTH_TOPIC
+            kind = TRUTH_TOPIC if connection.topic.endswith(TRUTH_TOPIC) else connection.msgtype
             message = reader.deserialize(raw, connection.msgtype)
             found[kind].setdefault(connection.topic, []).append(_ROWS[kind](message) if kind in _ROWS else message)
     sources = {topic: _chunks(messages) for topic, messages in found[CHUNK].items()}
@@ -131,7 +131,7 @@ def read(path: Path) -> Collection | None:
         sources,
         _counts(found[COUNT]),
         streams,
-        _truth(found[TRUTH_TOPIC].get(TRUTH_TOPIC, [])),
+        _truth([message for messages in found[TRUTH_TOPIC].values() for message in messages]),
         frames[0][2] if frames else "",
     )
 

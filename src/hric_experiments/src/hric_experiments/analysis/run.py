@@ -1,6 +1,6 @@
 """From a run folder to its metrics, figures and report; needs no ROS."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +24,20 @@ from hric_experiments.report import text as report_text
 
 OPENSIM = "opensim_ros_control/OpenSimPlant"
 """Plant whose runs leave files for OpenSim's own tools."""
+STEPS, FIGURE_STEPS = 3, 2
+"""Of `analyse`, and with figures so many more."""
 
 
-def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, Any]:
+def analyse(
+    path: str | Path | RunFolder, *, figures: bool = True, step: Callable[[str], object] = str
+) -> dict[str, Any]:
     """Compute metrics.json, the figures and summary.txt of a run, and what OpenSim replays of a run in it, replacing
     those that are there.
 
     Args:
         path: the run folder.
         figures: whether to draw.
+        step: called with what begins, since a minute of samples takes a minute, too; str: nobody looks on.
 
     Returns:
         The metrics, with the report text under "report".
@@ -43,10 +48,13 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
     folder = path if isinstance(path, RunFolder) else RunFolder.open(path)
     run = folder.read()
     bag = bag_of(folder, run)
+    step("reading the control log")
     record = bag_reader.read(bag)
     definition = run.get("definition") or {}
     tolerances = tuple((definition.get("metrics") or {}).get("tolerances") or MetricsSpec().tolerances)
+    step("how a marker was followed")
     followed = tracking_analysis.analyse(folder, bag, run, record)
+    step("metrics of motion, contacts and samples")
     result = {**_metrics(run, bag, record, tolerances), "tracking": None if followed is None else followed.values}
     result |= _compared(definition, run.get("parameters") or {}, result)
     files.write_json(folder.metrics_path, result)
@@ -57,7 +65,7 @@ def analyse(path: str | Path | RunFolder, *, figures: bool = True) -> dict[str, 
 
         opensim_files.write(folder, run, record.log)
     if figures:
-        _draw(folder, run, bag, record, followed, tolerances)
+        _draw(folder, run, bag, record, followed, tolerances, step)
     return {**result, "report": report}
 
 
@@ -68,14 +76,17 @@ def _draw(
     record: RunRecord,
     followed: Tracking | None,
     tolerances: Sequence[float],
+    step: Callable[[str], object],
 ) -> None:
     """The figures of a run and what its sensors measured, into its folder `figures`."""
     from hric_experiments.report import drawing, run_figures, signal_figures
 
+    step("reading what sensors measured")
     moves = metrics.moves(record, joint_orders(run))
     shown = run_figures.robot_figures(record, moves, run.get("limits") or {}, tolerances)
     shown += run_figures.tracking_figures(followed)
     shown += signal_figures.signal_figures(recordings.read(bag, record.robot_time, signals_only=True).signals)
+    step(f"drawing {len(shown)} figures")
     drawing.draw(folder.path / drawing.FOLDER, shown, title(run))
 
 

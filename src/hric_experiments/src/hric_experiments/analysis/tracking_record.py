@@ -14,7 +14,7 @@ from hric_bags.reader import RobotTime, seconds
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
-FRAMES, TRUTH, PHASES = "/hric/perception/mocap", "/hric/human/hand", "/hric/human/phase"
+FRAMES, TRUTH, PHASES = "hric/perception/mocap", "hric/human/hand", "hric/human/phase"
 STATE_TYPE, ROBOT_TYPE = "hric_msgs/msg/MarkerTrackingState", "franka_msgs/msg/FrankaState"
 
 
@@ -99,7 +99,9 @@ def read(path: Path, robot_time: RobotTime, body: str) -> TrackingRecord | None:
     found: dict[str, list[tuple[float, Any]]] = {FRAMES: [], TRUTH: [], PHASES: [], STATE_TYPE: [], ROBOT_TYPE: []}
     controller = ""
     with PartsReader(path) as reader:
-        kept = {c.id: key for c in reader.connections for key in found if key in (c.topic, c.msgtype)}
+        kept = {
+            c.id: key for c in reader.connections for key in found if key == c.msgtype or c.topic.endswith(f"/{key}")
+        }
         if not {FRAMES, STATE_TYPE} <= set(kept.values()):
             return None
         for connection, stamp, raw in reader.messages(connections=[c for c in reader.connections if c.id in kept]):

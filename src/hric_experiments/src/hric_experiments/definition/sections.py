@@ -51,7 +51,7 @@ NATNET_PORTS = {"command_port": 1512, "data_port": 1513}
 BLOCK = 0.02
 """Longest time between two sendings of an emulated device [s of wall time]; real ones do likewise (project default,
 unconfirmed)."""
-FRAMES = "/hric/perception/mocap"
+FRAMES = "hric/perception/mocap"
 MOCAP_GAP, CHUNK_GAP = 0.05, 0.01
 """Furthest that samples may be apart to be interpolated [s]: neither an occlusion nor lost samples are bridged (project
 default, unconfirmed)."""
@@ -230,7 +230,7 @@ class EmgSection(SensorSection):
     @property
     def source(self) -> dict[str, Any]:
         """For the plan of the synchroniser."""
-        return self._source("/hric/perception/emg/raw", {"V": self.channels})
+        return self._source("hric/perception/emg/raw", {"V": self.channels})
 
 
 @dataclass(frozen=True)
@@ -310,7 +310,7 @@ class PlateSection(SensorSection):
     def source(self) -> dict[str, Any]:
         """For the plan of the synchroniser."""
         units = {"N": self.channels[:3], "N m": self.channels[3:]}
-        return self._source(f"/hric/perception/force_plate/{self.id}/samples", units)
+        return self._source(f"hric/perception/force_plate/{self.id}/samples", units)
 
 
 @dataclass(frozen=True)

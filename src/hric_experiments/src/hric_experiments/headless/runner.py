@@ -249,7 +249,9 @@ def _simulate(
 
 def _run(app: RobotApp, node: LocalNode, definition: Experiment, progress: bool, human: HeadlessHuman | None) -> bool:
     form = "{l_bar}{bar}| {n:.2f}/{total:.2f} s robot time [{elapsed}<{remaining}]"
-    bar = tqdm(total=definition.duration, desc=definition.name, bar_format=form, leave=False) if progress else None
+    # disable=None: where stderr is no terminal there is no bar, whose hundreds of states a file would keep.
+    shown = {"desc": definition.name, "bar_format": form, "leave": False, "disable": None}
+    bar = tqdm(total=definition.duration, **shown) if progress else None
     try:
         with _interruptible(app) as interrupt:
             app.run(definition.duration, Timeline(node, definition.setpoints, bar, human))

@@ -1,6 +1,7 @@
 """The experiment node: waits for controllers and recorder, sends the setpoints in robot time, ends the recording,
 reports."""
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from std_srvs.srv import Trigger
 
 from controller_manager_msgs.srv import ListControllers
 from hric_bags.run_folder import RunFolder
+from hric_bags.text import Steps
 from hric_control.errors import FailureError
 from hric_control.parameters import Settings, flag, number, text
 from hric_control.ros import RosNode
@@ -96,8 +98,18 @@ class LiveExperiment:
         from hric_experiments import report_html
         from hric_experiments.analysis import run as analysis
 
-        report = str(analysis.analyse(folder)["report"]) + f"\nrun folder: {folder.path}\n"
-        return report + (f"page: {report_html.write(folder)}\n" if self._settings.html else "")
+        html = self._settings.html
+        with contextlib.closing(Steps(analysis.STEPS + analysis.FIGURE_STEPS + html)) as step:
+            try:
+                report = str(analysis.analyse(folder, step=step)["report"]) + f"\nrun folder: {folder.path}\n"
+                if html:
+                    step("writing report.html")
+                    report += f"page: {report_html.write(folder)}\n"
+            except live_node.Interrupted:
+                later = f"rosrun hric_experiments report {folder.path}" + " --html" * html
+                rospy.logwarn("interrupted: the bag is whole, the report is not made; to make it: %s", later)
+                raise
+        return report
 
     def _wait_ready(self) -> None:
         self._wait(self._missing_controllers, "controllers that do not run: {}")

@@ -22,7 +22,8 @@ class LiveHuman:
 
     def __init__(self, body: str) -> None:
         self._body, self._bodies, self._tracked = body, "", False
-        self._subscriber: Any = rospy.Subscriber(FRAMES, MocapData, self._on_frame, queue_size=1)
+        self._topic = rospy.resolve_name(FRAMES)
+        self._subscriber: Any = rospy.Subscriber(self._topic, MocapData, self._on_frame, queue_size=1)
 
     def _on_frame(self, message: Any) -> None:
         self._bodies = ", ".join(body.name for body in message.rigid_bodies) or "no body"
@@ -36,14 +37,14 @@ class LiveHuman:
                 self._subscriber = None
             return []
         if not self._bodies:
-            return [f"nothing on {FRAMES}; does {MOCAP_CLIENT} run?"]
-        return [f"{FRAMES} does not track {self._body}; it has {self._bodies}"]
+            return [f"nothing on {self._topic}; does {MOCAP_CLIENT} run?"]
+        return [f"{self._topic} does not track {self._body}; it has {self._bodies}"]
 
     def nodes(self) -> list[str]:
         """Names of the motion capture's nodes that run."""
         published = rosgraph.Master(rospy.get_name()).getSystemState()[0]
-        running = {node for _, nodes in published for node in nodes}
-        return sorted(name for name in running if name.rsplit("/", 1)[-1] in (MOCAP_CLIENT, EMULATED_HUMAN))
+        own = {rospy.resolve_name(name) for name in (MOCAP_CLIENT, EMULATED_HUMAN)}
+        return sorted(own & {node for _, nodes in published for node in nodes})
 
     def start(self) -> None:
         """Let the emulated human begin, if there is one.
@@ -64,13 +65,10 @@ class LiveHuman:
         rospy.loginfo("%s", response.message)
 
     def _service(self) -> str:
-        """Name of the service that starts him: in this namespace, or in the root, since all robots share one motion
-        capture; "": none."""
-        master = rosgraph.Master(rospy.get_name())
-        for name in (rospy.resolve_name(f"{EMULATED_HUMAN}/start"), f"/{EMULATED_HUMAN}/start"):
-            try:
-                master.lookupService(name)
-            except (rosgraph.MasterError, OSError):
-                continue
-            return name
-        return ""
+        """Name of the service that starts him, in this namespace; "": none."""
+        name: str = rospy.resolve_name(f"{EMULATED_HUMAN}/start")
+        try:
+            rosgraph.Master(rospy.get_name()).lookupService(name)
+        except (rosgraph.MasterError, OSError):
+            return ""
+        return name

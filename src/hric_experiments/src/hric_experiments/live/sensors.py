@@ -36,7 +36,8 @@ class LiveSensors:
 
     def __init__(self, experiment: Experiment) -> None:
         synchronised = [] if experiment.sync is None else experiment.sync.topics
-        self.topics = [str(part.source["topic"]) for part in experiment.sources] + synchronised
+        named = [str(part.source["topic"]) for part in experiment.sources] + synchronised
+        self.topics = [rospy.resolve_name(topic) for topic in named]
         self.sampled = bool(experiment.sensors or synchronised)
         self._stamps: dict[str, float] = {}
         self._lock = threading.Lock()
@@ -51,7 +52,7 @@ class LiveSensors:
 
     def nodes(self) -> list[str]:
         """Names of the nodes that publish them, or counts of what was sent."""
-        counted = {*self.topics, SENT} if self.topics else set()
+        counted = {*self.topics, rospy.resolve_name(SENT)} if self.topics else set()
         published = rosgraph.Master(rospy.get_name()).getSystemState()[0]
         return sorted({node for topic, nodes in published if topic in counted for node in nodes})
 

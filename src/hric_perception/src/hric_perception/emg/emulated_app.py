@@ -100,7 +100,7 @@ def activation_of(node: Node, program: Settings, names: tuple[str, ...]) -> Acti
         for time, row in zip(chunk.times.tolist(), chunk.data[:, columns], strict=True):
             track.add(time, np.nan_to_num(row))
 
-    node.subscribe(program.topic, SampleChunk, add, queue_size=100)
+    node.subscribe(node.beside(program.topic), SampleChunk, add, queue_size=100)
     return track.at
 
 

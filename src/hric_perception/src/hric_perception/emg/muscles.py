@@ -94,7 +94,7 @@ class Points(Program):
 class TopicActivation(Settings):
     """The values of a topic."""
 
-    topic: str = text("/hric/human/activation", empty=False)
+    topic: str = text("hric/human/activation", empty=False)
 
 
 PROGRAM: Any = variant(

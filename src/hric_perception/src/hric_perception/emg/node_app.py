@@ -96,8 +96,9 @@ class EmgNode(SensorNode):
     def __init__(self, node: RosNode) -> None:
         settings = EmgSettings.read(node)
         self._settings = settings.envelope
-        self._raw = node.advertise("/hric/perception/emg/raw", SampleChunk, queue_size=100)
-        self._smooth = node.advertise("/hric/perception/emg/envelope", SampleChunk, queue_size=100)
+        topic = node.beside("hric/perception/emg")
+        self._raw = node.advertise(f"{topic}/raw", SampleChunk, queue_size=100)
+        self._smooth = node.advertise(f"{topic}/envelope", SampleChunk, queue_size=100)
         self._envelope: Envelope | None = None
         self._layout: object = None
         self._mvc = MvcService(node)

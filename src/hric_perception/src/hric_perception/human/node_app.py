@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from time import sleep
 from typing import Any
 
-import rospy
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger, TriggerResponse
 
@@ -67,12 +66,12 @@ class HumanNode(NodeApp):
         self._server = MotiveServer(seen.motive, self._robot_time)
         self._counts = SentCounts(node, "", "frames", settings.rate)
         node.subscribe(
-            given.state_topic or f"{rospy.get_namespace()}franka_state_controller/franka_states",
+            node.beside(given.state_topic or "franka_state_controller/franka_states"),
             FrankaState,
             self._on_state,
             queue_size=1,
         )
-        self._started = node.advertise(START_TOPIC, Header, latch=True)
+        self._started = node.advertise(node.beside(START_TOPIC), Header, latch=True)
         node.service("start", Trigger, self._on_start)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._publish_truth, name="truth", daemon=True)

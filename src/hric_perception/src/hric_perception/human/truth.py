@@ -13,7 +13,7 @@ RATE = 100.0
 
 
 class Truth:
-    """Publishes `/hric/human/hand` at RATE and `/hric/human/phase` when it changes. One thread calls it.
+    """Publishes `hric/human/hand` at RATE and `hric/human/phase` when it changes. One thread calls it.
 
     Args:
         node: where to advertise.
@@ -23,8 +23,8 @@ class Truth:
 
     def __init__(self, node: Node, hand: Hand, frame: str) -> None:
         self._hand, self._frame, self._published = hand, frame, ""
-        self._poses = node.advertise("/hric/human/hand", PoseStamped, queue_size=100)
-        self._phases = node.advertise("/hric/human/phase", String, queue_size=10, latch=True)
+        self._poses = node.advertise(node.beside("hric/human/hand"), PoseStamped, queue_size=100)
+        self._phases = node.advertise(node.beside("hric/human/phase"), String, queue_size=10, latch=True)
         self._next: int | None = None
 
     @property

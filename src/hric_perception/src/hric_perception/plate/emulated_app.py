@@ -88,7 +88,7 @@ class EmulatedPlateNode(EmulatedNode):
                 [(one.collision1_name, one.collision2_name, list(_points(one))) for one in message.states],
             )
 
-        node.subscribe(program.topic, ContactsState, add, queue_size=100)
+        node.subscribe(node.beside(program.topic), ContactsState, add, queue_size=100)
         return load
 
 

@@ -54,7 +54,7 @@ class Contacts(Settings):
     """What presses in the simulation."""
 
     body: str = text("plate")
-    topic: str = text("/sim/contacts", valid="a topic of gazebo_msgs/ContactsState", empty=False)
+    topic: str = text("sim/contacts", valid="a topic of gazebo_msgs/ContactsState", empty=False)
 
 
 PROGRAM: Any = variant(

@@ -59,7 +59,7 @@ class ForcePlateNode(SensorNode):
         settings = ForcePlateSettings.read(node)
         self._node, self._frame = node, settings.frame or f"force_plate_{settings.id}"
         self._height, self._sign = settings.height, -1.0 if settings.invert else 1.0
-        topic = f"/hric/perception/force_plate/{settings.id}"
+        topic = node.beside(f"hric/perception/force_plate/{settings.id}")
         self._samples = node.advertise(f"{topic}/samples", SampleChunk, queue_size=100)
         self._wrench = node.advertise(f"{topic}/wrench", WrenchStamped, queue_size=100)
         self._cop = node.advertise(f"{topic}/cop", PointStamped, queue_size=100)

@@ -4,6 +4,7 @@ from collections import Counter, deque
 
 import numpy as np
 
+from hric_perception.stream import START
 from hric_perception.sync.buffer import StampBuffer, Stamps, Values
 from hric_perception.sync.extract import Samples
 from hric_perception.sync.instants import AGREE, Verdict
@@ -16,6 +17,8 @@ OUT_OF_ORDER, FOREIGN, MALFORMED, NOT_FOR_US = (
     "malformed",
     "without the values wanted",
 )
+NOT_YET = "not heard yet"
+"""Of a source while all nodes start: no failure."""
 REFUSALS = (OUT_OF_ORDER, FOREIGN, MALFORMED)
 """Samples refused for these reasons are losses; messages of somebody else on the same topic are none."""
 
@@ -129,7 +132,7 @@ class Intake:
                 else f"only messages {NOT_FOR_US}"
             )
         if self._last is None:
-            return "never heard"
+            return NOT_YET if now - since <= START else "never heard"
         return f"silent for {now - since:.1f} s" if now - since < 100 else "silent"
 
     def awaited(self, busy: float) -> bool:

@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from hric_msgs.msg import SyncLayout, SyncStatus
 from hric_perception.sync.core import Batch, Synchroniser
-from hric_perception.sync.intake import REFUSALS
+from hric_perception.sync.intake import NOT_YET, REFUSALS
 from hric_perception.sync.layout import RESAMPLE, Plan, Source
 
 NS = 1_000_000_000
@@ -125,6 +125,8 @@ def diagnostics(found: Any, synchroniser: Synchroniser, before: Any, standing: b
     losses = [f"{topic}: {what}" for topic, what in _losses(found, synchroniser.window.valid(), before)]
     if standing and len(starving) == len(found.sources):
         level, text = DiagnosticStatus.WARN, "the run is paused or has not begun"
+    elif starving and {*found.reasons} <= {"", NOT_YET}:
+        level, text = DiagnosticStatus.WARN, "waiting for sources: " + "; ".join(starving)
     elif starving:
         level, text = DiagnosticStatus.ERROR, "starving: " + "; ".join(starving)
     elif losses:
@@ -164,9 +166,9 @@ def _figures(found: Any, synchroniser: Synchroniser) -> Iterator[tuple[str, obje
             yield f"{topic} {reason}", count
 
 
-TOPIC = "/hric/perception/sync"
+TOPIC = "hric/perception/sync"
 
 
 def rate_topic(topic: str, rate: float) -> str:
-    """Where samples of one rate of several go, such as /hric/perception/sync_100hz."""
+    """Where samples of one rate of several go, such as hric/perception/sync_100hz."""
     return f"{topic}_{f'{rate:g}'.replace('.', '_')}hz"

@@ -154,9 +154,10 @@ class SynchronizerNode(NodeApp):
 
     def __init__(self, node: RosNode) -> None:
         settings = SyncSettings.read(node)
-        plan, topic, self._period = read_plan(node.resolve("plan"), settings.plan), settings.topic, settings.period
-        # Topics of sources are relative to the namespace that the node is in, as those of its subscriptions.
-        topics = [node.resolve(_relative(source.topic, node)) for source in plan.sources]
+        plan, self._period = read_plan(node.resolve("plan"), settings.plan), settings.period
+        topic, *topics = (
+            node.resolve(node.beside(name)) for name in (settings.topic, *(source.topic for source in plan.sources))
+        )
         self._robot_time = RobotTime(node)
         outputs = outputs_of(plan, topic, checked_rates(node.resolve("rates"), settings.rates or (), plan))
         self._streams = [
@@ -218,11 +219,6 @@ def outputs_of(plan: Plan, topic: str, rates: Sequence[float]) -> list[tuple[Pla
     if not rates:
         return [(plan, topic)]
     return [(replace(plan, rate=rate), rate_topic(topic, rate)) for rate in rates]
-
-
-def _relative(topic: str, node: RosNode) -> str:
-    """A topic of a source: relative to the namespace that the node is in, not to its private one."""
-    return topic if topic.startswith("/") else f"{node.namespace.rsplit('/', 1)[0]}/{topic}"
 
 
 def main(text: str, warning: str = "") -> int:

@@ -69,10 +69,10 @@ class LiveView(NodeApp):
         ]
         self._relay("joint_states", "joints", JointState, NewestJoints(turning))
         self._relay("franka_state_controller/F_ext", "arm_wrench", WrenchStamped, Reaction())
-        self._relay("/hric/perception/emg/envelope", "emg", SampleChunk, MeanChunk(rate))
+        self._relay("hric/perception/emg/envelope", "emg", SampleChunk, MeanChunk(rate))
         for plate in settings.plates:
             self._relay(
-                f"/hric/perception/force_plate/{plate}/wrench", f"force_plate/{plate}/wrench", WrenchStamped, Newest()
+                f"hric/perception/force_plate/{plate}/wrench", f"force_plate/{plate}/wrench", WrenchStamped, Newest()
             )
         self._limits = _Limits(self._root, description, turning) if limits_rate else None
         self._stop = threading.Event()

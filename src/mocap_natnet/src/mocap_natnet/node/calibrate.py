@@ -36,7 +36,7 @@ class CalibrateSettings(Settings):
         "base_from_mocap.yaml",
         text="parameters for `natnet_client`; load them with `rosparam load FILE /natnet_client`",
     )
-    state_topic: str = text("/franka_state_controller/franka_states", text="of the robot")
+    state_topic: str = text("franka_state_controller/franka_states", text="of the robot")
 
 
 class CalibrateNode(NodeApp):
@@ -57,8 +57,8 @@ class CalibrateNode(NodeApp):
         self._calibration = Calibration()
         self._recent: list[Vector] = []
         self._effector: Vector | None = None
-        node.subscribe("/hric/perception/mocap", MocapData, self._on_mocap)
-        node.subscribe(settings.state_topic, FrankaState, self._on_state)
+        node.subscribe(node.beside("hric/perception/mocap"), MocapData, self._on_mocap)
+        node.subscribe(node.beside(settings.state_topic), FrankaState, self._on_state)
         for name, handler in (("add", self._add), ("solve", self._solve), ("clear", self._clear)):
             node.service(name, Trigger, lambda request, handler=handler: self._serve(handler))  # type: ignore[misc]
         name = node.namespace

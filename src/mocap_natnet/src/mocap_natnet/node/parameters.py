@@ -23,7 +23,7 @@ class Preset:
         ground_pose: topic of the poses on the ground, "": none.
     """
 
-    pose: str = "/mocap/{}/pose"
+    pose: str = "mocap/{}/pose"
     child: str = "{}"
     frame: str = MOCAP_FRAME
     ground_pose: str = ""
@@ -31,8 +31,8 @@ class Preset:
 
 PRESETS = {
     "hric": Preset(),
-    "mocap_optitrack": Preset("/{}/pose", "{}/base_link", "world", "/{}/ground_pose"),
-    "natnet_ros": Preset("/natnet_ros/rigid_bodies/{}/pose"),
+    "mocap_optitrack": Preset("{}/pose", "{}/base_link", "world", "{}/ground_pose"),
+    "natnet_ros": Preset("natnet_ros/rigid_bodies/{}/pose"),
 }
 """Ours, and those of the drivers of the same name, so that what was written for them finds its topics."""
 

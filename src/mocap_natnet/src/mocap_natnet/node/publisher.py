@@ -20,7 +20,7 @@ from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.tracking.tracking import TrackedBody, Tracker
 from mocap_natnet.tracking.validity import PoseValidator
 
-TRAIL_TOPIC = "/mocap/trail"
+TRAIL_TOPIC = "mocap/trail"
 POINTS_RATE = 50.0
 """Points of the trail per second of robot time. The constants of the trail are project defaults, unconfirmed."""
 PIECE = 10
@@ -49,7 +49,7 @@ class Trail:
     """
 
     def __init__(self, node: Node, length: float) -> None:
-        self._publisher = node.advertise(TRAIL_TOPIC, Marker, queue_size=10)
+        self._publisher = node.advertise(node.beside(TRAIL_TOPIC), Marker, queue_size=10)
         self._length, self._points, self._pieces = length, list[Vector](), 0
         self._last = float("-inf")
 
@@ -110,11 +110,11 @@ class MocapPublisher:
         self.tracker = Tracker(publishing.up_axis, base, PoseValidator(publishing.volume, publishing.max_speed))
         self.untimed = self.held = 0
         self._last = (0, float("-inf"))
-        self._data = node.advertise("/hric/perception/mocap", MocapData, queue_size=100)
-        self._point = node.advertise("/mocap/marker", Point, queue_size=100)
-        self._stamped = node.advertise("/mocap/marker_stamped", PointStamped, queue_size=100)
+        self._data = self._advertise("hric/perception/mocap", MocapData)
+        self._point = self._advertise("mocap/marker", Point)
+        self._stamped = self._advertise("mocap/marker_stamped", PointStamped)
         self._tf = node.advertise("/tf", TFMessage, queue_size=100) if publishing.tf_rate else None
-        self._balls = node.advertise("/mocap/markers", MarkerArray, queue_size=10) if publishing.markers_rate else None
+        self._balls = self._advertise("mocap/markers", MarkerArray, 10) if publishing.markers_rate else None
         self._trail = Trail(node, publishing.trail_length) if publishing.trail_length else None
         self._publishers: dict[tuple[str, str], Publisher] = {}
         self._next_tf = self._next_balls = float("-inf")
@@ -205,9 +205,11 @@ class MocapPublisher:
     def _of_body(self, pattern: str, body: str, kind: type) -> Publisher:
         """The publisher of a topic of a body; `{}` in the pattern is replaced by its name."""
         if (pattern, body) not in self._publishers:
-            topic = pattern.format(ros_name(body))
-            self._publishers[pattern, body] = self._node.advertise(topic, kind, queue_size=100)
+            self._publishers[pattern, body] = self._advertise(pattern.format(ros_name(body)), kind)
         return self._publishers[pattern, body]
+
+    def _advertise(self, topic: str, kind: type, queue_size: int = 100) -> Publisher:
+        return self._node.advertise(self._node.beside(topic), kind, queue_size=queue_size)
 
     def _log_tracking(self, body: TrackedBody) -> None:
         """Log that tracking was lost or found."""

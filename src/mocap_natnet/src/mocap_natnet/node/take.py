@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import rospy
 from std_msgs.msg import String
 
 from hric_control.errors import CommandError, HricError
@@ -60,7 +59,7 @@ class Recorder:
         self._runs: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="takes", daemon=True)
         self._thread.start()
-        self._subscription = node.subscribe(rospy.resolve_name(TOPIC), String, self._on_run)
+        self._subscription = node.subscribe(node.beside(TOPIC), String, self._on_run)
 
     def close(self) -> None:
         """End what was begun."""
