@@ -4,6 +4,7 @@ allows."""
 import contextlib
 import copy
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -18,12 +19,13 @@ from tqdm import tqdm
 from franka_msgs.msg import FrankaState
 from hric_bags import files
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RunFolder, iso_now
+from hric_bags.text import Steps
 from hric_control.errors import FailureError, HricError, failing
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.local.node import LocalNode
 from hric_control.robot_app import RobotApp
 from hric_experiments import provenance
-from hric_experiments.analysis.run import analyse
+from hric_experiments.analysis.run import FIGURE_STEPS, STEPS, analyse
 from hric_experiments.definition import parameters
 from hric_experiments.definition.experiment import Experiment, Setpoint
 from hric_experiments.headless.bag_writer import BagWriter
@@ -142,7 +144,7 @@ def run(
         arguments: the overrides it was made with, for run.yaml.
         seed: of everything random.
         root: folder of all runs.
-        progress: show a progress bar on the terminal.
+        progress: show on a terminal how far run and report are.
         figures: draw.
 
     Raises:
@@ -164,8 +166,8 @@ def run(
             interrupted = _simulate(app, node, definition, folder, early, progress, human)
     finally:
         app.shutdown()
-    with failing():
-        metrics = analyse(folder, figures=figures)
+    with failing(), contextlib.closing(Steps(STEPS + FIGURE_STEPS * figures)) as step:
+        metrics = analyse(folder, figures=figures, step=step if progress and sys.stderr.isatty() else str)
     folder.update(state_sha256=metrics["state_sha256"])
     return Result(folder, metrics, interrupted)
 
