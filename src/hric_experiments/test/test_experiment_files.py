@@ -146,7 +146,8 @@ def test_the_motion_capture_of_an_experiment_can_be_changed_key_by_key() -> None
     assert run.mocap.stream | {"noise": 0, "latency": 0.01} == run.mocap.stream and run.mocap.human["cycles"] == 1
     assert run.parameters["cartesian_pose_controller"]["mode"] == "thesis"
     described = parameters.mocap(run, seed=3)
-    assert described["natnet_client"] == {"body": "hand", "up_axis": "y"}
+    there = {"base_from_mocap": run.mocap.base_from_mocap, "base_frame": "panda_link0"}
+    assert described["natnet_client"] == {"body": "hand", "up_axis": "y"} | there
     assert (described["emulated_human"]["seed"], described["emulated_human"]["base_frame"]) == (3, "panda_link0")
     assert parameters.mocap(load("pd_step")) == {}
 

@@ -36,7 +36,7 @@ def test_a_headless_run_replays_the_markers_of_the_file_beside_the_experiment(fi
     p = np.column_stack([frames.below("rigid_bodies.hand.pose.position")[axis] for axis in "xyz"])
     x, y, z = (c3d_files.swinging(FRAMES)[1] + np.array([0.1, 0.0, 0.0])).T
     place = (frames.time - 1e-3) * RATE  # the program begins in the first millisecond
-    exact = np.column_stack([np.interp(place, np.arange(FRAMES), values) for values in (x, z, -y)])  # y up
+    exact = np.column_stack([np.interp(place, np.arange(FRAMES), values) for values in (x, y, z)])
     assert len(p) > 90 and np.abs(p - exact).max() < 1e-6
     told = folder.read()
     assert told["definition"]["mocap"]["human"]["path"] == "trial.c3d" and str(file.parent) not in yaml.safe_dump(told)
