@@ -112,7 +112,7 @@ def test_a_stop_that_came_before_the_run_counts_and_the_next_run_goes_on(robot) 
     robot.run(0.05)
     first = len(robot.times)
     robot.run(0.05)
-    assert robot.times[first - 1] - robot.times[0] >= 0.045
+    assert first <= 51 and robot.times[first - 1] - robot.times[0] >= 0.045  # states may be lost at rest
     assert robot.times[first] > robot.times[first - 1]
 
 
