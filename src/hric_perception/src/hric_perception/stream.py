@@ -17,7 +17,8 @@ SILENT = 0.5
 """A stream that says nothing for so long is silent [s]. The constants of this file are project defaults,
 unconfirmed."""
 START = 10.0
-"""While all nodes start, a source of which nothing was received yet is waited for, and is no error [s of wall time]."""
+"""While all nodes start, a source of which nothing was received yet is waited for, and is no error [s of wall time];
+project default, unconfirmed."""
 MEMORY = 5.0
 """So long an event is reported [s]."""
 RATE_SPAN = 2.0
