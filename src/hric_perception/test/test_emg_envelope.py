@@ -1,5 +1,8 @@
 """The envelope against scipy's filters over the whole recording at once."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -196,3 +199,8 @@ def test_a_message_without_its_muscles_is_refused(channels: tuple[str, ...], wor
         SampleChunk(channels=list(channels), rate=1.0, data=[0.1, 0.2, 0.3])
     )
     assert any(words in text for text in told)
+
+
+def test_the_filters_are_loaded_with_the_node_and_not_while_the_first_samples_wait() -> None:
+    code = "import sys, hric_perception.emg.node_app; assert 'scipy.signal' in sys.modules"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

@@ -24,8 +24,8 @@ ResolveScope = machine
 level = -3
 """
 LOG = logging.getLogger("hric.perception.lsl")
-RESOLVE = 0.5
-"""Of one search [s]; the constants of this file are project defaults, unconfirmed."""
+LOOK = 0.1
+"""Between looks for a stream [s]; the constants of this file are project defaults, unconfirmed."""
 POLL, LONGEST_POLL = 0.01, 0.05
 """Between looks for samples, or half the duration of a message where that is longer [s]: few large blocks cost less
 than many small ones."""
@@ -118,14 +118,12 @@ class LslReader(Driver):
         self._query, self._stream, self._health, self._choose = query, stream, health, choose
 
     def _run(self) -> None:
-        while not self._stop.is_set():
-            found = pylsl.resolve_bypred(self._query.query, 1, RESOLVE)
-            if not found:
-                self._health.trouble(f"{self._query} is not there")
-                continue
+        while found := self._find():
             if len(found) > 1:
-                names = ", ".join(sorted(info.name() for info in found))
-                self._health.event(f"several streams are {self._query}: {names}; the first is read")
+                self._health.event(
+                    f"several streams are {self._query}: {', '.join(sorted(info.name() for info in found))}; the first "
+                    "is read"
+                )
             try:
                 self._read(found[0])
             except RuntimeError as error:  # from liblsl: the stream was lost, or does not respond
@@ -135,6 +133,18 @@ class LslReader(Driver):
                 self._health.trouble(str(error))
                 self._stop.wait(1.0)
             self._stream.end()
+
+    def _find(self) -> list[pylsl.StreamInfo]:
+        """Wait until streams respond; none when the driver is closed.
+
+        In the background, since a single search now and then takes five seconds longer than it is given (liblsl 1.18).
+        """
+        resolver = pylsl.ContinuousResolver(pred=self._query.query)
+        while not self._stop.wait(LOOK):
+            if found := resolver.results():
+                return list(found)
+            self._health.trouble(f"{self._query} is not there")
+        return []
 
     def _read(self, info: pylsl.StreamInfo) -> None:
         # The clock of this machine is the one that its own streams are stamped by: nothing to estimate.

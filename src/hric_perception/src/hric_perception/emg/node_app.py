@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.signal  # noqa: F401  the filters' own, else loaded with the first sample, while others wait in the driver
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from hric_control.errors import HricError
