@@ -61,7 +61,17 @@ def log_of(folder: RunFolder) -> ControlRecord:
 def test_peak_and_steady_differences_of_two_runs_are_those_of_their_logs(
     root: Path, simulated: RunFolder, other: RunFolder
 ) -> None:
-    done = rosrun("compare", simulated.path.name, other.path.name, "--runs", str(root), "--labels", "simulated", "real")
+    done = rosrun(
+        "compare",
+        simulated.path.name,
+        other.path.name,
+        "--runs",
+        str(root),
+        "--labels",
+        "simulated",
+        "real",
+        "--no-figures",
+    )
     assert done.returncode == 0, done.stderr
     folder = root / f"{simulated.path.name}_vs_{other.path.name}"
     (move,) = json.loads((folder / "metrics.json").read_text())["setpoints"]

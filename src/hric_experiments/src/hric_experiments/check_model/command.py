@@ -138,6 +138,7 @@ def _add_results(add: Callable[..., Any]) -> None:
         metavar="DIR",
         help="where to write (default: check_model/ of the run, or <log>_check_model/)",
     )
+    add("--no-figures", action="store_true", help="text and fitted friction only")
     add("--runs", metavar="DIR", help="folder of all runs")
 
 
@@ -168,8 +169,6 @@ def _write(
     text: str,
 ) -> None:
     """Report, figures and fitted friction."""
-    from hric_experiments.check_model import figures
-
     folder = (given.out or source.folder).expanduser().absolute()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -180,7 +179,10 @@ def _write(
             files.write_text(path, friction_text(fits, about))
             print(f"friction: {path}")
         files.write_text(folder / "summary.txt", text)
-        figures.draw_all(folder, check, friction, fits, source.name)
+        if not given.no_figures:
+            from hric_experiments.check_model import figures  # slow to load
+
+            figures.draw_all(folder, check, friction, fits, source.name)
     except OSError as error:
         raise LogError(f"cannot write to {error.filename or folder}: {error.strerror or error}") from error
-    print(f"figures: {folder}")
+    print(f"{'summary' if given.no_figures else 'figures'}: {folder}")
