@@ -308,12 +308,6 @@ class PositionJointInterface(JointCommandInterface):
     cpp_name = "hardware_interface::PositionJointInterface"
 
 
-JOINT_COMMAND_INTERFACES: tuple[type[JointCommandInterface], ...] = (
-    EffortJointInterface,
-    VelocityJointInterface,
-    PositionJointInterface,
-)
-
 InterfaceT = TypeVar("InterfaceT", bound=HardwareInterface)
 
 
