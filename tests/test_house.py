@@ -51,6 +51,7 @@ def test_no_more_replaced_words_are_used_than_allowed(workspace: list[Source], t
     assert limits.over_words(workspace, today, limits.glossary(ROOT)) == []
 
 
+@pytest.mark.slow
 def test_the_statements_at_the_start_are_those_of_that_revision(today: limits.Limits) -> None:
     try:
         start = sources.at_revision(today.start["revision"], ROOT)

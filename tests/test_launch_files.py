@@ -1,6 +1,7 @@
 """The launch files, without a master: which nodes start, which parameters they get, and that every argument is
 explained."""
 
+import functools
 import re
 import subprocess
 from pathlib import Path
@@ -18,7 +19,9 @@ def launch_file() -> str:
     return roslaunch.rlutil.resolve_launch_arguments([PACKAGE, FILE])[0]
 
 
+@functools.cache
 def loaded(*arguments: str) -> roslaunch.config.ROSLaunchConfig:
+    """Once for all tests that look at it: what runs of the launch file takes seconds."""
     return roslaunch.config.load_config_default(
         [(launch_file(), list(arguments))], None, verbose=False, assign_machines=False
     )
@@ -58,7 +61,12 @@ def test_the_default_brings_up_the_robot_its_controllers_a_recorder_and_no_exper
     )
 
 
-@pytest.mark.parametrize("environment", [(), ("env:=real", "robot_ip:=127.0.0.2")], ids=["sim", "real"])
+REAL = ("env:=real", "robot_ip:=127.0.0.2")
+EVERYWHERE = pytest.mark.parametrize("environment", [(), REAL], ids=["sim", "real"])
+STEP = ("experiment:=pd_step", "kp:=200")
+
+
+@EVERYWHERE
 def test_an_armed_recorder_is_told_who_takes_part_and_the_experiment_waits_for_it(environment: tuple[str, ...]) -> None:
     values = parameters(
         loaded(
@@ -81,13 +89,16 @@ def test_an_armed_recorder_is_told_who_takes_part_and_the_experiment_waits_for_i
         "split_duration": 60,
     }
     assert (values["/experiment/armed"], values["/experiment/record"]) == (True, True)
-    for given in ("record:=True", "record:=auto"):
-        plain = parameters(loaded("experiment:=pd_step", given, *environment))
-        assert (plain["/recorder/start"], plain["/experiment/armed"]) == ("now", False)
+
+
+@pytest.mark.parametrize("given", [(*STEP, "record:=True"), STEP, (*REAL, *STEP)], ids=["asked for", "auto", "real"])
+def test_beside_an_experiment_a_recorder_begins_at_once_when_asked_to_or_not_told(given: tuple[str, ...]) -> None:
+    values = parameters(loaded(*given))
+    assert (values["/recorder/start"], values["/experiment/armed"]) == ("now", False)
 
 
 def test_an_experiment_adds_its_node_and_brings_its_own_start() -> None:
-    config = loaded("experiment:=pd_step", "kp:=200")
+    config = loaded(*STEP)
     assert nodes(config)["/experiment"] == "hric_experiments/experiment"
     values = parameters(config)
     assert values["/robot"]["q_start"][3] == -0.08
@@ -98,7 +109,7 @@ def test_an_experiment_adds_its_node_and_brings_its_own_start() -> None:
 CAPTURE = {"/natnet_client": "mocap_natnet/natnet_client", "/emulated_human": "hric_perception/emulated_human"}
 
 
-@pytest.mark.parametrize("environment", [(), ("env:=real", "robot_ip:=127.0.0.2")], ids=["sim", "real"])
+@EVERYWHERE
 def test_an_experiment_with_a_motion_capture_brings_the_emulated_human_and_the_client(
     environment: tuple[str, ...],
 ) -> None:
@@ -161,7 +172,7 @@ SENSORS = {
 }
 
 
-@pytest.mark.parametrize("environment", [(), ("env:=real", "robot_ip:=127.0.0.2")], ids=["sim", "real"])
+@EVERYWHERE
 def test_a_data_collection_brings_every_sensor_and_the_synchroniser(environment: tuple[str, ...]) -> None:
     config = loaded("experiment:=data_collection", *environment)
     assert nodes(config).items() >= (SENSORS | CAPTURE).items()
@@ -218,7 +229,7 @@ def test_every_argument_reaches_the_robot() -> None:
     ("given", "started"),
     [
         (("hand:=false",), False),
-        (("hand:=true", "experiment:=pd_step"), True),
+        (("hand:=true", *STEP), True),
         (("load_gripper:=false",), False),
     ],
 )
@@ -238,11 +249,9 @@ def test_the_gripper_is_the_arms_own() -> None:
 
 
 def test_rviz_starts_when_asked_for_and_by_default_where_a_display_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "/rviz" in nodes(loaded("rviz:=true"))
-    assert "/rviz" not in nodes(loaded("rviz:=auto"))
+    assert "/rviz" in nodes(loaded("rviz:=true")) and "/rviz" not in nodes(loaded())
     monkeypatch.setenv("DISPLAY", ":9")
-    assert "/rviz" in nodes(loaded())
-    assert "/rviz" not in nodes(loaded("rviz:=false"))
+    assert "/rviz" in nodes(loaded("rviz:=auto")) and "/rviz" not in nodes(loaded("rviz:=false"))
 
 
 @pytest.mark.parametrize("space", ["/lab/", "/lab/left/"])
@@ -281,8 +290,8 @@ def test_an_environment_that_cannot_be_brought_up_fails_loudly(arguments: list[s
 
 def test_the_real_arm_gets_the_same_nodes_and_controllers_and_real_time() -> None:
     config, simulated = (
-        loaded("env:=real", "robot_ip:=127.0.0.2", "experiment:=pd_step", "kp:=200"),
-        loaded("experiment:=pd_step", "kp:=200"),
+        loaded(*REAL, *STEP),
+        loaded(*STEP),
     )
     assert nodes(config) == nodes(simulated)
     values, others = parameters(config), parameters(simulated)

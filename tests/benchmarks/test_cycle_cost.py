@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from cycle_cost import FRANKA, GENERIC, measure, share_of_the_accurate_step
 
-pytestmark = pytest.mark.alone
+pytestmark = [pytest.mark.alone, pytest.mark.live]
 Figure = Callable[[str, float, str], None]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 from opensim_cost import BareProcess, measure
 
-pytestmark = pytest.mark.alone
+pytestmark = [pytest.mark.alone, pytest.mark.live]
 Figure = Callable[[str, float, str], None]
 BOUNDS = {"reduced, accurate": (1.6, 2.5), "reduced, semi-implicit": (2.0, 2.5), "full, accurate": (2.7, 4.0)}
 """Beside a bare step as OpenSim is installed, as it was asked; and beside one with the same libraries loaded, where

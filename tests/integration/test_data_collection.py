@@ -118,14 +118,14 @@ def test_the_bag_holds_every_sample_and_the_synchronised_ones_are_of_their_insta
     start: Start, tmp_path: Path, figure: Figure
 ) -> None:
     # At a quarter of real time, which leaves room for a neighbour on the machine.
-    path = shortened(tmp_path, 4.0)
+    path = shortened(tmp_path, 3.0)
     system = start(
         "env:=sim", "rviz:=false", f"experiment:={path}", "mocap_server:=127.0.7.11", "real_time_factor:=0.25"
     )
     metrics = ran(system, 240.0)
-    check_counts(system, metrics, 4.0)
+    check_counts(system, metrics, 3.0)
     expected = {topic: stream["expected"] for topic, stream in metrics["sync"].items()}
-    assert expected == pytest.approx({topic: 4.0 * rate for topic, rate in STREAMS.items()}, rel=0.02)
+    assert expected == pytest.approx({topic: 3.0 * rate for topic, rate in STREAMS.items()}, rel=0.02)
     check_pace_and_skew(metrics, 0.25, figure)
 
 

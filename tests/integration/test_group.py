@@ -40,7 +40,9 @@ PARAMETERS_OF_ROS = ("/use_sim_time", "/rosdistro", "/rosversion", "/run_id", "/
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
     folder = tmp_path_factory.mktemp("lab")
-    system = LiveSystem(folder, own_launch(folder, mocap="emulated", view="true"), program="roslaunch")
+    system = LiveSystem(
+        folder, own_launch(folder, mocap="emulated", view="true", real_time_factor="0.25"), program="roslaunch"
+    )
     try:
         system.wait_running("joint_pd_controller", namespace="/lab")
         wait_for(lambda: "/lab/mocap/marker_stamped" in graph(system)[0], 60.0, "the motion capture publishes")
@@ -156,6 +158,7 @@ def test_ctrl_c_ends_all_of_it(lab: LiveSystem) -> None:
     assert "Traceback" not in lab.output and "escalating" not in lab.output, lab.output
 
 
+@pytest.mark.slow
 def test_an_experiment_with_a_motion_capture_follows_reports_and_ends_there(
     start: Callable[..., LiveSystem], tmp_path: Path
 ) -> None:

@@ -11,7 +11,7 @@ import pytest
 from live_system import ROOT, LiveSystem, wait_for
 from screen import STILL, changed_pixels, environment, shot, virtual_display, wait_for_picture
 
-pytestmark = pytest.mark.alone
+pytestmark = [pytest.mark.alone, pytest.mark.slow]
 
 SETPOINT = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 

@@ -9,7 +9,6 @@ from manual_page import steps
 from manual_run import PageRun, StepError
 from manual_terminals import MARK, Terminal, TerminalError, end_marked, has_words, marked
 
-pytestmark = pytest.mark.alone
 PATIENCE = 10.0
 
 

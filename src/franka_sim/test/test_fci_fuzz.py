@@ -13,7 +13,7 @@ from fci_peer import ARM, HAND, PATIENCE, Peer, command, control_box
 from franka_sim.fci.hand_service import PAYLOADS
 from franka_sim.fci.server import PROTOCOLS
 
-NORMAL, MANY = 800, 100000
+NORMAL, MANY = 300, 100000
 amounts = pytest.mark.parametrize("n", [NORMAL, pytest.param(MANY, marks=pytest.mark.slow)])
 RECOVERY = {5: 12, 10: 10}
 

@@ -16,6 +16,7 @@ from natnet_samples import one_body_frame
 natnet_frame = pytest.importorskip("natnet.data_frame")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [(3, 0), (4, 1), (4, 2)])
 @pytest.mark.parametrize("bare", [True, False], ids=["the body alone", "with its markers"])
 def test_a_frame_of_one_body_costs_at_most_0_7_of_the_other_decoder(

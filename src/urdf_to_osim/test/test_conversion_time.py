@@ -9,6 +9,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 import panda_description
 
 COMMAND = Path(__file__).resolve().parents[1] / "nodes" / "urdf_to_osim"
@@ -30,6 +32,7 @@ def processor_time(folder: Path, *words: str) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime - (float(forward[1]) if forward else 0.0)
 
 
+@pytest.mark.slow
 def test_conversion_and_proof_without_meshes_take_at_most_two_and_a_half_times_the_import_of_opensim(
     tmp_path: Path, figure: Callable[..., None]
 ) -> None:

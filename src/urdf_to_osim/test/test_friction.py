@@ -104,6 +104,7 @@ def seconds(urdf_xml: str, options: Options) -> float:
     return (time.process_time() - started) / runs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.0, 0.5])
 def test_friction_at_a_light_wrist_costs_at_most_three_times_the_model_without_and_a_fixed_transition_ten_times_as_much(
     damping: float,
