@@ -4,6 +4,7 @@ not selected."""
 import functools
 import json
 import logging
+import os
 import re
 import sys
 from collections import Counter
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 from _pytest.junitxml import xml_key
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: matrices of seven rows gain nothing from threads
 ROOT = Path(__file__).parent
 MARKS_OF_A_FILE = re.compile(r"^pytestmark = (?:\[[^\]]*\]|.*)", re.MULTILINE)
 MASTERS = ("roscore", "start", "live", "pd_step")

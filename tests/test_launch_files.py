@@ -109,11 +109,8 @@ def test_an_experiment_adds_its_node_and_brings_its_own_start() -> None:
 CAPTURE = {"/natnet_client": "mocap_natnet/natnet_client", "/emulated_human": "hric_perception/emulated_human"}
 
 
-@EVERYWHERE
-def test_an_experiment_with_a_motion_capture_brings_the_emulated_human_and_the_client(
-    environment: tuple[str, ...],
-) -> None:
-    config = loaded("experiment:=marker_tracking", "mocap_server:=127.0.0.3", *environment)
+def test_an_experiment_with_a_motion_capture_brings_the_emulated_human_and_the_client() -> None:
+    config = loaded("experiment:=marker_tracking", "mocap_server:=127.0.0.3")
     assert nodes(config).items() >= CAPTURE.items()
     values = parameters(config)
     assert values["/natnet_client"]["body"] == "hand" and values["/natnet_client"]["server"] == "127.0.0.3"
@@ -174,10 +171,11 @@ SENSORS = {
 
 @EVERYWHERE
 def test_a_data_collection_brings_every_sensor_and_the_synchroniser(environment: tuple[str, ...]) -> None:
-    config = loaded("experiment:=data_collection", *environment)
+    config = loaded("experiment:=data_collection", "mocap_server:=127.0.0.3", *environment)
     assert nodes(config).items() >= (SENSORS | CAPTURE).items()
     assert set(SENSORS) <= {node.namespace + node.name for node in config.nodes if node.required}
     values = parameters(config)
+    assert values["/natnet_client"]["server"] == values["/emulated_human"]["ip"] == "127.0.0.3"
     assert (
         len(values["/emulated_emg"]["muscles"]) == 8
         and values["/emg"]["lsl"]["session"] == values["/emulated_emg"]["session"]
@@ -221,14 +219,13 @@ def test_every_argument_reaches_the_robot() -> None:
     assert values["/left/robot"]["plant"]["rotor_inertia"] == 0.2
     assert values["/left/robot"]["realism"] == realism and values["/left/robot"]["plant"]["friction"] == "identified"
     assert values["/left/joint_pd_controller/joints"][0] == "left_arm_joint1"
-    assert "/left/recorder" not in nodes(config)
+    assert not {"/left/recorder", "/left/franka_gripper"} & set(nodes(config))
     assert "controllers:=[joint_state_controller,franka_state_controller]" in str(values["/left/spawner/overrides"])
 
 
 @pytest.mark.parametrize(
     ("given", "started"),
     [
-        (("hand:=false",), False),
         (("hand:=true", *STEP), True),
         (("load_gripper:=false",), False),
     ],

@@ -1,9 +1,5 @@
 """What a plant must do on every engine: each test here runs on all of them."""
 
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of seven rows gain nothing from threads
-
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 

@@ -92,10 +92,9 @@ def press(plant, oracle, force, seconds):
     for k in range(round(seconds / 1e-3)):
         plant.read_state(q, dq, tau)
         x, v = np.array(q), np.array(dq)
-        J = oracle.jacobian(x, "panda_hand_tcp")[:3]
         twist = oracle.jacobian(x, "panda_hand_tcp")
         hold = -(twist.T @ (np.array([400.0, 400.0, 0.0, 30.0, 30.0, 30.0]) * error(oracle, x)))
-        plant.apply(oracle.gravity(x) + J.T @ [0.0, 0.0, -force] - 4.0 * v + hold)
+        plant.apply(oracle.gravity(x) + twist[:3].T @ [0.0, 0.0, -force] - 4.0 * v + hold)
         plant.step()
         if k >= round(seconds / 1e-3) - 100:
             touching = [c for c in plant.contacts() if c.force > 0.0]

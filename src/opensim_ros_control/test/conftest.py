@@ -1,9 +1,5 @@
 """Robots in OpenSim for the tests."""
 
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of seven rows gain nothing from threads
-
 import re
 
 import numpy as np

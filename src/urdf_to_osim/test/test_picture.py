@@ -21,6 +21,7 @@ from urdf_to_osim.decorations import Decoration, Look, load_scene
 from urdf_to_osim.drawing.drawing import draw
 from urdf_to_osim.drawing.picture import main, picture
 
+pytestmark = pytest.mark.slow
 NODE = Path(__file__).resolve().parents[1] / "nodes" / "picture"
 # R_ground_base: z of the description along y of OpenSim's ground.
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
