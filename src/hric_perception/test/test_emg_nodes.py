@@ -13,8 +13,9 @@ from hric_perception.chunk import Chunk
 
 __all__ = ["nodes", "ros", "roscore", "run"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
-SETTLED = 0.3
-"""After a pause the line through the pairs is settled [s of robot time]."""
+SETTLED = 1.0
+"""After a pause the line through the pairs is settled [s of robot time]: at half pace 2 s of wall time, of which the
+line takes 0.4; the rest is for pairs that come late on a busy machine."""
 
 
 def errors(chunks: list[Chunk]) -> np.ndarray:
@@ -41,7 +42,7 @@ def test_stamps_over_lsl_are_the_robot_time_of_the_samples_at_half_pace_and_afte
     wait(lambda: health.says("the run is paused"))
     assert len(raw.chunks) <= stood + 1
     run.pace = 0.5
-    wait(lambda: raw.end > paused + 1.0)
+    wait(lambda: raw.end > paused + SETTLED + 0.7)
     outputs = nodes.end(driver) + nodes.end(device)
     assert "Traceback" not in outputs
     raw.close()
