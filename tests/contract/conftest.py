@@ -13,9 +13,9 @@ from contract_robots import BACKENDS, Boxes, connected
 from driven_robot import Robot
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def boxes() -> Iterator[Boxes]:
-    """Of this folder only: even at rest they take a third of a processor."""
+    """Of one file only: even at rest each takes a sixth of a processor."""
     made = Boxes()
     yield made
     made.close()

@@ -17,7 +17,13 @@ from hric_experiments.definition import parameters
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Tests with a bring-up of their own go first, while the shared one does not yet load the machine."""
-    items.sort(key=lambda item: "live" in getattr(item, "fixturenames", ()))
+    items.sort(key=_is_on_the_shared_one)
+
+
+def _is_on_the_shared_one(item: pytest.Item) -> bool:
+    """Whether a test asks for `live` by an argument, or by a parameter with its name."""
+    given = item.callspec.params.values() if hasattr(item, "callspec") else ()
+    return "live" in (*getattr(item, "fixturenames", ()), *given)
 
 
 @pytest.fixture
