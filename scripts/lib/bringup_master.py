@@ -24,7 +24,7 @@ class _Transport(xmlrpc.client.Transport):
         return connection
 
 
-def call(uri: str, method: str, *arguments: str) -> tuple[int, str, object] | None:
+def call(uri: str, method: str, *arguments: str | bool) -> tuple[int, str, object] | None:
     """Response (code, text, value) of an XML-RPC server of ROS; None if there is none at `uri`."""
     try:
         response = getattr(xmlrpc.client.ServerProxy(uri, transport=_Transport()), method)(CALLER, *arguments)

@@ -5,7 +5,6 @@ import signal
 # Until processes start, Ctrl-C ends this at once and without a word.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-import ctypes
 import os
 import subprocess
 import sys
@@ -18,18 +17,16 @@ from replay_arguments import parsed
 from replay_run import Run, blocked, find
 
 from hric_control.errors import FAILURE, FailureError, HricError
-from hric_control.processes import end_process
+from hric_control.processes import INTERRUPTED_CODE, end_process, start_dependent
 
 WORKSPACE = Path(__file__).resolve().parents[2]
 VIEW = WORKSPACE / "src/hric_bringup/rviz/panda.rviz"
-INTERRUPTED = 130
 START_TIMEOUT, RVIZ_TIMEOUT = 20.0, 40.0
 """How long a node may take to be there [s]."""
 END_TIMEOUT = 3.0
 """How long a process may take to end before it is killed [s]."""
 BEFORE = 1.0
 """Between announcing the topics and the first message, so that the others are connected [s]."""
-_PR_SET_PDEATHSIG = 1
 
 
 class Interrupted(BaseException):
@@ -45,16 +42,9 @@ class Processes:
     def start(self, *command: str, quiet: bool = False) -> subprocess.Popen[bytes]:
         """Start a process that does not see the terminal's Ctrl-C, and that the system ends should this one be
         killed."""
-        prctl = ctypes.CDLL(None, use_errno=True).prctl
-        process = subprocess.Popen(
-            command,
-            start_new_session=True,
-            stdout=subprocess.DEVNULL if quiet else None,
-            stdin=None if sys.stdin is not None and sys.stdin.isatty() else subprocess.DEVNULL,
-            preexec_fn=lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGINT),
-        )
-        self._started.append(process)
-        return process
+        stdin = None if sys.stdin is not None and sys.stdin.isatty() else subprocess.DEVNULL
+        self._started.append(start_dependent(command, stdin=stdin, stdout=subprocess.DEVNULL if quiet else None))
+        return self._started[-1]
 
     def close(self) -> None:
         """End all."""
@@ -71,7 +61,7 @@ def play(run: Run, master: str, running: bool, rate: float, rviz: bool) -> int:
             core = processes.start("roscore", "-p", master.rpartition(":")[2].strip("/"), quiet=True)
             _wait("roscore", lambda: call(master, "getPid") is not None, core, START_TIMEOUT)
         before = call(master, "getParam", "/use_sim_time")
-        _set(master, "/use_sim_time", True)
+        call(master, "setParam", "/use_sim_time", True)
         _show(processes, run, master, rviz)
         bags = [str(bag) for bag in run.bags]
         print(
@@ -80,7 +70,7 @@ def play(run: Run, master: str, running: bool, rate: float, rviz: bool) -> int:
         options = ["--quiet", "--clock", "-d", str(BEFORE), "-r", str(rate), "--topics", *run.topics, "--bags", *bags]
         return _ended(processes.start("rosbag", "play", *options, "__name:=replay"))
     except Interrupted:
-        return INTERRUPTED
+        return INTERRUPTED_CODE
     finally:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
@@ -92,7 +82,7 @@ def play(run: Run, master: str, running: bool, rate: float, rviz: bool) -> int:
 def _show(processes: Processes, run: Run, master: str, rviz: bool) -> None:
     space = run.namespace
     if run.urdf:
-        _set(master, f"{space}/robot_description", run.urdf)
+        call(master, "setParam", f"{space}/robot_description", run.urdf)
         if not run.has_transforms:
             name = f"{space}/robot_state_publisher"
             publisher = processes.start("rosrun", "robot_state_publisher", "robot_state_publisher", *_inside(space))
@@ -129,14 +119,10 @@ def _ended(player: subprocess.Popen[bytes]) -> int:
     return 0
 
 
-def _set(master: str, name: str, value: str | bool) -> None:
-    call(master, "setParam", name, value)  # type: ignore[arg-type]
-
-
 def _restore(master: str, run: Run, use_sim_time: tuple[int, str, object] | None) -> None:
     """Leave a master that others use as it was found."""
     if use_sim_time is not None and use_sim_time[0] == 1:
-        _set(master, "/use_sim_time", bool(use_sim_time[2]))
+        call(master, "setParam", "/use_sim_time", bool(use_sim_time[2]))
     else:
         call(master, "deleteParam", "/use_sim_time")
     call(master, "deleteParam", f"{run.namespace}/robot_description")
@@ -165,7 +151,7 @@ def main(argv: Sequence[str]) -> int:
         print(f"scripts/replay: {error}", file=sys.stderr)
         return getattr(error, "exit_code", FAILURE)
     except Interrupted:
-        return INTERRUPTED
+        return INTERRUPTED_CODE
 
 
 if __name__ == "__main__":

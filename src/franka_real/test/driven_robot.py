@@ -110,7 +110,7 @@ class Robot:
             if hook is not None:
                 hook(time)
             self.manager.update(time, period, reset_controllers)
-            if time - begin[0] + 1.5 * period > duration:
+            if time - begin[0] + 1.5 * self.hw.period > duration:
                 self.hw.stop()
             return self.hw.loop is not None or not self.manager.switch_pending
 

@@ -50,6 +50,26 @@ def test_a_process_that_ignores_the_interrupt_is_killed_with_its_group() -> None
     processes.end_process(process, 0.2)  # which has ended
 
 
+def test_what_ends_later_than_the_process_that_started_it_is_waited_for() -> None:
+    slow = (
+        "import signal, time; print(flush=True); signal.sigwait({signal.SIGINT}); time.sleep(0.3); "
+        "print('done', flush=True)"
+    )
+    hasty = f"""
+import signal, subprocess, sys
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+child = subprocess.Popen([sys.executable, "-c", {slow!r}])
+signal.sigwait([signal.SIGINT])
+child.send_signal(signal.SIGINT)
+"""
+    with subprocess.Popen([sys.executable, "-c", hasty], start_new_session=True, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stdout.readline() == b"\n"
+        processes.end_process(process, 10.0)
+        with pytest.raises(ProcessLookupError):
+            os.killpg(process.pid, 0)
+        assert process.stdout.read() == b"done\n"
+
+
 def interrupted() -> None:
     raise KeyboardInterrupt
 

@@ -1,12 +1,16 @@
 """Threads and processes of the operating system: their priority, their end, the exit code of a command."""
 
+import ctypes
 import os
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
+from typing import Any
 
 from hric_control.errors import HricError
 
@@ -15,6 +19,7 @@ INTERRUPTED_CODE = 130
 NICE = -10
 """Of the control loop's thread, 0 being everybody's: beside one that others have it gets nine tenths of a processor;
 project default, unconfirmed."""
+_PR_SET_PDEATHSIG = 1
 
 
 def prefer_this_thread(nice: int = NICE) -> bool:
@@ -32,21 +37,43 @@ def prefer_this_thread(nice: int = NICE) -> bool:
     return True
 
 
+def start_dependent(command: Sequence[str], **streams: Any) -> subprocess.Popen[bytes]:
+    """Start a process that leads a group of its own, so that the terminal's Ctrl-C does not reach it, and that the
+    system interrupts when the thread ends that started it, by whatever.
+
+    Args:
+        command: program and arguments.
+        streams: stdin, stdout and stderr as `subprocess.Popen` takes them.
+    """
+    # Looked up before the fork: only async-safe work may happen between fork and exec.
+    prctl = ctypes.CDLL(None, use_errno=True).prctl
+    return subprocess.Popen(
+        list(command),
+        start_new_session=True,
+        preexec_fn=lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGINT),
+        **streams,
+    )
+
+
 def end_process(process: subprocess.Popen[bytes], timeout: float) -> None:
-    """Interrupt a process that leads its own group, as with Ctrl-C; kill the group where that is not enough.
+    """Interrupt a process that leads its own group, as with Ctrl-C, and wait for all of the group, since it may end
+    before what it passes the signal on to; kill what is left.
 
     Args:
         process: started with `start_new_session`; it may have ended already.
-        timeout: how long it may take to end [s].
+        timeout: how long they may take to end [s].
     """
     if process.poll() is not None:
         return
+    deadline = time.monotonic() + timeout
     process.send_signal(signal.SIGINT)
-    try:
-        process.wait(timeout)
-    except subprocess.TimeoutExpired:
+    with suppress(ProcessLookupError):  # no group is left
+        while time.monotonic() < deadline:
+            process.poll()
+            os.killpg(process.pid, 0)
+            time.sleep(0.01)
         os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+    process.wait()
 
 
 def run_command(

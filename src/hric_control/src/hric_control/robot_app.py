@@ -203,7 +203,7 @@ class RobotApp:
             self._clock.publish(stamps.to_time(time))
             if cycle % self._counts_cycles == 0:
                 self._publish_counts(time)
-        if self._end is not None and time + 1.5 * period > self._end:
+        if self._end is not None and time + 1.5 * self.hw.period > self._end:
             self.hw.stop()
         return self.loop is not None or not self.manager.switch_pending
 

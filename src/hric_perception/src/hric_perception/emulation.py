@@ -107,7 +107,7 @@ class EvenSensor:
         numbers = np.arange(self._next, last + 1)
         self._next = last + 1
         times = numbers / self.rate
-        kept = ~self._out(times)
+        kept = ~(_within(times, self.faults.dropouts) | self._random.at(times))
         self.sent, self.dropped = self.sent + int(kept.sum()), self.dropped + int((~kept).sum())
         data = self._values(numbers, times)
         edges = (np.flatnonzero(np.diff(kept)) + 1).tolist()
@@ -121,9 +121,6 @@ class EvenSensor:
             data += faults.noise * self._noise.values(int(numbers[0]), len(numbers))
         data[_within(times, faults.not_finite), 0] = np.nan
         return np.column_stack([data, times]) if faults.time_code else data
-
-    def _out(self, times: FloatArray) -> NDArray[np.bool_]:
-        return _within(times, self.faults.dropouts) | self._random.at(times)
 
 
 class BlockNoise:

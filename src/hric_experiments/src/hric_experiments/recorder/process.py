@@ -1,6 +1,5 @@
 """The program `bag_recorder` as a child process: started, watched, and ended so that its bag is whole."""
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -9,11 +8,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hric_control.errors import FailureError
+from hric_control.processes import start_dependent
 
 STOP_TIMEOUT = 10.0
 """How long the recorder may take to write what it holds and the index [s]."""
 _POLL = 0.02
-_PR_SET_PDEATHSIG = 1
 
 
 class RecordError(FailureError):
@@ -49,9 +48,8 @@ def arguments(bag: Path, topics: Sequence[str], exclude: str, node_name: str) ->
 class RecorderProcess:
     """One recording.
 
-    The child has a process group of its own, so that a Ctrl-C on the terminal does not reach it before its turn; should
-    this process be killed, the system ends the child. It does so, too, when the thread ends that made this
-    object.
+    A Ctrl-C on the terminal does not reach the child before its turn; should this process be killed, or the thread end
+    that made this object, the system ends it.
 
     Args:
         bag: final path of the bag.
@@ -64,15 +62,8 @@ class RecorderProcess:
 
     def __init__(self, bag: Path, command: Sequence[str]) -> None:
         self.bag = bag
-        # Looked up before the fork: only async-safe work may happen between fork and exec.
-        prctl = ctypes.CDLL(None, use_errno=True).prctl
-        self._child = subprocess.Popen(
-            list(command),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,  # one line per topic; errors come on stderr
-            start_new_session=True,
-            preexec_fn=lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGINT),
-        )
+        # On stdout there is one line per topic; errors come on stderr.
+        self._child = start_dependent(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         self.pid = self._child.pid
 
     @property

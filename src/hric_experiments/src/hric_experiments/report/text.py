@@ -87,16 +87,15 @@ def _move(move: Mapping[str, Any], peaks: Mapping[str, Any]) -> str:
         row += [f"{peak[key]:.2f}" if key in peak else "-" for key in ("effort_peak", "rotatum_peak", "velocity_peak")]
         row.append("-" if (ratio := peak.get("velocity_ratio")) is None else f"{100 * ratio:.0f} %")
     lines = text.rows([*zip(*columns, strict=True), *rows], head=2)
-    bands = ", ".join(f"within {t} rad {_settled(time)}" for t, time in move["settling_time_max"].items())
+    bands = ", ".join(
+        f"within {t} rad {'never' if time is None else f'after {time:.3f} s'}"
+        for t, time in move["settling_time_max"].items()
+    )
     title = (
         f"setpoint at {move['time']:.3f} s through {move['controller']}: largest final error "
         f"{move['final_error_max']:.2e} rad"
     )
     return "\n".join([f"{title}; all joints {bands}", "", *lines])
-
-
-def _settled(value: float | None) -> str:
-    return "never" if value is None else f"after {value:.3f} s"
 
 
 def _contacts(found: Sequence[Mapping[str, Any]]) -> str:
