@@ -59,9 +59,7 @@ class Node:
             if old.startswith(f"/{name}/"):
                 rospy.delete_param(old)
         command = [
-            "rosrun",
-            "hric_experiments",
-            "recorder",
+            str(Path(__file__).parents[1] / "nodes" / "recorder"),
             f"__name:={name}",
             f"_runs:={runs}",
             f"_topics:={topics}",

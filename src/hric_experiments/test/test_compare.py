@@ -3,6 +3,7 @@
 import json
 import os
 import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,12 +19,14 @@ from hric_experiments.analysis import comparison
 from hric_experiments.analysis.comparison import ComparisonError
 from hric_experiments.analysis.run import analyse
 
+NODES = Path(__file__).parents[1] / "nodes"
+"""Of this package: rosrun looks for them longer than they take to start."""
 PANDA = [f"panda_joint{i}" for i in range(1, 8)]
 
 
-def rosrun(*arguments: str) -> subprocess.CompletedProcess[str]:
+def ran(tool: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        ["rosrun", "hric_experiments", *arguments],
+        [sys.executable, str(NODES / tool), *arguments],
         capture_output=True,
         text=True,
         timeout=120,
@@ -33,7 +36,7 @@ def rosrun(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def run_pd_step(root: Path, *overrides: str) -> RunFolder:
-    done = rosrun("run", "pd_step", *overrides, "--runs", str(root), "--quiet", "--no-figures")
+    done = ran("run", "pd_step", *overrides, "--runs", str(root), "--quiet", "--no-figures")
     assert done.returncode == 0, done.stderr
     return RunFolder.open("latest", root)
 
@@ -61,7 +64,7 @@ def log_of(folder: RunFolder) -> ControlRecord:
 def test_peak_and_steady_differences_of_two_runs_are_those_of_their_logs(
     root: Path, simulated: RunFolder, other: RunFolder
 ) -> None:
-    done = rosrun(
+    done = ran(
         "compare",
         simulated.path.name,
         other.path.name,
@@ -98,7 +101,7 @@ def test_figures_table_and_what_was_set_differently_are_there(
     root: Path, simulated: RunFolder, other: RunFolder
 ) -> None:
     folder = root / "elsewhere" / "deep"
-    done = rosrun(
+    done = ran(
         "compare",
         str(simulated.path),
         str(other.path),
@@ -135,7 +138,7 @@ def test_figures_table_and_what_was_set_differently_are_there(
 
 
 def test_a_run_compared_with_itself_differs_by_nothing(root: Path, simulated: RunFolder) -> None:
-    done = rosrun(
+    done = ran(
         "compare",
         simulated.path.name,
         simulated.path.name,

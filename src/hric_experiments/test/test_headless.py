@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from hric_experiments.analysis.run import analyse
 from hric_experiments.definition import experiment
 from hric_experiments.headless import runner as headless
 
+NODES = Path(__file__).parents[1] / "nodes"
+"""Of this package: rosrun looks for them longer than they take to start."""
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 
 
@@ -28,8 +31,8 @@ def run(folder: Path, name: str, *overrides: str) -> headless.Result:
     return headless.run(definition, overrides, root=folder, progress=False, figures=False)
 
 
-def rosrun(folder: Path, *arguments: str) -> subprocess.Popen[str]:
-    command = ["rosrun", "hric_experiments", "run", *arguments, "--runs", str(folder), "--quiet", "--no-figures"]
+def started(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, str(NODES / "run"), *arguments, "--runs", str(folder), "--quiet", "--no-figures"]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ)
 
 
@@ -129,7 +132,7 @@ def test_a_robot_and_an_experiment_of_ones_own_run_too(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_leaves_a_whole_bag_and_a_run_marked_interrupted(tmp_path: Path) -> None:
-    process = rosrun(tmp_path, "pd_step", "duration:=600")
+    process = started(tmp_path, "pd_step", "duration:=600")
     deadline = time.monotonic() + 30.0
     while not any(bag.stat().st_size > 100_000 for bag in tmp_path.glob("*/*.bag.active")):
         assert time.monotonic() < deadline and process.poll() is None
@@ -147,7 +150,7 @@ UNSTABLE = ("rotor_inertia:=0", "kp:=200", "kd:=100", "limits:=false", "rotatum_
 
 
 def test_a_diverged_run_is_one_line_a_failed_run_and_a_whole_bag_that_can_be_reported(tmp_path: Path) -> None:
-    process = rosrun(tmp_path, "thesis_step", *UNSTABLE)
+    process = started(tmp_path, "thesis_step", *UNSTABLE)
     output, error = process.communicate(timeout=60)
     told = [line for line in error.splitlines() if line.startswith("run: ")]
     assert process.returncode == 1 and len(told) == 1 and "Traceback" not in error + output, error
@@ -169,7 +172,7 @@ def test_a_diverged_run_is_one_line_a_failed_run_and_a_whole_bag_that_can_be_rep
 def test_a_bounded_run_that_chatters_is_completed_and_called_unstable_in_report_and_metrics_also_when_quiet(
     tmp_path: Path,
 ) -> None:
-    process = rosrun(tmp_path, "thesis_step", *UNSTABLE, "simulator:=opensim")
+    process = started(tmp_path, "thesis_step", *UNSTABLE, "simulator:=opensim")
     _, error = process.communicate(timeout=60)
     assert process.returncode == 0 and "unstable: panda_joint7 chatters at 500 Hz" in error
     folder = RunFolder.open("latest", tmp_path)
@@ -222,7 +225,7 @@ def test_not_exactly_one_experiment_is_refused(words: list[str], told: str, caps
 def test_what_robot_or_controller_refuse_is_one_line_and_leaves_no_folder(
     tmp_path: Path, override: str, told: tuple[str, ...]
 ) -> None:
-    process = rosrun(tmp_path / "runs", "pd_step", override)
+    process = started(tmp_path / "runs", "pd_step", override)
     output, error = process.communicate(timeout=30)
     assert process.returncode == 2 and "Traceback" not in error + output, error
     assert all(text in error for text in told) and error.count("\n") == 1

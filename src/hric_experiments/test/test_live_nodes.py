@@ -83,7 +83,7 @@ class System:
     def node(self, name: str, *parameters: str) -> subprocess.Popen[str]:
         """Start a node of this package under a name of its own: parameters and registrations of another test do not
         reach it."""
-        return self.start("rosrun", "hric_experiments", name, f"__name:={name}_{self.runs.parent.name}", *parameters)
+        return self.start(str(HERE.parent / "nodes" / name), f"__name:={name}_{self.runs.parent.name}", *parameters)
 
     def robot(self) -> subprocess.Popen[str]:
         """Start the made-up robot."""
@@ -186,7 +186,8 @@ def test_an_experiment_starts_the_human_when_all_receive_the_motion_capture(syst
     for (package, name), values in zip(
         (("mocap_natnet", "natnet_client"), ("hric_perception", "emulated_human")), seen(path, *ports), strict=True
     ):
-        system.start("rosrun", package, name, *(f"_{key}:={json.dumps(value)}" for key, value in values.items()))
+        node = HERE.parents[1] / package / "nodes" / name
+        system.start(str(node), *(f"_{key}:={json.dumps(value)}" for key, value in values.items()))
     system.node("recorder", f"_experiment:={path}")
     system.robot()
     code, output, _ = ended(system.node("experiment", f"_experiment:={path}"), 60.0)

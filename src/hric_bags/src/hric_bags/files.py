@@ -37,7 +37,7 @@ def write_yaml(path: Path, data: Any) -> None:
     """Write YAML in the order of the keys."""
     import yaml
 
-    write_text(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=140))
+    write_text(path, yaml.dump(data, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True, width=140))
 
 
 def point_link(link: Path, target: str) -> None:

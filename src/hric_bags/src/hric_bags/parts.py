@@ -3,14 +3,18 @@ comes once."""
 
 import re
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader
+from rosbags.highlevel import AnyReader, anyreader
 from rosbags.interfaces import Connection
 from tqdm import tqdm
 
 from hric_control.errors import HricError
+
+# A bag is opened by several readers in turn; to parse its definitions takes longer than to read most of the messages.
+anyreader.get_types_from_msg = cache(anyreader.get_types_from_msg)
 
 MARGIN = 2_000_000_000
 """Two recorders note the same message at times that are less apart than this [ns]."""

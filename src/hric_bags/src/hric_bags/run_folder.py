@@ -109,12 +109,9 @@ class RunFolder:
 
     def read(self) -> dict[str, Any]:
         """Contents of run.yaml."""
-        import yaml  # looking for a run needs Python alone
+        from hric_control.parameters import read_yaml  # looking for a run needs Python alone
 
-        try:
-            data = yaml.safe_load((self.path / "run.yaml").read_text())
-        except (OSError, yaml.YAMLError) as error:
-            raise RunFolderError(f"cannot read {self.path / 'run.yaml'}: {error}") from error
+        data = read_yaml(self.path / "run.yaml")
         if not isinstance(data, dict):
             raise RunFolderError(f"{self.path / 'run.yaml'} is not a mapping")
         return data

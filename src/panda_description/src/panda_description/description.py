@@ -8,7 +8,7 @@ import types
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import partial
+from functools import cache, partial
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -120,8 +120,13 @@ def load(**given: Any) -> str:
     """
     values = Arguments.of(given, PACKAGE)
     _warn_unphysical(values.inertials)
+    return _described(values, folder_uri() if values.meshes else "")
+
+
+@cache
+def _described(values: Arguments, mesh_folder: str) -> str:
     mappings = {name: _text(value) for name, value in asdict(values).items() if name != "meshes"}
-    mappings["mesh_folder"] = folder_uri() if values.meshes else ""
+    mappings["mesh_folder"] = mesh_folder
     return _pure(process_xacro(share() / "urdf" / "panda.urdf.xacro", mappings), values.arm_id)
 
 

@@ -12,9 +12,9 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
+from html import escape  # that of xml.sax loads an HTTP client
 from operator import add
 from xml.etree.ElementTree import Element, SubElement
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -132,7 +132,7 @@ def _lines(element: Element) -> Iterator[str]:
     """
     yield f"<{element.tag}"
     for name, value in element.attrib.items():
-        line = f"{name}={quoteattr(value)}"
+        line = f'{name}="{escape(value)}"'
         if (size := len(line.encode())) >= PIECE:
             raise DescriptionError(
                 f"{name} of <{element.tag}>: {size} bytes ({line[:40]}...); PyBullet reads an attribute of at most "

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
+import scipy
 
 from hric_bags.reader import ControlRecord, RobotTime
 from hric_experiments.analysis.collection_record import TIME_CODE, Collection, Counts, Numbered, Stream
@@ -224,7 +224,7 @@ def _skew(
         return {"by": "control log", "skew": _fitted(stamps, seen - true, speed, valid, MIN_SPEED["rad"])}
     axes = [index for index, name in zip(own, names, strict=True) if ".position." in name]
     if data.truth is not None and len(axes) == 3 and data.frame == data.truth[2]:
-        spline = CubicSpline(*data.truth[:2])
+        spline = scipy.interpolate.CubicSpline(*data.truth[:2])
         inside = valid & (stamps > data.truth[0][0]) & (stamps < data.truth[0][-1])
         return {
             "by": "truth of the hand",

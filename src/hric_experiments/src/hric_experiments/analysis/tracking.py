@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
+import scipy
 
 from hric_experiments.analysis.tracking_record import Frames, States, TrackingRecord
 
@@ -95,7 +95,7 @@ def followed(
     source = record.truth if record.truth is not None else (frames.time[frames.valid], seen)
     marker = np.stack([np.interp(time, source[0], column) for column in source[1].T], axis=1)
     if record.truth is not None and len(record.truth[0]) > 3:
-        marker = CubicSpline(*record.truth)(time)
+        marker = scipy.interpolate.CubicSpline(*record.truth)(time)
     path = np.stack([np.interp(time, times, column) for column in ee.T], axis=1)
     stretches = [(int(np.searchsorted(time, a)), int(np.searchsorted(time, min(b, end)))) for a, b in anchors]
     stretches = [(a, b) for a, b in stretches if b - a > 1]
@@ -203,7 +203,7 @@ def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> dict[str, 
     """
     if record.truth is None or len(record.truth[0]) < 4:
         return None
-    spline, frames = CubicSpline(*record.truth), record.frames
+    spline, frames = scipy.interpolate.CubicSpline(*record.truth), record.frames
     use = frames.valid & (frames.time > record.truth[0][0]) & (frames.time < record.truth[0][-1])
     time, seen = frames.time[use], frames.position[use] @ R_base_marker.T
     if time.size < 10 or rms(spline(time, 1)) < MIN_MOTION:
@@ -281,7 +281,7 @@ def _ideal(data: Followed, record: TrackingRecord) -> float | None:
     own = record.truth[0] if record.own_time is None else record.own_time
     begin, end = np.interp(data.time[[0, -1]], record.truth[0], own)
     time = np.arange(begin, end, STEP)
-    return acceleration(time, CubicSpline(own, record.truth[1])(time), SMOOTHED)
+    return acceleration(time, scipy.interpolate.CubicSpline(own, record.truth[1])(time), SMOOTHED)
 
 
 def _accelerations(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
+import scipy
 
 from hric_bags.reader import BagError, ControlRecord, RunRecord
 from hric_bags.run_folder import RunFolder
@@ -88,5 +88,5 @@ def tip_positions(description: str, log: ControlRecord, base: str, tip: str, p_t
             if joint.type == "prismatic":
                 p = p + np.einsum("nij,nj->ni", R, q * joint.axis)
             else:
-                R = R @ Rotation.from_rotvec(q * joint.axis).as_matrix()
+                R = R @ scipy.spatial.transform.Rotation.from_rotvec(q * joint.axis).as_matrix()
     return p + R @ p_tip

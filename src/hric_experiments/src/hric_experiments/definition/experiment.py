@@ -134,10 +134,6 @@ def _beside(name: str) -> Any:
 _BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync")}
 
 
-def _in_time(setpoints: Sequence[Setpoint]) -> tuple[Setpoint, ...]:
-    return tuple(sorted(setpoints, key=lambda setpoint: setpoint.time))
-
-
 @dataclass(frozen=True)
 class Experiment(Settings):
     """One experiment, checked. name: of the file without its ending."""
@@ -150,7 +146,12 @@ class Experiment(Settings):
     parameters: Mapping[str, Mapping[str, Any]] = mapping(
         mapping(), {}, text="parameters that overlay the controllers' YAML, by instance name"
     )
-    setpoints: tuple[Setpoint, ...] = listing(section(Setpoint), default=(), made=_in_time, text="in order of time")
+    setpoints: tuple[Setpoint, ...] = listing(
+        section(Setpoint),
+        default=(),
+        made=lambda given: tuple(sorted(given, key=lambda setpoint: setpoint.time)),
+        text="in order of time",
+    )
     duration: float = number(above=0.0, unit="s", text="robot time of the whole run")
     metrics: MetricsSpec = section(MetricsSpec)
     mocap: "MocapSection | None" = _BESIDE["mocap"]

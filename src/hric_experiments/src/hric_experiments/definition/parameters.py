@@ -68,7 +68,7 @@ def defaults(arm_id: str) -> dict[str, dict[str, Any]]:
 
 def _configured(path: Path, arm_id: str) -> dict[str, dict[str, Any]]:
     try:
-        data = yaml.safe_load(path.read_text().replace("$(arg arm_id)", arm_id))
+        data = yaml.load(path.read_text().replace("$(arg arm_id)", arm_id), Loader=yaml.CSafeLoader)
     except (OSError, yaml.YAMLError) as error:
         raise HricError(f"cannot read {path}: {error}") from error
     return dict(data or {}) if isinstance(data, dict | None) else {}
