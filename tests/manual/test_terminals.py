@@ -1,6 +1,7 @@
 """The terminals in which the manual's pages are tried behave as a reader's, and hold a page to its words."""
 
 import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -59,7 +60,9 @@ def test_commands_that_take_too_long_are_an_error_with_their_output(terminal: Te
 
 def test_processes_of_a_page_are_found_and_ended_by_their_pids(terminal: Terminal, tmp_path: Path) -> None:
     run(terminal, "setsid sleep 61 &")
-    assert "sleep 61" in marked(str(tmp_path)).values()
+    deadline = time.monotonic() + PATIENCE
+    while "sleep 61" not in marked(str(tmp_path)).values():  # the shell does not wait for what it starts
+        assert time.monotonic() < deadline
     end_marked(str(tmp_path), patience=0.5)
     assert "sleep 61" not in marked(str(tmp_path)).values()
 

@@ -169,6 +169,13 @@ def test_ticks_that_are_not_there_are_missing(tmp_path: Path) -> None:
     assert stream["grid_error"] < 1e-9
 
 
+def test_a_tick_at_the_end_of_the_interval_is_in_it_whatever_the_sum_rounds_to(tmp_path: Path) -> None:
+    begin, end = 0.72, 0.72 + 0.6
+    assert end < 1.32
+    stream = judged(write(tmp_path / "a.bag"), (begin, end))["sync"][SYNC]
+    assert (stream["expected"], stream["ticks"], stream["missing"]) == (31, 31, 0)
+
+
 def test_a_bag_without_sensors_has_none_of_it(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "a.bag") as bag:
         bag.write("/control_log", log_message(0, 20, signals(20, 0.0)), 0.0)

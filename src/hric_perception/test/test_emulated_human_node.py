@@ -69,7 +69,8 @@ def test_the_hand_rests_until_it_is_started_and_the_client_sees_what_it_really_d
         process(NODE, f"_human:={HUMAN}", stream) as node,
         process(CLIENT, *client, "_local:=127.0.0.1", "_base_frame:=panda_link0"),
     ):
-        wait(lambda: len(truth) > 20 and len(frames) > 50)
+        # A latency is known once the client knows the server's clock.
+        wait(lambda: len(truth) > 20 and len(frames) > 50 and frames[-1].latency > 0.0)
         assert {message.pose.position.y for message in truth} == {0.0} and phases[-1].data == "rest"
         start = rospy.ServiceProxy("/emulated_human/start", Trigger)
         answer = start()

@@ -67,7 +67,9 @@ class ControllerManager:
         self._loaded: dict[str, LoadedController] = {}
         self._lock = threading.RLock()
         self._loop_thread: int | None = None
-        self._loop = ManagerLoop(robot_hw, self._report)
+        self._loop = ManagerLoop(
+            robot_hw, lambda text: realtime.defer(root_node, lambda: root_node.log_error(text), "log")
+        )
         self.update: Callable[..., None] = self._first_update
         """`update(time, period, reset_controllers=False)`: one cycle, from the loop. Both times in seconds."""
 
@@ -273,6 +275,3 @@ class ControllerManager:
         except Exception as error:  # it is unloaded all the same
             self._node.log_error(f"controller {entry.name} failed in shutdown: {describe(error)}")
         entry.scope.close()
-
-    def _report(self, text: str) -> None:
-        realtime.defer(self._node, lambda: self._node.log_error(text), "log")

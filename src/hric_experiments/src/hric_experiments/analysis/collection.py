@@ -24,6 +24,8 @@ BoolArray = npt.NDArray[np.bool_]
 BOUND = 2e-4
 """Largest skew that is stated for resampled values of the robot, of NatNet bodies and of LSL streams [s]: INTERFACE.md
 of hric_perception."""
+ROUNDING = 1e-9
+"""An instant at an end of the interval, which is a sum, is in it [s]."""
 WINDOW = 2.0
 """Skew without a time code is the shift of time that fits best over such windows [s] (project default, unconfirmed)."""
 MIN_SAMPLES = 11
@@ -160,7 +162,7 @@ def stream_metrics(
     stream: Stream, data: Collection, log: ControlRecord, robot_time: RobotTime, begin: float, end: float
 ) -> dict[str, Any]:
     """Ticks of a synchronised stream, and the skew of each of its sources."""
-    inside = (stream.stamps >= begin) & (stream.stamps <= end)
+    inside = (stream.stamps >= begin - ROUNDING) & (stream.stamps <= end + ROUNDING)
     stamps, values = stream.stamps[inside], stream.values[inside]
     ticks = np.rint(stamps * stream.rate).astype(np.int64) if stream.rate else np.arange(len(stamps))
     expected = _expected(stream.rate, begin, end, ticks)
@@ -193,7 +195,7 @@ def _expected(rate: float, begin: float, end: float, ticks: IntArray) -> int | N
         return None
     if not np.isfinite([begin, end]).all():
         return int(ticks[-1] - ticks[0] + 1)
-    return int(np.floor(end * rate + 1e-6) - np.ceil(begin * rate - 1e-6) + 1)
+    return int(np.floor((end + ROUNDING) * rate) - np.ceil((begin - ROUNDING) * rate) + 1)
 
 
 def _skew(
