@@ -2,8 +2,10 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -61,6 +63,24 @@ def test_an_unknown_option_is_refused_with_the_valid_ones() -> None:
     result = setup("--fast")
     assert result.returncode == 2
     assert "--fast" in result.stderr and "--no-gui" in result.stderr
+
+
+def test_ctrl_c_ends_a_step_with_all_that_it_started(tmp_path: Path) -> None:
+    lines = (
+        f"ws={tmp_path}; cd $ws; . {ROOT}/scripts/lib/setup_steps.bash",
+        "begun() { bash -c 'echo $$ > worker; exec sleep 60'; }",
+        "step Waiting waiting none 60 begun",
+    )
+    process = subprocess.Popen(["bash", "-c", "\n".join(lines)], stderr=subprocess.PIPE, text=True)
+    worker = tmp_path / "worker"
+    deadline = time.monotonic() + 30.0
+    while not (worker.is_file() and worker.read_text()):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    told = process.communicate(timeout=30)[1]
+    assert process.returncode == 130 and "stopped by you; call it again to go on" in told
+    assert not Path(f"/proc/{worker.read_text().strip()}").exists()
 
 
 def test_a_package_of_python_alone_comes_and_goes_without_a_build(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ step() {
   echo "    done in $((SECONDS - started)) s"
 }
 
-# Ends a step with all that it started, and waits for that: a package manager finishes the file that it is at.
+# Ctrl-C: ends a step with all that it started, and waits for that: a package manager finishes the file that it is at.
 stop_step() {
   local waited=0
   kill -- -"$1" 2>/dev/null || true
@@ -61,8 +61,8 @@ stop_step() {
     sleep 0.1
     waited=$((waited + 1))
   done
-  echo
-  fail "stopped by you; call it again to go on"
+  printf '\n%s: stopped by you; call it again to go on\n' "${program:-scripts/setup}" >&2
+  exit 130
 }
 
 show_progress() {
