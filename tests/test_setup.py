@@ -83,6 +83,18 @@ def test_ctrl_c_ends_a_step_with_all_that_it_started(tmp_path: Path) -> None:
     assert not Path(f"/proc/{worker.read_text().strip()}").exists()
 
 
+def test_a_python_environment_that_is_made_anew_has_none_of_the_packages_of_the_one_before(tmp_path: Path) -> None:
+    lines = (
+        f"ws={tmp_path}; cd $ws; . {ROOT}/scripts/lib/setup_steps.bash",
+        "stamp python-run 1; stamp python-checks 2; stamp build 3",
+        "step() { kill -9 $$; }",
+        "install_python",
+    )
+    done = subprocess.run(["bash", "-c", "\n".join(lines)], timeout=60, check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert (tmp_path / ".setup-stamp").read_text().split() == ["build", "3"]
+
+
 def test_a_package_of_python_alone_comes_and_goes_without_a_build(tmp_path: Path) -> None:
     own = ROOT / "src" / "test_setup_own_package"
     shutil.copytree(ROOT / "src/hric_controllers/templates/my_controller", own)

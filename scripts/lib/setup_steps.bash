@@ -29,6 +29,13 @@ stamp() {
   printf '%s\n' "$1 $2" ${rest:+"$rest"} | as_user tee "$stamp_file" >/dev/null
 }
 
+# forget BEGIN: what is stamped under names that begin so has to be done again.
+forget() {
+  local rest=
+  [ ! -f "$stamp_file" ] || rest=$(grep -v "^$1" "$stamp_file" || true)
+  printf '%s\n' "$rest" | as_user tee "$stamp_file" >/dev/null
+}
+
 # step TITLE LOG SHARE EXPECTED COMMAND...: run it, show its share done by `share_SHARE LOG`, and how long it took of the seconds expected on two
 # processors; on failure the end of its log.
 step() {
@@ -186,6 +193,7 @@ install_python() {
   local part
   if ! grep -qs '^include-system-site-packages = true' .venv/pyvenv.cfg || ! grep -qs '^home = /usr/bin' .venv/pyvenv.cfg ||
     ! .venv/bin/python3 -m pip --version >/dev/null 2>&1; then
+    forget python-
     step "Making the Python environment .venv" venv none 10 as_user env PATH=$plain_path /usr/bin/python3 -m venv --clear --system-site-packages .venv
   elif [ "$(stamped doing)" = python ]; then
     as_user .venv/bin/python3 scripts/lib/mend_venv.py
