@@ -1,12 +1,12 @@
 """Bring the system up: check the arguments, choose the master, run bringup.launch, return its exit code. Called by
 scripts/bringup."""
 
-import signal
+from bringup_end import INTERRUPTED, REQUESTS, EndAtOnce
 
-# Until the nodes start, Ctrl-C ends this at once and without a word.
-signal.signal(signal.SIGINT, signal.SIG_DFL)
+early = EndAtOnce()
 
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -22,7 +22,6 @@ from bringup_ready import PERIOD, block, namespace
 
 from hric_control.errors import FAILURE, HricError
 
-INTERRUPTED = 130
 PROBE_TIMEOUT = 1.0
 """How long the arm's control box may take to accept a connection [s]."""
 
@@ -82,7 +81,7 @@ class ShutdownRequest:
 
     def __init__(self) -> None:
         self.count = 0
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in REQUESTS:
             signal.signal(number, self._remember)
 
     def _remember(self, *_: object) -> None:
@@ -102,9 +101,10 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     try:
         parent._load_config()
         nodes.required = _take_over_required(parent.config)
-        parent._start_infrastructure()
         roslaunch.pmon._init_signal_handlers()
         request = ShutdownRequest()
+        early.over()
+        parent._start_infrastructure()
         parent.start()
     except roslaunch.core.RLException as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)

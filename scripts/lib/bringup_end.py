@@ -1,19 +1,60 @@
-"""How a bring-up ends: all nodes are requested to end at once, and get the time that they need, with progress."""
+"""How a bring-up ends: before a node runs at once; later all nodes are requested to end at once, and get the time that
+they need, with progress."""
 
 import contextlib
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
+REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+INTERRUPTED = 130
+ERRORS = 3
+"""Where scripts/bringup leads the errors of this process until it can take a request."""
+LOOK = 0.05
+"""How often it is looked whether the early part is over [s]."""
 LIMIT = 10.0
 """How long a node may take to end before it is killed [s of wall time]; project default, unconfirmed."""
 LONGER = {"recorder": 120.0, "experiment": 120.0}
 """Of nodes that write data: a bag of gigabytes on a slow disk."""
 PROGRESS_AFTER, PROGRESS_PERIOD = 1.0, 2.0
 """Of the lines that say who is waited for [s]."""
+
+
+class EndAtOnce(threading.Thread):
+    """Until the nodes start, a request for the end ends this process without a word.
+
+    Commands that find what a parameter holds run meanwhile. They get Ctrl-C in a terminal, too, and a Python that
+    still starts would end with a traceback: so requests are blocked here, which the commands inherit, and a thread
+    takes them and ends the commands.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self._over = threading.Event()
+        signal.pthread_sigmask(signal.SIG_BLOCK, REQUESTS)
+        os.dup2(ERRORS, sys.stderr.fileno())
+        os.close(ERRORS)
+        self.start()
+
+    def run(self) -> None:
+        """Wait for a request."""
+        while not self._over.is_set():
+            if signal.sigtimedwait(REQUESTS, LOOK) is not None:
+                for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
+                    with contextlib.suppress(ProcessLookupError):
+                        os.kill(int(child), signal.SIGKILL)
+                os._exit(INTERRUPTED)  # at once: the main thread would complain of the command's end
+
+    def over(self) -> None:
+        """From now on requests go to their handlers, those that have just come, too."""
+        self._over.set()
+        self.join()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, REQUESTS)
 
 
 def end_nodes(monitor: Any, impatient: Callable[[], bool]) -> None:

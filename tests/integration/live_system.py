@@ -133,9 +133,9 @@ class LiveSystem:
         wait_for(running, READY_TIMEOUT, f"running {controllers}; output:\n{self.output}")
 
     def interrupt(self) -> float:
-        """Ctrl-C; answers how long the end took [s of wall time]."""
+        """Ctrl-C, which a terminal sends to the whole group; answers how long the end took [s of wall time]."""
         started = time.monotonic()
-        os.kill(self.process.pid, signal.SIGINT)
+        os.killpg(self.process.pid, signal.SIGINT)
         self.process.wait(timeout=30.0)
         return time.monotonic() - started
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import yaml
 from bags import control_log, gaps_and_repeats, topics
-from live_system import ROOT, LiveSystem
+from live_system import ROOT, LiveSystem, wait_for
 
 pytestmark = pytest.mark.alone
 
@@ -118,6 +118,14 @@ def test_ctrl_c_during_an_experiment_ends_it_with_the_code_of_an_interrupt(start
     assert system.process.returncode == 130
     assert yaml.safe_load((system.run_folder / "run.yaml").read_text())["status"] == "interrupted"
     check_bag(system)
+
+
+def test_ctrl_c_while_it_reads_what_to_start_leaves_nothing_behind(start: Start) -> None:
+    system = start("env:=sim", "rviz:=false")
+    wait_for(lambda: any("/describe " in command for command in system.processes().values()), 30.0, "describe")
+    system.interrupt()
+    assert system.processes() == {}
+    assert "Traceback" not in system.output
 
 
 @pytest.mark.parametrize("limit", [ANY, pytest.param(4.0, marks=pytest.mark.live)])
