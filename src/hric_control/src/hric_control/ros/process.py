@@ -1,6 +1,7 @@
 """A node's process: from its start to its shutdown request."""
 
 import argparse
+import errno
 import logging
 import signal
 import sys
@@ -86,9 +87,21 @@ def run(name: str, text: str, app: Callable[[RosNode], NodeApp]) -> int:
                     running.tick()
         finally:
             running.close()
-            rospy.signal_shutdown("requested")
+            shut_down("requested")
 
     return run_command(name, work, rospy.logfatal)
+
+
+def shut_down(reason: str) -> None:
+    """`rospy.signal_shutdown` as the last of a process: rospy's server, if its thread has not run yet, takes the socket
+    that is closed for an error."""
+    threading.excepthook = _report_unless_closed
+    rospy.signal_shutdown(reason)
+
+
+def _report_unless_closed(error: threading.ExceptHookArgs) -> None:
+    if not (isinstance(error.exc_value, OSError) and error.exc_value.errno == errno.EBADF):
+        threading.__excepthook__(error)
 
 
 class _RosHandler(logging.Handler):

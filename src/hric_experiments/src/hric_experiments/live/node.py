@@ -12,7 +12,7 @@ import rospy
 
 from hric_control.errors import FailureError, HricError
 from hric_control.processes import INTERRUPTED_CODE
-from hric_control.ros.process import check_words
+from hric_control.ros.process import check_words, shut_down
 
 MASTER_TIMEOUT = 30.0
 """How long to wait for a master [s]."""
@@ -52,7 +52,7 @@ def main(name: str, text: str, work: Callable[[], None], interrupted: int = INTE
         return interrupted
     finally:
         _on_signals(signal.SIG_IGN)
-        rospy.signal_shutdown("end")
+        shut_down("end")
 
 
 def wait_for_master(timeout: float = MASTER_TIMEOUT) -> None:

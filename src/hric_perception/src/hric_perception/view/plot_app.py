@@ -15,6 +15,7 @@ from sensor_msgs.msg import JointState
 
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.processes import run_command
+from hric_control.ros import shut_down
 from hric_msgs.msg import SampleChunk
 from hric_perception.view import curves
 from hric_perception.view.curves import History, Panel, Picture
@@ -88,7 +89,7 @@ def _show(given: argparse.Namespace) -> None:
         else:
             _save(given.screenshot, given.after, shown, histories, shutdown)
     finally:
-        rospy.signal_shutdown("shutdown requested")
+        shut_down("shutdown requested")
 
 
 def _listen(panel: Panel) -> History:

@@ -20,7 +20,7 @@ from hric_control.geometry import Pose, normalized
 from hric_control.geometry.messages import pose_of
 from hric_control.processes import run_server
 from hric_control.robot_time.follower import RobotTime
-from hric_control.ros import RosNode, forward_to_ros
+from hric_control.ros import RosNode, forward_to_ros, shut_down
 from mocap_natnet.server import app
 from mocap_natnet.server.server import LOG
 from mocap_natnet.server.sources import History, Source
@@ -151,6 +151,6 @@ def main(words: Sequence[str] | None = None) -> int:
             serving.clear()
             live.close()
             robot_time.close()
-            rospy.signal_shutdown("shutdown requested")
+            shut_down("shutdown requested")
 
     return run_server(NAME, work, LOG.critical)
