@@ -168,9 +168,7 @@ def test_a_tool_says_what_is_wrong_and_what_is_valid_and_writes_nothing(words: s
 
 
 def test_mistakes_in_an_experiment_file_end_the_bring_up_before_anything_starts(home: Path) -> None:
-    told = answer(
-        [sys.executable, str(ROOT / "scripts/lib/bringup.py"), "experiment:=wrong.yaml"], home, {**os.environ}
-    )
+    told = answer([str(ROOT / "scripts/bringup"), "experiment:=wrong.yaml"], home, {**os.environ})
     assert re.search(r"scripts/bringup: experiment wrong: 2 mistakes\n +no parameter 'controlers'; valid: ", told), told
 
 
