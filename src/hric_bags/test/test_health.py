@@ -198,7 +198,7 @@ def test_a_bag_that_was_cut_off_anywhere_gives_what_came_before(
 def test_a_damaged_chunk_costs_only_itself(tmp_path: Path) -> None:
     path = tmp_path / "a.bag"
     with BagWriter(path) as bag:
-        bag._bag.chunk_threshold = 4096
+        bag._writer.chunk_threshold = 4096
         for first in range(0, 2000, 20):
             bag.write("/control_log", log_message(first, 20, signals(2000, 0.1)), first * 1e-3)
     data = bytearray(path.read_bytes())

@@ -3,18 +3,17 @@ comes once."""
 
 import re
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader, anyreader
+from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 from tqdm import tqdm
 
 from hric_control.errors import HricError
-
-# A bag is opened by several readers in turn; to parse its definitions takes longer than to read most of the messages.
-anyreader.get_types_from_msg = cache(anyreader.get_types_from_msg)
 
 MARGIN = 2_000_000_000
 """Two recorders note the same message at times that are less apart than this [ns]."""
@@ -59,6 +58,21 @@ def parts(bag: Path) -> list[Path]:
     return found
 
 
+@lru_cache(maxsize=16)
+def _typestore(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
+    """What reads messages of these types, definitions and checksums. To make it takes longer than to read most of the
+    messages of a bag, and a process reads many bags with the same ones."""
+    types: dict[str, Any] = {}
+    for kind, text, _ in sorted(definitions):
+        types.update(get_types_from_msg(text, kind))
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)
+    for kind, _, checksum in definitions:
+        if (found := store.generate_msgdef(kind)[1]) != checksum:
+            raise AnyReaderError(f"the definition of {kind} has checksum {found}, its messages {checksum}")
+    return store
+
+
 class PartsReader(AnyReader):
     """Reads a bag with all its parts, as `AnyReader` reads one.
 
@@ -68,13 +82,24 @@ class PartsReader(AnyReader):
     Args:
         bag: the bag, or its first part.
 
+    Attributes:
+        bag: as given.
+
     Raises:
         PartsError, AnyReaderError, OSError: it cannot be read.
     """
 
     def __init__(self, bag: Path) -> None:
+        self.bag = bag
         super().__init__(parts(bag))
         self._repeated: list[dict[Stream, int]] | None = None
+
+    def _open(self) -> None:
+        assert self.stack is not None
+        for reader in self.readers:
+            self.stack.enter_context(reader)
+        self.connections = [connection for reader in self.readers for connection in reader.connections]
+        self.typestore = _typestore(frozenset((c.msgtype, c.msgdef.data, c.digest) for c in self.connections))
 
     def messages(
         self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None

@@ -2,7 +2,8 @@
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -124,12 +125,27 @@ class RunRecord:
     robot_time: RobotTime = float
 
 
-def read(path: Path) -> RunRecord:
-    """Read a bag with all its parts.
+@contextmanager
+def opened(bag: Path | PartsReader) -> Iterator[PartsReader]:
+    """A reader of a bag with all its parts; one that is open already stays so.
 
     Raises:
-        BagError: it is missing, damaged, or has no control log.
+        BagError: the bag is missing or damaged.
     """
+    if isinstance(bag, PartsReader):
+        yield bag
+        return
+    _check_file(bag)
+    try:
+        with PartsReader(bag) as reader:
+            yield reader
+    except PartsError as error:
+        raise BagError(str(error)) from error
+    except AnyReaderError as error:
+        raise BagError(f"cannot read {bag.name}: {error}") from error
+
+
+def _check_file(path: Path) -> None:
     if not path.is_file():
         unfinished = path.with_name(path.name + ".active")
         hint = (
@@ -138,6 +154,14 @@ def read(path: Path) -> RunRecord:
             else ""
         )
         raise BagError(f"no bag {path.name} in {path.parent}{hint}")
+
+
+def read(bag: Path | PartsReader) -> RunRecord:
+    """Read a bag with all its parts.
+
+    Raises:
+        BagError: it is missing, damaged, or has no control log.
+    """
     logs: list[Any] = []
     collected: dict[str, list[tuple[str, float, Any]]] = {
         COUNTS_TYPE: [],
@@ -145,21 +169,16 @@ def read(path: Path) -> RunRecord:
         STATE_TYPE: [],
         FRANKA_TYPE: [],
     }
-    try:
-        with PartsReader(path) as reader:
-            topics = {topic: info.msgcount for topic, info in reader.topics.items()}
-            duration = reader.duration * 1e-9 if reader.message_count else 0.0
-            for connection, stamp, raw in reader.chosen(lambda c: c.msgtype in (LOG_TYPE, *collected)):
-                message = reader.deserialize(raw, connection.msgtype)
-                if connection.msgtype == LOG_TYPE:
-                    logs.append(message)
-                else:
-                    collected[connection.msgtype].append((connection.topic, stamp * 1e-9, message))
-    except PartsError as error:
-        raise BagError(str(error)) from error
-    except AnyReaderError as error:
-        raise BagError(f"cannot read {path.name}: {error}") from error
-    return _record(logs, collected, topics, duration, path.name)
+    with opened(bag) as reader:
+        topics = {topic: info.msgcount for topic, info in reader.topics.items()}
+        duration = reader.duration * 1e-9 if reader.message_count else 0.0
+        for connection, stamp, raw in reader.chosen(lambda c: c.msgtype in (LOG_TYPE, *collected)):
+            message = reader.deserialize(raw, connection.msgtype)
+            if connection.msgtype == LOG_TYPE:
+                logs.append(message)
+            else:
+                collected[connection.msgtype].append((connection.topic, stamp * 1e-9, message))
+        return _record(logs, collected, topics, duration, reader.bag.name)
 
 
 def _record(

@@ -1,10 +1,13 @@
 """Writes the messages of a headless run into a ROS bag, stamped with robot time."""
 
+from io import BytesIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import rosbag
+import roslz4
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Writer
 
 from hric_control.robot_time.stamps import to_time
 
@@ -22,7 +25,11 @@ class BagWriter:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._active = path.with_name(path.name + ".active")
-        self._bag = rosbag.Bag(str(self._active), "w", compression="lz4")
+        self._writer = Writer(self._active)
+        self._writer.set_compression(Writer.CompressionFormat.LZ4)
+        self._writer.compressor = roslz4.compress  # ROS's own tools do not read what the writer's makes
+        self._writer.open()
+        self._connections: dict[tuple[str, type], Connection] = {}
 
     def write(self, topic: str, message: Any, time: float) -> None:
         """Add a message.
@@ -32,11 +39,22 @@ class BagWriter:
             message: any ROS message.
             time: robot time [s].
         """
-        self._bag.write(topic, message, to_time(max(time, 0.0)))
+        kind = type(message)
+        connection = self._connections.get((topic, kind)) or self._connect(topic, kind)
+        data = BytesIO()
+        message.serialize(data)
+        self._writer.write(connection, to_time(max(time, 0.0)).to_nsec(), data.getbuffer())
+
+    def _connect(self, topic: str, kind: Any) -> Connection:
+        package, name = kind._type.split("/")
+        made = self._connections[topic, kind] = self._writer.add_connection(
+            topic, f"{package}/msg/{name}", msgdef=kind._full_text, md5sum=kind._md5sum
+        )
+        return made
 
     def close(self, *, whole: bool = True) -> None:
         """Write the index; with `whole` the bag gets its final name."""
-        self._bag.close()
+        self._writer.close()
         if whole and self._active.exists():
             self._active.replace(self.path)
 
