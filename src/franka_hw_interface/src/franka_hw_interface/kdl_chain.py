@@ -1,8 +1,8 @@
 """Dynamics and kinematics of any serial arm by KDL, from its URDF.
 
 PyKDL has no bridge to numpy: reading and writing its containers element by element is most of the cost, so the
-containers are made once and kept, symmetric matrices are read by their upper half, and the gravity torque has a path on
-plain lists.
+containers are made once and kept, symmetric matrices are read by their upper half, and the gravity torque on plain
+lists is compiled.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,7 +13,9 @@ import PyKDL
 from franka_hw_interface.urdf_chain import ChainSegment, SerialChain, parse_chain
 from hric_control.errors import CommandError, DescriptionError, HricError
 from hric_control.geometry import FloatArray, MassProperties
+from hric_control.native import load
 
+_kdl = load("hric_kdl")
 GRAVITY = (0.0, 0.0, -9.81)
 """Standard acceleration of gravity as ROS, KDL and libfranka use it, world frame [m/s^2]."""
 
@@ -23,14 +25,21 @@ def to_kdl_frame(T: FloatArray) -> PyKDL.Frame:
     return PyKDL.Frame(PyKDL.Rotation(*T[:3, :3].ravel().tolist()), PyKDL.Vector(*T[:3, 3].tolist()))
 
 
+def _numbers(segment: ChainSegment) -> list[float]:
+    """A segment as `hric_kdl` takes it: whether its joint is revolute, p and R of `T_parent_joint`, the axis in the
+    parent, mass, centre of mass, xx, yy, zz, xy, xz, yz of the tensor."""
+    T, body = segment.T_parent_joint, segment.inertial
+    tensor = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    arrays = T[:3, 3], T[:3, :3].ravel(), T[:3, :3] @ segment.axis, [body.mass], body.com, tensor
+    return [float(segment.kind == "revolute"), *np.concatenate(arrays).tolist()]
+
+
 def _to_kdl_segment(segment: ChainSegment) -> PyKDL.Segment:
-    R, p = segment.T_parent_joint[:3, :3], segment.T_parent_joint[:3, 3]
-    motion = PyKDL.Joint.RotAxis if segment.kind == "revolute" else PyKDL.Joint.TransAxis
-    joint = PyKDL.Joint(segment.joint, PyKDL.Vector(*p.tolist()), PyKDL.Vector(*(R @ segment.axis).tolist()), motion)
-    body, I = segment.inertial, segment.inertial.inertia  # noqa: E741 - the field's symbol
-    tensor = PyKDL.RotationalInertia(*(float(I[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
-    inertia = PyKDL.RigidBodyInertia(body.mass, PyKDL.Vector(*body.com.tolist()), tensor)
-    return PyKDL.Segment(segment.link, joint, to_kdl_frame(segment.T_parent_joint), inertia)
+    revolute, *n = _numbers(segment)
+    p, axis = PyKDL.Vector(*n[:3]), PyKDL.Vector(*n[12:15])
+    joint = PyKDL.Joint(segment.joint, p, axis, PyKDL.Joint.RotAxis if revolute else PyKDL.Joint.TransAxis)
+    inertia = PyKDL.RigidBodyInertia(n[15], PyKDL.Vector(*n[16:19]), PyKDL.RotationalInertia(*n[19:]))
+    return PyKDL.Segment(segment.link, joint, PyKDL.Frame(PyKDL.Rotation(*n[3:12]), p), inertia)
 
 
 class _Solvers:
@@ -96,8 +105,11 @@ class KdlChain:
 
     def _use(self, chain: SerialChain) -> None:
         self._solvers = _Solvers(chain, self.gravity_base)
-        self.gravity_list: Callable[[Sequence[float]], list[float]] = _gravity_function(self._solvers, self.n)
-        """q (n floats) [rad] -> gravity torque g(q), n floats [N m]: the fast path for control loops; no checks."""
+        segments = [_numbers(segment) for segment in chain.segments]
+        self.gravity_list: Callable[[Sequence[float]], list[float]] = _kdl.gravity_function(
+            segments, self.gravity_base.tolist()
+        )
+        """q (n floats) [rad] -> gravity torque g(q), n floats [N m]: the fast path for control loops."""
 
     def set_load(self, load: MassProperties) -> None:
         """Weld a payload to the tip (its frame), in place of the one before; `MassProperties()` takes it off."""
@@ -176,32 +188,3 @@ def from_kdl_jacobian(jacobian: PyKDL.Jacobian, indices: Sequence[tuple[int, int
 def _done(code: int, what: str) -> None:
     if code != 0:
         raise HricError(f"KDL could not compute the {what}: error {code}")
-
-
-def _gravity_function(solvers: _Solvers, n: int) -> Callable[[Sequence[float]], list[float]]:
-    """Gravity torque on plain lists; it holds its own solvers, so that a later change of the load does not touch a call
-    that runs."""
-    position, torque = PyKDL.JntArray(n), PyKDL.JntArray(n)
-    # The unbound method is a third faster than the bound one, and element access is most of what KDL's gravity costs
-    # from Python.
-    put, take, compute = PyKDL.JntArray.__setitem__, torque.__getitem__, solvers.dynamics.JntToGravity
-
-    def gravity(q: Sequence[float], _keep: _Solvers = solvers) -> list[float]:
-        for i in range(n):
-            put(position, i, q[i])
-        compute(position, torque)
-        return [take(i) for i in range(n)]
-
-    def gravity7(q: Sequence[float], _keep: _Solvers = solvers) -> list[float]:
-        # Unrolled: on seven joints the loops cost a third of KDL's own work.
-        put(position, 0, q[0])
-        put(position, 1, q[1])
-        put(position, 2, q[2])
-        put(position, 3, q[3])
-        put(position, 4, q[4])
-        put(position, 5, q[5])
-        put(position, 6, q[6])
-        compute(position, torque)
-        return [take(0), take(1), take(2), take(3), take(4), take(5), take(6)]
-
-    return gravity7 if n == 7 else gravity
