@@ -143,49 +143,108 @@ typedef struct {
     double inertia[9], mass, com[3];
 } Mounting;
 
-static int take_mounting(PyObject *buffer, Mounting *mounting, Load *load)
+typedef struct {
+    double q[JOINTS];
+    Mounting mounting;
+    Arm arm;
+} Where;
+
+typedef struct {
+    Spatial S[JOINTS];
+    Body bodies[JOINTS];
+} Placed;
+
+static int take_where(PyObject *arm, PyObject *mounting, PyObject *q, Where *where)
 {
-    if (!copy_buffer(buffer, sizeof *mounting, mounting, "a mounting"))
-        return 0;
-    *load = (Load){mounting->inertia, mounting->mass, mounting->com};
+    return take_arm(arm, &where->arm) && copy_buffer(mounting, sizeof where->mounting, &where->mounting, "a mounting")
+           && take(q, JOINTS, where->q);
+}
+
+static int same(const double *a, const double *b, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (a[i] != b[i])
+            return 0;
     return 1;
+}
+
+/* The bodies of the arm; those of the last call are kept, since a cycle begins where the one before ended. */
+static const Placed *placed(const Where *where)
+{
+    static Where last;
+    static Placed bodies;
+    static int any = 0;
+    if (!any || !same((const double *)&last, (const double *)where, sizeof last / sizeof(double))) {
+        const Mounting *m = &where->mounting;
+        place_bodies(&where->arm, &(Load){m->inertia, m->mass, m->com}, where->q, bodies.S, bodies.bodies);
+        last = *where;
+        any = 1;
+    }
+    return &bodies;
+}
+
+static void efforts(const Where *where, const double dq[JOINTS], const double ddq[JOINTS], double tau[JOINTS])
+{
+    const Placed *at = placed(where);
+    newton_euler(at->S, at->bodies, where->mounting.gravity, dq, ddq, tau);
 }
 
 FUNCTION(inverse_dynamics)
 {
-    Arm arm;
-    Mounting mounting;
-    Load load;
-    double q[JOINTS], dq[JOINTS], ddq[JOINTS], tau[JOINTS];
-    if (!expect(count, 5, "inverse_dynamics(arm, mounting, q, dq, ddq)") || !take_arm(given[0], &arm)
-        || !take_mounting(given[1], &mounting, &load) || !take(given[2], JOINTS, q) || !take(given[3], JOINTS, dq)
+    Where where;
+    double dq[JOINTS], ddq[JOINTS], tau[JOINTS];
+    if (!expect(count, 5, "inverse_dynamics(arm, mounting, q, dq, ddq)")
+        || !take_where(given[0], given[1], given[2], &where) || !take(given[3], JOINTS, dq)
         || !take(given[4], JOINTS, ddq))
         return NULL;
-    newton_euler(&arm, &load, mounting.gravity, q, dq, ddq, tau);
+    efforts(&where, dq, ddq, tau);
     return list(tau, JOINTS);
 }
 
 FUNCTION(external_torque)
 {
-    enum { VALUE, Q, DQ, Q_NOW, DQ_NOW, TAU, FRICTION, VECTORS };
-    Arm arm;
-    Mounting mounting;
-    Load load;
+    enum { VALUE, DQ, Q_NOW, DQ_NOW, TAU, FRICTION, VECTORS };
+    Where where;
     double constants[2], x[VECTORS][JOINTS], ddq[JOINTS], expected[JOINTS], gravity[JOINTS];
-    if (!expect(count, 3 + VECTORS,
-                "external_torque(arm, mounting, (rate, gain), value, q, dq, q_now, dq_now, tau, friction)")
-        || !take_arm(given[0], &arm) || !take_mounting(given[1], &mounting, &load) || !take(given[2], 2, constants))
+    if (!expect(count, 4 + VECTORS,
+                "external_torque(arm, mounting, q, (rate, gain), value, dq, q_now, dq_now, tau, friction)")
+        || !take_where(given[0], given[1], given[2], &where) || !take(given[3], 2, constants))
         return NULL;
     for (int k = 0; k < VECTORS; k++)
-        if (!take(given[3 + k], JOINTS, x[k]))
+        if (!take(given[4 + k], JOINTS, x[k]))
             return NULL;
     for (int i = 0; i < JOINTS; i++)
         ddq[i] = constants[0] * (x[DQ_NOW][i] - x[DQ][i]);
-    newton_euler(&arm, &load, mounting.gravity, x[Q], x[DQ], ddq, expected);
+    efforts(&where, x[DQ], ddq, expected);
     for (int i = 0; i < JOINTS; i++)
         x[VALUE][i] += constants[1] * (x[TAU][i] - expected[i] - x[FRICTION][i] - x[VALUE][i]);
-    newton_euler(&arm, &load, mounting.gravity, x[Q_NOW], STILL, STILL, gravity);
+    memcpy(where.q, x[Q_NOW], sizeof where.q);
+    efforts(&where, STILL, STILL, gravity);
     return Py_BuildValue("(NN)", list(x[VALUE], JOINTS), list(gravity, JOINTS));
+}
+
+/* Bounds of the measured state, see reflexes.py. */
+typedef struct {
+    double velocity[JOINTS], lower[JOINTS], upper[JOINTS], reach[JOINTS], gate;
+} Bounds;
+
+/* Speed that no point of the arm exceeds, sum |dq_i| reach_i; -1 where a joint is too fast or beyond its range, the
+ * torque from outside is above the gate, or something is not finite. */
+FUNCTION(quiet_speed)
+{
+    Bounds bounds;
+    double q[JOINTS], dq[JOINTS], tau[JOINTS], square = 0.0, speed = 0.0;
+    if (!expect(count, 4, "quiet_speed(bounds, q, dq, tau)")
+        || !copy_buffer(given[0], sizeof bounds, &bounds, "a set of bounds") || !take(given[1], JOINTS, q)
+        || !take(given[2], JOINTS, dq) || !take(given[3], JOINTS, tau))
+        return NULL;
+    int quiet = 1;
+    for (int i = 0; i < JOINTS; i++) {
+        quiet = quiet && fabs(dq[i]) <= bounds.velocity[i] && bounds.lower[i] <= q[i] && q[i] <= bounds.upper[i];
+        square += tau[i] * tau[i];
+        speed += fabs(dq[i]) * bounds.reach[i];
+    }
+    return PyFloat_FromDouble(quiet && square <= bounds.gate ? speed : -1.0);
 }
 
 /* The view of a buffer of Fields, filled; 0 with an error set. */
@@ -254,7 +313,8 @@ FUNCTION(numbers)
 static PyMethodDef methods[] = {
     METHOD(inverse_dynamics, "(arm, mounting, q, dq, ddq): joint torques"),
     METHOD(external_torque,
-           "(arm, mounting, (rate, gain), value, q, dq, q_now, dq_now, tau, friction): (value, gravity at q_now)"),
+           "(arm, mounting, q, (rate, gain), value, dq, q_now, dq_now, tau, friction): (value, gravity at q_now)"),
+    METHOD(quiet_speed, "(bounds, q, dq, tau): speed that no point exceeds, -1 where something is beyond its bound"),
     METHOD(fields, "(arm, values): computes the fields in place"),
     METHOD(numbers, "(arm, values, places, bits): computes the fields, gives those at the places as bytes"),
     {0},

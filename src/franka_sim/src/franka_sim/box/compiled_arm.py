@@ -47,14 +47,17 @@ class CompiledArm:
         """g(q), 7 floats [N m]; q: 7 floats [rad]. After `take_model`."""
         return self.inverse_dynamics(q, _STILL, _STILL)
 
-    def external_torque(self, constants: tuple[float, float], *cycle: Vector) -> tuple[list[float], list[float]]:
+    def external_torque(
+        self, q: Vector, constants: tuple[float, float], *cycle: Vector
+    ) -> tuple[list[float], list[float]]:
         """One cycle of `estimates.ExternalTorque`. After `take_model`.
 
         Args:
+            q: at the beginning of the cycle, 7 floats [rad].
             constants: cycles per second [1/s], and the share of the low-pass filter per cycle [1].
-            cycle: value of the cycle before, q, dq, q_now, dq_now, tau, friction, see there; 7 floats each.
+            cycle: value of the cycle before, dq, q_now, dq_now, tau, friction, see there; 7 floats each.
 
         Returns:
             (the new value, g(q_now)), 7 floats each [N m].
         """
-        return _external_torque(self._arm, self._mounting, constants, *cycle)
+        return _external_torque(self._arm, self._mounting, q, constants, *cycle)

@@ -54,6 +54,6 @@ class ExternalTorque:
             g(q_now), 7 floats [N m]: the next thing that the box needs of the same model.
         """
         self.value[:], gravity = self._arm.external_torque(
-            self._constants, self.value, q, dq, q_now, dq_now, tau, friction or _NONE
+            q, self._constants, self.value, dq, q_now, dq_now, tau, friction or _NONE
         )
         return gravity

@@ -1,7 +1,8 @@
 """The measured state's limits, at which the arm protects itself each cycle, and the text of a reflex."""
 
 import math
-from collections.abc import Sequence
+from array import array
+from collections.abc import Callable, Sequence
 from operator import mul
 
 from franka_hw_interface.model import Frame
@@ -9,6 +10,7 @@ from franka_hw_interface.robot_state import NO_ERRORS, Errors
 from franka_sim.box.config import BoxConfig
 from franka_sim.box.self_collision import SelfCollision
 from franka_sim.box.state import BoxState
+from hric_control.native import load
 from hric_control.native.vectors import smaller, within
 
 JOINT_VELOCITY: Errors = frozenset(("joint_velocity_violation",))
@@ -17,6 +19,8 @@ CARTESIAN_VELOCITY: Errors = frozenset(("cartesian_velocity_violation",))
 SELF_COLLISION: Errors = frozenset(("self_collision_avoidance_violation",))
 JOINT_COLLISION: Errors = frozenset(("joint_reflex",))
 CARTESIAN_COLLISION: Errors = frozenset(("cartesian_reflex",))
+Vector = Sequence[float]
+_quiet_speed: "Callable[[array[float], Vector, Vector, Vector], float]" = load("hric_arm").quiet_speed
 
 
 class Reflexes:
@@ -41,6 +45,12 @@ class Reflexes:
         # singular value) + noise.
         self._gate = 0.0
         self._wrench_noise = 0.0
+        self._pack()
+
+    def _pack(self) -> None:
+        """The bounds as the compiled screen takes them."""
+        rows = self._velocity, self._lower, self._upper, self._bodies.reach, (self._gate,)
+        self._packed = array("d", [x for row in rows for x in row])
 
     def start(self, state: BoxState) -> None:
         """A motion begins: what is beyond a limit now may come back, but not go further."""
@@ -60,9 +70,15 @@ class Reflexes:
         lowest = min(*t.upper_force_acceleration, *t.upper_force_nominal)
         force = self._config.min_singular_value * max(lowest - self._wrench_noise, 0.0)
         self._gate = min(force, *t.upper_torque_acceleration, *t.upper_torque_nominal) ** 2
+        self._pack()
 
     def errors(self, state: BoxState) -> Errors:
         """What is wrong with the measured state, by libfranka's names; marks the collisions in it."""
+        speed = _quiet_speed(self._packed, state.q, state.dq, state.tau_ext_hat_filtered)
+        return self._moving_parts(state, speed) if speed >= 0.0 else self._look(state)
+
+    def _look(self, state: BoxState) -> Errors:
+        """At each value: something is beyond its bound."""
         q, tau = state.q, state.tau_ext_hat_filtered
         if not smaller(state.dq, self._velocity):  # NaN is smaller than nothing
             return JOINT_VELOCITY

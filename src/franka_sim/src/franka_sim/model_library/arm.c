@@ -79,7 +79,10 @@ EXPORT void c_NE(const double *q, const double *dq, const double *I_total, doubl
                  double *out)
 {
     const Load load = {I_total, m_total, F_x_Ctotal};
-    newton_euler(ARM, &load, NO_GRAVITY, q, dq, STILL, out);
+    Spatial S[JOINTS];
+    Body bodies[JOINTS];
+    place_bodies(ARM, &load, q, S, bodies);
+    newton_euler(S, bodies, NO_GRAVITY, dq, STILL, out);
 }
 
 /* Torque that holds the arm against gravity, given in the base frame [m/s^2]. */

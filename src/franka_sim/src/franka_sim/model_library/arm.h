@@ -125,14 +125,12 @@ static inline void place_bodies(const Arm *arm, const Load *load, const double q
     add_body(poses[FLANGE].R, poses[FLANGE].p, load->mass, load->com, load->inertia, &bodies[JOINTS - 1]);
 }
 
-/* M(q) ddq + C(q, dq) dq + g(q) by recursive Newton-Euler; gravity [m/s^2], in the base frame, as an acceleration of
- * the base. */
-static inline void newton_euler(const Arm *arm, const Load *load, const double gravity[3], const double q[JOINTS],
+/* M ddq + C dq + g by recursive Newton-Euler, of bodies that `place_bodies` placed; gravity [m/s^2], in the base frame,
+ * as an acceleration of the base. */
+static inline void newton_euler(const Spatial S[JOINTS], const Body bodies[JOINTS], const double gravity[3],
                                 const double dq[JOINTS], const double ddq[JOINTS], double efforts[JOINTS])
 {
-    Spatial S[JOINTS], forces[JOINTS], v = {{0}, {0}}, a = {{0}, {0}};
-    Body bodies[JOINTS];
-    place_bodies(arm, load, q, S, bodies);
+    Spatial forces[JOINTS], v = {{0}, {0}}, a = {{0}, {0}};
     for (int k = 0; k < 3; k++)
         a.v[k] = -gravity[k];
     for (int i = 0; i < JOINTS; i++) {
