@@ -3,11 +3,11 @@ set(Python3_EXECUTABLE ${PYTHON_EXECUTABLE})
 find_package(Python3 REQUIRED COMPONENTS Interpreter Development.Module)
 
 # hric_exact_library(TARGET): the library goes among the Python packages of the devel and the install space, and its results are the same bits at every
-# build: no fused multiply-add, and no other optimisation than this.
+# build: no fused multiply-add, and no optimisation that reorders sums.
 function(hric_exact_library TARGET)
   set_target_properties(${TARGET} PROPERTIES C_STANDARD 11 C_STANDARD_REQUIRED ON C_EXTENSIONS OFF C_VISIBILITY_PRESET hidden
     LIBRARY_OUTPUT_DIRECTORY ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_PYTHON_DESTINATION})
-  target_compile_options(${TARGET} PRIVATE -Wall -Wextra -Wno-missing-field-initializers -O2 -ffp-contract=off)
+  target_compile_options(${TARGET} PRIVATE -Wall -Wextra -Wno-missing-field-initializers -O3 -ffp-contract=off)
   target_link_libraries(${TARGET} PRIVATE m)
   install(TARGETS ${TARGET} LIBRARY DESTINATION ${CATKIN_GLOBAL_PYTHON_DESTINATION})
 endfunction()

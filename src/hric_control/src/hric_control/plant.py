@@ -96,6 +96,8 @@ class Plant(ABC):
     joint_names: tuple[str, ...]
     time_step: float
     """Step for which the plant was set up [s]; `step` advances by it."""
+    integrator: str = "accurate"
+    """Of the choices of the parameter `integrator` the one that steps it."""
 
     @abstractmethod
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:

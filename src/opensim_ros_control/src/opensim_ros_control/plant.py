@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import CommandError, HricError, ParameterError
-from hric_control.geometry import MassProperties
+from hric_control.errors import CommandError, HricError
 from hric_control.plant import Contact, DrivenPlant, FloatArray, JointReaction, Load, Mode, ReactingPlant
-from hric_control.plants import Surfaces, load_masks, load_surfaces, load_world
+from hric_control.plants import Surfaces, load_masks, load_surfaces, load_world, payload
 from opensim_ros_control.robot import OpenSimConfig, Robot
 from opensim_ros_control.robot_model import RobotModel
 from opensim_ros_control.world import World
@@ -31,7 +30,7 @@ class OpenSimPlant(DrivenPlant, ReactingPlant):
     def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
         self.joint_names = tuple(joint_names)
         self.config = OpenSimConfig.of(config, "plant/", self.joint_names)
-        self.time_step = self.config.time_step
+        self.time_step, self.integrator = self.config.time_step, self.config.integrator
         self.T_ground_world = transforms.base_pose("y")
         objects = load_world(self.config.world, self.config.contact_stiffness)
         self.robot = Robot(RobotModel(urdf_xml, self.joint_names, self.config.gravity), self.joint_names, self.config)
@@ -118,7 +117,7 @@ class OpenSimPlant(DrivenPlant, ReactingPlant):
         link = link or model.last_link
         model.robot.check_link(link)
         before = model.load
-        model.load = None if load is None else (link, _payload(load))
+        model.load = None if load is None else (link, payload(load))
         try:
             self.robot.build_again()
         except BaseException:
@@ -131,8 +130,7 @@ class OpenSimPlant(DrivenPlant, ReactingPlant):
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
     ) -> None:
         """Act on "link" or "model::link" for the steps that `duration` [s] covers (negative: until cleared)."""
-        model, link = self.world.find(body)
-        self.world.forces.wrenches.add(f"{model}::{link}", force, torque, point, duration)
+        self.world.forces.wrenches.add(self.world.full_name(body), force, torque, point, duration)
 
     def clear_wrenches(self, body: str | None = None) -> None:
         """End the wrenches on one body ("model" for all of its links), or all."""
@@ -141,8 +139,7 @@ class OpenSimPlant(DrivenPlant, ReactingPlant):
         elif "::" not in body and self.world.has(body):
             self.world.forces.wrenches.clear_model(body)
         else:
-            model, link = self.world.find(body)
-            self.world.forces.wrenches.clear_link(f"{model}::{link}")
+            self.world.forces.wrenches.clear_link(self.world.full_name(body))
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last step."""
@@ -173,17 +170,9 @@ class OpenSimPlant(DrivenPlant, ReactingPlant):
 
     def model_names(self) -> list[str]:
         """Names of all models but the robot."""
-        return list(self.world.models)
+        return self.world.names()
 
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
         """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
         (6,))."""
         return self.world.state(body)
-
-
-def _payload(load: Load) -> MassProperties:
-    if load.mass < 0.0 or len(load.com) != 3 or len(load.inertia) != 9:
-        raise ParameterError(f"a load needs mass >= 0, com of 3 and inertia of 9 numbers; got {load}")
-    return MassProperties(
-        float(load.mass), np.array(load.com, dtype=float), np.array(load.inertia, dtype=float).reshape(3, 3)
-    )

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hric_control.errors import CommandError
-from hric_control.parameters import flag, number, refused
+from hric_control.parameters import flag, number
 from hric_control.plant import FloatArray, Mode
-from hric_control.plants import Divergence, JointLosses, PlantConfig, StopMemory, sigmoid_parameters
+from hric_control.plants import Divergence, JointLosses, StopMemory, WindowlessConfig, sigmoid_parameters
 from opensim_ros_control.dynamics import Dynamics, Losses
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.integrators import IntegrationError, ManagerSteps, OwnSteps, Step, Touch
@@ -18,7 +18,7 @@ from opensim_ros_control.robot_model import RobotModel
 
 
 @dataclass(frozen=True)
-class OpenSimConfig(PlantConfig):
+class OpenSimConfig(WindowlessConfig):
     """The plant's parameters: those that all plants share, and OpenSim's own."""
 
     accuracy: float = number(
@@ -27,15 +27,6 @@ class OpenSimConfig(PlantConfig):
         text="of OpenSim's error control, as OpenSim defines it; without meaning for the other integrators",
     )
     effort_limits: bool = flag(True, text="cut efforts to the description's limits")
-
-    gui: bool = flag(False, text="must be false: this plant has no window")
-
-    def check(self, where: str) -> None:
-        """Refuse a window: OpenSim's own needs a display and would take the loop's time."""
-        if self.gui:
-            raise refused(
-                f"{where}gui", True, "false: the OpenSim plant has no window of its own; look at the robot in rviz"
-            )
 
 
 class Robot:

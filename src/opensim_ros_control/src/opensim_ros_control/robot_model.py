@@ -9,7 +9,8 @@ import opensim
 from hric_control import urdf
 from hric_control.errors import DescriptionError, UnknownNameError
 from hric_control.geometry import MassProperties
-from opensim_ros_control.scene import Model, together
+from hric_control.plants import Model
+from opensim_ros_control.scene import together
 from urdf_to_osim import Conversion, Options, convert
 from urdf_to_osim.transforms import matrix
 

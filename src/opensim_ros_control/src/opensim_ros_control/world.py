@@ -5,27 +5,24 @@ from collections.abc import Sequence
 import numpy as np
 import opensim
 
-from hric_control.errors import HricError, UnknownNameError
 from hric_control.geometry import FloatArray, homogeneous
-from hric_control.plants import Surface, Surfaces, WorldObject
+from hric_control.plants import Model, Models, Surfaces, WorldObject
 from hric_control.urdf import Robot as Description
 from opensim_ros_control import collision, shapes
 from opensim_ros_control.bodies import Kinematics, Reactions
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.forces import Forces
 from opensim_ros_control.robot import Robot
-from opensim_ros_control.scene import Model, model_of_object, model_of_urdf
 from urdf_to_osim.transforms import matrix
 
 _FAR_ROTATED = 1.0
 """Where a free body's middle angle passes this, its joint frame is laid again: at a right angle its three angles fail
 [rad] (project default, unconfirmed)."""
 _MIDDLE = 1
-_ROBOT_SURFACE = Surface()
 
 
-class World:
-    """Models by name; whenever one comes or goes the whole model is built again and everything goes on where it is.
+class World(Models):
+    """The models around the robot; it and they are one OpenSim model, built again whenever one of them comes or goes.
 
     Args:
         robot: with the engine.
@@ -35,7 +32,6 @@ class World:
         masks: pairs of link patterns of the robot that do not collide.
 
     Attributes:
-        models: besides the robot.
         forces: contact and wrenches.
     """
 
@@ -49,27 +45,17 @@ class World:
     ) -> None:
         config = robot.config
         self.robot, self._masks, self._config = robot, list(masks), config
-        self._name = robot.model.robot.name
-        self._R_ground_world, self._rules = T_ground_world[:3, :3], rules
+        self._R_ground_world = T_ground_world[:3, :3]
         self.forces = Forces(robot, self._R_ground_world)
         self._bound: Engine | None = None
         self._middle: dict[str, int] = {}
         self._shapes = self._shapes_of(robot.model.robot, "") if config.collision else {}
-        self._surfaces = {self._name: rules.of_model(self._name, robot.model.robot.links, _ROBOT_SURFACE)}
-        self._start = {item.name: model_of_object(item) for item in objects}
-        self.models: dict[str, Model] = {}
-        for model in self._start.values():
-            self._check_name(model.name)
-            self._admit(model)
-        if self._start:
-            self._build(self._start)
+        super().__init__(robot.model.robot.name, robot.model.robot, objects, rules)
+        self._restore()
+        if self.models:
+            self._build(list(self.models.values()))
 
     # -- models --------------------------------------------------------------------------------------------------------
-
-    def _check_name(self, name: str) -> None:
-        taken = [self._name, *self.models]
-        if not name or "::" in name or name in taken:
-            raise HricError(f"model name {name!r} is taken, empty or has '::' in it; taken: {', '.join(sorted(taken))}")
 
     @staticmethod
     def _shapes_of(description: Description | Model, prefix: str) -> dict[str, list[shapes.Shape]]:
@@ -80,25 +66,26 @@ class World:
         return {link: of_link for link, of_link in found.items() if of_link}
 
     def _admit(self, model: Model) -> None:
-        self._surfaces[model.name] = self._rules.of_model(model.name, model.tree.links, model.surface)
-        self._shapes.update(self._shapes_of(model, f"{model.name}::"))
-        self.models[model.name] = model
+        of_links = self._shapes_of(model, f"{model.name}::")
+        super()._admit(model)
+        self._shapes.update(of_links)
         model.T_world_origin = model.T_world_start
 
     def _dismiss(self, name: str) -> None:
-        del self.models[name], self._surfaces[name]
+        super()._dismiss(name)
+        self.robot.model.beside = list(self.models.values())
         self._shapes = {link: of_link for link, of_link in self._shapes.items() if not link.startswith(f"{name}::")}
         self.forces.wrenches.clear_model(name)
 
-    def _build(self, again: Sequence[str] | dict[str, Model]) -> None:
-        """The engine with the models of now; those named start at their origins, the others go on."""
+    def _build(self, begin: Sequence[Model] = ()) -> None:
+        """Those that begin are put at their origins."""
         self.robot.model.beside = list(self.models.values())
-        self.robot.build_again(lambda engine: self._put(engine, {name: self.models[name] for name in again}))
+        self.robot.build_again(lambda engine: self._put(engine, begin))
 
-    def _put(self, engine: Engine, models: dict[str, Model]) -> None:
+    def _put(self, engine: Engine, models: Sequence[Model]) -> None:
         """Put free models at their origins with their velocities of the start."""
         q, u = engine.q(), engine.u()
-        for model in models.values():
+        for model in models:
             for joint in model.tree.joints:
                 for path in engine.built.joints.get(f"{model.name}::{joint}", ()):
                     q[engine.index[path]] = u[engine.index[path]] = 0.0
@@ -114,37 +101,15 @@ class World:
         indices = [engine.index[path] for path in paths]
         q[indices], u[indices] = 0.0, np.concatenate([R.T @ twist[:3], R.T @ twist[3:]])
 
-    def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool) -> None:
-        """Add a model. Raises HricError when the name is taken or the URDF is bad; the world is then as before."""
-        self._check_name(name)
-        model = model_of_urdf(name, urdf_xml, T_world_model, fixed=fixed)
-        self._admit(model)
-        try:
-            self._build([name])
-        except BaseException:
-            self._dismiss(name)
-            self.robot.model.beside = list(self.models.values())
-            raise
-
-    def delete(self, name: str) -> None:
-        """Remove a model that is not the robot; an object of the world file comes back with the next reset."""
-        if name not in self.models:
-            raise UnknownNameError("model", name, self.models, "the world")
-        self._dismiss(name)
-        self._build([])
-
     def reset(self) -> None:
         """All models as at the start, those spawned where they were put, no wrench, no memory of contact."""
         self.forces.wrenches.clear()
         self.forces.forget()
-        for name in self._start:
-            if name not in self.models:
-                self._admit(self._start[name])
-        self.models = {name: self.models[name] for name in dict.fromkeys([*self._start, *self.models])}
+        self._restore()
         for model in self.models.values():
             model.T_world_origin = model.T_world_start
         if self.models or self.robot.model.beside:
-            self._build(self.models)
+            self._build(list(self.models.values()))
 
     def _relocate_free_joints(self) -> None:
         """Put the joint frames of free bodies that have rotated far where the bodies are."""
@@ -167,31 +132,6 @@ class World:
         self._bind()
 
     # -- names ---------------------------------------------------------------------------------------------------------
-
-    def find(self, body: str) -> tuple[str, str]:
-        """(model, link) of "link" (of the robot) or "model::link".
-
-        Raises:
-            UnknownNameError: no such model or link.
-        """
-        model, separator, link = body.rpartition("::")
-        model = model if separator else self._name
-        if model != self._name and model not in self.models:
-            raise UnknownNameError("model", model, [self._name, *self.models], "the world")
-        links = self.robot.model.robot.links if model == self._name else self.models[model].tree.links
-        if link not in links:
-            raise UnknownNameError("link", link, links, model)
-        return model, link
-
-    def base_link(self, model: str) -> str:
-        """Root link of a model. Raises UnknownNameError."""
-        if not self.has(model):
-            raise UnknownNameError("model", model, [self._name, *self.models], "the world")
-        return self.robot.model.robot.root if model == self._name else self.models[model].tree.root
-
-    def has(self, model: str) -> bool:
-        """Whether there is such a model, the robot among them."""
-        return model == self._name or model in self.models
 
     def frame(self, body: str) -> str:
         """Name of a body's frame in the engine. Raises UnknownNameError."""
@@ -219,13 +159,9 @@ class World:
         indices = {joint: [engine.index[path] for path in paths] for joint, paths in engine.built.joints.items()}
         made = collision.make_colliders(description, self._shapes, engine, kinematics, indices, self._name)
         pairs = collision.colliding_pairs(description, made, self._name, self._masks, self._config.self_collision)
-        surfaces = {
-            f"{model}::{link}": surface for model, links in self._surfaces.items() for link, surface in links.items()
-        }
         joints = [(name, joint.child) for name, joint in self.robot.model.joints.items()]
-        self.forces.bind(
-            kinematics, collision.Collisions(pairs, engine.nu), surfaces, Reactions(engine, joints, kinematics)
-        )
+        collisions, reactions = collision.Collisions(pairs, engine.nu), Reactions(engine, joints, kinematics)
+        self.forces.bind(kinematics, collisions, self._surfaces_of_links(), reactions)
         self._middle = {
             name: indices[model.free_joint][_MIDDLE] for name, model in self.models.items() if not model.fixed
         }

@@ -30,6 +30,8 @@ typedef struct {
     PyObject_HEAD
     int n;
     double dt, gravity[3];
+    double half,
+        quiet; /* what engine positions are ahead of velocities [s]; no joint is this fast before it diverges */
     int passes, predicting, adding, sticking, lossy;
     Constants *constants;
     int *parent;
@@ -333,6 +335,47 @@ static PyObject *dynamics_forget(Dynamics *self, PyObject *Py_UNUSED(none))
     Py_RETURN_NONE;
 }
 
+/* Positions and velocities in what getJointStates returns. */
+static int take_states(Dynamics *self, PyObject *states, double *q, double *dq)
+{
+    if (!PyTuple_Check(states) || PyTuple_GET_SIZE(states) != self->n) {
+        PyErr_Format(PyExc_ValueError, "a tuple of %d joint states is needed", self->n);
+        return 0;
+    }
+    for (int i = 0; i < self->n; i++) {
+        PyObject *state = PyTuple_GET_ITEM(states, i);
+        if (!PyTuple_Check(state) || PyTuple_GET_SIZE(state) < 2) {
+            PyErr_SetString(PyExc_ValueError, "a joint state is a tuple that begins with position and velocity");
+            return 0;
+        }
+        q[i] = PyFloat_AsDouble(PyTuple_GET_ITEM(state, 0));
+        dq[i] = PyFloat_AsDouble(PyTuple_GET_ITEM(state, 1));
+    }
+    return PyErr_Occurred() == NULL;
+}
+
+static double rotor_effort(const Dynamics *self, int i, double dq)
+{
+    return self->predicting ? self->constants[i].rotor * (dq - self->velocity[i]) / self->dt : 0.0;
+}
+
+static PyObject *dynamics_read(Dynamics *self, PyObject *const *given, Py_ssize_t count)
+{
+    const int n = self->n;
+    double q[n > 0 ? n : 1], dq[n > 0 ? n : 1], at[n > 0 ? n : 1], effort[n > 0 ? n : 1];
+    double distance = 0.0, speed = 0.0;
+    if (!expect(count, 2, "read(states, tau)") || !take_states(self, given[0], q, dq) || !take(given[1], n, effort))
+        return NULL;
+    for (int i = 0; i < n; i++) {
+        at[i] = q[i] - self->half * dq[i];
+        effort[i] -= rotor_effort(self, i, dq[i]);
+        distance += q[i] * q[i];
+        speed += dq[i] * dq[i];
+    }
+    const int quiet = isfinite(distance) && speed <= self->quiet * self->quiet;
+    return Py_BuildValue("NNNNO", list(q, n), list(dq, n), list(at, n), list(effort, n), quiet ? Py_True : Py_False);
+}
+
 static PyObject *dynamics_rotor_efforts(Dynamics *self, PyObject *dq)
 {
     const int n = self->n;
@@ -340,7 +383,7 @@ static PyObject *dynamics_rotor_efforts(Dynamics *self, PyObject *dq)
     if (!take(dq, n, effort))
         return NULL;
     for (int i = 0; i < n; i++)
-        effort[i] = self->predicting ? self->constants[i].rotor * (effort[i] - self->velocity[i]) / self->dt : 0.0;
+        effort[i] = rotor_effort(self, i, effort[i]);
     return list(effort, n);
 }
 
@@ -390,7 +433,8 @@ static int dynamics_init(Dynamics *self, PyObject *args, PyObject *Py_UNUSED(kwa
         PyErr_SetString(PyExc_TypeError, "it is made once");
         return -1;
     }
-    if (!PyArg_ParseTuple(args, "diOO", &self->dt, &self->passes, &gravity, &rows) || !take(gravity, 3, self->gravity))
+    if (!PyArg_ParseTuple(args, "diddOO", &self->dt, &self->passes, &self->half, &self->quiet, &gravity, &rows)
+        || !take(gravity, 3, self->gravity))
         return -1;
     const Py_ssize_t count = PySequence_Size(rows);
     if (count < 0)
@@ -437,6 +481,9 @@ static void dynamics_free(Dynamics *self)
 
 static PyMethodDef methods[] = {
     {"torque", FAST(dynamics_torque), "(q, dq, tau, external or None, prescribed or None) -> efforts for the engine"},
+    {"read", FAST(dynamics_read),
+     "(states of getJointStates, tau) -> q, dq, q at the measuring instant, tau behind the rotors, whether all is "
+     "quiet"},
     {"forget", (PyCFunction)dynamics_forget, METH_NOARGS, "the state was set from outside"},
     {"rotor_efforts", (PyCFunction)dynamics_rotor_efforts, METH_O,
      "(dq at the end of the step) -> what the rotors took up in it"},

@@ -20,11 +20,11 @@ Penalty contact is known beforehand and exact in both cases.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from hric_control.geometry import FloatArray
 from hric_control.native import load
+from hric_control.plants import Losses
 from pybullet_ros_control.urdf_model import EngineModel
 
 Vector = Sequence[float]
@@ -50,6 +50,19 @@ class Dynamics(Protocol):
             prescribed: acceleration that a motor of the engine enforces, None for the other joints [rad/s^2].
         """
 
+    def read(
+        self, states: Sequence[Sequence[Any]], tau: Vector, /
+    ) -> tuple[list[float], list[float], list[float], list[float], bool]:
+        """The state that the step has led to, out of what `getJointStates` returns.
+
+        Args:
+            tau: efforts of the motors in the step [N m].
+
+        Returns:
+            Positions and velocities of the engine, positions at the measuring instant, efforts behind the rotors, and
+            whether all is finite and no joint faster than `quiet`.
+        """
+
     def rotor_efforts(self, dq: Vector, /) -> list[float]:
         """B (dq - dq before) / dt: what the rotors took up in the step that ended with dq [N m]."""
 
@@ -63,29 +76,6 @@ class Dynamics(Protocol):
         """h(q, dq): Coriolis, centrifugal and gravity efforts [N m]."""
 
 
-@dataclass(frozen=True)
-class Losses:
-    """What acts against the motion of one joint, and its rotor.
-
-    Attributes:
-        rotor: inertia of the rotor at the joint [kg m^2].
-        coulomb: Coulomb friction [N m].
-        damping: viscous friction [N m s/rad].
-        sigmoid: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of `hric_control.plants.friction`.
-    """
-
-    rotor: float = 0.0
-    coulomb: float = 0.0
-    damping: float = 0.0
-    sigmoid: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def row(self) -> list[float]:
-        """As the compiled code takes it: phi1 / (1 + exp(-x)) = phi1/2 (1 + tanh(x/2)), the same curve without overflow
-        at high speed."""
-        phi1, phi2, phi3 = self.sigmoid
-        return [self.rotor, self.coulomb, self.damping, 0.5 * phi1, 0.5 * phi2, phi3, math.tanh(0.5 * phi2 * phi3)]
-
-
 def make_dynamics(
     model: EngineModel,
     joints: Sequence[str],
@@ -94,6 +84,8 @@ def make_dynamics(
     time_step: float,
     *,
     second_order: bool,
+    half: float = 0.0,
+    quiet: float = math.inf,
 ) -> Dynamics:
     """The dynamics of a robot whose base is where the engine has it.
 
@@ -104,6 +96,8 @@ def make_dynamics(
         gravity: in the world frame, 3 floats [m/s^2].
         time_step: [s].
         second_order: bias and friction at the middle of the step; else at its beginning, as the engine has them.
+        half: what the engine's positions are ahead of the measuring instant [s].
+        quiet: speed that no joint has before it diverges [rad/s or m/s].
     """
     number = {model.joints[name].child: i for i, name in enumerate(joints)}
     rows = []
@@ -111,8 +105,17 @@ def make_dynamics(
         parent, T_parent_joint = model.placements[name]
         if parent == model.base:
             T_parent_joint = model.T_root_base @ T_parent_joint
-        rows.append([float(number.get(parent, -1)), *_row(model, name, T_parent_joint), *loss.row()])
-    dynamics: Dynamics = _built.Dynamics(time_step, PASSES if second_order else 0, list(gravity), rows)
+        rows.append(
+            [
+                float(number.get(parent, -1)),
+                *_row(model, name, T_parent_joint),
+                loss.rotor,
+                loss.coulomb,
+                loss.damping,
+                *loss.sigmoid_row(),
+            ]
+        )
+    dynamics: Dynamics = _built.Dynamics(time_step, PASSES if second_order else 0, half, quiet, list(gravity), rows)
     return dynamics
 
 

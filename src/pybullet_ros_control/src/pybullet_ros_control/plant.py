@@ -1,16 +1,14 @@
 """The PyBullet plant: one robot, the world around it, and the forces that act on both from outside."""
 
 from collections.abc import Mapping, Sequence
-from operator import sub
 from typing import Any
 
 import numpy as np
 import pybullet
 
-from hric_control.errors import CommandError, FailureError, HricError, ParameterError
-from hric_control.geometry import MassProperties
+from hric_control.errors import CommandError, FailureError, HricError
 from hric_control.plant import Contact, DrivenPlant, FloatArray, Load, Mode
-from hric_control.plants import PlantConfig, Surfaces, Wrenches, load_masks, load_surfaces, load_world
+from hric_control.plants import PlantConfig, Surfaces, Wrenches, load_masks, load_surfaces, load_world, payload
 from hric_control.urdf import read
 from pybullet_ros_control.engine import BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces
@@ -28,17 +26,15 @@ class PyBulletPlant(DrivenPlant):
     def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
         self.joint_names = tuple(joint_names)
         self.config = PlantConfig.of(config, "plant/", self.joint_names)
-        self.time_step = self.config.time_step
+        self.time_step, self.integrator = self.config.time_step, self.config.integrator
         tree = read(urdf_xml)
         masks = load_masks(self.config.collision_masks)
         objects = load_world(self.config.world, self.config.contact_stiffness)
         rules = Surfaces((*load_surfaces(self.config.world), *self.config.surfaces), self.config.contact_stiffness)
-        self._times_half_step = (0.5 * self.time_step if self.config.half_step_readout else 0.0).__mul__
         self._wrenches = Wrenches(self.time_step)
         self._engine = Engine(self.config.gui, self.time_step, self.config.gravity)
         try:
             self._robot = Robot(self._engine, tree, self.joint_names, self.config, masks)
-            self._straight_length = len(self.joint_names) if self._robot.straight else -1
             self._world = World(self._engine, objects, rules)
             self._world.build(self._robot.body)
             self._forces = ExternalForces(self._engine, self._robot.body)
@@ -55,7 +51,7 @@ class PyBulletPlant(DrivenPlant):
 
     def _put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
         self._robot.put(q, [0.0] * len(q) if dq is None else dq)
-        self._values = list(self._robot.zeros)
+        self._values = self._robot.joints.zeros
         self._world.penalty.forget()
 
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
@@ -79,35 +75,27 @@ class PyBulletPlant(DrivenPlant):
         """The engine's position belongs to the end of the step, its velocity to the middle; q - dt dq/2 brings both
         together."""
         robot = self._robot
-        if robot.straight:
-            q[:] = map(sub, robot.q, map(self._times_half_step, robot.dq))
-            dq[:] = robot.dq
-            tau[:] = robot.effort
-        else:
-            q[:] = [robot.q[i] - self._times_half_step(robot.dq[i]) for i in robot.user]
-            dq[:] = [robot.dq[i] for i in robot.user]
-            tau[:] = [robot.effort[i] for i in robot.user]
+        robot.joints.read((robot.at, robot.dq, robot.effort), q, dq, tau)
 
     def motor_effort(self) -> list[float]:
         """Efforts of the motors in the last step, n floats [N m]."""
-        return [self._robot.motor_effort[i] for i in self._robot.user]
+        return self._robot.joints.pick(self._robot.motor_effort)
 
     def engine_state(self) -> tuple[list[float], list[float]]:
         """Raw q, dq of the engine."""
         robot = self._robot
-        return [robot.q[i] for i in robot.user], [robot.dq[i] for i in robot.user]
+        return robot.joints.pick(robot.q), robot.joints.pick(robot.dq)
 
     def mass_matrix(self) -> FloatArray:
         """The engine's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
         robot = self._robot
-        return np.array(robot.mass_matrix(robot.q))[np.ix_(robot.user, robot.user)]
+        return np.array(robot.mass_matrix(robot.q))[np.ix_(robot.joints.user, robot.joints.user)]
 
     # -- the step ------------------------------------------------------------------------------------------------------
 
     def apply(self, tau: Sequence[float]) -> None:
         """Commands for the next step: efforts [N m], or what `set_modes` made of them."""
-        values: list[float] = tau.tolist() if isinstance(tau, np.ndarray) else list(tau)
-        self._values = values if len(values) == self._straight_length else self._robot.spread(values, self._robot.zeros)
+        self._values = self._robot.joints.command(tau)
 
     def step(self) -> None:
         """Advance by `time_step`."""
@@ -161,10 +149,7 @@ class PyBulletPlant(DrivenPlant):
         if load is None:
             self._robot.set_load(None)
         else:
-            if load.mass < 0.0 or len(load.com) != 3 or len(load.inertia) != 9:
-                raise ParameterError(f"a load needs mass >= 0, com of 3 and inertia of 9 numbers; got {load}")
-            properties = MassProperties(float(load.mass), np.array(load.com), np.array(load.inertia).reshape(3, 3))
-            self._robot.set_load((link or self._robot.last_link, properties))
+            self._robot.set_load((link or self._robot.last_link, payload(load)))
         self._build_again(self._world.states())
 
     # -- the world -----------------------------------------------------------------------------------------------------

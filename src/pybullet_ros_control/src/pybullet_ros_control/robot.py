@@ -1,19 +1,16 @@
 """The robot in the engine: its joints, what acts in them, and one step of that."""
 
-import math
 from collections.abc import Sequence
-from operator import sub
 
 import numpy as np
 import pybullet
 
 from hric_control import urdf
-from hric_control.errors import CommandError, UnknownNameError
 from hric_control.geometry import MassProperties
 from hric_control.plant import Mode
-from hric_control.plants import Divergence, PlantConfig, masked, sigmoid_parameters
+from hric_control.plants import Losses, MovingJoints, PlantConfig, masked
 from pybullet_ros_control.engine import Body, Engine
-from pybullet_ros_control.joint_dynamics import Dynamics, Losses, Vector, make_dynamics
+from pybullet_ros_control.joint_dynamics import Dynamics, Vector, make_dynamics
 from pybullet_ros_control.motors import JointMotors, JointStops
 from pybullet_ros_control.urdf_model import EngineModel, prepare
 
@@ -21,8 +18,7 @@ from pybullet_ros_control.urdf_model import EngineModel, prepare
 class Robot:
     """One robot with a fixed base.
 
-    All vectors are in the engine's order of the moving joints; `user` has the indices of the actuated joints in it, in
-    the user's order.
+    All vectors are in the engine's order of the moving joints.
 
     Args:
         tree: the description.
@@ -31,7 +27,9 @@ class Robot:
         masks: pairs of link patterns whose collision is not tested.
 
     Attributes:
+        joints: those that move.
         q, dq: the engine's state after the last step [rad, rad/s].
+        at: positions at the measuring instant, which is that of the velocities [rad].
         motor_effort: efforts of the joints' motors in the last step [N m].
         effort: what of them arrived behind the rotors, where an arm's torque sensors are [N m].
     """
@@ -44,24 +42,18 @@ class Robot:
         config: PlantConfig,
         masks: list[tuple[str, str]],
     ) -> None:
-        self.engine, self.joint_names = engine, tuple(joint_names)
-        self._client = engine.client
+        self.engine, self._client = engine, engine.client
         self._tree, self._config, self._masks = tree, config, masks
-        moving = {joint.name: joint for joint in tree.joints.values() if joint.type != "fixed"}
-        for name in self.joint_names:
-            if name not in moving:
-                raise UnknownNameError("moving joint", name, moving, f"robot {tree.name}")
         self._model = self._prepare(None)
         self._load_body()
-        names = sorted(self.body.joints, key=self.body.joints.__getitem__)
-        self._joints = [self.body.joints[name] for name in names]
-        self.user = [names.index(name) for name in self.joint_names]
-        self.straight = self.user == list(range(len(names)))
-        self.zeros = [0.0] * len(names)
-        self.q: Vector = self.zeros
-        self.dq: Vector = self.zeros
-        self.effort = self.motor_effort = list(self.zeros)
-        self._set_up([moving[name] for name in names])
+        moving = [tree.joints[name] for name in sorted(self.body.joints, key=self.body.joints.__getitem__)]
+        self.joints = MovingJoints(moving, joint_names, tree.name)
+        self._joints = [self.body.joints[name] for name in self.joints.names]
+        zeros = self.joints.zeros
+        self.q: Vector = zeros
+        self.dq: Vector = zeros
+        self.at = self.effort = self.motor_effort = zeros
+        self._set_up()
 
     def _prepare(self, load: tuple[str, MassProperties] | None) -> EngineModel:
         loads = None if load is None else dict([load])
@@ -73,15 +65,13 @@ class Robot:
         if touching:
             apply_masks(self.engine, self.body, self._masks)
 
-    def _set_up(self, joints: list[urdf.Joint]) -> None:
-        config = self._config
-        limits, slides = [joint.velocity for joint in joints], [joint.type == "prismatic" for joint in joints]
-        self._divergence = Divergence([joint.name for joint in joints], limits, slides, config.time_step)
-        self._moving = joints
-        self._losses = self._joint_losses(joints)
-        self._any_rotor = any(config.rotor_inertia)
+    def _set_up(self) -> None:
+        config, joints = self._config, self.joints.joints
+        self._divergence = self.joints.divergence(config.time_step)
+        self._losses = self.joints.losses(config)
         # The engine's own step is requested, and there is nothing that it lacks.
         self._plain = config.integrator == "semi_implicit" and all(loss == Losses() for loss in self._losses)
+        self._half = 0.5 * config.time_step if config.half_step_readout else 0.0
         self._bind()
         self._motors = JointMotors(
             self.engine,
@@ -91,34 +81,22 @@ class Robot:
             [joint.velocity for joint in joints],
         )
         self._stops = JointStops(self.engine, self.body, self._joints, [(joint.lower, joint.upper) for joint in joints])
-        self._half = 0.5 * config.time_step if config.half_step_readout else 0.0
-        self._modes = [Mode.EFFORT] * len(self.joint_names)
-        self._brakes = [False] * len(self.joint_names)
+        self._modes = [Mode.EFFORT] * len(self.joints.actuated)
+        self._brakes = [False] * len(self.joints.actuated)
         self._send_modes()
-
-    def _joint_losses(self, joints: list[urdf.Joint]) -> list[Losses]:
-        config = self._config
-        rotors = self.spread(config.rotor_inertia, self.zeros)
-        sigmoid = [(0.0, 0.0, 0.0)] * len(joints)
-        if config.friction == "identified":
-            for i, phi in zip(self.user, sigmoid_parameters(config.friction_parameters, self.joint_names), strict=True):
-                sigmoid[i] = phi
-        coulomb = [joint.friction if config.friction == "coulomb" else 0.0 for joint in joints]
-        return [
-            Losses(rotor, F, joint.damping, phi)
-            for rotor, F, joint, phi in zip(rotors, coulomb, joints, sigmoid, strict=True)
-        ]
 
     def _bind(self) -> None:
         """The dynamics of the model that is loaded."""
         config = self._config
         self._dynamics: Dynamics = make_dynamics(
             self._model,
-            [joint.name for joint in self._moving],
+            self.joints.names,
             self._losses,
             config.gravity,
             config.time_step,
             second_order=config.integrator == "accurate",
+            half=self._half,
+            quiet=self._divergence.quiet,
         )
 
     @property
@@ -130,17 +108,6 @@ class Robot:
     def rotor_inertia(self) -> list[float]:
         """Of all moving joints [kg m^2]."""
         return [loss.rotor for loss in self._losses]
-
-    def spread(self, values: Sequence[float], rest: Sequence[float]) -> list[float]:
-        """Values of the actuated joints among all moving ones; `rest` fills the others."""
-        if len(values) != len(self.joint_names):
-            raise CommandError(
-                f"got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})"
-            )
-        full = list(rest)
-        for i, value in zip(self.user, values, strict=True):
-            full[i] = float(value)
-        return full
 
     @property
     def balanced(self) -> bool:
@@ -156,12 +123,10 @@ class Robot:
 
     def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
         """Put the actuated joints at q, dq; the others stay where they are, at rest."""
-        full_q, full_dq = self.spread(q, self.q), self.spread(dq, self.zeros)
-        if not all(map(math.isfinite, full_q + full_dq)):
-            raise CommandError(f"q and dq must be finite; got {list(q)} and {list(dq)}")
+        full_q, full_dq = self.joints.start(q, dq, self.q)
         # The read-out goes half a step back, so the engine starts half a step ahead.
         self._set_state([x + self._half * v for x, v in zip(full_q, full_dq, strict=True)], full_dq)
-        self.effort = self.motor_effort = list(self.zeros)
+        self.effort = self.motor_effort = self.joints.zeros
         self._motors.lock_at(self.q)
         self._stops.put(self.q)
         self._dynamics.forget()
@@ -170,7 +135,7 @@ class Robot:
         for joint, x, v in zip(self._joints, q, dq, strict=True):
             pybullet.resetJointState(self.body.id, joint, x, v, physicsClientId=self.engine.client)
         states = pybullet.getJointStates(self.body.id, self._joints, self._client)
-        self.q, self.dq, _, self._engine_effort = zip(*states, strict=True)
+        self.q, self.dq, self.at, _, _ = self._dynamics.read(states, self.joints.zeros)
 
     def load_again(self) -> None:
         """After the engine was emptied: the robot again, in the state of its joints; modes, brakes and stops as they
@@ -188,7 +153,7 @@ class Robot:
     @property
     def last_link(self) -> str:
         """The link behind the last actuated joint."""
-        return self._tree.joints[self.joint_names[-1]].child
+        return self._tree.joints[self.joints.actuated[-1]].child
 
     # -- modes and brakes ----------------------------------------------------------------------------------------------
 
@@ -203,9 +168,7 @@ class Robot:
         self._send_modes()
 
     def _send_modes(self) -> None:
-        full = [Mode.BRAKE if self._config.passive_joints == "locked" else Mode.EFFORT] * len(self.zeros)
-        for i, mode, braked in zip(self.user, self._modes, self._brakes, strict=True):
-            full[i] = Mode.BRAKE if braked else mode
+        full = self.joints.modes(self._modes, self._brakes, locked=self._config.passive_joints == "locked")
         if full != self._motors.modes:
             self._motors.set_modes(full, self.q)
 
@@ -228,30 +191,25 @@ class Robot:
                 body, joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=client
             )
         pybullet.stepSimulation(client)
-        self.q, self.dq, _, self._engine_effort = zip(*pybullet.getJointStates(body, joints, client), strict=True)
-        self._divergence.check(self.q, self.dq)
-        self._take_efforts(values)
+        states = pybullet.getJointStates(body, joints, client)
+        self.q, self.dq, self.at, self.effort, quiet = self._dynamics.read(states, values)
+        self.motor_effort = values
+        self._divergence.check(self.q, self.dq, quiet=quiet)
+        if not motors.all_effort:
+            self._add_drives([state[3] for state in states])
         if self._stops.waiting:
             self._stops.check(self.q)
 
-    def _take_efforts(self, values: list[float]) -> None:
-        """What the motors did, and what of it passed the rotors."""
-        modes = None if self._motors.all_effort else self._motors.modes
-        self.motor_effort = self.effort = values
-        if modes is not None:  # the engine's own motors act on the links
-            self.effort = [
-                x if mode is Mode.EFFORT else engine
-                for mode, x, engine in zip(modes, values, self._engine_effort, strict=True)
-            ]
-            self.motor_effort = self.effort
-        if self._any_rotor:
-            taken = self._dynamics.rotor_efforts(self.dq)
-            if modes is None:
-                self.effort = list(map(sub, values, taken))
-                return
-            rows = list(zip(modes, self.effort, taken, strict=True))
-            self.effort = [x - t if mode is Mode.EFFORT else x for mode, x, t in rows]
-            self.motor_effort = [x if mode is Mode.EFFORT else x + t for mode, x, t in rows]
+    def _add_drives(self, engine_efforts: list[float]) -> None:
+        """The engine's own motors act on the links."""
+        taken = self._dynamics.rotor_efforts(self.dq)
+        for i, mode in enumerate(self._motors.modes):
+            if mode is not Mode.EFFORT:
+                self.effort[i] = engine_efforts[i]
+        self.motor_effort = [
+            x if mode is Mode.EFFORT else e + t
+            for mode, x, e, t in zip(self._motors.modes, self.motor_effort, engine_efforts, taken, strict=True)
+        ]
 
     def _drive(self, values: list[float], external: list[float] | None) -> None:
         """A step in which some joints are braked, or driven by velocity or position."""

@@ -73,6 +73,24 @@ FUNCTION(smaller)
     return PyErr_Occurred() ? NULL : PyBool_FromLong(all);
 }
 
+/* Whether no limit can touch a command: `within`, `smaller` twice, and `near`, in one call. */
+FUNCTION(untouched)
+{
+    enum { POSITION, LOW, HIGH, VELOCITY, V_BOUND, VALUE, BOUND, LAST, CHANGE, ROWS };
+    PyObject **row[ROWS];
+    Py_ssize_t n =
+        rows("untouched(position, low, high, velocity, v_bound, value, bound, last, change)", given, count, ROWS, row);
+    int all = n >= 0;
+    for (Py_ssize_t i = 0; all && i < n; i++) {
+        const double x = number(row[POSITION][i]), v = number(row[VELOCITY][i]), v_bound = number(row[V_BOUND][i]),
+                     value = number(row[VALUE][i]), bound = number(row[BOUND][i]), step = value - number(row[LAST][i]),
+                     change = number(row[CHANGE][i]);
+        all = number(row[LOW][i]) <= x && x <= number(row[HIGH][i]) && -v_bound <= v && v <= v_bound && -bound <= value
+              && value <= bound && -change <= step && step <= change;
+    }
+    return PyErr_Occurred() ? NULL : PyBool_FromLong(all);
+}
+
 static PyObject *finished(PyObject *list)
 {
     if (list != NULL && PyErr_Occurred())
@@ -97,21 +115,43 @@ FUNCTION(add)
     return finished(list);
 }
 
+/* The law of a spring and damper with what is added to it, changing by no more than a step. */
 FUNCTION(spring_damper)
 {
-    PyObject **row[5];
-    Py_ssize_t n = rows("spring_damper(k, d, x_d, x, v)", given, count, 5, row);
-    PyObject *list = n < 0 ? NULL : PyList_New(n);
-    for (Py_ssize_t i = 0; list != NULL && i < n; i++)
-        set(list, i,
-            number(row[0][i]) * (number(row[2][i]) - number(row[3][i])) - number(row[1][i]) * number(row[4][i]));
-    return finished(list);
+    enum { K, D, X_D, X, V, LAST, ADDED, ROWS };
+    PyObject **row[ROWS];
+    if (!expect(count, ROWS + 1, "spring_damper(k, d, x_d, x, v, last, added, step)"))
+        return NULL;
+    const int alone = given[ADDED] == Py_None;
+    const double step = PyFloat_AsDouble(given[ROWS]);
+    Py_ssize_t n = PyErr_Occurred() ? -1
+                                    : rows("spring_damper(k, d, x_d, x, v, last, added, step)", given,
+                                           alone ? ADDED : ROWS, alone ? ADDED : ROWS, row);
+    double force[n > 0 ? n : 1];
+    int near_all = 1;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        force[i] =
+            number(row[K][i]) * (number(row[X_D][i]) - number(row[X][i])) - number(row[D][i]) * number(row[V][i]);
+        if (!alone)
+            force[i] = force[i] + number(row[ADDED][i]);
+        const double change = force[i] - number(row[LAST][i]);
+        near_all = near_all && -step <= change && change <= step;
+    }
+    for (Py_ssize_t i = 0; step > 0.0 && !near_all && i < n; i++) {
+        const double before = number(row[LAST][i]), low = before - step, high = before + step;
+        force[i] = force[i] < low ? low : force[i] > high ? high : force[i];
+    }
+    return n < 0 ? NULL : finished(list(force, n));
 }
 
 static PyMethodDef methods[] = {
-    METHOD(within, "(values, low, high)"),      METHOD(near, "(a, b, bound)"),
-    METHOD(smaller, "(values, bound)"),         METHOD(add, "(a, b)"),
-    METHOD(spring_damper, "(k, d, x_d, x, v)"), {0},
+    METHOD(within, "(values, low, high)"),
+    METHOD(near, "(a, b, bound)"),
+    METHOD(smaller, "(values, bound)"),
+    METHOD(untouched, "(position, low, high, velocity, v_bound, value, bound, last, change)"),
+    METHOD(add, "(a, b)"),
+    METHOD(spring_damper, "(k, d, x_d, x, v, last, added, step)"),
+    {0},
 };
 static struct PyModuleDef definition = {
     PyModuleDef_HEAD_INIT, "hric_vectors", NULL, -1, methods, NULL, NULL, NULL, NULL};

@@ -17,7 +17,12 @@ near: Callable[[Vector, Vector, Vector], bool] = _built.near
 """(a, b, bound): whether |a - b| <= bound for all."""
 smaller: Callable[[Vector, Vector], bool] = _built.smaller
 """(values, bound): whether |value| <= bound for all."""
+untouched: Callable[[Vector, Vector, Vector, Vector, Vector, Vector, Vector, Vector, Vector], bool] = _built.untouched
+"""(position, low, high, velocity, v_bound, value, bound, last, change): whether low <= position <= high, |velocity| <=
+v_bound, |value| <= bound and |value - last| <= change for all."""
 add: Callable[[Vector, Vector], list[float]] = _built.add
 """(a, b): a + b."""
-spring_damper: Callable[[Vector, Vector, Vector, Vector, Vector], list[float]] = _built.spring_damper
-"""(k, d, x_d, x, v): k (x_d - x) - d v."""
+spring_damper: Callable[[Vector, Vector, Vector, Vector, Vector, Vector, Vector | None, float], list[float]]
+spring_damper = _built.spring_damper
+"""(k, d, x_d, x, v, last, added, step): k (x_d - x) - d v + added, no further from last than step where that is above
+0; added may be None."""

@@ -3,10 +3,12 @@
 This is the module to import from, but for `faces` (where two shapes lie on each other) and `resources` (files).
 """
 
-from hric_control.plants.config import PlantConfig, rotor_inertia
+from hric_control.plants.config import PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
 from hric_control.plants.friction import PHI, JointLosses, Phi, sigmoid_parameters, sigmoid_torque
 from hric_control.plants.masks import load_masks, masked
+from hric_control.plants.models import Model, Models, model_of_object, model_of_urdf, payload
+from hric_control.plants.moving_joints import Losses, MovingJoints
 from hric_control.plants.spring_step import Springs
 from hric_control.plants.stops import StopMemory
 from hric_control.plants.surfaces import Surface, SurfaceRule, Surfaces, combine, friction_force
@@ -19,6 +21,10 @@ __all__ = [
     "DivergedError",
     "Divergence",
     "JointLosses",
+    "Losses",
+    "Model",
+    "Models",
+    "MovingJoints",
     "Phi",
     "PlantConfig",
     "Springs",
@@ -26,6 +32,7 @@ __all__ = [
     "Surface",
     "SurfaceRule",
     "Surfaces",
+    "WindowlessConfig",
     "WorldObject",
     "Wrenches",
     "combine",
@@ -34,6 +41,9 @@ __all__ = [
     "load_surfaces",
     "load_world",
     "masked",
+    "model_of_object",
+    "model_of_urdf",
+    "payload",
     "rotor_inertia",
     "sigmoid_parameters",
     "sigmoid_torque",

@@ -13,6 +13,7 @@ from hric_control.parameters import (
     number,
     numbers,
     per_joint,
+    refused,
     section,
     text,
     whole,
@@ -61,6 +62,18 @@ class PlantConfig(Settings):
     gui: bool = flag(False, text="window of the engine; needs a display")
     half_step_readout: bool = flag(True, text="semi-implicit: read q - dt dq/2 instead of the engine's q")
     seed: int = whole(0, text="kept with the run; nothing in this plant is random")
+
+
+@dataclass(frozen=True)
+class WindowlessConfig(PlantConfig):
+    """Of a plant that is looked at in rviz: a window of the engine would take the loop's time."""
+
+    gui: bool = flag(False, text="must be false: this plant has no window")
+
+    def check(self, where: str) -> None:
+        """Refuse a window."""
+        if self.gui:
+            raise refused(f"{where}gui", True, "false: this plant has no window of its own; look at the robot in rviz")
 
 
 def rotor_inertia(plant: Mapping[str, Any], joint_names: Sequence[str]) -> tuple[float, ...]:

@@ -39,6 +39,10 @@ class Divergence:
         velocity_limits: of the description, infinite where it has none, n floats [rad/s or m/s].
         prismatic: whether the joint slides, n times.
         time_step: of the plant [s].
+
+    Attributes:
+        quiet: no joint has diverged whose speed is not above this [rad/s or m/s].
+        steps: checked so far.
     """
 
     def __init__(
@@ -47,22 +51,23 @@ class Divergence:
         self._joints, self._limits = list(joints), list(velocity_limits)
         self._units = ["m" if slides else "rad" for slides in prismatic]
         self._bounds = [bound(limit) for limit in velocity_limits]
-        self._quiet = min(self._bounds, default=math.inf)
-        self._time_step, self._steps = time_step, 0
+        self.quiet = min(self._bounds, default=math.inf)
+        self._time_step, self.steps = time_step, 0
 
-    def check(self, q: Sequence[float], dq: Sequence[float]) -> None:
+    def check(self, q: Sequence[float], dq: Sequence[float], *, quiet: bool = False) -> None:
         """Look at the state that a step has led to; to be called once a step.
 
         Args:
             q: positions of all moving joints, n floats [rad or m].
             dq: their speeds [rad/s or m/s].
+            quiet: whether all is known to be finite, and no joint faster than `quiet`.
 
         Raises:
             DivergedError: a joint is not finite, or too fast.
         """
-        self._steps += 1
+        self.steps += 1
         # The norms carry NaN and infinity, and no joint is faster than the norm: the look at each joint is rare.
-        if not (math.hypot(*dq) <= self._quiet and math.hypot(*q) < math.inf):
+        if not (quiet or (math.hypot(*dq) <= self.quiet and math.hypot(*q) < math.inf)):
             self._look(q, dq)
 
     def check_efforts(self, joints: Sequence[str], efforts: Sequence[float]) -> None:
@@ -80,7 +85,7 @@ class Divergence:
             for joint, value in zip(joints, efforts, strict=True):
                 if not math.isfinite(value):
                     unit = "N" if self._units[self._joints.index(joint)] == "m" else "N m"
-                    raise DivergedError(joint, self._steps * self._time_step, "effort", value, unit, "not finite")
+                    raise DivergedError(joint, self.steps * self._time_step, "effort", value, unit, "not finite")
 
     def fail(self, dq: Sequence[float], why: str) -> DivergedError:
         """The error of a step that an integrator could not make: names the fastest joint, measured by its bound.
@@ -91,14 +96,14 @@ class Divergence:
         """
         worst = self._fastest(dq)
         return DivergedError(
-            self._joints[worst], self._steps * self._time_step, "speed", dq[worst], f"{self._units[worst]}/s", why
+            self._joints[worst], self.steps * self._time_step, "speed", dq[worst], f"{self._units[worst]}/s", why
         )
 
     def _fastest(self, dq: Sequence[float]) -> int:
         return max(range(len(dq)), key=lambda i: abs(dq[i]) / self._bounds[i])
 
     def _look(self, q: Sequence[float], dq: Sequence[float]) -> None:
-        time = self._steps * self._time_step
+        time = self.steps * self._time_step
         for quantity, values, per in (("speed", dq, "/s"), ("position", q, "")):
             for joint, value, unit in zip(self._joints, values, self._units, strict=True):
                 if not math.isfinite(value):

@@ -54,6 +54,7 @@ class SimulatedRobot(RobotHW):
         try:
             self.loop = SimLoop(self.plant.time_step, node.param("real_time_factor", 1.0))
             self.states = JointStates(joint_names)
+            node.set_param("plant/integrator", self.plant.integrator)  # for the record of the run
             yield
         except BaseException:
             self.plant.close()

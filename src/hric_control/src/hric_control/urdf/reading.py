@@ -1,6 +1,7 @@
 """From a URDF text to its tree; what cannot be meant is refused with the element's name."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -25,7 +26,7 @@ TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def read(urdf_xml: str, source: str = "") -> Robot:
-    """The robot of a pure URDF text.
+    """The robot of a pure URDF text; of the same text the same object, which nobody may change.
 
     Args:
         urdf_xml: no xacro may be left in it.
@@ -38,14 +39,16 @@ def read(urdf_xml: str, source: str = "") -> Robot:
             geometry; a text that is not a finite number. It names the element.
     """
     try:
-        return _robot(parse(urdf_xml))
+        return _robot(urdf_xml)
     except DescriptionError as error:
         if not source:
             raise
         raise DescriptionError(f"{source}: {error}") from error
 
 
-def _robot(root: Element) -> Robot:
+@lru_cache(maxsize=32)  # whoever brings a robot up reads its description a dozen times
+def _robot(urdf_xml: str) -> Robot:
+    root = parse(urdf_xml)
     materials = [
         (element.get("name", ""), read_colour(element, f"material {element.get('name')}"))
         for element in root.iter("material")

@@ -5,7 +5,7 @@ tau = Kp (q_d - q) - Kd dq  [+ g(q), added by the caller's function]      thesis
 
 from collections.abc import Callable, Sequence
 
-from hric_control.native.vectors import add, near, spring_damper
+from hric_control.native.vectors import spring_damper
 
 Gravity = Callable[[list[float]], list[float]]
 """q (n floats) [rad] -> gravity torque (n floats) [N m]."""
@@ -64,14 +64,6 @@ class PdLaw:
         """
         if self._ramp_start is not None:
             self._advance(time, self._ramp_start)
-        tau = spring_damper(self.kp, self.kd, q_d, q, dq)
-        if gravity is not None:
-            tau = add(tau, gravity(q))
-        step = self._max_rate * period
-        if step > 0.0 and not near(tau, self.last, [step] * len(tau)):
-            tau = [
-                b - step if t < b - step else b + step if t > b + step else t
-                for t, b in zip(tau, self.last, strict=True)
-            ]
-        self.last = tau
+        added = None if gravity is None else gravity(q)
+        self.last = tau = spring_damper(self.kp, self.kd, q_d, q, dq, self.last, added, self._max_rate * period)
         return tau

@@ -1,0 +1,149 @@
+"""The moving joints of a robot in the order in which an engine has them, the actuated ones among them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from hric_control import urdf
+from hric_control.errors import CommandError, UnknownNameError
+from hric_control.plant import FloatArray, Mode
+from hric_control.plants.config import PlantConfig
+from hric_control.plants.divergence import Divergence
+from hric_control.plants.friction import Phi, sigmoid_parameters
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Losses:
+    """What acts against the motion of one joint, and its rotor.
+
+    Attributes:
+        rotor: inertia of the rotor at the joint [kg m^2].
+        coulomb: Coulomb friction [N m].
+        damping: viscous friction [N m s/rad].
+        sigmoid: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of `hric_control.plants.friction`.
+    """
+
+    rotor: float = 0.0
+    coulomb: float = 0.0
+    damping: float = 0.0
+    sigmoid: Phi = (0.0, 0.0, 0.0)
+
+    def sigmoid_row(self) -> list[float]:
+        """a, b, c, d of the sigmoid as a (tanh(b (dq + c)) - d): the same curve without overflow at high speed."""
+        phi1, phi2, phi3 = self.sigmoid
+        return [0.5 * phi1, 0.5 * phi2, phi3, math.tanh(0.5 * phi2 * phi3)]
+
+
+class MovingJoints:
+    """Vectors of all moving joints, in the engine's order, and of the actuated ones, in the user's.
+
+    Args:
+        joints: all that move, in the engine's order.
+        actuated: names in the user's order.
+        robot: its name, for messages.
+
+    Attributes:
+        names: of all that move.
+        user: indices of the actuated ones among them, in the user's order.
+        straight: whether both orders are the same, and all joints actuated.
+        zeros: one of each moving joint.
+
+    Raises:
+        UnknownNameError: an actuated joint is not among them.
+    """
+
+    def __init__(self, joints: Sequence[urdf.Joint], actuated: Sequence[str], robot: str) -> None:
+        self.joints, self.actuated = list(joints), tuple(actuated)
+        self.names = [joint.name for joint in joints]
+        for name in actuated:
+            if name not in self.names:
+                raise UnknownNameError("moving joint", name, self.names, f"robot {robot}")
+        self.user = [self.names.index(name) for name in actuated]
+        self.straight = self.user == list(range(len(joints)))
+        self.zeros = [0.0] * len(joints)
+        self._straight_length = len(joints) if self.straight else -1
+
+    def spread(self, values: Sequence[float], rest: Sequence[float]) -> list[float]:
+        """Values of the actuated joints among all moving ones; `rest` fills the others."""
+        if len(values) != len(self.actuated):
+            raise CommandError(f"got {len(values)} values for {len(self.actuated)} joints ({', '.join(self.actuated)})")
+        full = list(rest)
+        for i, value in zip(self.user, values, strict=True):
+            full[i] = float(value)
+        return full
+
+    def command(self, values: Sequence[float] | FloatArray) -> list[float]:
+        """Values of the actuated joints among all moving ones, the others zero. The list that is given stays apart."""
+        floats: list[float] = values.tolist() if isinstance(values, np.ndarray) else list(values)
+        return floats if len(floats) == self._straight_length else self.spread(floats, self.zeros)
+
+    def pick(self, values: Sequence[T]) -> list[T]:
+        """Those of the actuated joints among the values of all moving ones."""
+        return [values[i] for i in self.user]
+
+    def read(
+        self,
+        state: tuple[Sequence[float], Sequence[float], Sequence[float]],
+        q: list[float],
+        dq: list[float],
+        tau: list[float],
+    ) -> None:
+        """Write position, velocity and effort of the actuated joints to q, dq and tau.
+
+        Args:
+            state: the three of all moving joints.
+        """
+        if self.straight:
+            q[:], dq[:], tau[:] = state
+        else:
+            q[:], dq[:], tau[:] = map(self.pick, state)
+
+    def start(self, q: Sequence[float], dq: Sequence[float], now: Sequence[float]) -> tuple[list[float], list[float]]:
+        """Positions and speeds of all moving joints [rad or m, rad/s or m/s]: q and dq of the actuated ones, the others
+        at rest where they are now.
+
+        Raises:
+            CommandError: a value is not finite, or there are not as many as joints.
+        """
+        full_q, full_dq = self.spread(q, now), self.spread(dq, self.zeros)
+        if not all(map(math.isfinite, full_q + full_dq)):
+            raise CommandError(f"q and dq must be finite; got {list(q)} and {list(dq)}")
+        return full_q, full_dq
+
+    def modes(self, modes: Sequence[Mode], brakes: Sequence[bool], *, locked: bool) -> list[Mode]:
+        """Of all moving joints, by those of the actuated ones.
+
+        Args:
+            modes, brakes: of the actuated joints; a brake is stronger than a mode.
+            locked: whether the other joints are held.
+        """
+        full = [Mode.BRAKE if locked else Mode.EFFORT] * len(self.joints)
+        for i, mode, braked in zip(self.user, modes, brakes, strict=True):
+            full[i] = Mode.BRAKE if braked else mode
+        return full
+
+    def losses(self, config: PlantConfig) -> list[Losses]:
+        """Of all moving joints."""
+        sigmoid = [(0.0, 0.0, 0.0)] * len(self.joints)
+        if config.friction == "identified":
+            for i, phi in zip(self.user, sigmoid_parameters(config.friction_parameters, self.actuated), strict=True):
+                sigmoid[i] = phi
+        return [
+            Losses(rotor, joint.friction if config.friction == "coulomb" else 0.0, joint.damping, phi)
+            for rotor, joint, phi in zip(
+                self.spread(config.rotor_inertia, self.zeros), self.joints, sigmoid, strict=True
+            )
+        ]
+
+    def divergence(self, time_step: float) -> Divergence:
+        """The check of these joints after each step of `time_step` [s]."""
+        limits, slides = (
+            [joint.velocity for joint in self.joints],
+            [joint.type == "prismatic" for joint in self.joints],
+        )
+        return Divergence(self.names, limits, slides, time_step)
