@@ -251,7 +251,7 @@ def _check_mocap(given: Mapping[str, str], known: Choices) -> None:
 WORDS: dict[str, tuple[str, ...]] = {
     "env": ("sim", "real"),
     "robot": ("panda", "fr3"),
-    "simulator": ("pybullet", "opensim"),
+    "simulator": ("pybullet", "opensim", "mujoco"),
     "rviz": (*BOOL, "auto"),
     "view": (*BOOL, "auto", "plot"),
     "record": (*BOOL, "auto", "on_trigger"),

@@ -1,4 +1,4 @@
-"""The RobotHW back ends that the contract is tested on, each driven alike: in process on both engines, and through
+"""The RobotHW back ends that the contract is tested on, each driven alike: in process on each engine, and through
 libfranka on an emulated box."""
 
 from collections.abc import Iterator
@@ -12,7 +12,11 @@ from franka_msgs.msg import ErrorRecoveryGoal
 from franka_real.franka_hw import FrankaHW
 from franka_sim.franka_hw_sim import FrankaHWSim
 
-PLANTS = {"pybullet": "pybullet_ros_control/PyBulletPlant", "opensim": "opensim_ros_control/OpenSimPlant"}
+PLANTS = {
+    "pybullet": "pybullet_ros_control/PyBulletPlant",
+    "opensim": "opensim_ros_control/OpenSimPlant",
+    "mujoco": "mujoco_ros_control/MujocoPlant",
+}
 BACKENDS = (*PLANTS, "panda", "fr3")
 """In process on each engine; through libfranka 0.9 and through pylibfranka, on an emulated box in another process."""
 

@@ -10,7 +10,7 @@ import panda_description
 from hric_control import plugins
 from hric_control.plant import Plant
 
-PLANTS = ("pybullet_ros_control/PyBulletPlant", "opensim_ros_control/OpenSimPlant")
+PLANTS = ("pybullet_ros_control/PyBulletPlant", "opensim_ros_control/OpenSimPlant", "mujoco_ros_control/MujocoPlant")
 PANDA = [f"panda_joint{i}" for i in range(1, 8)]
 
 

@@ -1,0 +1,1 @@
+"""Physics plant on MuJoCo."""

@@ -1,0 +1,174 @@
+"""Contacts: MuJoCo's rigid ones as they are read, and own penalty contact where a true force is needed.
+
+A negative `solref` of MuJoCo is no stiffness in N/m, and each point of its contact would be a spring of its own. Here
+one spring per pair of links acts, at the centre of all the area in which they overlap (`hric_control.plants.faces`),
+with the mean force of its motion through the step (`hric_control.plants.spring_step`), as in the other plants.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import mujoco
+import numpy as np
+
+from hric_control.geometry.transforms import FloatArray, cross
+from hric_control.plant import Contact
+from hric_control.plants import Springs, faces, friction_force
+from mujoco_ros_control.scene import Scene
+from mujoco_ros_control.scene_spec import Geom, Law
+
+
+@dataclass(frozen=True)
+class _Near:
+    """Two shapes that overlap or soon may; normal from b to a, position the middle between them, depth [m]."""
+
+    a: Geom
+    b: Geom
+    law: Law
+    normal: FloatArray
+    position: FloatArray
+    depth: float
+
+
+class PenaltyContact:
+    """All pairs of shapes that meet by spring, and their contacts in the last step.
+
+    Args:
+        time_step: [s].
+
+    Attributes:
+        last: contacts of the last step.
+        springs: what they did.
+    """
+
+    def __init__(self, time_step: float) -> None:
+        self._step = time_step
+        self.springs = Springs(time_step)
+        self.last: list[Contact] = []
+        self._speeds: FloatArray | None = None
+
+    def bind(self, scene: Scene) -> None:
+        """Another scene."""
+        self._scene, self._speeds = scene, None
+        self.any = bool(scene.springs)
+
+    def forget(self) -> None:
+        """Bodies were put elsewhere: no step before."""
+        self.springs.forget()
+        self.last, self._speeds = [], None
+
+    def push(self) -> None:
+        """Push every overlapping pair of links apart in the coming step; positions and velocities are those of now."""
+        speeds = self._scene.d.qvel.copy()
+        before = speeds if self._speeds is None else self._speeds
+        self._speeds = speeds
+        self.last = []
+        self.springs.begin()
+        for _, group in groupby(self._near(), key=lambda near: (near.a.link, near.b.link)):
+            self._push(list(group), speeds, before)
+
+    def _near(self) -> list[_Near]:
+        """By pairs of links; of two shapes the deepest point."""
+        contact, deepest = self._scene.d.contact, dict[tuple[int, int], int]()
+        distances = contact.dist.tolist()
+        for i, geoms in enumerate(map(tuple, contact.geom.tolist())):
+            if geoms in self._scene.springs and distances[i] < distances[deepest.setdefault(geoms, i)]:
+                deepest[geoms] = i
+        found = []
+        for geoms, i in deepest.items():
+            a, b, law, forward = self._scene.springs[geoms]
+            normal = contact.frame[i, :3] * (-1.0 if forward else 1.0)
+            found.append(_Near(a, b, law, normal, contact.pos[i].copy(), -distances[i]))
+        return sorted(found, key=lambda near: (near.a.link, near.b.link))
+
+    def _push(self, near: Sequence[_Near], speeds: FloatArray, before: FloatArray) -> None:
+        """One spring per pair of links: a link of several shapes is not stiffer for it."""
+        scene, first = self._scene, near[0]
+        bodies = [scene.bodies[geom.body] for geom in (first.a, first.b)]
+        stiffness, damping, friction = first.law
+        normal = _normal(near)
+        corners = [corner for one in near for corner in self._corners(one)]
+        at_first = self._relative(bodies, corners[0].position)
+        angular, linear = (at_first @ speeds).reshape(2, 3)
+        pace, lever = float(linear @ normal), cross(normal, angular)
+        closing = [-pace - float((corner.position - corners[0].position) @ lever) for corner in corners]
+        # Until the middle of the step; semi-implicit positions are there already.
+        ahead = 0.0 if scene.semi_implicit else 0.5 * self._step
+        position, depth = faces.centre(corners, closing, ahead)
+        J = self._relative(bodies, position)[3:]
+        row = normal @ J
+        speed = -float(row @ speeds)
+        done = self.springs.push(
+            (first.a.link, first.b.link),
+            depth - 0.5 * self._step * speed,
+            speed,
+            -float(row @ (speeds - before)) / self._step,
+            self._inverse_mass(row),
+            (stiffness, damping),
+        )
+        if done.mean <= 0.0:
+            return
+        force = done.mean * normal - friction_force(done.mean, friction, normal, J @ speeds)
+        for body, sign in zip(bodies, (1.0, -1.0), strict=True):
+            act(scene, body, sign * force, np.zeros(3), position)
+        at, direction = tuple(position.tolist()), tuple(normal.tolist())
+        names = first.a.link, first.b.link
+        self.last.append(Contact(*names, at, direction, depth, done.reading, "penalty", self._step * done.mean))
+
+    def _corners(self, near: _Near) -> list[faces.Corner]:
+        poses = [self._scene.pose(self._scene.bodies[geom.body]) for geom in (near.a, near.b)]
+        return faces.corners(near.a.solid, poses[0], near.b.solid, poses[1], near.normal, near.position, near.depth)
+
+    def _relative(self, bodies: Sequence[int], point: FloatArray) -> FloatArray:
+        """Angular and linear velocity of a seen from b at a point per speed, shape (6, nv)."""
+        m, d = self._scene.m, self._scene.d
+        result = np.zeros((6, m.nv))
+        for body, sign in zip(bodies, (1.0, -1.0), strict=True):
+            linear, angular = np.empty((3, m.nv)), np.empty((3, m.nv))
+            mujoco.mj_jac(m, d, linear, angular, point, body)
+            result += sign * np.concatenate([angular, linear])
+        return result
+
+    def _inverse_mass(self, row: FloatArray) -> float:
+        """n' J (M + B)^-1 J' n [1/kg]; joints that are held have so large a B that they count as fixed."""
+        solved = np.empty((1, row.size))
+        mujoco.mj_solveM(self._scene.m, self._scene.d, solved, row[None])
+        return float(row @ solved[0])
+
+
+def _normal(near: Sequence[_Near]) -> FloatArray:
+    """Of the deepest; where several overlap their mean by depth."""
+    overlapping = [one for one in near if one.depth > 0.0]
+    if len(overlapping) < 2:
+        return max(near, key=lambda one: one.depth).normal
+    total = sum((one.depth * one.normal for one in overlapping), np.zeros(3))
+    size = float(np.linalg.norm(total))
+    return total / size if size > 0.0 else overlapping[0].normal
+
+
+def act(scene: Scene, body: int, force: FloatArray, torque: FloatArray, point: FloatArray) -> None:
+    """A force [N] at a point [m] and a torque [N m] on a body for the coming step, all in the world frame."""
+    applied = scene.d.xfrc_applied[body]
+    applied[:3] += force
+    applied[3:] += torque + cross(point - scene.d.xipos[body], force)
+
+
+def rigid_contacts(scene: Scene, time_step: float) -> list[Contact]:
+    """MuJoCo's contacts of the last step that carry a force or overlap."""
+    d = scene.d
+    if not d.ncon:
+        return []
+    contact, links = d.contact, scene.links
+    addresses = contact.efc_address.tolist()
+    forces = d.efc_force.tolist()
+    columns = (contact.geom.tolist(), contact.dist.tolist(), contact.pos.tolist(), contact.frame[:, :3].tolist())
+    found = []
+    for address, (b, a), distance, position, normal in zip(addresses, *columns, strict=True):
+        if (b, a) in scene.springs:
+            continue
+        force = forces[address] if address >= 0 else 0.0
+        if force > 0.0 or distance < 0.0:
+            names = links[a], links[b]
+            found.append(Contact(*names, tuple(position), tuple(normal), -distance, force, "rigid", time_step * force))
+    return found

@@ -1,0 +1,222 @@
+/* The robot's joints in MuJoCo's model and data: one step with the state in and out as Python's lists, and the friction
+   that was identified on the Panda, inside the stages of the step. What joints.py explains. Of MuJoCo only the layout
+   of its structures is needed here; its functions come as addresses. */
+#include "hric_control/python_numbers.h"
+
+#include <math.h>
+
+#include <mujoco/mjdata.h>
+#include <mujoco/mjmodel.h>
+
+/* A function's address as Python's ctypes has it. */
+typedef union {
+    mjfGeneric advance;
+    void *data;
+} Address;
+
+typedef struct {
+    PyObject_HEAD
+    const mjModel *model;
+    mjData *data;
+    PyObject *owners; /* whose memory this is */
+    mjfGeneric advance;
+    int n, *dof, *position;
+    double half, quiet; /* see make_joints */
+    double *rotor, *effort, *before, *q, *dq;
+} Joints;
+
+/* ---- friction ---- */
+
+enum { HALF_SIZE, HALF_SLOPE, OFFSET, REST, ROW };
+
+/* MuJoCo's mjcb_passive, one for all models of the process: what it needs of a joint is with the joint. */
+static void add_friction(const mjModel *m, mjData *d)
+{
+    if (m->nuser_jnt < ROW)
+        return;
+    for (int joint = 0; joint < m->njnt; joint++) {
+        const mjtNum *row = m->jnt_user + (size_t)joint * (size_t)m->nuser_jnt;
+        const int dof = m->jnt_dofadr[joint];
+        if (row[HALF_SIZE] != 0.0)
+            d->qfrc_passive[dof] -= row[HALF_SIZE] * (tanh(row[HALF_SLOPE] * (d->qvel[dof] + row[OFFSET])) - row[REST]);
+    }
+}
+
+static PyObject *friction_address(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(nothing))
+{
+    return PyLong_FromVoidPtr(((Address){.advance = add_friction}).data);
+}
+
+/* ---- a step ---- */
+
+static void gather(const double *from, const int *at, int n, double *to)
+{
+    for (int i = 0; i < n; i++)
+        to[i] = from[at[i]];
+}
+
+/* Positions at the instant of the velocities; those of the engine where these are there already. */
+static PyObject *measured(const Joints *self, PyObject *q)
+{
+    double at[self->n > 0 ? self->n : 1];
+    if (self->half == 0.0)
+        return Py_XNewRef(q);
+    for (int i = 0; i < self->n; i++)
+        at[i] = self->q[i] - self->half * self->dq[i];
+    return list(at, self->n);
+}
+
+static PyObject *joints_read(Joints *self, PyObject *Py_UNUSED(nothing))
+{
+    gather(self->data->qpos, self->position, self->n, self->q);
+    gather(self->data->qvel, self->dof, self->n, self->dq);
+    PyObject *q = list(self->q, self->n);
+    return Py_BuildValue("NNN", q, list(self->dq, self->n), measured(self, q));
+}
+
+static PyObject *joints_write(Joints *self, PyObject *efforts)
+{
+    if (!take(efforts, self->n, self->effort))
+        return NULL;
+    for (int i = 0; i < self->n; i++)
+        self->data->qfrc_applied[self->dof[i]] = self->effort[i];
+    gather(self->data->qvel, self->dof, self->n, self->before);
+    Py_RETURN_NONE;
+}
+
+/* Efforts behind the rotors: what of those of the motors did not go into the change of speed since `write`. */
+static PyObject *joints_passed(Joints *self, PyObject *motors)
+{
+    if (!take(motors, self->n, self->effort))
+        return NULL;
+    const double rate = 1.0 / self->model->opt.timestep;
+    for (int i = 0; i < self->n; i++)
+        self->effort[i] -= self->rotor[i] * (rate * (self->data->qvel[self->dof[i]] - self->before[i]));
+    return list(self->effort, self->n);
+}
+
+static PyObject *joints_before(Joints *self, PyObject *Py_UNUSED(nothing)) { return list(self->before, self->n); }
+
+/* Whether the state is finite and no joint faster than the bound: by the norms, which carry what is not finite. */
+static int is_quiet(const Joints *self)
+{
+    double q = 0.0, dq = 0.0;
+    for (int i = 0; i < self->n; i++) {
+        q += self->q[i] * self->q[i];
+        dq += self->dq[i] * self->dq[i];
+    }
+    return isfinite(q) && dq <= self->quiet * self->quiet;
+}
+
+static PyObject *joints_step(Joints *self, PyObject *efforts)
+{
+    PyObject *done = joints_write(self, efforts);
+    if (done == NULL)
+        return NULL;
+    Py_DECREF(done);
+    self->advance(self->model, self->data);
+    gather(self->data->qpos, self->position, self->n, self->q);
+    gather(self->data->qvel, self->dof, self->n, self->dq);
+    PyObject *q = list(self->q, self->n);
+    return Py_BuildValue("NNNNO", q, list(self->dq, self->n), measured(self, q), joints_passed(self, efforts),
+                         is_quiet(self) ? Py_True : Py_False);
+}
+
+/* ---- the type ---- */
+
+/* Numbers of speeds or positions, checked against how many there are; 0 with an error set. */
+static int take_indices(PyObject *sequence, int n, Py_ssize_t bound, int *out)
+{
+    double values[n > 0 ? n : 1];
+    if (!take(sequence, n, values))
+        return 0;
+    for (int i = 0; i < n; i++) {
+        if (!(values[i] >= 0.0 && values[i] < (double)bound)) {
+            PyErr_Format(PyExc_ValueError, "number %d is not among %zd", i, bound);
+            return 0;
+        }
+        out[i] = (int)values[i];
+    }
+    return 1;
+}
+
+static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs))
+{
+    double half, quiet;
+    PyObject *model, *data, *advance, *dofs, *positions, *rotors, *owners;
+    if (self->owners != NULL) {
+        PyErr_SetString(PyExc_TypeError, "it is made once");
+        return -1;
+    }
+    if (!PyArg_ParseTuple(args, "OOOOOOddO", &model, &data, &advance, &dofs, &positions, &rotors, &half, &quiet,
+                          &owners))
+        return -1;
+    const Py_ssize_t count = PySequence_Size(rotors);
+    if (count < 0)
+        return -1;
+    self->model = PyLong_AsVoidPtr(model);
+    self->data = PyLong_AsVoidPtr(data);
+    self->advance = ((Address){.data = PyLong_AsVoidPtr(advance)}).advance;
+    if (PyErr_Occurred() != NULL)
+        return -1;
+    self->n = (int)count;
+    self->half = half;
+    self->quiet = quiet;
+    self->owners = Py_NewRef(owners);
+    self->dof = PyMem_Calloc(2 * (size_t)count + 1, sizeof(int));
+    self->rotor = PyMem_Calloc(5 * (size_t)count + 1, sizeof(double));
+    if (self->dof == NULL || self->rotor == NULL) {
+        PyErr_NoMemory();
+        return -1;
+    }
+    self->position = self->dof + count;
+    self->effort = self->rotor + count;
+    self->before = self->effort + count;
+    self->q = self->before + count;
+    self->dq = self->q + count;
+    const int taken = take_indices(dofs, self->n, self->model->nv, self->dof)
+                      && take_indices(positions, self->n, self->model->nq, self->position)
+                      && take(rotors, self->n, self->rotor);
+    return taken ? 0 : -1;
+}
+
+static void joints_free(Joints *self)
+{
+    PyMem_Free(self->dof);
+    PyMem_Free(self->rotor);
+    Py_XDECREF(self->owners);
+    Py_TYPE(self)->tp_free((PyObject *)self);
+}
+
+static PyMethodDef methods[] = {
+    {"read", (PyCFunction)joints_read, METH_NOARGS, "() -> q, dq, q at the measuring instant"},
+    {"write", (PyCFunction)joints_write, METH_O, "(efforts) of the coming step"},
+    {"passed", (PyCFunction)joints_passed, METH_O, "(efforts of the motors) -> those behind the rotors, since `write`"},
+    {"before", (PyCFunction)joints_before, METH_NOARGS, "() -> dq at `write`"},
+    {"step", (PyCFunction)joints_step, METH_O,
+     "(efforts) -> q, dq, q at the measuring instant, efforts behind the rotors, whether all is quiet, after a step"},
+    {0}};
+
+static PyTypeObject type = {
+    PyVarObject_HEAD_INIT(NULL, 0).tp_name = "hric_mujoco.Joints",
+    .tp_basicsize = sizeof(Joints),
+    .tp_flags = Py_TPFLAGS_DEFAULT,
+    .tp_new = PyType_GenericNew,
+    .tp_init = (initproc)joints_init,
+    .tp_dealloc = (destructor)joints_free,
+    .tp_methods = methods,
+};
+
+static PyMethodDef functions[] = {
+    {"friction_address", friction_address, METH_NOARGS, "Address of the friction, for MuJoCo's mjcb_passive."}, {0}};
+
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "hric_mujoco", NULL, -1, functions, NULL, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit_hric_mujoco(void)
+{
+    PyObject *module = PyType_Ready(&type) < 0 ? NULL : PyModule_Create(&definition);
+    if (module != NULL && PyModule_AddObjectRef(module, "Joints", (PyObject *)&type) < 0)
+        Py_CLEAR(module);
+    return module;
+}

@@ -1,0 +1,66 @@
+"""The robot's joints in MuJoCo's data, in C: lists of Python go in and out of a step in one call, which takes a
+microsecond less than views of numpy for each of them; and the identified friction, which acts within the stages of a
+step.
+
+MuJoCo's functions are found in the library that its Python package has loaded.
+"""
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, Protocol
+
+import mujoco
+
+from hric_control.native import load
+
+Vector = Sequence[float]
+_built = load("hric_mujoco")
+
+
+class Joints(Protocol):
+    """Some joints with one coordinate each; vectors are n floats in their order."""
+
+    def read(self) -> tuple[list[float], list[float], list[float]]:
+        """Positions and speeds of now, and positions at the measuring instant [rad or m, rad/s or m/s]."""
+
+    def write(self, efforts: Vector, /) -> None:
+        """Efforts that act in the coming step [N m or N]."""
+
+    def passed(self, efforts: Vector, /) -> list[float]:
+        """What of the motors' efforts passed the rotors since `write` [N m or N]."""
+
+    def before(self) -> list[float]:
+        """Speeds when `write` was called [rad/s or m/s]."""
+
+    def step(self, efforts: Vector, /) -> tuple[list[float], list[float], list[float], list[float], bool]:
+        """Make a step of the whole scene with these efforts; as `read`, then efforts behind the rotors, and whether all
+        is finite and no joint faster than the bound."""
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    return ctypes.CDLL(str(Path(mujoco.__file__).parent / f"libmujoco.so.{mujoco.__version__}"))
+
+
+def make_joints(
+    m: Any, d: Any, dofs: Sequence[int], positions: Sequence[int], rotors: Vector, half: float, quiet: float
+) -> Joints:
+    """Joints of a compiled scene.
+
+    Args:
+        m, d: MuJoCo's model and data, which live as long as the result.
+        dofs, positions: of each joint among the speeds and positions.
+        rotors: inertia of each rotor at its joint [kg m^2].
+        half: what the engine's positions are ahead of its speeds [s].
+        quiet: speed that no joint has before it diverges [rad/s or m/s].
+    """
+    step = ctypes.cast(_library().mj_step, ctypes.c_void_p).value
+    made: Joints = _built.Joints(m._address, d._address, step, dofs, positions, rotors, half, quiet, (m, d))
+    return made
+
+
+def install_friction() -> None:
+    """Let MuJoCo call the compiled friction in all models of this process; those without it do not notice."""
+    ctypes.c_void_p.in_dll(_library(), "mjcb_passive").value = _built.friction_address()

@@ -1,0 +1,194 @@
+"""What a camera sees: the robot and the world as their descriptions draw them, where somebody says that they are. No
+physics, so that it shows any engine's robot, and the real one.
+
+The camera looks along x of its own frame, z up (REP 103); pictures are in the optical frame: x right, y down, z ahead.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from hric_control.errors import DescriptionError, HricError, check_known
+from hric_control.geometry import FloatArray, homogeneous, transform_from_rpy
+from hric_control.parameters import Settings, number, numbers, text, whole
+from hric_control.plants import Model, load_world, model_of_object
+from hric_control.plants.resources import resolve
+from hric_control.urdf import Shape, read
+from mujoco_ros_control.scene_spec import Building, Frame, quaternion
+from urdf_to_osim.mesh_files import UnreadableMeshError, read_coloured
+
+WORLD = "world"
+R_CAMERA_OPTICAL: FloatArray = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+_R_CAMERA_MUJOCO: FloatArray = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""MuJoCo's cameras look along -z, y up."""
+_GREY = (0.7, 0.7, 0.7, 1.0)
+NEAR, FAR = 0.02, 20.0
+"""What is nearer or farther is not seen [m] (project default, unconfirmed)."""
+Picture = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class CameraSettings(Settings):
+    """A camera."""
+
+    width: int = whole(160, minimum=16, maximum=1280, unit="pixels", text="of a picture")
+    height: int = whole(120, minimum=16, maximum=1024, unit="pixels", text="of a picture")
+    field_of_view: float = number(0.8, above=0.0, maximum=3.0, unit="rad", text="from the upper to the lower edge")
+    parent: str = text(WORLD, empty=False, text="what carries it: `world`, a link, or `model::link`")
+    xyz: tuple[float, ...] = numbers(3, (1.8, 0.0, 0.9), unit="m", text="where it is in its parent")
+    rpy: tuple[float, ...] = numbers(3, (0.0, 0.3, math.pi), unit="rad", text="how it is turned; it looks along its x")
+
+    @property
+    def T_parent_camera(self) -> FloatArray:
+        """Shape (4, 4)."""
+        return transform_from_rpy(self.xyz, self.rpy)
+
+    @property
+    def focal_length(self) -> float:
+        """[pixels]"""
+        return 0.5 * self.height / math.tan(0.5 * self.field_of_view)
+
+
+class _Drawing(Building):
+    """Bodies with what their descriptions draw."""
+
+    def __init__(self) -> None:
+        super().__init__({}, {})
+
+    def fill(
+        self, body: mujoco.MjsBody, model: Model, top: str, cluster: Mapping[str, FloatArray], *, moving: bool
+    ) -> None:
+        body.explicitinertial, body.mass, body.inertia = True, 1.0, [1.0, 1.0, 1.0]  # without physics any will do
+        for link, T_body_link in cluster.items():
+            for k, shape in enumerate(model.tree.links[link].visuals):
+                self._draw(body, f"{model.name}::{link}#{k}", shape, T_body_link @ shape.T_link_shape)
+            if link in model.planes:
+                self.add_shape(body, f"{model.name}::{link}#plane", Shape(link, "plane", (), np.eye(4)), T_body_link)
+
+    def _draw(self, body: mujoco.MjsBody, name: str, shape: Shape, T_body_shape: FloatArray) -> None:
+        if shape.kind != "mesh":
+            self.add_shape(body, name, shape, T_body_shape).rgba = shape.colour or _GREY
+            return
+        try:
+            path = resolve(shape.address)
+            parts = read_coloured(path, path.read_bytes(), (shape.size[0], shape.size[1], shape.size[2]))
+        except (HricError, OSError, UnreadableMeshError) as error:
+            raise DescriptionError(f"{shape.where}: mesh {shape.address}: {error}") from error
+        for part, (surface, colour) in enumerate(parts):
+            mesh = f"{name}.{part}"
+            self.result.spec.add_mesh(
+                name=mesh,
+                uservert=surface.vertices.ravel(),
+                userface=surface.faces.ravel(),
+                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+            )
+            self.add_shape(body, mesh, shape, T_body_shape, mesh).rgba = shape.colour or colour or _GREY
+
+
+class Camera:
+    """Takes pictures; holds a context of OpenGL of the thread that made it.
+
+    Args:
+        urdf_xml: the robot.
+        world: world file, path or package://, "" for none.
+        settings: of the camera.
+
+    Raises:
+        HricError: a description cannot be drawn, the parent is unknown, or there is no OpenGL.
+    """
+
+    def __init__(self, urdf_xml: str, world: str, settings: CameraSettings) -> None:
+        tree = read(urdf_xml)
+        models = [Model(tree.name, urdf_xml, tree, np.eye(4), fixed=True)]
+        models += [model_of_object(item) for item in load_world(world, 1.0)]
+        drawing = _Drawing()
+        for model in models:
+            drawing.add(model)
+        self._free = {model.name: model.free_joint for model in models if not model.fixed}
+        self._robot = tree.name
+        built = drawing.result
+        self._add_camera(built.spec, built.frames, settings)
+        _add_light(built.spec)
+        try:
+            self._m = built.spec.compile()
+            self._d = mujoco.MjData(self._m)
+            self._m.vis.map.znear, self._m.vis.map.zfar = NEAR / self._m.stat.extent, FAR / self._m.stat.extent
+            self._renderer = mujoco.Renderer(self._m, settings.height, settings.width)
+        except Exception as error:  # of OpenGL's own kinds, by platform
+            raise HricError(f"the camera cannot draw: {error}") from error
+
+    def _add_camera(self, spec: mujoco.MjSpec, frames: Mapping[str, Frame], settings: CameraSettings) -> None:
+        T, body = settings.T_parent_camera, spec.worldbody
+        if settings.parent != WORLD:
+            link = settings.parent if "::" in settings.parent else f"{self._robot}::{settings.parent}"
+            check_known("link", [link], frames, "the scene")
+            frame = frames[link]
+            body, T = spec.body(frame.body), frame.T_body_link @ T
+        body.add_camera(
+            name="camera",
+            pos=T[:3, 3],
+            quat=quaternion(T[:3, :3] @ _R_CAMERA_MUJOCO),
+            fovy=math.degrees(settings.field_of_view),
+        )
+
+    def take(
+        self, positions: Mapping[str, float], poses: Mapping[str, FloatArray], *, depth: bool
+    ) -> tuple[Picture, npt.NDArray[np.float32] | None]:
+        """A picture, shape (height, width, 3), and the distance along the optical axis, shape (height, width) [m].
+
+        Args:
+            positions: of the robot's joints [rad or m]; what is not named stays.
+            poses: T_world_root of models, shape (4, 4) each.
+            depth: whether to measure the distances.
+        """
+        for name, value in positions.items():
+            joint = mujoco.mj_name2id(self._m, mujoco.mjtObj.mjOBJ_JOINT, f"{self._robot}::{name}")
+            if joint >= 0:
+                self._d.qpos[self._m.jnt_qposadr[joint]] = value
+        for name, joint in self._free.items():
+            if name in poses:
+                self._d.joint(joint).qpos[:] = [*poses[name][:3, 3], *quaternion(poses[name][:3, :3])]
+        mujoco.mj_kinematics(self._m, self._d)
+        mujoco.mj_camlight(self._m, self._d)
+        self._renderer.update_scene(self._d, camera="camera")
+        picture: Picture = self._renderer.render()
+        if not depth:
+            return picture, None
+        self._renderer.enable_depth_rendering()
+        distances = self._renderer.render().astype(np.float32)
+        self._renderer.disable_depth_rendering()
+        return picture, distances
+
+    def close(self) -> None:
+        """Give OpenGL back."""
+        self._renderer.close()
+
+
+def _add_light(spec: mujoco.MjSpec) -> None:
+    """From where the camera is, and a bright background: MuJoCo's own are dim, and black."""
+    head = spec.visual.headlight
+    head.ambient, head.diffuse, head.specular = [0.3] * 3, [0.5] * 3, [0.1] * 3
+    spec.add_texture(
+        name="background",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.80, 0.86, 0.92],
+        rgb2=[0.95, 0.95, 0.95],
+        width=32,
+        height=6 * 32,
+    )
+
+
+def optical_frame(T_parent_camera: FloatArray) -> FloatArray:
+    """T_parent_optical of a camera, shape (4, 4)."""
+    return T_parent_camera @ homogeneous(R_CAMERA_OPTICAL, np.zeros(3))
+
+
+def camera_matrix(settings: CameraSettings) -> Sequence[float]:
+    """K of sensor_msgs/CameraInfo, row-major: focal lengths and the centre of the picture [pixels]."""
+    f = settings.focal_length
+    return [f, 0.0, 0.5 * settings.width - 0.5, 0.0, f, 0.5 * settings.height - 0.5, 0.0, 0.0, 1.0]

@@ -1,0 +1,270 @@
+"""The robot in MuJoCo: its joints, what acts in them, and one step of that."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import starmap
+
+import mujoco
+import numpy as np
+
+from hric_control import urdf
+from hric_control.parameters import choice
+from hric_control.plant import FloatArray, JointReaction, Mode
+from hric_control.plants import MovingJoints, StopMemory, WindowlessConfig
+from mujoco_ros_control.joints import install_friction, make_joints
+from mujoco_ros_control.scene import Scene
+
+HELD = 1e13
+"""Rotor inertia of a joint that a brake or a drive holds: nothing else moves it [kg m^2]. Under 3 kg a braked Panda
+sinks by 7e-10 rad in 20 s."""
+_FAR = 1e9
+"""A stop that no joint reaches [rad or m]."""
+_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
+"""Axes of a cross product; numpy's own takes four times as long for so few."""
+
+
+@dataclass(frozen=True)
+class MujocoConfig(WindowlessConfig):
+    """The plant's parameters: those that all plants share, with one more integrator."""
+
+    integrator: str = choice(
+        "auto",
+        "accurate",
+        "semi_implicit",
+        text="`accurate`: Runge-Kutta of fourth order; `semi_implicit`: MuJoCo's implicitfast; `auto`: `accurate` but "
+        "with more than four free objects in the world file",
+    )
+
+
+class Robot:
+    """One robot with a fixed base, the first model of a scene.
+
+    Vectors are in the description's order of the moving joints.
+
+    Args:
+        tree: the description.
+        joint_names: the actuated joints.
+        config: the plant's parameters.
+
+    Attributes:
+        joints: those that move.
+        losses: of all moving joints by "model::joint", for the scene.
+        q, dq: the engine's state after the last step [rad, rad/s].
+        at: positions at the measuring instant, which is that of the speeds [rad].
+        motor_effort: efforts of the joints' motors in the last step [N m].
+        effort: what of them arrived behind the rotors, where an arm's torque sensors are [N m].
+    """
+
+    def __init__(self, tree: urdf.Robot, joint_names: Sequence[str], config: MujocoConfig) -> None:
+        self._config = config
+        moving = [joint for joint in tree.joints.values() if joint.type != "fixed"]
+        self.joints = MovingJoints(moving, joint_names, tree.name)
+        self._joints = moving
+        self._names = [f"{tree.name}::{name}" for name in self.joints.names]
+        if config.friction == "identified":
+            install_friction()
+        losses = self.joints.losses(config)
+        self._rotors = [loss.rotor for loss in losses]
+        self.losses = dict(zip(self._names, losses, strict=True))
+        self._divergence = self.joints.divergence(config.time_step)
+        self._stops = StopMemory([(joint.lower, joint.upper) for joint in moving])
+        self._modes = [Mode.EFFORT] * len(joint_names)
+        self._brakes = [False] * len(joint_names)
+        self.q = self.dq = self.at = self.effort = self.motor_effort = self.joints.zeros
+        self._stepped = False
+
+    # -- the scene -----------------------------------------------------------------------------------------------------
+
+    def bind(self, scene: Scene) -> None:
+        """Another scene, in which the robot is already where it shall go on."""
+        self._scene, self._m, self._d = scene, scene.m, scene.d
+        self._stepped = False
+        self._half = 0.5 * self._config.time_step if scene.semi_implicit and self._config.half_step_readout else 0.0
+        self._dofs, self._positions = scene.dofs(self._names), scene.positions(self._names)
+        self._ids = scene.joint_ids(self._names)
+        quiet = self._divergence.quiet
+        self._engine = make_joints(scene.m, scene.d, self._dofs, self._positions, self._rotors, self._half, quiet)
+        self._read()
+        for i in self._stops.waiting:
+            self._send_stop(i)
+        self._send_modes()
+
+    def _read(self) -> None:
+        self.q, self.dq, self.at = self._engine.read()
+
+    def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
+        """Put the actuated joints at q, dq; the others stay where they are, at rest."""
+        full_q, full_dq = self.joints.start(q, dq, self.q)
+        # The read-out goes half a step back, so the engine starts half a step ahead.
+        self._d.qpos[self._positions] = [x + self._half * v for x, v in zip(full_q, full_dq, strict=True)]
+        self._d.qvel[self._dofs] = full_dq
+        self._d.qacc_warmstart[:] = 0.0
+        self._read()
+        self.effort = self.motor_effort = self.joints.zeros
+        for i in self._stops.restart(self.q):
+            self._send_stop(i)
+
+    def _send_stop(self, i: int) -> None:
+        low, high = self._stops.limits[i]
+        below, above = self._stops.waiting.get(i, (False, False))
+        self._m.jnt_range[self._ids[i]] = -_FAR if below else low, _FAR if above else high
+
+    # -- modes and brakes ----------------------------------------------------------------------------------------------
+
+    def set_modes(self, modes: Sequence[Mode]) -> None:
+        """What the commands of the actuated joints mean from now on."""
+        self._modes = list(modes)
+        self._send_modes()
+
+    def set_brakes(self, on: Sequence[bool]) -> None:
+        """Lock or free the actuated joints; a brake that closes stops its joint at once."""
+        self._brakes = [bool(b) for b in on]
+        self._send_modes()
+
+    def _send_modes(self) -> None:
+        modes = self.joints.modes(self._modes, self._brakes, locked=self._config.passive_joints == "locked")
+        self._all_modes = modes
+        self._held = [i for i, mode in enumerate(modes) if mode is not Mode.EFFORT]
+        self._driven = [i for i in self._held if modes[i] is not Mode.BRAKE]
+        for i, mode in enumerate(modes):
+            self._hold(i, mode is not Mode.EFFORT)
+            if mode is Mode.BRAKE:
+                self._d.qvel[self._dofs[i]] = 0.0
+        self._scene.set_still([dof for dof, mode in zip(self._dofs, modes, strict=True) if mode is Mode.BRAKE])
+        self._read()
+
+    def _hold(self, i: int, on: bool) -> None:
+        self._m.dof_armature[self._dofs[i]] = HELD if on else self._rotors[i]
+
+    # -- one step ------------------------------------------------------------------------------------------------------
+
+    def step(self, values: list[float], push: Callable[[], None] | None) -> None:
+        """Act in the joints, advance the engine, read the state that this leads to.
+
+        Args:
+            values: commands of all moving joints, in the meaning of their modes.
+            push: applies forces to bodies, once their positions and velocities are known; None for none.
+        """
+        self.motor_effort = values
+        if self._held or push is not None:
+            self._in_stages(values, push)
+            quiet = False
+        else:
+            self.q, self.dq, self.at, self.effort, quiet = self._engine.step(values)
+        self._stepped = True
+        self._divergence.check(self.q, self.dq, quiet=quiet)
+        if self._stops.waiting:
+            for i in self._stops.check(self.q):
+                self._send_stop(i)
+
+    def _in_stages(self, values: list[float], push: Callable[[], None] | None) -> None:
+        """A step in which something acts that follows from positions and velocities at its beginning."""
+        m, d = self._m, self._d
+        self._engine.write(values)
+        for i in self._held:
+            d.qfrc_applied[self._dofs[i]] = HELD * self._acceleration(i, values[i])
+        self._prepare()
+        if push is not None:
+            push()
+        self._accelerate()
+        beyond = self._cut_drives()
+        if self._scene.semi_implicit:
+            mujoco.mj_implicit(m, d)
+        else:
+            mujoco.mj_RungeKutta(m, d, 4)
+        for i in beyond:
+            self._hold(i, True)
+        if self._held:
+            held = self._held_efforts()
+            self.motor_effort = [held[i] if i in self._held else x for i, x in enumerate(values)]
+        self._read()
+        self.effort = self._engine.passed(self.motor_effort)
+
+    def _prepare(self) -> None:
+        mujoco.mj_fwdPosition(self._m, self._d)
+        mujoco.mj_fwdVelocity(self._m, self._d)
+
+    def _accelerate(self) -> None:
+        mujoco.mj_fwdActuation(self._m, self._d)
+        mujoco.mj_fwdAcceleration(self._m, self._d)
+        mujoco.mj_fwdConstraint(self._m, self._d)
+
+    def _acceleration(self, i: int, value: float) -> float:
+        """Acceleration of a joint that is held [rad/s^2]: a drive arrives at its target with the step."""
+        if self._all_modes[i] is Mode.BRAKE:
+            return 0.0
+        step = self._config.time_step
+        if self._all_modes[i] is Mode.POSITION:
+            limit = self._joints[i].velocity
+            value = min(max((value - self.q[i]) / step, -limit), limit)
+        return (value - self.dq[i]) / step
+
+    def _cut_drives(self) -> dict[int, float]:
+        """Let drives that need more than they may take just that: joint and effort [N m]."""
+        beyond: dict[int, float] = {}
+        while self._driven:
+            efforts = self._held_efforts()
+            found = {
+                i: math.copysign(self._joints[i].effort, efforts[i])
+                for i in self._driven
+                if i not in beyond and abs(efforts[i]) > self._joints[i].effort
+            }
+            if not found:
+                break
+            beyond |= found
+            for i, effort in found.items():
+                self._hold(i, False)
+                self._d.qfrc_applied[self._dofs[i]] = effort
+            self._prepare()
+            self._accelerate()
+        return beyond
+
+    def _held_efforts(self) -> list[float]:
+        """What moves each joint as it is accelerated now, beside what else acts on it [N m]: inverse dynamics. Of all
+        moving joints."""
+        m, d = self._m, self._d
+        needed = np.empty(m.nv)
+        mujoco.mj_rne(m, d, 1, needed)
+        projected = d.qfrc_smooth - d.qfrc_passive + d.qfrc_bias - d.qfrc_applied
+        rest = (needed - d.qfrc_passive - d.qfrc_constraint - projected)[self._dofs].tolist()
+        accelerations = d.qacc[self._dofs].tolist()
+        return [x + b * a for x, b, a in zip(rest, self._rotors, accelerations, strict=True)]
+
+    # -- for checks ----------------------------------------------------------------------------------------------------
+
+    def mass_matrix(self) -> FloatArray:
+        """Joint-space mass matrix without rotors at the present position, shape (n, n) [kg m^2]."""
+        m, d = self._m, self._d
+        kept = m.dof_armature.copy()
+        m.dof_armature[:] = 0.0
+        mujoco.mj_fwdPosition(m, d)
+        full = np.empty((m.nv, m.nv))
+        mujoco.mj_fullM(m, d, full)
+        m.dof_armature[:] = kept
+        dofs = self.joints.pick(self._dofs)
+        return full[np.ix_(dofs, dofs)]
+
+    # -- loads in the joints -------------------------------------------------------------------------------------------
+
+    def reactions(self) -> list[JointReaction]:
+        """What parents do to children through the moving joints in the last step, as it began (semi-implicit) or ended;
+        empty before the first."""
+        if not self._stepped:
+            return []
+        m, d = self._m, self._d
+        if self._scene.semi_implicit:
+            # The rest of MuJoCo's data is of the beginning; its acceleration lacks what damping takes implicitly.
+            before = np.array(self._engine.before())
+            d.qacc[self._dofs] = (d.qvel[self._dofs] - before) / self._config.time_step
+            d.qvel[self._dofs] = before
+        mujoco.mj_rnePostConstraint(m, d)
+        d.qvel[self._dofs] = self.dq
+        bodies = m.jnt_bodyid[self._ids]
+        torques, forces = d.cfrc_int[bodies].reshape(-1, 2, 3).swapaxes(0, 1)  # about the mass centre of the whole tree
+        origins = d.xpos[bodies]
+        levers = d.subtree_com[m.body_rootid[bodies]] - origins
+        torques = torques + levers[:, _NEXT] * forces[:, _AFTER] - levers[:, _AFTER] * forces[:, _NEXT]
+        names = ((joint.name, joint.child) for joint in self._joints)
+        vectors = (map(tuple, array.tolist()) for array in (origins, forces, torques))
+        return list(starmap(JointReaction, ((*pair, *rest) for pair, *rest in zip(names, *vectors, strict=True))))

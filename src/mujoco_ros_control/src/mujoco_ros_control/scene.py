@@ -1,0 +1,167 @@
+"""A compiled scene with its state: names to numbers, and going on where it was after it was compiled again."""
+
+from collections.abc import Collection, Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray, homogeneous
+from mujoco_ros_control.scene_spec import UNSOLVED, Geom, Law, SceneSpec
+
+INTEGRATORS = {
+    "accurate": mujoco.mjtIntegrator.mjINT_RK4,
+    "semi_implicit": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+}
+HARD = [0.99, 0.999, 0.001, 0.5, 2.0]
+"""Impedance of what is rigid: contact, stops, joints that follow others (project default, unconfirmed)."""
+STICKING = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+"""Impedance of Coulomb friction: a softer one lets a held joint creep (5e-6 rad in 60 s with this one)."""
+
+JointState = tuple[FloatArray, FloatArray]
+"""Positions and speeds of one joint, as MuJoCo has them."""
+
+
+def _be_silent(_: str) -> None:
+    """MuJoCo writes its warnings to a file in the working folder; the plant checks each step itself."""
+
+
+mujoco.set_mju_user_warning(_be_silent)
+
+
+class Scene:
+    """A scene that was compiled, in its start.
+
+    Args:
+        built: the scene.
+        time_step: [s].
+        gravity: in the world frame, 3 floats [m/s^2].
+        integrator: of INTEGRATORS.
+
+    Attributes:
+        m, d: MuJoCo's model and data.
+        bodies: MuJoCo's number of each body by name.
+        links: "model::link" of each geom, by its number.
+        springs: (a, b, law, whether a is the first) of the pairs that meet by a spring, by MuJoCo's numbers of their
+            geoms.
+        semi_implicit: whether positions belong half a step after velocities.
+
+    Raises:
+        HricError: MuJoCo refuses it.
+    """
+
+    def __init__(self, built: SceneSpec, time_step: float, gravity: Sequence[float], integrator: str) -> None:
+        self.built, self.semi_implicit = built, integrator == "semi_implicit"
+        option = built.spec.option
+        option.timestep, option.gravity, option.integrator = time_step, gravity, INTEGRATORS[integrator]
+        option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
+        option.tolerance, option.iterations = 1e-10, 100
+        # A state that has diverged would begin again from zero, without a word.
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        try:
+            self.m = built.spec.compile()
+        except ValueError as error:
+            raise HricError(f"MuJoCo cannot compile the scene: {error}") from error
+        self._set_constraints(2.0 * time_step)
+        self.d = mujoco.MjData(self.m)
+        self.bodies = {self.m.body(i).name: i for i in range(self.m.nbody)}
+        self.links = [built.geoms[self.m.geom(i).name].link for i in range(self.m.ngeom)]
+        for name, moments in built.moments.items():
+            self.m.body_inertia[self.bodies[name]] = moments
+        if built.moments:
+            mujoco.mj_setConst(self.m, self.d)
+            mujoco.mj_resetData(self.m, self.d)
+        self.springs = self._numbered_springs()
+        self._dofs_between = self._between_pairs()
+        self._joints = {self.m.joint(i).name: self._slices(i) for i in range(self.m.njnt)}
+
+    def _set_constraints(self, time_constant: float) -> None:
+        """All constraints as hard as the step allows [s]."""
+        m, hard = self.m, [time_constant, 1.0]
+        m.pair_solref[:] = m.jnt_solref[:] = m.eq_solref[:] = m.dof_solref[:] = hard
+        m.pair_solimp[:] = m.jnt_solimp[:] = m.eq_solimp[:] = HARD
+        m.dof_solimp[:] = STICKING
+
+    def _numbered_springs(self) -> dict[tuple[int, int], tuple[Geom, Geom, Law, bool]]:
+        """In both orders: contacts have the simpler shape first, whatever the pair says."""
+        found = {}
+        for a, b, law in self.built.springs:
+            first, second = (self.m.geom(geom.name).id for geom in (a, b))
+            found[first, second], found[second, first] = (a, b, law, True), (a, b, law, False)
+        return found
+
+    def _between_pairs(self) -> list[frozenset[int]]:
+        """Of each pair, the speeds that move one of its shapes against the other."""
+        m = self.m
+        moved: list[frozenset[int]] = []
+        for body in range(m.nbody):
+            own = range(m.body_dofadr[body], m.body_dofadr[body] + m.body_dofnum[body])
+            moved.append((moved[m.body_parentid[body]] if body else frozenset()) | frozenset(own))
+        pairs = zip(m.pair_geom1.tolist(), m.pair_geom2.tolist(), strict=True)
+        return [moved[m.geom_bodyid[a]] ^ moved[m.geom_bodyid[b]] for a, b in pairs]
+
+    def set_still(self, dofs: Collection[int]) -> None:
+        """Speeds that brakes hold: contact that they alone could part is reported and not solved, which would take any
+        force."""
+        pairs = zip(self.m.pair_geom1.tolist(), self.m.pair_geom2.tolist(), strict=True)
+        for k, (geoms, between) in enumerate(zip(pairs, self._dofs_between, strict=True)):
+            if geoms not in self.springs:
+                self.m.pair_gap[k] = UNSOLVED if between.issubset(dofs) else 0.0
+                self.m.pair_margin[k] = -self.m.pair_gap[k]
+
+    def _slices(self, joint: int) -> tuple[slice, slice]:
+        free = self.m.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
+        q, v = int(self.m.jnt_qposadr[joint]), int(self.m.jnt_dofadr[joint])
+        return slice(q, q + (7 if free else 1)), slice(v, v + (6 if free else 1))
+
+    def dofs(self, joints: Sequence[str]) -> list[int]:
+        """Indices of joints with one coordinate among the speeds."""
+        return [self._joints[name][1].start for name in joints]
+
+    def positions(self, joints: Sequence[str]) -> list[int]:
+        """Indices of joints with one coordinate among the positions."""
+        return [self._joints[name][0].start for name in joints]
+
+    def joint_ids(self, joints: Sequence[str]) -> list[int]:
+        """MuJoCo's ids of joints."""
+        return [self.m.joint(name).id for name in joints]
+
+    def states(self) -> dict[str, JointState]:
+        """Of all joints by name."""
+        return {name: (self.d.qpos[q].copy(), self.d.qvel[v].copy()) for name, (q, v) in self._joints.items()}
+
+    def put(self, states: Mapping[str, JointState]) -> None:
+        """The joints that are named, and are here, to these states."""
+        for name, (q, v) in states.items():
+            if name in self._joints:
+                at, of = self._joints[name]
+                self.d.qpos[at], self.d.qvel[of] = q, v
+
+    def put_free(self, joint: str, linear: Sequence[float], angular: Sequence[float]) -> None:
+        """Speeds of a free body's origin in the world frame [m/s], [rad/s]; MuJoCo has the angular ones in its own
+        axes."""
+        at, of = self._joints[joint]
+        R = np.empty(9)
+        mujoco.mju_quat2Mat(R, self.d.qpos[at][3:])
+        self.d.qvel[of] = [*linear, *(R.reshape(3, 3).T @ np.array(angular))]
+
+    def update(self) -> None:
+        """Positions and velocities of all bodies as those of the present state; a step leaves the ones before it."""
+        mujoco.mj_kinematics(self.m, self.d)
+        mujoco.mj_comPos(self.m, self.d)
+        mujoco.mj_comVel(self.m, self.d)
+
+    def pose(self, body: int) -> FloatArray:
+        """T_world_body as of the last update, shape (4, 4)."""
+        return homogeneous(self.d.xmat[body].reshape(3, 3), self.d.xpos[body])
+
+    def link_pose(self, link: str) -> FloatArray:
+        """T_world_link of "model::link" as of the last update, shape (4, 4)."""
+        frame = self.built.frames[link]
+        return self.pose(self.bodies[frame.body]) @ frame.T_body_link
+
+    def twist(self, body: int, point: FloatArray) -> FloatArray:
+        """Linear and angular velocity in the world frame of a body's material at a point [m], shape (6,)."""
+        result = np.empty(6)  # angular, linear, about the origin of the body
+        mujoco.mj_objectVelocity(self.m, self.d, mujoco.mjtObj.mjOBJ_XBODY, body, result, 0)
+        return np.concatenate([result[3:] + np.cross(result[:3], point - self.d.xpos[body]), result[:3]])

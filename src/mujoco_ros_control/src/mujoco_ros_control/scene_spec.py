@@ -1,0 +1,319 @@
+"""The scene as MuJoCo compiles it: the robot, the models around it and the loads.
+
+Each cluster of links that are rigidly joined becomes one body with the exact sum of their masses. Which shapes may
+touch is said pair by pair: MuJoCo takes the larger friction of two surfaces, not their product, and does not leave out
+a neighbour that is fixed to the world.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache, reduce
+from itertools import combinations
+from operator import add
+
+import coal
+import mujoco
+import numpy as np
+
+from hric_control.errors import DescriptionError, HricError
+from hric_control.geometry import FloatArray, MassProperties, quaternion_from_rotation
+from hric_control.plants import Losses, Model, Surface, combine, masked
+from hric_control.plants.faces import Solid
+from hric_control.plants.resources import resolve
+from hric_control.urdf import ONE_COORDINATE, Joint, Shape, join_capsules
+
+_GEOMS = mujoco.mjtGeom
+_HALF_LENGTHS: dict[str, Callable[[Sequence[float]], list[float]]] = {
+    "sphere": lambda size: [size[0], 0.0, 0.0],
+    "box": lambda size: [0.5 * edge for edge in size],
+    "cylinder": lambda size: [size[0], 0.5 * size[1], 0.0],
+    "capsule": lambda size: [size[0], 0.5 * size[1], 0.0],
+    "plane": lambda size: [0.0, 0.0, 0.05],
+}
+"""MuJoCo's measures of a shape [m]; a plane has no end, and a spacing of the lines that it is drawn with."""
+Law = tuple[float, float, float]
+"""Stiffness [N/m], damping [N s/m] and friction of penalty contact."""
+UNSOLVED = 1.0
+"""A pair whose margin is less than zero by this is reported by MuJoCo, as far as its gap reaches beyond, and left alone
+[m]: more than anything overlaps."""
+LOOK_AHEAD = 5.0
+"""Links that would meet within a step at this speed are looked at before they do [m/s] (default chosen by this project,
+unconfirmed)."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where a link of a description sits: the body that carries it, and its pose in that, shape (4, 4)."""
+
+    body: str
+    T_body_link: FloatArray
+
+
+@dataclass(frozen=True)
+class Geom:
+    """A collision shape.
+
+    Attributes:
+        name: of the geom.
+        link: "model::link".
+        model: its model.
+        body: that carries it.
+        solid: the same in that body. (MuJoCo moves the frame of a mesh.)
+    """
+
+    name: str
+    link: str
+    model: str
+    body: str
+    solid: Solid
+
+
+@dataclass
+class SceneSpec:
+    """What `build` made.
+
+    Attributes:
+        spec: for the compiler.
+        frames: by "model::link".
+        geoms: all collision shapes, by name.
+        moments: principal moments of the bodies whose tensor no body can have, shape (3,) each [kg m^2]; to be set in
+            the compiled model.
+        springs: pairs of shapes that meet by a spring, with its law.
+    """
+
+    spec: mujoco.MjSpec
+    frames: dict[str, Frame] = field(default_factory=dict)
+    geoms: dict[str, Geom] = field(default_factory=dict)
+    moments: dict[str, FloatArray] = field(default_factory=dict)
+    springs: list[tuple[Geom, Geom, Law]] = field(default_factory=list)
+
+
+def quaternion(R: FloatArray) -> list[float]:
+    """MuJoCo's w, x, y, z of a rotation, shape (3, 3)."""
+    x, y, z, w = quaternion_from_rotation(R)
+    return [w, x, y, z]
+
+
+@lru_cache(maxsize=64)
+def _hull(path: str, scale: tuple[float, ...]) -> FloatArray:
+    """Corners of the convex hull of a mesh, shape (n, 3) [m]."""
+    mesh = coal.MeshLoader().load(path, np.array(scale))
+    mesh.buildConvexHull(True, "Qt")
+    return np.array(mesh.convex.points())
+
+
+class Building:
+    """Adds models to a scene.
+
+    Args:
+        losses, loads: see `build`.
+
+    Attributes:
+        result: so far.
+    """
+
+    def __init__(self, losses: Mapping[str, Losses], loads: Mapping[str, MassProperties]) -> None:
+        self._losses, self._loads = losses, loads
+        self.result = SceneSpec(mujoco.MjSpec())
+        compiler = self.result.spec.compiler
+        compiler.degree, compiler.boundmass, compiler.boundinertia = False, 0.0, 0.0
+        compiler.balanceinertia = compiler.fusestatic = False
+
+    def add(self, model: Model) -> None:
+        """A model, its root link at its start."""
+        tree, bodies = model.tree, {}
+        clusters: dict[str, dict[str, FloatArray]] = {}
+        for link, (top, T_top_link) in tree.rigid_groups().items():
+            clusters.setdefault(top, {})[link] = T_top_link
+            self.result.frames[f"{model.name}::{link}"] = Frame(f"{model.name}::{top}", T_top_link)
+        root = self._add_body(self.result.spec.worldbody, model, tree.root, model.T_world_start)
+        bodies[tree.root] = root
+        if not model.fixed:
+            root.add_freejoint().name = model.free_joint
+        self.fill(root, model, tree.root, clusters[tree.root], moving=not model.fixed)
+        groups = tree.rigid_groups()
+        for joint in tree.joints.values():
+            if joint.type == "fixed":
+                continue
+            if joint.type not in ONE_COORDINATE:
+                valid = ", ".join((*ONE_COORDINATE, "fixed"))
+                raise DescriptionError(
+                    f"joint {joint.name}: type {joint.type!r} is not supported by the MuJoCo plant; valid: {valid}"
+                )
+            top, T_top_parent = groups[joint.parent]
+            body = self._add_body(bodies[top], model, joint.child, T_top_parent @ joint.T_parent_joint)
+            bodies[joint.child] = body
+            self._add_joint(body, model, joint)
+            self.fill(body, model, joint.child, clusters[joint.child], moving=True)
+
+    @staticmethod
+    def _add_body(parent: mujoco.MjsBody, model: Model, link: str, T: FloatArray) -> mujoco.MjsBody:
+        return parent.add_body(name=f"{model.name}::{link}", pos=T[:3, 3], quat=quaternion(T[:3, :3]))
+
+    def _add_joint(self, body: mujoco.MjsBody, model: Model, joint: Joint) -> None:
+        name = f"{model.name}::{joint.name}"
+        losses = self._losses.get(name, Losses(damping=joint.damping))
+        slides = joint.type == "prismatic"
+        made = body.add_joint(
+            name=name,
+            type=mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE,
+            axis=joint.axis,
+            armature=losses.rotor,
+            damping=losses.damping,
+            frictionloss=losses.coulomb,
+            userdata=losses.sigmoid_row() if any(losses.sigmoid) else [],
+        )
+        bounded = np.isfinite([joint.lower, joint.upper]).all()
+        made.limited = mujoco.mjtLimited.mjLIMITED_TRUE if bounded else mujoco.mjtLimited.mjLIMITED_FALSE
+        if bounded:
+            made.range = [joint.lower, joint.upper]
+        if joint.mimic is not None:
+            follows = self.result.spec.add_equality(
+                type=mujoco.mjtEq.mjEQ_JOINT,
+                name1=name,
+                name2=f"{model.name}::{joint.mimic.joint}",
+                objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            )
+            follows.data[:2] = [joint.mimic.offset, joint.mimic.multiplier]
+
+    def fill(
+        self, body: mujoco.MjsBody, model: Model, top: str, cluster: Mapping[str, FloatArray], *, moving: bool
+    ) -> None:
+        """Give a body the mass and the shapes of the links of a cluster.
+
+        Args:
+            body: of the cluster, named after its topmost link.
+            model: that the links belong to.
+            top: the topmost link.
+            cluster: poses of the links in the body, shape (4, 4) each.
+            moving: whether it has a mass.
+        """
+        if moving:
+            self._set_mass(body, model, top, cluster)
+        for link, T_body_link in cluster.items():
+            for number, shape in enumerate(join_capsules(model.tree.links[link].collisions)):
+                self._add_collision(body, model, link, number, shape, T_body_link @ shape.T_link_shape)
+            if link in model.planes:
+                plane = Shape(f"link {link}", "plane", (), np.eye(4))
+                self._add_collision(body, model, link, 0, plane, T_body_link)
+
+    def _set_mass(self, body: mujoco.MjsBody, model: Model, top: str, cluster: Mapping[str, FloatArray]) -> None:
+        members = [
+            part.moved(T)
+            for link, T in cluster.items()
+            for part in (model.tree.links[link].mass, self._loads.get(f"{model.name}::{link}"))
+            if part is not None and (part.mass > 0.0 or part.inertia.any())
+        ]
+        mass = reduce(add, members, MassProperties()) if members else MassProperties()
+        if mass.mass <= 0.0:
+            raise DescriptionError(f"link {top}: it moves, but neither it nor what is fixed to it has a mass")
+        moments, R = mass.principal()
+        low, middle, high = sorted(moments)
+        body.explicitinertial = True
+        body.mass, body.ipos, body.iquat, body.inertia = mass.mass, mass.com, quaternion(R), moments
+        if low <= 0.0 or low + middle < high:  # a ball's, until the true ones are set in the compiled model
+            body.inertia = np.full(3, max(abs(high), abs(low)))
+            self.result.moments[body.name] = moments
+
+    def add_shape(
+        self, body: mujoco.MjsBody, name: str, shape: Shape, T_body_geom: FloatArray, mesh: str = ""
+    ) -> mujoco.MjsGeom:
+        """A geom without mass that touches nothing by itself; mesh: name of one that was added, for a shape that is
+        one."""
+        geom = body.add_geom(
+            name=name,
+            type=getattr(_GEOMS, f"mjGEOM_{shape.kind.upper()}"),
+            pos=T_body_geom[:3, 3],
+            quat=quaternion(T_body_geom[:3, :3]),
+            density=0.0,
+            contype=0,
+            conaffinity=0,
+        )
+        if mesh:
+            geom.meshname = mesh
+        else:
+            geom.size = _HALF_LENGTHS[shape.kind](shape.size)
+        return geom
+
+    def _add_collision(
+        self, body: mujoco.MjsBody, model: Model, link: str, number: int, shape: Shape, T_body_geom: FloatArray
+    ) -> None:
+        name, points = f"{model.name}::{link}#{number}", None
+        if shape.kind == "mesh":
+            points = self._points(shape)
+            self.result.spec.add_mesh(
+                name=name, uservert=points.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+            )
+        self.add_shape(body, name, shape, T_body_geom, name if shape.kind == "mesh" else "")
+        solid = Solid("hull" if shape.kind == "mesh" else shape.kind, shape.size, T_body_geom, points)
+        self.result.geoms[name] = Geom(name, f"{model.name}::{link}", model.name, body.name, solid)
+
+    @staticmethod
+    def _points(shape: Shape) -> FloatArray:
+        try:
+            return _hull(str(resolve(shape.address)), shape.size)
+        except (HricError, RuntimeError, ValueError) as error:
+            raise DescriptionError(f"{shape.where}: mesh {shape.address}: {error}") from error
+
+
+def _may_touch(
+    models: Mapping[str, Model], robot: Model, geoms: Sequence[Geom], masks: Sequence[tuple[str, str]], itself: bool
+) -> Iterator[tuple[Geom, Geom]]:
+    """Pairs of shapes of different models, and of the robot's links that are neither fixed to each other, nor
+    neighbours, nor masked; not those that both stand still."""
+    groups = {name: model.tree.rigid_groups() for name, model in models.items()}
+    joined = {frozenset((joint.parent, joint.child)) for joint in robot.tree.joints.values()}
+    joined |= {frozenset((groups[robot.name][joint.parent][0], joint.child)) for joint in robot.tree.joints.values()}
+    for a, b in combinations(geoms, 2):
+        links = a.link.partition("::")[2], b.link.partition("::")[2]
+        tops = [groups[geom.model][link][0] for geom, link in zip((a, b), links, strict=True)]
+        if a.model == b.model:
+            apart = a.model == robot.name and itself and tops[0] != tops[1] and frozenset(links) not in joined
+            if apart and not masked(*links, masks):
+                yield a, b
+        elif not all(
+            models[geom.model].fixed and top == models[geom.model].tree.root
+            for geom, top in zip((a, b), tops, strict=True)
+        ):
+            yield a, b
+
+
+def build(
+    models: Sequence[Model],
+    surfaces: Mapping[str, Surface],
+    losses: Mapping[str, Losses],
+    loads: Mapping[str, MassProperties],
+    masks: Sequence[tuple[str, str]],
+    time_step: float,
+    *,
+    self_collision: bool,
+) -> SceneSpec:
+    """The scene for the compiler.
+
+    Args:
+        models: the robot first.
+        surfaces: by "model::link".
+        losses: of the robot's joints, by "model::joint"; other joints have their damping only.
+        loads: payloads by "model::link", in the link's frame.
+        masks: pairs of patterns of the robot's links that do not collide.
+        time_step: [s].
+        self_collision: whether links of the robot may touch.
+
+    Raises:
+        DescriptionError: a joint type that the engine lacks, a moving link without mass, or a mesh that cannot be used.
+    """
+    building = Building(losses, loads)
+    for model in models:
+        building.add(model)
+    result = building.result
+    by_name = {model.name: model for model in models}
+    for a, b in _may_touch(by_name, models[0], list(result.geoms.values()), masks, self_collision):
+        first, second = surfaces[a.link], surfaces[b.link]
+        law = combine(first, second) if a.model != b.model else None  # within the robot contact is rigid
+        pair = result.spec.add_pair(geomname1=a.name, geomname2=b.name, condim=3)
+        if law is not None:
+            result.springs.append((a, b, law))
+            pair.margin, pair.gap = -UNSOLVED, UNSOLVED + LOOK_AHEAD * time_step
+        else:
+            pair.friction[:2] = first.friction * second.friction
+    return result

@@ -1,0 +1,91 @@
+"""Everything in one scene: the robot, the objects of the world file and the models spawned later."""
+
+from collections.abc import Iterable, Sequence
+
+from hric_control.geometry import MassProperties
+from hric_control.plants import Model, Models, Surfaces, WorldObject
+from mujoco_ros_control.contact import PenaltyContact
+from mujoco_ros_control.robot import MujocoConfig, Robot
+from mujoco_ros_control.scene import Scene
+from mujoco_ros_control.scene_spec import build
+
+
+class World(Models):
+    """The robot and the models around it in one scene, which is compiled again whenever one comes or goes.
+
+    Args:
+        itself: the robot's model.
+        robot: its joints.
+        objects: of the world file.
+        rules: surfaces of single links.
+        masks: pairs of link patterns of the robot that do not collide.
+        config: the plant's parameters.
+
+    Attributes:
+        scene: of now.
+        penalty: contact by springs.
+    """
+
+    def __init__(
+        self,
+        itself: Model,
+        robot: Robot,
+        objects: Sequence[WorldObject],
+        rules: Surfaces,
+        masks: Sequence[tuple[str, str]],
+        config: MujocoConfig,
+    ) -> None:
+        super().__init__(itself.name, itself.tree, objects, rules)
+        self._itself, self._robot, self._masks, self._config = itself, robot, list(masks), config
+        self._loads: dict[str, MassProperties] = {}
+        self.penalty = PenaltyContact(config.time_step)
+        self._restore()
+        self._compile()
+        self._begin(self.models.values())
+
+    def _compile(self) -> None:
+        """The scene with the models and loads of now, in its start."""
+        built = build(
+            [self._itself, *self.models.values()],
+            self._surfaces_of_links(),
+            self._robot.losses,
+            self._loads,
+            self._masks,
+            self._config.time_step,
+            self_collision=self._config.self_collision,
+        )
+        self.scene = Scene(built, self._config.time_step, self._config.gravity, self._config.integrator)
+
+    def _begin(self, models: Iterable[Model]) -> None:
+        """These models as they begin, in a scene that was just compiled; then the robot goes on."""
+        for model in models:
+            if not model.fixed:
+                self.scene.put_free(model.free_joint, model.linear, model.angular)
+        self.penalty.bind(self.scene)
+        self._robot.bind(self.scene)
+
+    def _build(self, begin: Sequence[Model] = ()) -> None:
+        states = self.scene.states()
+        self._compile()
+        self.scene.put(states)
+        self._begin(begin)
+
+    def reset(self) -> None:
+        """Models of the world file and those spawned as they began; the robot's joints stay."""
+        states = self.scene.states()
+        self._restore()
+        self._compile()
+        prefix = f"{self._itself.name}::"
+        self.scene.put({name: state for name, state in states.items() if name.startswith(prefix)})
+        self._begin(self.models.values())
+        self.penalty.forget()
+
+    def set_load(self, load: tuple[str, MassProperties] | None) -> None:
+        """Payload on a link of the robot; it replaces the one before."""
+        before = self._loads
+        self._loads = {} if load is None else {f"{self._itself.name}::{load[0]}": load[1]}
+        try:
+            self._build()
+        except BaseException:
+            self._loads = before
+            raise

@@ -1,0 +1,86 @@
+"""What the camera sees: a ball where its CameraInfo says that it is, and as far as it is."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray, homogeneous
+from mujoco_ros_control.pictures import Camera, CameraSettings, camera_matrix, optical_frame
+
+RADIUS = 0.1
+BALL = np.array([0.6, 0.7, 0.4])
+"""Beside the arm, in the world frame [m]."""
+AHEAD = CameraSettings(width=320, height=240, xyz=(0.6, -1.3, 0.3), rpy=(0.0, 0.0, 0.5 * np.pi))
+"""Looks along y."""
+Make = Callable[..., Camera]
+
+
+@pytest.fixture
+def make_camera(panda_urdf: str, tmp_path: Path) -> Iterator[Make]:
+    path, cameras = tmp_path / "ball.yaml", []
+    path.write_text(
+        f"objects:\n- {{name: ball, shape: sphere, size: [{RADIUS}], mass: 1.0, pose: {{xyz: {BALL.tolist()}}}}}\n"
+    )
+
+    def make(settings: CameraSettings) -> Camera:
+        cameras.append(Camera(panda_urdf, str(path), settings))
+        return cameras[-1]
+
+    yield make
+    for camera in cameras:
+        camera.close()
+
+
+def seen(settings: CameraSettings, point: FloatArray) -> tuple[FloatArray, float]:
+    """Pixel (right, down) and distance along the axis [m] of a point in the camera's parent, by the pinhole model."""
+    x = np.linalg.inv(optical_frame(settings.T_parent_camera)) @ [*point, 1.0]
+    pixel = np.reshape(camera_matrix(settings), (3, 3)) @ (x[:3] / x[2])
+    return pixel[:2], float(x[2])
+
+
+def rotation_z(angle: float) -> FloatArray:
+    """Shape (3, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def where(distances: FloatArray, low: float, high: float) -> FloatArray:
+    """Middle of the pixels (right, down) whose distance is within a range [m]."""
+    rows, columns = np.nonzero((distances > low) & (distances < high))
+    return np.array([columns.mean(), rows.mean()])
+
+
+def test_a_ball_stands_where_the_camera_matrix_says_and_as_far_as_it_is(make_camera: Make) -> None:
+    picture, distances = make_camera(AHEAD).take({}, {}, depth=True)
+    assert picture.shape == (240, 320, 3) and distances is not None and distances.shape == (240, 320)
+    pixel, middle = seen(AHEAD, BALL)
+    found = where(distances, middle - 1.01 * RADIUS, middle)
+    assert np.abs(found - pixel).max() < 0.5
+    assert distances[round(pixel[1]), round(pixel[0])] == pytest.approx(middle - RADIUS, abs=1e-3)
+
+
+def test_a_ball_that_moves_is_seen_where_it_was_said_to_be(make_camera: Make) -> None:
+    there = BALL + np.array([0.3, -0.4, 0.1])
+    _, distances = make_camera(AHEAD).take({}, {"ball": homogeneous(np.eye(3), there)}, depth=True)
+    assert distances is not None
+    pixel, middle = seen(AHEAD, there)
+    assert np.abs(where(distances, middle - 1.01 * RADIUS, middle) - pixel).max() < 0.5
+
+
+@pytest.mark.parametrize("q1", [0.0, 0.2])
+def test_a_camera_on_a_link_moves_with_the_arm(make_camera: Make, q1: float) -> None:
+    on_shoulder = CameraSettings(width=320, height=240, parent="panda_link1", xyz=(0.2, 0.2, 0.1), rpy=(0.0, 0.0, 0.8))
+    _, distances = make_camera(on_shoulder).take({"panda_joint1": q1}, {}, depth=True)
+    assert distances is not None
+    T_world_link1 = homogeneous(rotation_z(q1), np.array([0.0, 0.0, 0.333]))
+    in_link1 = np.linalg.inv(T_world_link1) @ [*BALL, 1.0]
+    pixel, middle = seen(on_shoulder, in_link1[:3])
+    assert np.abs(where(distances, middle - 1.01 * RADIUS, middle) - pixel).max() < 2.0
+
+
+def test_a_parent_that_is_not_there_is_refused_with_those_that_are(make_camera: Make) -> None:
+    with pytest.raises(HricError, match=r"panda::nowhere.*panda::panda_link0"):
+        make_camera(CameraSettings(parent="nowhere"))
