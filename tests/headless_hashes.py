@@ -42,14 +42,14 @@ import bag_digest
 
 ROOT = Path(__file__).resolve().parents[1]
 LIST = ROOT / "tests" / "headless_hashes.json"
-DISTRIBUTIONS = ("numpy", "scipy", "pybullet", "opensim", "ruckig")
+DISTRIBUTIONS = ("numpy", "scipy", "pybullet", "opensim", "mujoco", "ruckig")
 DEBIAN = ("python3-pykdl", "liborocos-kdl1.5")
 FEATURES = ("sse4_1", "avx", "fma", "avx2", "avx512f", "avx512dq", "avx512bw", "avx512vl", "avx512_vnni", "avx512_bf16")
 """Of a processor, by which numpy, BLAS and the C library choose their code."""
 CHATTERING = ("thesis_step thesis on pybullet",)
 """A limit cycle at the edge of stability lets the last bit grow to 1.6e-2: compared on the list's own processor
 alone."""
-SIMULATORS = ("pybullet", "opensim")
+SIMULATORS = ("pybullet", "opensim", "mujoco")
 WALL = "world:=package://pybullet_ros_control/worlds/wall.yaml"
 TABLE = "world:=package://pybullet_ros_control/worlds/table.yaml"
 BEFORE_WALL = "q_start:=[0, -0.2, 0, -2.2, 0, 2.0, 0.785]"
@@ -62,7 +62,7 @@ REDUCED = (
     "rotatum_limit:=0",
     "robot.plant.passive_joints:=locked",
 )
-"""Changes of the study opensim_vs_pybullet."""
+"""Changes of the study engines."""
 HAND_MOVES = ("mocap.human.begin:=0.1", "mocap.human.ramp:=0.3")
 NO_WIRES = ("emg", "force_plate", "sync")
 
@@ -90,8 +90,8 @@ class Run:
         return replace(self, overrides=(*self.overrides, f"simulator:={simulator}", *more), quick=quick)
 
 
-def _on_both() -> dict[str, tuple[Run, tuple[str, ...]]]:
-    """Runs that both engines make, and on which of them they are quick."""
+def _on_each() -> dict[str, tuple[Run, tuple[str, ...]]]:
+    """Runs that all engines make, and on which of them they are quick."""
     tracking = ("duration:=1.0", *HAND_MOVES)
     reaction = "rest: [0.6, -0.2, 0.45], approach: 0.5, reaction_delay: 0.1, still_speed: 1.0"
     reactive = f"mocap.human:={{program: reactive, {reaction}}}"
@@ -105,7 +105,7 @@ def _on_both() -> dict[str, tuple[Run, tuple[str, ...]]]:
     kinds = ("cartesian_impedance", "effort_joint_trajectory", "position_joint_trajectory")
     holding = "controllers:=[joint_state_controller, franka_state_controller, {}_controller]"
     return {
-        "pd_step": (Run("pd_step", ("duration:=1.0",)), ("pybullet",)),
+        "pd_step": (Run("pd_step", ("duration:=1.0",)), ("pybullet", "mujoco")),
         "pd_step stiff": (Run("pd_step", ("duration:=0.8", "kp:=200", "kd:=100")), ()),
         "pd_step measured": (Run("pd_step", ("duration:=0.8", *measured), seed=7), ()),
         "pd_step coulomb": (Run("pd_step", ("duration:=0.8", "friction:=coulomb")), ()),
@@ -131,9 +131,9 @@ def _on_both() -> dict[str, tuple[Run, tuple[str, ...]]]:
 
 
 def _runs() -> dict[str, Run]:
-    both = _on_both()
-    pairs = [(name, engine) for name in both for engine in SIMULATORS]
-    runs = {f"{name} on {engine}": both[name][0].on(engine, quick=engine in both[name][1]) for name, engine in pairs}
+    each = _on_each()
+    pairs = [(name, engine) for name in each for engine in SIMULATORS]
+    runs = {f"{name} on {engine}": each[name][0].on(engine, quick=engine in each[name][1]) for name, engine in pairs}
     seen = (
         "mocap.stream.occlusions:=[[0.4, 0.3]]",
         "mocap.stream.loss:=0.1",

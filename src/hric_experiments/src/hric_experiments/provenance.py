@@ -8,6 +8,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ DISTRIBUTIONS = (
     "numpy",
     "pybullet",
     "opensim",
+    "mujoco",
     "panda-python",
     "pylibfranka",
     "scipy",
@@ -41,6 +43,7 @@ HRIC_PACKAGES = (
     "franka_real",
     "franka_sim",
     "opensim_ros_control",
+    "mujoco_ros_control",
     "pybullet_ros_control",
     "urdf_to_osim",
     "panda_description",
@@ -72,10 +75,15 @@ def head(
         "bag": folder.bag_path.name,
         "definition": neutral(to_dict(definition)),
         "parameters": parameters(tree),
-        "versions": versions(),
-        "revision": revision(),
+        **_code(),
         "platform": platform_info(),
     }
+
+
+@cache
+def _code() -> dict[str, Any]:
+    """Versions and revision as they were when the first run of this process began: what has been loaded since."""
+    return {"versions": versions(), "revision": revision()}
 
 
 def versions() -> dict[str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.parts import PartsReader
-from hric_bags.reader import seconds
+from hric_bags.reader import opened, seconds
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -106,10 +106,10 @@ class Collection:
     frame: str = ""
 
 
-def read(path: Path) -> Collection | None:
+def read(bag: Path | PartsReader) -> Collection | None:
     """Read a bag with all its parts; None: it has neither samples nor frames nor synchronised samples."""
     found: dict[str, dict[str, list[Any]]] = {kind: {} for kind in (*TYPES, TRUTH_TOPIC)}
-    with PartsReader(path) as reader:
+    with opened(bag) as reader:
         counted = [c for c in reader.connections if c.msgtype in TYPES or c.topic.endswith(TRUTH_TOPIC)]
         if not any(c.msgtype in (CHUNK, FRAMES, SAMPLE) for c in counted):
             return None

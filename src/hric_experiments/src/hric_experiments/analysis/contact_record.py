@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hric_bags.parts import PartsReader
-from hric_bags.reader import seconds
+from hric_bags.reader import opened, seconds
 from hric_control.errors import HricError
 from hric_control.sim import contact_info
 
@@ -45,10 +45,10 @@ class PairForce:
     last: float
 
 
-def read(path: Path, robot_time: Callable[[float], float]) -> list[PairForce]:
+def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> list[PairForce]:
     """All pairs of a bag with all its parts; empty: nothing touched, or the bag has no such topic."""
     pairs: dict[tuple[str, str], PairForce] = {}
-    with PartsReader(path) as reader:
+    with opened(bag) as reader:
         contacts = [c for c in reader.connections if c.msgtype == CONTACTS_TYPE]
         for connection, _, raw in reader.messages(connections=contacts) if contacts else ():
             message = reader.deserialize(raw, connection.msgtype)

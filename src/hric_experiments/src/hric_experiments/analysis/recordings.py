@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.parts import PartsReader
-from hric_bags.reader import FloatArray, RobotTime, seconds
+from hric_bags.reader import FloatArray, RobotTime, opened, seconds
 from hric_experiments.analysis.collection_record import TIME_CODE
 
 SignalKey = tuple[str, str, tuple[str, ...]]
@@ -96,17 +96,19 @@ class Recordings:
     )
 
 
-def read(path: Path, robot_time: RobotTime, *, progress: bool = False, signals_only: bool = False) -> Recordings:
+def read(
+    bag: Path | PartsReader, robot_time: RobotTime, *, progress: bool = False, signals_only: bool = False
+) -> Recordings:
     """Read a bag.
 
     Args:
-        path: of the bag.
+        bag: the bag, or a reader of it.
         robot_time: from stamps to robot time.
         progress: show a progress bar on the terminal.
         signals_only: leave out all but the sensors' numbers.
     """
     reading = _Reading(robot_time)
-    with PartsReader(path) as reader:
+    with opened(bag) as reader:
         label = "reading the bag" if progress else ""
         kinds = SIGNAL_TYPES if signals_only else reading.kinds
         for connection, stamp, raw in reader.chosen(

@@ -6,6 +6,7 @@ from typing import Any
 
 from hric_bags import files
 from hric_bags import reader as bag_reader
+from hric_bags.parts import PartsReader
 from hric_bags.reader import RunRecord
 from hric_bags.run_folder import RunFolder
 from hric_experiments.analysis import (
@@ -49,13 +50,15 @@ def analyse(
     run = folder.read()
     bag = bag_of(folder, run)
     step("reading the control log")
-    record = bag_reader.read(bag)
     definition = run.get("definition") or {}
     tolerances = tuple((definition.get("metrics") or {}).get("tolerances") or MetricsSpec().tolerances)
-    step("how a marker was followed")
-    followed = tracking_analysis.analyse(folder, bag, run, record)
-    step("metrics of motion, contacts and samples")
-    result = {**_metrics(run, bag, record, tolerances), "tracking": None if followed is None else followed.values}
+    with bag_reader.opened(bag) as reader:
+        record = bag_reader.read(reader)
+        step("how a marker was followed")
+        followed = tracking_analysis.analyse(folder, reader, run, record)
+        step("metrics of motion, contacts and samples")
+        result = _metrics(run, reader, record, tolerances)
+    result["tracking"] = None if followed is None else followed.values
     result |= _compared(definition, run.get("parameters") or {}, result)
     files.write_json(folder.metrics_path, result)
     report = report_text.render(run, result)
@@ -90,7 +93,9 @@ def _draw(
     drawing.draw(folder.path / drawing.FOLDER, shown, title(run))
 
 
-def _metrics(run: Mapping[str, Any], bag: Path, record: RunRecord, tolerances: Sequence[float]) -> dict[str, Any]:
+def _metrics(
+    run: Mapping[str, Any], bag: PartsReader, record: RunRecord, tolerances: Sequence[float]
+) -> dict[str, Any]:
     """What follows from the run alone, for metrics.json."""
     limits: Mapping[str, Mapping[str, float]] = run.get("limits") or {}
     collected, interval = collection_record.read(bag), run.get("interval")

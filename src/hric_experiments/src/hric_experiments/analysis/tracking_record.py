@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.parts import PartsReader
-from hric_bags.reader import RobotTime, seconds
+from hric_bags.reader import RobotTime, opened, seconds
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -85,11 +85,11 @@ class TrackingRecord:
     own_time: FloatArray | None = None
 
 
-def read(path: Path, robot_time: RobotTime, body: str) -> TrackingRecord | None:
+def read(bag: Path | PartsReader, robot_time: RobotTime, body: str) -> TrackingRecord | None:
     """Read a bag.
 
     Args:
-        path: of the bag.
+        bag: the bag, or a reader of it.
         robot_time: from stamps to robot time.
         body: that is followed; "": the first of each frame.
 
@@ -98,7 +98,7 @@ def read(path: Path, robot_time: RobotTime, body: str) -> TrackingRecord | None:
     """
     found: dict[str, list[tuple[float, Any]]] = {FRAMES: [], TRUTH: [], PHASES: [], STATE_TYPE: [], ROBOT_TYPE: []}
     controller = ""
-    with PartsReader(path) as reader:
+    with opened(bag) as reader:
         kept = {
             c.id: key for c in reader.connections for key in found if key == c.msgtype or c.topic.endswith(f"/{key}")
         }

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from hric_bags.parts import PartsReader
 from hric_bags.reader import BagError, ControlRecord, RunRecord
 from hric_bags.run_folder import RunFolder
 from hric_control.urdf import read
@@ -34,12 +35,12 @@ class Tracking:
     values: dict[str, Any]
 
 
-def analyse(folder: RunFolder, bag: Path, run: Mapping[str, Any], record: RunRecord) -> Tracking | None:
+def analyse(folder: RunFolder, bag: Path | PartsReader, run: Mapping[str, Any], record: RunRecord) -> Tracking | None:
     """How well the marker was followed; None where no controller followed one.
 
     Args:
         folder: of the run, for the robot's description.
-        bag: its bag.
+        bag: its bag, or a reader of it.
         run: contents of its run.yaml.
         record: the rest of the bag.
 

@@ -62,7 +62,11 @@ DOTTED = (
 GROUPS = {"robot": RobotSpec, "metrics": MetricsSpec}
 VALUES = ("controllers", "description", "duration", "setpoints")
 FRICTIONS = ("none", "coulomb", "identified")
-SIMULATORS = {"pybullet": "pybullet_ros_control/PyBulletPlant", "opensim": "opensim_ros_control/OpenSimPlant"}
+SIMULATORS = {
+    "pybullet": "pybullet_ros_control/PyBulletPlant",
+    "opensim": "opensim_ros_control/OpenSimPlant",
+    "mujoco": "mujoco_ros_control/MujocoPlant",
+}
 
 
 def help_text() -> str:

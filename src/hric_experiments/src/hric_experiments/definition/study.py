@@ -21,6 +21,8 @@ forms:
       - {runs: [soft, stiff]}
 """
 
+RENAMED = {"opensim_vs_pybullet": "engines"}
+"""Names that studies had before."""
 OVERRIDES: Any = listing(text(empty=False), default=(), different=True)
 
 
@@ -110,7 +112,7 @@ def is_study(name: str) -> bool:
         ParameterError: the file cannot be read or is not YAML.
     """
     if not name.endswith((".yaml", ".yml")) or not Path(name).expanduser().is_file():
-        return name in names()
+        return name in (*names(), *RENAMED)
     content = read_yaml(Path(name).expanduser())
     return isinstance(content, Mapping) and "forms" in content
 
@@ -126,8 +128,8 @@ def load(name: str) -> Study:
     """
     if name.endswith((".yaml", ".yml")):
         path = Path(name).expanduser()
-    elif name in names():
-        path = experiment.config_path("studies") / f"{name}.yaml"
+    elif name in (*names(), *RENAMED):
+        path = experiment.config_path("studies") / f"{RENAMED.get(name, name)}.yaml"
     else:
         raise UnknownNameError("study", name, names(), "studies")
     return parse(path.stem, read_yaml(path))

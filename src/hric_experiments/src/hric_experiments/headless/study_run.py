@@ -10,7 +10,7 @@ import numpy as np
 from hric_bags import files
 from hric_bags import reader as bag_reader
 from hric_bags import text as text_table
-from hric_bags.reader import FloatArray
+from hric_bags.reader import ControlRecord, FloatArray
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RUNNING, RunFolder, iso_now
 from hric_control.errors import HricError
 from hric_control.local.node import LocalNode
@@ -90,14 +90,15 @@ def _forms(
         runs, interrupted = _runs(form, given, seed, root, progress)
         if interrupted:
             return found, True
+        logs = {name: log_of(run.folder) for name, run in runs.items()}
         found[form.name] = {
             "experiment": form.experiment,
             "changes": list(form.changes),
-            "runs": {name: _run(run) for name, run in runs.items()},
+            "runs": {name: _run(run, logs[name]) for name, run in runs.items()},
             "compared": [_pair(pair, runs, folder / form.name, figures) for pair in form.compared],
         }
         if figures:
-            _draw(form, runs, given, folder / form.name, found[form.name])
+            _draw(form, runs, logs, given, folder / form.name, found[form.name])
     return found, False
 
 
@@ -119,21 +120,21 @@ def _runs(form: Form, given: Sequence[str], seed: int, root: Path, progress: boo
     return found, False
 
 
-def _run(result: Result) -> dict[str, Any]:
+def log_of(folder: RunFolder) -> ControlRecord:
+    """Every cycle of a run."""
+    return bag_reader.read(bag_of(folder, folder.read())).log
+
+
+def _run(result: Result, log: ControlRecord) -> dict[str, Any]:
     data = result.folder.read()
     return {
         "run": result.folder.path.name,
         "arguments": data["arguments"],
         "real_time_factor": data.get("real_time_factor"),
         "stability": result.metrics["stability"]["verdict"],
-        "law_times": law_times(times_of(result.folder)),
+        "law_times": law_times(log.time),
         "tracking": study_tracking.chosen(result.metrics),
     }
-
-
-def times_of(folder: RunFolder) -> FloatArray:
-    """Time that the control law saw in each of its calls, shape (n,) [s]."""
-    return bag_reader.read(bag_of(folder, folder.read())).log.time
 
 
 def law_times(time: FloatArray) -> dict[str, Any]:
@@ -170,17 +171,33 @@ def _settling(result: Result) -> dict[str, Any]:
     return dict(moves[-1]["settling_time_max"]) if moves else {}
 
 
-def _draw(form: Form, runs: Mapping[str, Result], given: Sequence[str], folder: Path, result: dict[str, Any]) -> None:
+def _draw(
+    form: Form,
+    runs: Mapping[str, Result],
+    logs: Mapping[str, ControlRecord],
+    given: Sequence[str],
+    folder: Path,
+    result: dict[str, Any],
+) -> None:
     from hric_experiments.report import drawing, study_figures
 
-    first = form.compared[0].runs
-    poses = {name: start_poses(form.definition(name, given)) for name in first}
-    a, b = (poses[name] for name in first)
-    result["start_pose_difference_max"] = max(float(np.abs(a[link] - b[link]).max()) for link in a if link in b)
-    times = study_figures.times({name: times_of(run.folder) for name, run in runs.items() if name in first})
+    poses = {name: start_poses(form.definition(name, given)) for name in _one_of_each_engine(form, given)}
+    first, *others = poses.values()
+    result["start_pose_difference_max"] = max(
+        float(np.abs(first[link] - other[link]).max()) for other in others for link in first if link in other
+    )
     followed = study_tracking.figure({name: run.folder for name, run in runs.items()})
-    drawing.draw(folder, [times] if followed is None else [times, followed], form.name)
+    shown = [*study_figures.motion(logs), study_figures.times({name: log.time for name, log in logs.items()})]
+    drawing.draw(folder, shown if followed is None else [*shown, followed], form.name)
     study_figures.draw_poses(folder, poses, form.name)
+
+
+def _one_of_each_engine(form: Form, given: Sequence[str]) -> Sequence[str]:
+    """The first run on each; where all are on one, the first pair."""
+    engines: dict[str, str] = {}
+    for name in form.runs:
+        engines.setdefault(form.definition(name, given).robot.plant_type, name)
+    return list(engines.values()) if len(engines) > 1 else form.compared[0].runs
 
 
 def render(result: Mapping[str, Any]) -> str:

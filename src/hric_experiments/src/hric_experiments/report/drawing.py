@@ -165,7 +165,7 @@ def _draw_panel(ax: Axes, figure: Figure, panel: Panel, *, first: bool) -> None:
         ax.plot(curve.time, curve.values, label=curve.name, **stroke(curve.role))
     for name, begin, end in figure.bands:
         ax.axvspan(begin, end, color=style.LIMIT[0], alpha=0.12, linewidth=0, label=name)
-    ax.set_title(panel.title, loc="left")
+    ax.set_title(panel.title, loc="left", y=1.0)  # a height of its own: matplotlib measures all labels to find one
     if first or panel.unit:
         ax.set_ylabel(panel.unit or figure.unit)
     ax.margins(x=0.0)

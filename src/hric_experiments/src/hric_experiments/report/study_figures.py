@@ -1,19 +1,21 @@
-"""Figures of a study, in the form of the thesis's figures 17 and 18; its figure 19 is the comparison's
-`figures/positions.png`."""
+"""Figures of a study: all of its runs in one, and those in the form of the thesis's figures 17 and 18; its figure 19 is
+the comparison's `figures/positions.png`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from hric_bags.reader import FloatArray
+from hric_bags.reader import ControlRecord, FloatArray
+from hric_experiments.report import sections
 from hric_experiments.report.drawing import INCH, STYLE, save
-from hric_experiments.report.figure import Curve, Figure, Panel
-from hric_experiments.report.style import DOUBLE, SINGLE
+from hric_experiments.report.figure import Curve, Figure, Panel, per_joint
+from hric_experiments.report.style import ALIKE, DOUBLE, SINGLE
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
@@ -21,6 +23,32 @@ if TYPE_CHECKING:
 AXES = ("#b3261e", "#2e7d32", "#1f5fa8")
 AXIS_LENGTH = 0.07
 """Of the drawn frames [m]."""
+
+
+def motion(logs: Mapping[str, ControlRecord]) -> list[Figure]:
+    """The joints in all runs, and how far each run is from the first one."""
+    (name, first), *others = logs.items()
+    alike = {name: log for name, log in others if log.joint_names == first.joint_names}
+    curves = [
+        Curve(name, f"s{k % len(ALIKE)}", log.time, log.position)
+        for k, (name, log) in enumerate({name: first, **alike}.items())
+    ]
+    positions = per_joint("positions", "Joint positions", "position [rad]", first.joint_names, curves, min_height=0.02)
+    apart = [_apart(curve, curves[0]) for curve in curves[1:]]
+    figures = [positions.about(sections.MOTION, "Positions of the joints in all runs.")]
+    if apart:
+        title, unit = f"Distance from {name}", "largest difference of a joint [rad]"
+        caption = f"Of all joints the largest difference of position from the run {name}, on a logarithmic axis."
+        distance = Figure("distances", title, unit, (Panel("", tuple(apart)),), logarithmic=True, columns=1)
+        figures.append(distance.about(sections.RESULTS, caption))
+    return figures
+
+
+def _apart(curve: Curve, first: Curve) -> Curve:
+    """Largest difference of a joint at each time that both have."""
+    n = min(len(curve.time), len(first.time))
+    largest = np.abs(curve.values[:n] - first.values[:n]).max(axis=1)
+    return replace(curve, time=curve.time[:n], values=np.where(largest > 0.0, largest, np.nan))
 
 
 def times(of_runs: Mapping[str, FloatArray]) -> Figure:

@@ -1,0 +1,315 @@
+"""One experiment in this process, without a ROS master and as fast as the machine allows: run, look, reset, again."""
+
+import contextlib
+import copy
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from types import FrameType, TracebackType
+from typing import Any
+
+import numpy as np
+import yaml
+from std_msgs.msg import Float64MultiArray
+from tqdm import tqdm
+
+from franka_msgs.msg import FrankaState
+from hric_bags.reader import ControlRecord, stitch
+from hric_control.errors import FailureError, HricError
+from hric_control.hardware_interface import JointStateInterface
+from hric_control.local.node import LocalNode
+from hric_control.robot_app import RobotApp
+from hric_experiments import provenance
+from hric_experiments.definition import experiment, parameters
+from hric_experiments.definition.experiment import Experiment, Setpoint
+from hric_msgs.msg import ControlLog
+from hric_perception.human import CapturedHuman
+from hric_perception.human.truth import Truth
+from mocap_natnet.headless import HeadlessMocap, robot_time
+from mocap_natnet.node.parameters import Publishing
+from mocap_natnet.node.publisher import MocapPublisher
+
+PROGRESS_PERIOD = 0.05
+"""Robot time between two updates of the progress bar [s]."""
+STATE_TOPIC = "franka_state_controller/franka_states"
+Message = tuple[str, Any, float]
+"""Topic, message, robot time [s]."""
+
+
+class Simulation:
+    """Robot, manager and controllers of an experiment on a `LocalNode`.
+
+        with Simulation("pd_step", kp=200) as simulation:
+            simulation.run()
+            overshoot = simulation.signals.position.max(axis=0)   # (7,) [rad]
+
+    The same experiment with the same seed gives the same bits, in a new process or after a thousand runs in this one:
+    `reset` builds robot and controllers again, from parts that are read only once.
+
+    Args:
+        name: of the experiment, path of a YAML file, or the experiment itself.
+        seed: of everything random.
+        overrides: as on the command line, `kp=200`; of a dotted key `**{"robot.plant.friction": "identified"}`.
+
+    Attributes:
+        definition: the experiment.
+        seed: as given.
+        node: the robot's namespace, to publish, subscribe, and call services.
+        app: robot and manager.
+        tree: all parameters.
+        limits: per joint, see `provenance.joint_limits`.
+        early: what was published before the first cycle.
+
+    Raises:
+        HricError: the experiment cannot run.
+    """
+
+    def __init__(self, name: str | Experiment, /, *, seed: int = 0, **overrides: Any) -> None:
+        self._name, self._overrides, self.seed = name, overrides, seed
+        self._open()
+
+    def _open(self) -> None:
+        self.definition = _definition(self._name, self._overrides)
+        _refuse_wires(self.definition)
+        self.tree = _tree(self.definition, self.seed)
+        node = self.node = LocalNode(self.tree)
+        mocap = self.definition.mocap
+        human = None if mocap is None else HeadlessHuman(node, mocap.build(self.seed))
+        self.app = RobotApp(node, node.child(parameters.ROBOT))
+        try:
+            self.limits, self.early = self._prepare()
+        except BaseException:
+            self.app.shutdown()
+            raise
+        self.tree[parameters.ROBOT] = node.param(parameters.ROBOT)  # with what the plant chose
+        self._timeline = Timeline(node, self.definition.setpoints, human)
+        self._log: list[Any] = []
+        node.subscribe("control_log", ControlLog, self._log.append)
+
+    def _prepare(self) -> tuple[dict[str, dict[str, float]], list[Message]]:
+        """Load and start the controllers, so that all that can be refused is before anything is written.
+
+        Returns:
+            limits per joint, and what was published.
+        """
+        app, node, definition = self.app, self.node, self.definition
+        names = app.hw.get(JointStateInterface).names
+        limits = provenance.joint_limits(node.param("robot_description"), node, names)
+        for setpoint in definition.setpoints:
+            parameters.check_setpoint(setpoint, node.param(setpoint.controller, {}).get("joints", names), limits)
+        early: list[Message] = []
+        tap = node.tap(lambda topic, message, time: early.append((topic, copy.deepcopy(message), time)))
+        for name in definition.controllers:
+            app.manager.load(name)
+        app.manager.switch(list(definition.controllers), [], loop_running=False)
+        tap.unregister()
+        return limits, early
+
+    # -- running -------------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Robot time so far [s]."""
+        return float(self.app.cycles * self.app.hw.period)
+
+    def run(self, duration: float | None = None, *, progress: bool = False) -> None:
+        """Go on.
+
+        Args:
+            duration: robot time [s]; None: to the end of the experiment.
+            progress: show on a terminal how far it is.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C or SIGTERM, after a whole cycle; `signals` has all until then.
+            HricError: the robot failed, or a controller was stopped by an error.
+        """
+        left = self.definition.duration - self.time if duration is None else duration
+        form = "{l_bar}{bar}| {n:.2f}/{total:.2f} s robot time [{elapsed}<{remaining}]"
+        # disable=None: where stderr is no terminal there is no bar, whose hundreds of states a file would keep.
+        options = {"desc": self.definition.name, "bar_format": form, "leave": False, "disable": None}
+        with (
+            tqdm(total=left, **options) if progress else contextlib.nullcontext() as self._timeline.bar,
+            _interruptible(self.app) as interrupt,
+        ):
+            self.app.run(left, self._timeline)
+        if interrupt.is_set():
+            raise KeyboardInterrupt
+        failed = [status.name for status in self.app.manager.list() if status.state == "aborted"]
+        if failed:
+            raise FailureError(
+                f"experiment {self.definition.name}: controller {', '.join(failed)} was stopped by an error; its "
+                "message is above"
+            )
+
+    def reset(self, *, seed: int | None = None, **overrides: Any) -> None:
+        """Begin again.
+
+        Args:
+            seed: None: as before.
+            overrides: more of them; those of before stay.
+
+        Raises:
+            HricError: the experiment cannot run; the simulation is then closed.
+        """
+        self.close()
+        self.seed = self.seed if seed is None else seed
+        self._overrides = self._overrides | overrides
+        self._open()
+
+    # -- what it gave --------------------------------------------------------------------------------------------------
+
+    @property
+    def signals(self) -> ControlRecord:
+        """Every cycle so far: time, position, velocity, effort, commands.
+
+        Raises:
+            HricError: there is none yet, or the robot keeps no log.
+        """
+        return stitch(self._log)
+
+    @property
+    def state_sha256(self) -> str:
+        """Hash of the bits of position, velocity and command, as in run.yaml."""
+        return self.signals.state_sha256()
+
+    # -- the end -------------------------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Release the robot; `signals` stays."""
+        self.app.shutdown()
+
+    def __enter__(self) -> "Simulation":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _definition(name: str | Experiment, overrides: dict[str, Any]) -> Experiment:
+    if not isinstance(name, Experiment):
+        return experiment.load(name, [f"{key}:={_yaml(value)}" for key, value in overrides.items()])
+    if overrides:
+        raise HricError(f"overrides ({', '.join(overrides)}) need the experiment's name, not the experiment itself")
+    return name
+
+
+def _yaml(value: Any) -> str:
+    """On one line, as an override has it."""
+    plain = np.asarray(value).tolist() if isinstance(value, np.ndarray | np.generic | tuple) else value
+    return str(yaml.safe_dump(plain, default_flow_style=True, width=float("inf"))).removesuffix("...\n").strip()
+
+
+def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
+    """All parameters, as a live run has them on the server."""
+    return {
+        "robot_description": parameters.description(definition.robot),
+        "joint_limits": parameters.joint_limits(definition),
+        **parameters.controllers(definition),
+        parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},
+        **parameters.mocap(definition, seed),
+    }
+
+
+def _refuse_wires(definition: Experiment) -> None:
+    """Sensors that come by wire cannot follow a run that is not paced."""
+    wired = [sensor.name for sensor in definition.sensors] + ["sync"] * (definition.sync is not None)
+    if wired:
+        raise HricError(
+            f"{definition.name} has {', '.join(wired)}, which come by wire; valid: scripts/bringup "
+            f"experiment:={definition.name}"
+        )
+
+
+class HeadlessHuman:
+    """The emulated human, the Motive that sees him and its client, without sockets, with the same codec.
+
+    Moves with robot time; the program's time 0 is the first `advance`.
+
+    Args:
+        node: the robot's namespace, with the parameters of the motion capture's nodes.
+        seen: the human, and the Motive that sees him.
+
+    Raises:
+        HricError: a parameter that does not suit a run without a network.
+    """
+
+    def __init__(self, node: LocalNode, seen: CapturedHuman) -> None:
+        self._hand, self._started = seen.hand, False
+        publisher = MocapPublisher(node, Publishing.read(node.child(parameters.MOCAP_CLIENT)), robot_time)
+        self._mocap = HeadlessMocap(seen.motive, publisher)
+        self._truth = Truth(node, seen.hand, node.param(f"{parameters.EMULATED_HUMAN}/base_frame"))
+        node.subscribe(STATE_TOPIC, FrankaState, self._on_state)
+
+    def _on_state(self, message: Any) -> None:
+        x, y, z = message.O_T_EE[12:15]
+        self._hand.see(message.header.stamp.to_sec(), (x, y, z))
+
+    def advance(self, time: float) -> None:
+        """Go on to a time of the run [s]."""
+        if not self._started:
+            self._started = True
+            self._hand.start(time)
+        self._mocap.advance(time)
+        self._truth.advance(time)
+
+
+class Timeline:
+    """Sends the setpoints at their times, lets the human move, and the progress bar; called in the loop before
+    each update.
+
+    The first cycle starts the controllers, so the earliest setpoint goes out in the second one, 1 ms later, and so
+    does the first frame.
+
+    Args:
+        node: the robot's namespace.
+        setpoints: in order of time.
+        human: before the motion capture; None: none.
+
+    Attributes:
+        bar: shows robot time; None: no bar.
+    """
+
+    def __init__(self, node: LocalNode, setpoints: Sequence[Setpoint], human: HeadlessHuman | None) -> None:
+        self._waiting = list(setpoints)
+        self._publishers = {
+            p.controller: node.advertise(f"{p.controller}/command", Float64MultiArray) for p in setpoints
+        }
+        self._shown, self._started, self._human = 0.0, False, human
+        self.bar: Any = None
+
+    def __call__(self, now: float) -> None:
+        """Do what is due at robot time `now` [s]."""
+        if not self._started:
+            self._started = True
+            return
+        while self._waiting and now >= self._waiting[0].time - 1e-9:
+            setpoint = self._waiting.pop(0)
+            self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
+        if self._human is not None:
+            self._human.advance(now)
+        if self.bar is not None and now - self._shown >= PROGRESS_PERIOD:
+            self.bar.update(round(now - self._shown, 3))
+            self._shown = now
+
+
+@contextlib.contextmanager
+def _interruptible(app: RobotApp) -> Iterator[threading.Event]:
+    """Ctrl-C and SIGTERM end the run after the present cycle, so that log and bag stay whole. Only the main thread gets
+    signals."""
+    interrupt = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupt
+        return
+
+    def stop(_: int, __: FrameType | None) -> None:
+        interrupt.set()
+        app.stop()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield interrupt
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
