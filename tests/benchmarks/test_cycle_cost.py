@@ -1,37 +1,36 @@
-"""Bounds on the cost of the control cycle, as ratios to the engine's bare step in the same run."""
+"""Bounds on the cost of the control cycle, as ratios to PyBullet's bare step in the same run."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
-from cycle_cost import FRANKA, GENERIC, measure, share_of_the_accurate_step
+from turns import ratio
 
 pytestmark = [pytest.mark.alone, pytest.mark.live]
 Figure = Callable[[str, float, str], None]
+BOUNDS = {
+    "cycle/pybullet/generic": 2.8,
+    "cycle/pybullet/rotors": 3.3,
+    "cycle/pybullet/franka": 4.0,
+    "cycle/mujoco/generic": 2.4,
+    "cycle/mujoco/rotors": 2.4,
+    "cycle/mujoco/franka": 2.9,
+    "cycle/mujoco/generic/semi_implicit": 1.5,
+    "cycle/mujoco/rotors/semi_implicit": 1.6,
+    "cycle/mujoco/franka/semi_implicit": 2.1,
+}
 
 
-@pytest.mark.parametrize(
-    ("robot", "rotor_inertia", "bound"), [(GENERIC, 0.0, 4.0), (GENERIC, 0.1, 6.0), (FRANKA, 0.1, 15.0)]
-)
-def test_a_whole_headless_cycle_costs_at_most_a_few_bare_engine_steps(
-    robot: str, rotor_inertia: float, bound: float, tmp_path: Path, figure: Figure
+@pytest.mark.parametrize("case", BOUNDS)
+def test_a_whole_headless_cycle_costs_at_most_a_few_bare_engine_steps(case: str, figure: Figure) -> None:
+    cost = ratio(case, "bare/pybullet", rounds=40)
+    figure(f"{case} beside a bare step of PyBullet", cost, "1")
+    assert cost <= BOUNDS[case]
+
+
+@pytest.mark.parametrize(("robot", "bound"), [("generic", 1.3), ("rotors", 1.1)])
+def test_the_step_of_second_order_makes_a_whole_cycle_on_pybullet_little_dearer(
+    robot: str, bound: float, figure: Figure
 ) -> None:
-    cost = measure(rotor_inertia, tmp_path, robot_hw=robot)
-    figure(f"{robot}, rotor inertia {rotor_inertia:g} kg m^2: whole cycle beside a bare step", cost.ratio, "1")
-    figure(
-        f"{robot}, rotor inertia {rotor_inertia:g} kg m^2: robot time per processor time", cost.real_time_factor, "1"
-    )
-    assert cost.ratio <= bound, cost
-
-
-@pytest.mark.parametrize(("rotor_inertia", "bound"), [(0.0, 1.3), (0.1, 1.1)])
-def test_the_step_of_second_order_makes_a_whole_cycle_little_dearer(
-    rotor_inertia: float, bound: float, figure: Figure
-) -> None:
-    share = share_of_the_accurate_step(rotor_inertia)
-    figure(
-        f"rotor inertia {rotor_inertia:g} kg m^2: cycle with the step of second order beside the engine's own",
-        share,
-        "1",
-    )
+    share = ratio(f"cycle/pybullet/{robot}", f"cycle/pybullet/{robot}/semi_implicit", rounds=40)
+    figure(f"cycle/pybullet/{robot} beside one with the engine's own step", share, "1")
     assert share <= bound

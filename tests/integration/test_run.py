@@ -230,6 +230,7 @@ def test_a_minute_at_real_time_is_logged_cycle_by_cycle_and_paced_within_one_per
     assert gaps_and_repeats(cycles) == (0, 0)
 
 
+HOLD = f"experiment:={ROOT / 'tests/benchmarks/hold.yaml'}"
 ROUNDS = 5
 """Of which the median counts."""
 
@@ -238,10 +239,11 @@ ROUNDS = 5
 @pytest.mark.parametrize(
     ("what", "least", "arguments"),
     [
-        ("RobotHWSim", 8.0, [f"experiment:={ROOT / 'tests/benchmarks/hold.yaml'}"]),
+        ("RobotHWSim", 8.0, [HOLD]),
+        ("RobotHWSim on MuJoCo", 12.0, [HOLD, "simulator:=mujoco"]),
         ("the arm behind its control box and with a hand", 3.0, []),  # 3.8 to 4.2 were measured
     ],
-    ids=["RobotHWSim", "control box"],
+    ids=["RobotHWSim", "MuJoCo", "control box"],
 )
 def test_unpaced_with_ros_and_recording_a_run_is_many_times_faster_than_real_time(
     start: Start, what: str, least: float, arguments: list[str], figure: Figure

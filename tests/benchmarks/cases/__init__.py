@@ -1,0 +1,119 @@
+"""What the benchmark times, by name. A case is a context whose value, called, does a block of work and answers what one
+unit of it took [s]."""
+
+import importlib
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+Block = Callable[[], float]
+REFERENCE = "bare/pybullet"
+"""The case beside which all others are told: a step of PyBullet and nothing else."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One line of the table.
+
+    Attributes:
+        what: is timed, in words.
+        unit: of what, such as "step".
+        make: module of this package and function that makes the context.
+        arguments: of the function.
+        rounds: blocks of one process.
+        several: whether several processes work, so that time on the wall counts and not the processor's.
+    """
+
+    what: str
+    unit: str
+    make: tuple[str, str]
+    arguments: dict[str, Any]
+    rounds: int = 20
+    several: bool = False
+
+
+ROBOTS = {
+    "generic": ("RobotHWSim", {"rotor_inertia": 0.0}),
+    "rotors": ("RobotHWSim with rotors", {"rotor_inertia": 0.1}),
+    "full": ("RobotHWSim with rotors and friction", {"rotor_inertia": 0.1, "friction": "identified"}),
+    "franka": ("FrankaHWSim", {"rotor_inertia": 0.1}),
+}
+"""Of a cycle: what it is, and the plant's parameters."""
+TIMED = {
+    "pybullet": ("generic", "rotors", "franka"),
+    "mujoco": ("generic", "rotors", "franka"),
+    "opensim": ("generic", "full", "franka"),
+}
+"""The cycles of each engine."""
+FIRST_ORDER_UNTIMED = (("pybullet", "franka"), ("opensim", "full"), ("opensim", "franka"))
+"""Engines and robots whose cycle is timed with the accurate step alone."""
+
+
+def _cycles() -> dict[str, Case]:
+    found = {}
+    for engine, robots in TIMED.items():
+        for robot in robots:
+            for integrator in ("accurate", "semi_implicit"):
+                if integrator == "semi_implicit" and (engine, robot) in FIRST_ORDER_UNTIMED:
+                    continue
+                text, plant = ROBOTS[robot]
+                arguments = {"robot": robot, "simulator": engine, "integrator": integrator, **plant}
+                suffix = "" if integrator == "accurate" else f"/{integrator}"
+                what = f"{text} on {engine}, {integrator}"
+                found[f"cycle/{engine}/{robot}{suffix}"] = Case(what, "cycle", ("arms", "cycle"), arguments)
+    return found
+
+
+def _runs() -> dict[str, Case]:
+    found = {}
+    for engine in ("pybullet", "mujoco"):
+        what, given = f"a headless pd_step of 6 s on {engine}, bag and metrics", {"simulator": engine}
+        found[f"run/{engine}/again"] = Case(f"{what}, after another one", "run", ("runs", "again"), given, 4)
+        found[f"run/{engine}/fresh"] = Case(f"{what}, in a new process", "run", ("runs", "fresh"), given, 2)
+    return found
+
+
+def _fci() -> dict[str, Case]:
+    """A control loop through libfranka, and the same before a server whose robot is a constant state."""
+    found = {}
+    for robot in ("panda", "fr3"):
+        for suffix, words in (("", ()), ("/constant", ("--constant",))):
+            what = f"a cycle through libfranka, {robot}" + (", against a constant state" if words else "")
+            given = {"robot": robot, "words": words}
+            found[f"fci/{robot}{suffix}"] = Case(what, "cycle", ("wires", "fci"), given, 4, several=True)
+    return found
+
+
+CASES: dict[str, Case] = {
+    REFERENCE: Case("PyBullet's own step of the arm", "step", ("arms", "bare_pybullet"), {}),
+    "bare/mujoco/accurate": Case("MuJoCo's step, Runge-Kutta", "step", ("arms", "bare_mujoco"), {"integrator": "RK4"}),
+    "bare/mujoco/semi_implicit": Case(
+        "MuJoCo's step, implicitfast", "step", ("arms", "bare_mujoco"), {"integrator": "IMPLICITFAST"}
+    ),
+    "bare/opensim/installed": Case(
+        "OpenSim's step as it loads itself", "step", ("opensim_steps", "third_order"), {"loaded_first": False}
+    ),
+    "bare/opensim/accurate": Case(
+        "OpenSim's step, its libraries loaded as the plant does", "step", ("opensim_steps", "third_order"), {}
+    ),
+    "bare/opensim/semi_implicit": Case("Euler's method on OpenSim", "step", ("opensim_steps", "semi_implicit"), {}),
+    "plain/pybullet": Case("a PD law in a plain loop on PyBullet", "cycle", ("arms", "plain_pybullet"), {}),
+    "plain/mujoco": Case("a PD law in a plain loop on MuJoCo", "cycle", ("arms", "plain_mujoco"), {}),
+    **_cycles(),
+    **_runs(),
+    "live/unpaced": Case("a cycle with ROS and recording", "cycle", ("runs", "live"), {}, 1, several=True),
+    **_fci(),
+    "natnet/frame": Case("a frame of one body decoded", "frame", ("wires", "natnet_frame"), {}),
+    "sync/1000hz": Case("synchronising at 1 kHz", "s of robot time", ("wires", "synchroniser"), {}, 1, several=True),
+    "convert/panda": Case("the Panda's URDF into OpenSim's model", "model", ("conversion", "convert"), {}, 4),
+}
+
+
+def make(name: str) -> AbstractContextManager[Block]:
+    """The context of a case."""
+    module, function = CASES[name].make
+    made: AbstractContextManager[Block] = getattr(importlib.import_module(f"cases.{module}"), function)(
+        **CASES[name].arguments
+    )
+    return made

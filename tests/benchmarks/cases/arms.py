@@ -1,0 +1,210 @@
+"""The arm in an engine and nothing else, in a plain loop, and behind the whole control cycle."""
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from std_msgs.msg import Float64MultiArray
+
+import panda_description
+from cases import Block
+from hric_control import plugins
+from hric_control.local.node import LocalNode
+from hric_control.manager.controller_manager import ControllerManager
+from hric_control.robot_app import quiet_collector
+from hric_control.urdf import read
+from hric_experiments.definition.overrides import SIMULATORS
+
+JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
+SETPOINT = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
+GENERIC, FRANKA = "hric_control/RobotHWSim", "franka_sim/FrankaHWSim"
+BLOCK = 400
+"""Steps or cycles of a block."""
+KP, KD = 50.0, 5.0
+
+
+def arm_urdf() -> str:
+    """The Panda without collision shapes, with limits and transmissions."""
+    return panda_description.load(hand=False, meshes=False, collision=False, robot_sim_type=GENERIC)
+
+
+def timed(work: Callable[[int], object], units: int = BLOCK) -> Block:
+    """Processor time of this thread that a unit of some work takes [s]."""
+
+    def block() -> float:
+        begin = time.thread_time()
+        work(units)
+        return (time.thread_time() - begin) / units
+
+    return block
+
+
+# -- the engine alone --------------------------------------------------------------------------------------------------
+
+
+def _pybullet_arm() -> tuple[Any, int, int, list[int]]:
+    """(module, client, body, joints) of the arm as the plant has it, whose fixed links are merged."""
+    import pybullet
+
+    from pybullet_ros_control.urdf_model import prepare
+
+    client = pybullet.connect(pybullet.DIRECT)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "arm.urdf"
+        path.write_text(prepare(read(arm_urdf()), collision=False).xml, encoding="utf-8")
+        body = pybullet.loadURDF(
+            str(path), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client
+        )
+    pybullet.setTimeStep(1e-3, physicsClientId=client)
+    pybullet.setGravity(0, 0, -9.81, physicsClientId=client)
+    count = pybullet.getNumJoints(body, client)
+    joints = [i for i in range(count) if pybullet.getJointInfo(body, i, client)[2] != pybullet.JOINT_FIXED]
+    for joint, q in zip(joints, SETPOINT, strict=True):
+        pybullet.resetJointState(body, joint, q, physicsClientId=client)
+        pybullet.setJointMotorControl2(body, joint, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=client)
+    return pybullet, client, body, joints
+
+
+@contextmanager
+def bare_pybullet() -> Iterator[Block]:
+    """stepSimulation."""
+    pybullet, client, _, _ = _pybullet_arm()
+
+    def run(n: int) -> None:
+        for _ in range(n):
+            pybullet.stepSimulation(client)
+
+    yield timed(run)
+    pybullet.disconnect(client)
+
+
+def _mujoco_arm(integrator: str) -> tuple[Any, Any, Any]:
+    """(module, model, data) of the arm as MuJoCo reads its URDF."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(arm_urdf())
+    model.opt.timestep, model.opt.integrator = 1e-3, getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
+    data = mujoco.MjData(model)
+    data.qpos[:] = SETPOINT
+    return mujoco, model, data
+
+
+@contextmanager
+def bare_mujoco(integrator: str) -> Iterator[Block]:
+    """mj_step."""
+    mujoco, model, data = _mujoco_arm(integrator)
+
+    def run(n: int) -> None:
+        for _ in range(n):
+            mujoco.mj_step(model, data)
+
+    yield timed(run)
+
+
+# -- a plain loop: what one writes without a framework -----------------------------------------------------------------
+
+
+@contextmanager
+def plain_pybullet() -> Iterator[Block]:
+    """A PD law by numpy, its torques by setJointMotorControlArray."""
+    pybullet, client, body, joints = _pybullet_arm()
+    target = np.array(SETPOINT)
+
+    def run(n: int) -> None:
+        for _ in range(n):
+            states = pybullet.getJointStates(body, joints, client)
+            q, dq = np.array([state[0] for state in states]), np.array([state[1] for state in states])
+            tau = KP * (target - q) - KD * dq
+            pybullet.setJointMotorControlArray(
+                body, joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=client
+            )
+            pybullet.stepSimulation(client)
+
+    yield timed(run)
+    pybullet.disconnect(client)
+
+
+@contextmanager
+def plain_mujoco() -> Iterator[Block]:
+    """A PD law by numpy with the engine's own bias, implicitfast."""
+    mujoco, model, data = _mujoco_arm("IMPLICITFAST")
+    target = np.array(SETPOINT)
+
+    def run(n: int) -> None:
+        for _ in range(n):
+            data.qfrc_applied[:] = KP * (target - data.qpos) - KD * data.qvel + data.qfrc_bias
+            mujoco.mj_step(model, data)
+
+    yield timed(run)
+
+
+# -- the whole cycle ---------------------------------------------------------------------------------------------------
+
+
+class WholeCycle:
+    """read, manager with the PD law, limits with the torque rate, write, physics: what a headless run does each
+    millisecond.
+
+    On RobotHWSim the law adds gravity by KDL; FrankaHWSim does so itself, and its control box checks and estimates.
+
+    Args:
+        robot_hw: type of the robot.
+        simulator: pybullet, opensim or mujoco.
+        plant: parameters.
+    """
+
+    def __init__(self, robot_hw: str, simulator: str, plant: dict[str, Any]) -> None:
+        law = {
+            "type": "hric_controllers/JointPDController",
+            "joints": JOINTS,
+            "kp": KP,
+            "kd": KD,
+            "gravity": robot_hw == GENERIC,
+            "rotatum_limit": 1000.0,
+            "profile": {"enabled": True},
+            "state_publish_rate": 0,
+        }
+        robot = {
+            "q_start": [*SETPOINT[:3], -2.0, *SETPOINT[4:]],
+            "real_time_factor": 0.0,
+            "plant_type": SIMULATORS[simulator],
+            "plant": plant,
+        }
+        limits = panda_description.joint_limit_parameters("panda")
+        parts = {"robot_description": arm_urdf(), "joint_pd_controller": law, "robot": robot, "joint_limits": limits}
+        node = LocalNode(parts)
+        self.hw = plugins.find(plugins.ROBOT_HW, robot_hw)()
+        self.hw.init(node, node.child("robot"))
+        self.manager = ControllerManager(self.hw, node)
+        self.manager.load("joint_pd_controller")
+        self.manager.switch(["joint_pd_controller"], [], loop_running=False)
+        self._left = 0
+        self.run(2)  # the controllers start in the first cycle
+        node.advertise("joint_pd_controller/command", Float64MultiArray).publish(Float64MultiArray(data=SETPOINT))
+
+    def run(self, n: int) -> None:
+        """Run n cycles of the robot's own loop."""
+        self._left = n
+        self.hw.run(self._on_cycle)
+
+    def _on_cycle(self, now: float, period: float, reset: bool) -> bool:
+        self.manager.update(now, period, reset)
+        self._left -= 1
+        if self._left <= 0:
+            self.hw.stop()
+        return True
+
+
+@contextmanager
+def cycle(robot: str, simulator: str, **plant: Any) -> Iterator[Block]:
+    """The whole cycle; robot: of `cases.ROBOTS`."""
+    if plant.get("friction") == "identified":
+        plant["friction_parameters"] = panda_description.friction_parameters()
+    whole = WholeCycle(FRANKA if robot == "franka" else GENERIC, simulator, plant)
+    with quiet_collector():  # as `RobotApp` runs it
+        yield timed(whole.run, 100 if simulator == "opensim" else BLOCK)
+    whole.hw.shutdown()
