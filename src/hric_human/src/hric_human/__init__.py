@@ -1,0 +1,1 @@
+"""The human beside the robot; see `hric_human.body`."""

@@ -1,0 +1,17 @@
+"""From a subject to the description of an articulated human.
+
+    body = describe(load(Path("subject.yaml")))
+    body.urdf, body.joints["right_el_flex"].range, body.regions["r_wrist"]
+
+The table of masses and lengths is in `anthropometry`, the table of joints in `joints`, ISB's angles in `isb`.
+"""
+
+from hric_human.body.description import Body, describe
+from hric_human.body.isb import from_isb, to_isb
+from hric_human.body.joints import BodyJoint
+from hric_human.body.markers import Marker
+from hric_human.body.regions import Region
+from hric_human.body.segments import Segment
+from hric_human.body.subject import Subject, load
+
+__all__ = ["Body", "BodyJoint", "Marker", "Region", "Segment", "Subject", "describe", "from_isb", "load", "to_isb"]

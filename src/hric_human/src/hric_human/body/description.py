@@ -1,0 +1,156 @@
+"""The description of a subject's body: its URDF and the tables beside it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from hric_control.geometry import FloatArray, MassProperties, homogeneous
+from hric_control.urdf import Shape, write_inertial, write_origin, write_shape
+from hric_human.body.joints import BodyJoint, joints
+from hric_human.body.markers import Marker, markers
+from hric_human.body.regions import Region, regions
+from hric_human.body.segments import ROOT, Builder, Segment, segments
+from hric_human.body.subject import Subject
+
+JOINT_SHARE = 0.01
+"""Mass of each link between the joints of one segment, as share of the segment's [1]; project default, unconfirmed.
+Engines want a mass behind each joint. These are balls around the joint's centre, whose inertia no rotation changes, and
+the segment has that much less: both together are the segment of the table in any pose."""
+MAX_EFFORT, MAX_VELOCITY = 300.0, 20.0
+"""[N m], [rad/s] of all joints, since a URDF must have some; project default, unconfirmed. Strength is the muscles'."""
+COLOUR = (0.87, 0.72, 0.60, 1.0)
+SEATED = {"hip_flex": 90.0, "knee_flex": 90.0}
+"""Joints that are not zero in the rest pose of somebody seated [deg], on both sides."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A described body.
+
+    Attributes:
+        subject: whose it is.
+        urdf: the description, as text; its root link is `human_base`.
+        joints: by name, in order.
+        segments: by name, from the root outwards.
+        regions: of ISO/TS 15066, by link.
+        markers: by name.
+        rest: angles of the rest pose that are not zero, by joint [rad].
+        base_height: of `human_base` above the floor in the rest pose, on legs that may not be described [m].
+    """
+
+    subject: Subject
+    urdf: str
+    joints: Mapping[str, BodyJoint]
+    segments: Mapping[str, Segment]
+    regions: Mapping[str, tuple[Region, ...]]
+    markers: Mapping[str, Marker]
+    rest: Mapping[str, float]
+    base_height: float
+
+    @property
+    def total_mass(self) -> float:
+        """Of what is described [kg]."""
+        return sum(segment.mass.mass for segment in self.segments.values())
+
+
+def describe(subject: Subject) -> Body:
+    """The body of a subject.
+
+    Raises:
+        ParameterError: a mass that is no capsule of its segment's length.
+    """
+    made, moved = segments(subject), joints(subject.chains)
+    seated = subject.posture == "seated"
+    rest = {joint.name: math.radians(SEATED[joint.row.name]) for joint in moved if seated and joint.row.name in SEATED}
+    return Body(
+        subject,
+        _urdf(f"human_{subject.code}", made, moved),
+        {joint.name: joint for joint in moved},
+        {segment.name: segment for segment in made},
+        regions(made, subject.dominant_hand),
+        {marker.name: marker for marker in markers(made)},
+        rest,
+        _base_height(subject, seated),
+    )
+
+
+def _base_height(subject: Subject, seated: bool) -> float:
+    lengths = Builder(subject).lengths
+    legs = lengths["ankle_height"] + lengths["shank"] + lengths["thigh"] * (not seated)
+    if "trunk" in subject.chains:
+        return legs
+    return (
+        legs + sum(lengths[name] for name in ("lower_trunk", "middle_trunk", "upper_trunk")) - lengths["shoulder_drop"]
+    )
+
+
+def _urdf(name: str, made: list[Segment], moved: list[BodyJoint]) -> str:
+    robot = Element("robot", name=name)
+    SubElement(robot, "link", name=ROOT)
+    for segment in made:
+        own = [joint for joint in moved if joint.link == segment.link]
+        mass, ball = segment.mass, _ball(segment)
+        for joint in own[:-1]:
+            write_inertial(SubElement(robot, "link", name=joint.child), ball.mass, np.eye(4), ball.inertia)
+            mass += MassProperties(-ball.mass, -ball.com, -ball.inertia)
+        _write_segment(robot, segment, mass)
+        if not own:
+            _write_joint(robot, f"{segment.link}_joint", "fixed", segment.parent, segment.link, segment.p_parent_link)
+        parent, at = segment.parent, segment.p_parent_link
+        for joint in own:
+            element = _write_joint(robot, joint.name, "revolute", parent, joint.child, at)
+            _write_motion(element, joint)
+            parent, at = joint.child, np.zeros(3)
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _ball(segment: Segment) -> MassProperties:
+    """A link between joints: a ball of the segment's radius about the joint's centre."""
+    mass = JOINT_SHARE * segment.mass.mass
+    return MassProperties(mass, np.zeros(3), 0.4 * mass * segment.radius**2 * np.eye(3))
+
+
+def _write_segment(robot: Element, segment: Segment, mass: MassProperties) -> None:
+    link = SubElement(robot, "link", name=segment.link)
+    write_inertial(link, mass.mass, homogeneous(np.eye(3), mass.com), mass.inertia)
+    for purpose in ("visual", "collision"):
+        for shape in _capsule(segment):
+            write_shape(link, purpose, shape, shape.T_link_shape)
+
+
+def _capsule(segment: Segment) -> list[Shape]:
+    """A cylinder and a ball at each of its ends, since a URDF has no capsule."""
+    start, end = segment.straight
+    R, length = _rotation_along(end - start), float(np.linalg.norm(end - start))
+    cylinder = Shape(
+        segment.link, "cylinder", (segment.radius, length), homogeneous(R, 0.5 * (start + end)), "", COLOUR
+    )
+    balls = [
+        Shape(segment.link, "sphere", (segment.radius,), homogeneous(np.eye(3), p), "", COLOUR) for p in (start, end)
+    ]
+    return [cylinder, *balls]
+
+
+def _rotation_along(direction: FloatArray) -> FloatArray:
+    """A rotation that turns z along one of the axes, shape (3, 3)."""
+    longest = int(np.argmax(np.abs(direction)))
+    return np.roll(np.eye(3), longest + 1, axis=0)
+
+
+def _write_joint(robot: Element, name: str, kind: str, parent: str, child: str, at: FloatArray) -> Element:
+    joint = SubElement(robot, "joint", name=name, type=kind)
+    SubElement(joint, "parent", link=parent)
+    SubElement(joint, "child", link=child)
+    write_origin(joint, homogeneous(np.eye(3), at))
+    return joint
+
+
+def _write_motion(element: Element, joint: BodyJoint) -> None:
+    SubElement(element, "axis", xyz=" ".join(f"{value:g}" for value in joint.axis + 0.0))
+    lower, upper = map(repr, joint.range)
+    SubElement(element, "limit", lower=lower, upper=upper, effort=repr(MAX_EFFORT), velocity=repr(MAX_VELOCITY))

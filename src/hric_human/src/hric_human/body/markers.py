@@ -1,0 +1,103 @@
+"""The markers of a body: names and places of the Plug-in Gait full-body set, scaled with the segments.
+
+Where each one sits on the body follows the description of Vicon's 39 markers (J. Sports Sci. Med. 15:92, table 2); the
+values that put that on a capsule are a project default, unconfirmed. The thigh, shank, upper arm and forearm
+markers are at other heights on the left than on the right, so that sides can be distinguished.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hric_control.geometry import FloatArray
+from hric_human.body.segments import SIDES, Segment, side_of
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A marker.
+
+    Attributes:
+        name: of Plug-in Gait.
+        link: that it is fixed to.
+        p_link_marker: in axes of the link, shape (3,) [m].
+    """
+
+    name: str
+    link: str
+    p_link_marker: FloatArray
+
+
+@dataclass(frozen=True)
+class MarkerRow:
+    """A row of the table.
+
+    Attributes:
+        name: of the set, without L or R where it is on both sides.
+        segment: that it is on; "shoulder" is the joint centre of a shoulder, in axes of the link that carries it.
+        share: along the segment's axis from its start, on the left and on the right [1].
+        offset: forward, outward (in the middle: to the left) and up, in radii of the segment [1].
+    """
+
+    name: str
+    segment: str
+    share: tuple[float, float]
+    offset: tuple[float, float, float]
+
+
+def _at(share: float) -> tuple[float, float]:
+    return share, share
+
+
+BOTH_SIDES = (
+    MarkerRow("SHO", "shoulder", _at(0.0), (0.0, 0.0, 1.2)),
+    MarkerRow("UPA", "upper_arm", (0.33, 0.67), (0.0, 1.0, 0.0)),
+    MarkerRow("ELB", "upper_arm", _at(1.0), (0.0, 1.0, 0.0)),
+    MarkerRow("FRM", "forearm", (0.67, 0.33), (0.0, 1.0, 0.0)),
+    MarkerRow("WRA", "forearm", _at(1.0), (1.0, 0.0, 0.0)),
+    MarkerRow("WRB", "forearm", _at(1.0), (-1.0, 0.0, 0.0)),
+    MarkerRow("FIN", "hand", _at(0.42), (0.0, 1.0, 0.0)),
+    MarkerRow("THI", "thigh", (0.67, 0.5), (0.0, 1.0, 0.0)),
+    MarkerRow("KNE", "thigh", _at(1.0), (0.0, 1.0, 0.0)),
+    MarkerRow("TIB", "shank", (0.67, 0.5), (0.0, 1.0, 0.0)),
+    MarkerRow("ANK", "shank", _at(1.0), (0.0, 1.0, 0.0)),
+    MarkerRow("HEE", "foot", _at(0.0), (0.0, 0.0, 0.0)),
+    MarkerRow("TOE", "foot", _at(0.7), (0.0, 0.0, 1.0)),
+)
+MIDDLE = (
+    MarkerRow("LFHD", "head", _at(0.7), (0.7, 0.7, 0.0)),
+    MarkerRow("RFHD", "head", _at(0.7), (0.7, -0.7, 0.0)),
+    MarkerRow("LBHD", "head", _at(0.7), (-0.7, 0.7, 0.0)),
+    MarkerRow("RBHD", "head", _at(0.7), (-0.7, -0.7, 0.0)),
+    MarkerRow("C7", "torso", _at(1.0), (-0.5, 0.0, 0.0)),
+    MarkerRow("T10", "torso", _at(0.45), (-1.0, 0.0, 0.0)),
+    MarkerRow("CLAV", "torso", _at(0.84), (0.85, 0.0, 0.0)),
+    MarkerRow("STRN", "torso", _at(0.48), (1.0, 0.0, 0.0)),
+    MarkerRow("RBAK", "torso", _at(0.65), (-0.9, -0.45, 0.0)),
+    MarkerRow("LASI", "pelvis", _at(0.5), (0.85, 1.35, 0.4)),
+    MarkerRow("RASI", "pelvis", _at(0.5), (0.85, -1.35, 0.4)),
+    MarkerRow("LPSI", "pelvis", _at(0.5), (-0.9, 0.5, 0.4)),
+    MarkerRow("RPSI", "pelvis", _at(0.5), (-0.9, -0.5, 0.4)),
+)
+
+
+def markers(segments: Sequence[Segment]) -> list[Marker]:
+    """Those of the segments that a body has."""
+    made = []
+    for segment in segments:
+        side = side_of(segment.name)
+        for row in BOTH_SIDES if side else MIDDLE:
+            if row.segment == segment.kind:
+                made.append(_marker(row, segment, side))
+            elif (row.segment, segment.kind) == ("shoulder", "upper_arm"):
+                offset = segment.radius * np.array(row.offset)
+                made.append(Marker(side[0].upper() + row.name, segment.parent, segment.p_parent_link + offset))
+    return made
+
+
+def _marker(row: MarkerRow, segment: Segment, side: str) -> Marker:
+    share = row.share[side == "right"]
+    offset = segment.radius * np.array(row.offset) * [1.0, SIDES.get(side, 1.0), 1.0]
+    name = side[:1].upper() + row.name
+    return Marker(name, segment.link, segment.start + share * (segment.end - segment.start) + offset)

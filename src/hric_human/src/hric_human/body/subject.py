@@ -1,0 +1,69 @@
+"""Whose body is described: a checked mapping or YAML file."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hric_control.node import REQUIRED
+from hric_control.parameters import Mistakes, Settings, choice, mapping, number, read_yaml, text, unknown
+from hric_human.body.anthropometry import LENGTHS, MASSES
+
+PARTS = {
+    "right_arm": ("right_arm",),
+    "left_arm": ("left_arm",),
+    "both_arms": ("right_arm", "left_arm"),
+    "upper_body": ("trunk", "right_arm", "left_arm"),
+    "whole_body": ("trunk", "right_arm", "left_arm", "right_leg", "left_leg"),
+}
+"""What is described, by its chains of joints in their order; the trunk is with the head."""
+_CODE = re.compile(r"(?=\D*\d)[A-Za-z0-9]{1,12}")
+
+
+def _pseudonym(code: str) -> str:
+    if not _CODE.fullmatch(code):
+        raise ValueError
+    return code
+
+
+@dataclass(frozen=True)
+class Subject(Settings):
+    """One person, or one percentile of a population."""
+
+    code: str = text(
+        valid="a pseudonym of up to 12 letters and digits, with a digit, such as S07",
+        made=_pseudonym,
+        text="pseudonym, never a name",
+    )
+    mass: float = number(unit="kg", minimum=30.0, maximum=200.0, text="of the whole body")
+    height: float = number(unit="m", minimum=1.2, maximum=2.2, text="standing")
+    sex: str = choice("female", "male", default=REQUIRED, text="whose table of de Leva 1996 is taken")
+    dominant_hand: str = choice("right", "left", text="the side that ISO/TS 15066 limits differently")
+    parts: str = choice(*PARTS, text="what is described")
+    posture: str = choice("standing", "seated", text="of the rest pose")
+    lengths: Mapping[str, float] = mapping(
+        number(unit="m", above=0.0), default={}, text="measured lengths in place of the table's, by name"
+    )
+    masses: Mapping[str, float] = mapping(
+        number(unit="kg", above=0.0), default={}, text="measured masses in place of the table's, of one side, by name"
+    )
+
+    @property
+    def chains(self) -> tuple[str, ...]:
+        """Of PARTS."""
+        return PARTS[self.parts]
+
+    def check(self, where: str) -> None:
+        """Refuse measures of what the table does not have."""
+        mistakes = Mistakes()
+        for kind, given, valid in (("length", self.lengths, LENGTHS), ("mass", self.masses, MASSES)):
+            for name in given:
+                if name not in valid:
+                    with mistakes.noted():
+                        raise unknown(kind, name, valid, where.rstrip(": "))
+        mistakes.raise_all()
+
+
+def load(path: Path) -> Subject:
+    """The subject of a YAML file. Raises ParameterError with all mistakes of the file."""
+    return Subject.of(read_yaml(path), f"{path.name}:")
