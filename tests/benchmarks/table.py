@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from cases import CASES, REFERENCE, Case
+from scipy.stats import t as student
 from tqdm import tqdm
 from turns import Worker, take_turns
 
@@ -28,8 +29,9 @@ RELEASED = Path(__file__).with_name("released.json")
 """The table of the last release."""
 LEAST = 0.08
 """A change below this is none, however little the processes differ [1] (chosen by this project)."""
-TIMES_SPREAD = 3.0
-"""A change below so many standard errors of the processes is none [1] (chosen by this project)."""
+CONFIDENCE = 0.999
+"""That what is called a change is one, by Student's t of the processes [1] (chosen by this project). With the same code
+one line in a thousand is called otherwise."""
 PREFIXES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"))
 
 
@@ -77,14 +79,16 @@ def beside(name: str, processes: int, tree: Path) -> list[float]:
     return ratios
 
 
-def verdict(change: float, error: float) -> str:
+def verdict(change: float, error: float, processes: int) -> str:
     """Whether a ratio of new to old is a change.
 
     Args:
         change: the ratio [1].
-        error: its standard error [1].
+        error: its standard error, estimated from so many processes [1].
+        processes: of one nothing is known of the error.
     """
-    least = max(LEAST, TIMES_SPREAD * error)
+    times = float(student.ppf(0.5 + 0.5 * CONFIDENCE, processes - 1)) if processes > 1 else 0.0
+    least = max(LEAST, times * error)
     return "SLOWER" if change > 1.0 + least else "faster" if change < 1.0 / (1.0 + least) else "equal"
 
 
@@ -143,7 +147,7 @@ def compare_stored(found: Mapping[str, Row], before: Mapping[str, Row]) -> bool:
             continue
         old = before[name]
         error = math.hypot(row.spread / math.sqrt(row.processes), old.spread / math.sqrt(old.processes))
-        result = verdict(row.ratio / old.ratio, error)
+        result = verdict(row.ratio / old.ratio, error, min(row.processes, old.processes))
         good &= result != "SLOWER"
         cells.append([name, f"{old.ratio:.3g}", f"{row.ratio:.3g}", f"{row.ratio / old.ratio:.3f}", result])
     print("\n".join(rows(cells)))
@@ -156,7 +160,7 @@ def compare_tree(names: Sequence[str], processes: int, tree: Path) -> bool:
     try:
         for name in tqdm(names, disable=None, leave=False):
             ratios = beside(name, processes, tree)
-            result = verdict(statistics.median(ratios), spread(ratios) / math.sqrt(len(ratios)))
+            result = verdict(statistics.median(ratios), spread(ratios) / math.sqrt(len(ratios)), len(ratios))
             good &= result != "SLOWER"
             cells.append([name, f"{statistics.median(ratios):.3f}", f"{100.0 * spread(ratios):.1f} %", result])
     finally:
@@ -195,7 +199,7 @@ def _parser() -> argparse.ArgumentParser:
         "workspace that is set up: old and new then take turns",
     )
     parser.add_argument("--save", type=Path, metavar="FILE", help="keep the table")
-    parser.add_argument("--processes", type=int, default=5, metavar="N", help="of each case (5)")
+    parser.add_argument("--processes", type=int, default=8, metavar="N", help="of each case (8)")
     return parser
 
 

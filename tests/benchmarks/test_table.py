@@ -11,7 +11,7 @@ from benchmark_command import benchmark
 @pytest.mark.parametrize(
     ("change", "error", "told"),
     [
-        (1.25, 0.01, "SLOWER"),
+        (1.25, 0.03, "SLOWER"),
         (1.07, 0.0, "equal"),
         (1.25, 0.1, "equal"),
         (0.8, 0.01, "faster"),
@@ -21,7 +21,7 @@ from benchmark_command import benchmark
 def test_a_change_counts_when_it_is_large_and_beyond_what_processes_differ_by(
     change: float, error: float, told: str
 ) -> None:
-    assert table.verdict(change, error) == told
+    assert table.verdict(change, error, 8) == told
 
 
 def test_a_stored_table_is_compared_by_ratios_and_a_slower_case_has_its_name(
