@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -53,8 +54,7 @@ class Contact:
     impulse: float = 0.0
 
 
-@dataclass(frozen=True)
-class JointReaction:
+class JointReaction(NamedTuple):
     """What the parent link does to the child link through a joint, its drive included.
 
     Attributes:

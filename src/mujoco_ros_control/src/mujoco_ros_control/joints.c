@@ -19,7 +19,7 @@ typedef struct {
     const mjModel *model;
     mjData *data;
     PyObject *owners; /* whose memory this is */
-    mjfGeneric advance;
+    mjfGeneric advance, solve_loads;
     int n, *dof, *position;
     double half, quiet; /* see make_joints */
     double *rotor, *effort, *before, *q, *dq;
@@ -95,8 +95,6 @@ static PyObject *joints_passed(Joints *self, PyObject *motors)
     return list(self->effort, self->n);
 }
 
-static PyObject *joints_before(Joints *self, PyObject *Py_UNUSED(nothing)) { return list(self->before, self->n); }
-
 /* Whether the state is finite and no joint faster than the bound: by the norms, which carry what is not finite. */
 static int is_quiet(const Joints *self)
 {
@@ -114,12 +112,62 @@ static PyObject *joints_step(Joints *self, PyObject *efforts)
     if (done == NULL)
         return NULL;
     Py_DECREF(done);
+    PyThreadState *interpreter = PyEval_SaveThread();
     self->advance(self->model, self->data);
+    PyEval_RestoreThread(interpreter);
     gather(self->data->qpos, self->position, self->n, self->q);
     gather(self->data->qvel, self->dof, self->n, self->dq);
     PyObject *q = list(self->q, self->n);
     return Py_BuildValue("NNNNO", q, list(self->dq, self->n), measured(self, q), joints_passed(self, efforts),
                          is_quiet(self) ? Py_True : Py_False);
+}
+
+/* ---- loads ---- */
+
+static PyObject *triple(const mjtNum v[3]) { return Py_BuildValue("ddd", v[0], v[1], v[2]); }
+
+/* What the parent does to the child through each joint, at the child's origin. Semi-implicit, MuJoCo's data beside the
+   state are of the step's beginning; its acceleration lacks what damping takes implicitly. */
+static void compute_loads(Joints *self)
+{
+    mjData *d = self->data;
+    if (self->model->opt.integrator != mjINT_RK4) {
+        const double rate = 1.0 / self->model->opt.timestep;
+        for (int i = 0; i < self->n; i++) {
+            const int dof = self->dof[i];
+            d->qacc[dof] = rate * (d->qvel[dof] - self->before[i]);
+            d->qvel[dof] = self->before[i];
+        }
+    }
+    self->solve_loads(self->model, d);
+    for (int i = 0; i < self->n; i++)
+        d->qvel[self->dof[i]] = self->dq[i];
+}
+
+static PyObject *joints_loads(Joints *self, PyObject *Py_UNUSED(nothing))
+{
+    PyObject *loads = PyList_New(self->n);
+    if (loads == NULL)
+        return NULL;
+    compute_loads(self);
+    for (int i = 0; i < self->n; i++) {
+        const int body = self->model->dof_bodyid[self->dof[i]];
+        const mjtNum *origin = self->data->xpos + 3 * body;
+        const mjtNum *centre = self->data->subtree_com + 3 * self->model->body_rootid[body];
+        const mjtNum *wrench = self->data->cfrc_int + 6 * body; /* torque about the mass centre of the tree, force */
+        const mjtNum *force = wrench + 3;
+        const mjtNum lever[3] = {centre[0] - origin[0], centre[1] - origin[1], centre[2] - origin[2]};
+        const mjtNum torque[3] = {wrench[0] + lever[1] * force[2] - lever[2] * force[1],
+                                  wrench[1] + lever[2] * force[0] - lever[0] * force[2],
+                                  wrench[2] + lever[0] * force[1] - lever[1] * force[0]};
+        PyObject *load = Py_BuildValue("NNN", triple(origin), triple(force), triple(torque));
+        if (load == NULL) {
+            Py_DECREF(loads);
+            return NULL;
+        }
+        PyList_SET_ITEM(loads, i, load);
+    }
+    return loads;
 }
 
 /* ---- the type ---- */
@@ -143,13 +191,13 @@ static int take_indices(PyObject *sequence, int n, Py_ssize_t bound, int *out)
 static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs))
 {
     double half, quiet;
-    PyObject *model, *data, *advance, *dofs, *positions, *rotors, *owners;
+    PyObject *model, *data, *advance, *solve_loads, *dofs, *positions, *rotors, *owners;
     if (self->owners != NULL) {
         PyErr_SetString(PyExc_TypeError, "it is made once");
         return -1;
     }
-    if (!PyArg_ParseTuple(args, "OOOOOOddO", &model, &data, &advance, &dofs, &positions, &rotors, &half, &quiet,
-                          &owners))
+    if (!PyArg_ParseTuple(args, "OOOOOOOddO", &model, &data, &advance, &solve_loads, &dofs, &positions, &rotors, &half,
+                          &quiet, &owners))
         return -1;
     const Py_ssize_t count = PySequence_Size(rotors);
     if (count < 0)
@@ -157,6 +205,7 @@ static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs)
     self->model = PyLong_AsVoidPtr(model);
     self->data = PyLong_AsVoidPtr(data);
     self->advance = ((Address){.data = PyLong_AsVoidPtr(advance)}).advance;
+    self->solve_loads = ((Address){.data = PyLong_AsVoidPtr(solve_loads)}).advance;
     if (PyErr_Occurred() != NULL)
         return -1;
     self->n = (int)count;
@@ -192,7 +241,7 @@ static PyMethodDef methods[] = {
     {"read", (PyCFunction)joints_read, METH_NOARGS, "() -> q, dq, q at the measuring instant"},
     {"write", (PyCFunction)joints_write, METH_O, "(efforts) of the coming step"},
     {"passed", (PyCFunction)joints_passed, METH_O, "(efforts of the motors) -> those behind the rotors, since `write`"},
-    {"before", (PyCFunction)joints_before, METH_NOARGS, "() -> dq at `write`"},
+    {"loads", (PyCFunction)joints_loads, METH_NOARGS, "() -> (origin, force, torque) of each joint, in the last step"},
     {"step", (PyCFunction)joints_step, METH_O,
      "(efforts) -> q, dq, q at the measuring instant, efforts behind the rotors, whether all is quiet, after a step"},
     {0}};

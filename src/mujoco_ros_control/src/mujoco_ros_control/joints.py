@@ -16,6 +16,7 @@ import mujoco
 from hric_control.native import load
 
 Vector = Sequence[float]
+Triple = tuple[float, float, float]
 _built = load("hric_mujoco")
 
 
@@ -31,8 +32,9 @@ class Joints(Protocol):
     def passed(self, efforts: Vector, /) -> list[float]:
         """What of the motors' efforts passed the rotors since `write` [N m or N]."""
 
-    def before(self) -> list[float]:
-        """Speeds when `write` was called [rad/s or m/s]."""
+    def loads(self) -> list[tuple[Triple, Triple, Triple]]:
+        """What parents do to children through each joint in the last step, as it began (semi-implicit) or ended: origin
+        of the child [m], force [N], torque there [N m], in the world frame."""
 
     def step(self, efforts: Vector, /) -> tuple[list[float], list[float], list[float], list[float], bool]:
         """Make a step of the whole scene with these efforts; as `read`, then efforts behind the rotors, and whether all
@@ -56,8 +58,9 @@ def make_joints(
         half: what the engine's positions are ahead of its speeds [s].
         quiet: speed that no joint has before it diverges [rad/s or m/s].
     """
-    step = ctypes.cast(_library().mj_step, ctypes.c_void_p).value
-    made: Joints = _built.Joints(m._address, d._address, step, dofs, positions, rotors, half, quiet, (m, d))
+    library = _library()
+    functions = (ctypes.cast(f, ctypes.c_void_p).value for f in (library.mj_step, library.mj_rnePostConstraint))
+    made: Joints = _built.Joints(m._address, d._address, *functions, dofs, positions, rotors, half, quiet, (m, d))
     return made
 
 

