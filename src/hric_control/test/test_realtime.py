@@ -1,5 +1,9 @@
+import json
+import socket
 import threading
 import time
+from collections.abc import Callable
+from contextlib import suppress
 
 import pytest
 from cost_ratio import cost_ratio
@@ -7,7 +11,7 @@ from std_msgs.msg import Float64
 
 from hric_control import realtime
 from hric_control.local.node import LocalNode
-from hric_control.publishing import PublishThread
+from hric_control.publishing import OnError, Parcel, PublishThread
 
 pytestmark = pytest.mark.alone
 
@@ -55,19 +59,53 @@ def test_on_a_local_node_a_deferred_call_is_made_at_once() -> None:
 
 
 class Sink:
-    """A publisher that can be held up."""
+    """A topic with one listener at the end of a real socket, which can be held up."""
 
     def __init__(self) -> None:
-        self.sent: list[object] = []
-        self.open = threading.Event()
-        self.open.set()
+        self.socket, self._peer = socket.socketpair()
+        self.lock = threading.RLock()
+        self._heard, self._filling, self.writes = bytearray(), 0, 0
 
-    def publish(self, message: object) -> None:
-        self.open.wait()
-        self.sent.append(message)
+    def pack(self, messages: list[object], on_error: OnError) -> Parcel:
+        self.writes += 1
+        return Parcel(self.lock, (self,), b"".join(json.dumps(message).encode() + b";" for message in messages))
+
+    def close(self) -> None:
+        self.socket = None
+
+    def hold(self) -> None:
+        """Fill the socket up: the next write hangs."""
+        self.socket.setblocking(False)
+        with suppress(BlockingIOError):
+            while True:
+                self._filling += self.socket.send(b"-" * 4096)
+
+    def go_on(self) -> None:
+        """Take out what it was filled with, and let the next write go through."""
+        while self._filling:
+            self._filling -= len(self._peer.recv(self._filling))
 
     def unregister(self) -> None:
         pass
+
+    def leave(self) -> None:
+        """Listen no longer."""
+        self._peer.close()
+
+    @property
+    def sent(self) -> list[object]:
+        """What has arrived so far."""
+        with suppress(BlockingIOError):
+            while heard := self._peer.recv(1 << 20, socket.MSG_DONTWAIT):
+                self._heard += heard
+        return [json.loads(part) for part in self._heard.decode().split(";")[:-1]]
+
+
+def within(seconds: float, condition: Callable[[], bool]) -> bool:
+    deadline = time.monotonic() + seconds
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.001)
+    return condition()
 
 
 @pytest.fixture
@@ -87,41 +125,41 @@ def test_messages_are_built_and_sent_by_the_thread_in_order(thread: PublishThrea
 
     for i in range(10):
         publisher.publish(lambda i=i: build(i))
-    assert thread.drain(2.0)
-    assert sink.sent == list(range(10)) and builders == {"publish"}
-
-
-def test_messages_are_sent_without_a_drain(thread: PublishThread) -> None:
-    sink = Sink()
-    realtime.RealtimePublisher(sink, "/x", thread=thread).publish(lambda: 1)
-    deadline = time.monotonic() + 2.0
-    while not sink.sent and time.monotonic() < deadline:
-        time.sleep(0.001)
-    assert sink.sent == [1]
+    assert within(2.0, lambda: sink.sent == list(range(10))) and builders == {"publish"}
 
 
 def test_behind_a_slow_subscriber_the_newest_win_and_the_drops_are_counted_and_told(thread: PublishThread) -> None:
     sink, told = Sink(), []
     publisher = realtime.RealtimePublisher(sink, "/x", report=told.append, thread=thread)
-    sink.open.clear()
+    sink.hold()
     publisher.publish(lambda: "first")
     time.sleep(0.05)
     for i in range(300):
         publisher.publish(lambda i=i: i)
     assert publisher.dropped == 300 - realtime.LAGGING_LIMIT
-    sink.open.set()
+    sink.go_on()
     assert thread.drain(2.0)
     assert sink.sent == ["first", *range(300 - realtime.LAGGING_LIMIT, 300)]
     assert told == ["/x: messages were dropped, more than 100 waited (reported once)"]
 
 
+def test_messages_that_wait_together_are_sent_in_one_write_but_for_a_builder_that_fails(thread: PublishThread) -> None:
+    sink, told = Sink(), []
+    publisher = realtime.RealtimePublisher(sink, "/x", report=told.append, thread=thread)
+    assert thread.hand_over(1.0)  # from now on it does not look by itself
+    for i in (2, 1, 0, 4):
+        publisher.publish(lambda i=i: 4 // i)
+    assert thread.drain(2.0)
+    assert (sink.sent, sink.writes, len(told)) == ([2, 4, 1], 1, 1)
+
+
 def test_a_lossless_publisher_keeps_all(thread: PublishThread) -> None:
     sink = Sink()
     publisher = realtime.RealtimePublisher(sink, "/x", limit=realtime.LOSSLESS_LIMIT, thread=thread)
-    sink.open.clear()
+    sink.hold()
     for i in range(5000):
         publisher.publish(lambda i=i: i)
-    sink.open.set()
+    sink.go_on()
     assert thread.drain(5.0)
     assert sink.sent == list(range(5000)) and publisher.dropped == 0
 
@@ -142,7 +180,7 @@ def test_a_failing_builder_is_told_once_per_topic_and_harms_no_other(thread: Pub
 def test_a_drain_behind_a_hanging_subscriber_waits_once(thread: PublishThread) -> None:
     sink = Sink()
     publisher = realtime.RealtimePublisher(sink, "/x", thread=thread)
-    sink.open.clear()
+    sink.hold()
     publisher.publish(lambda: 1)
     begin = time.monotonic()
     assert not thread.drain(0.1)
@@ -150,11 +188,8 @@ def test_a_drain_behind_a_hanging_subscriber_waits_once(thread: PublishThread) -
     begin = time.monotonic()
     assert not thread.drain(5.0)
     assert time.monotonic() - begin < 1.0
-    sink.open.set()
-    deadline = time.monotonic() + 2.0
-    while not thread.drain(0.1) and time.monotonic() < deadline:
-        time.sleep(0.001)
-    assert sink.sent == [1]
+    sink.go_on()
+    assert within(2.0, lambda: thread.drain(0.1)) and sink.sent == [1]
 
 
 def test_unregistering_sends_what_waits(thread: PublishThread) -> None:
@@ -175,25 +210,44 @@ def test_publishing_costs_the_loop_a_few_calls(thread: PublishThread, figure) ->
     assert ratio < 10.0
 
 
-def test_of_messages_that_only_matter_now_the_newest_alone_is_sent_and_nothing_is_told(thread):
-    told = []
-    sink = Sink()
-    thread.polling = False
-    time.sleep(0.02)  # the look that was under way is over
+def test_of_messages_that_only_matter_now_the_newest_alone_is_sent_and_nothing_is_told(thread: PublishThread) -> None:
+    sink, told = Sink(), []
     publisher = realtime.RealtimePublisher(sink, "/clock", limit=1, report=told.append, thread=thread)
+    assert thread.hand_over(1.0)
     for k in range(5):
         publisher.publish(lambda k=k: k)
     assert thread.drain(1.0)
     assert (sink.sent, told) == ([4], [])
 
 
-def test_without_polling_messages_wait_for_the_drain(thread):
+def test_between_two_hand_overs_messages_wait_and_when_none_comes_they_are_sent(thread: PublishThread) -> None:
     sink = Sink()
-    thread.polling = False
-    time.sleep(0.02)  # the look that was under way is over
     publisher = realtime.RealtimePublisher(sink, "/x", thread=thread)
+    assert thread.hand_over(1.0)
+    time.sleep(0.01)
     publisher.publish(lambda: 1)
     time.sleep(0.02)  # ten times the period of polling
     assert sink.sent == []
-    assert thread.drain(1.0)
-    assert sink.sent == [1]
+    assert within(2.0, lambda: sink.sent == [1])
+
+
+def test_a_loop_goes_on_while_what_it_handed_over_is_written_and_waits_with_the_next(thread: PublishThread) -> None:
+    sink = Sink()
+    publisher = realtime.RealtimePublisher(sink, "/x", thread=thread)
+    sink.hold()
+    publisher.publish(lambda: 1)
+    assert thread.hand_over(1.0)
+    publisher.publish(lambda: 2)
+    assert not thread.hand_over(0.1)
+    sink.go_on()
+    assert within(2.0, lambda: thread.drain(0.1)) and sink.sent == [1, 2]
+
+
+def test_a_listener_that_has_gone_is_closed_and_the_others_hear(thread: PublishThread) -> None:
+    gone, there = Sink(), Sink()
+    publishers = [realtime.RealtimePublisher(sink, sink, thread=thread) for sink in (gone, there)]
+    gone.leave()
+    for publisher in publishers:
+        publisher.publish(lambda: 1)
+    assert thread.drain(2.0)
+    assert (gone.socket, there.sent) == (None, [1])

@@ -239,13 +239,13 @@ def test_controllers_are_restarted_in_the_next_cycle_only():
     assert runner.resets == [False, False, True, False]
 
 
-def test_hooks_get_the_time_at_which_the_cycle_measured_and_idle_comes_every_50_ms_when_not_paced():
+def test_hooks_get_the_time_at_which_the_cycle_measured_and_idle_comes_every_0_1_s_when_not_paced():
     loop, hooked, idle = SimLoop(0.001, 0.0), [], []
     loop.after_cycle.append(hooked.append)
     loop.on_idle = lambda: idle.append(loop.time)
-    loop.run(Runner(loop, until=101).cycle)
+    loop.run(Runner(loop, until=201).cycle)
     assert hooked[:3] == [0.0, 0.001, 0.002]
-    assert idle == pytest.approx([0.05, 0.1])
+    assert idle == pytest.approx([0.1, 0.2])
 
 
 def test_the_factor_is_checked():

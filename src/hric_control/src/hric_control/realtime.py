@@ -1,8 +1,9 @@
 """Between callbacks and the control loop, without the loop ever waiting: newest values in, messages out.
 
 In: `LatestValue`. Out: `publisher(...)` gives a `RealtimePublisher`; the loop hands it a function that builds the
-message and its arguments, and the process's one `PublishThread` builds and sends it while the loop sleeps. `defer(...)`
-has any other call on ROS made by the thread (the result of an action, a log line).
+message and its arguments, and the process's one `PublishThread` builds and sends it while the loop sleeps; a loop that
+never sleeps calls `hand_over` now and then. `defer(...)` has any other call on ROS made by the thread (the result of an
+action, a log line).
 On a LocalNode all this happens within the call, so that a headless run is deterministic.
 """
 
@@ -53,14 +54,14 @@ class RealtimePublisher:
     """Publishes from the loop without blocking it. `publisher` below makes one for a topic of a node.
 
     Args:
-        publisher: sends in the calling thread (advertised with `queue_size=0`).
+        publisher: of the topic; for a thread it also has `pack`, as `ros.node.RosPublisher`.
         name: topic, for messages.
-        limit: how many messages may wait; the oldest give way.
+        limit: how many may wait; the oldest give way.
         report: takes one line of text when something fails; from the publishing thread.
         thread: who sends; None builds and sends within `publish`.
     """
 
-    __slots__ = ("_append", "_inline", "_outbox", "_publisher", "_thread")
+    __slots__ = ("_outbox", "_publisher", "_thread")
 
     def __init__(
         self,
@@ -71,27 +72,28 @@ class RealtimePublisher:
         report: Callable[[str], None] | None = None,
         thread: PublishThread | None = None,
     ) -> None:
-        self._publisher = publisher
-        self._outbox = Outbox(lambda build, args: publisher.publish(build(*args)), name, limit, report)
-        self._thread, self._inline = thread, thread is None
-        self._append = self._outbox.append
+        self._publisher, self._thread = publisher, thread
+        self._outbox: Outbox | None = None
         if thread is not None:
+            later = None if report is None else lambda text: thread.call(lambda: report(text))
+            self._outbox = Outbox(publisher.pack, name, limit, later)  # type: ignore[attr-defined]  # said above
             thread.add(self._outbox)
 
     def publish(self, build: Callable[..., Any], *args: Any) -> None:
         """Have `build(*args)` called and its message sent. Never blocks.
 
-        It is called later, in another thread: it must get plain snapshots (lists of floats, the stamp), not live
-        storage.
+        It is called later, by the thread or between two cycles: it must get plain snapshots (lists of floats, the
+        stamp), not live storage.
         """
-        self._append(build, args)
-        if self._inline:
-            self._outbox.send_inline()
+        if self._outbox is None:
+            self._publisher.publish(build(*args))
+        else:
+            self._outbox.append(build, args)
 
     @property
     def dropped(self) -> int:
         """Messages dropped because the thread lagged."""
-        return self._outbox.dropped
+        return 0 if self._outbox is None else self._outbox.dropped
 
     def subscribers(self) -> int:
         """Number of listeners now."""
@@ -99,7 +101,7 @@ class RealtimePublisher:
 
     def unregister(self) -> None:
         """Send what waits, then stop advertising. Outside the loop."""
-        if self._thread is not None:
+        if self._thread is not None and self._outbox is not None:
             self._thread.drain(0.5)
             self._thread.remove(self._outbox)
         self._publisher.unregister()
@@ -107,7 +109,6 @@ class RealtimePublisher:
 
 _lock = threading.Lock()
 _thread: PublishThread | None = None
-_deferred: Outbox | None = None
 
 
 def publisher(
@@ -151,34 +152,33 @@ def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
         except Exception as error:  # the thread serves the whole process
             node.log_error(f"{what} failed: {type(error).__name__}: {error}")
 
-    _deferred_calls().append(run)
+    _the_thread().call(run)
 
 
-def set_polling(on: bool) -> None:
-    """Whether messages are sent as they come (paced loops), or only in `drain` (loops that run as fast as they can, and
-    drain by themselves)."""
-    if _thread is not None:
-        _thread.polling = on
+def hand_over(timeout: float) -> bool:
+    """Build and serialise what was published, and have it written while the loop goes on; for loops that never sleep,
+    now and then.
+
+    Args:
+        timeout: longest wait for what was handed over before [s of wall time].
+
+    Returns:
+        False when that took longer; nothing was done then. While the same message hangs, further calls return False
+        without waiting, so that nothing hangs with it.
+    """
+    return _thread.hand_over(timeout) if _thread is not None else True
 
 
 def drain(timeout: float) -> bool:
-    """Wait until everything handed over so far was sent. For loops that are not paced, every 20 ms of robot time.
-
-    Args:
-        timeout: longest wait [s of wall time].
-
-    Returns:
-        False when it took longer. While the same message hangs, further calls return False without waiting, so that
-        nothing hangs with it.
-    """
+    """Wait until everything published so far was sent; arguments and result as of `hand_over`."""
     return _thread.drain(timeout) if _thread is not None else True
 
 
 def shutdown(timeout: float = 1.0) -> None:
     """Send what waits, end the thread; a later publisher starts a new one."""
-    global _thread, _deferred
+    global _thread
     with _lock:
-        thread, _thread, _deferred = _thread, None, None
+        thread, _thread = _thread, None
     if thread is not None:
         thread.drain(timeout)
         thread.stop()
@@ -190,13 +190,3 @@ def _the_thread() -> PublishThread:
         if _thread is None:
             _thread = PublishThread()
         return _thread
-
-
-def _deferred_calls() -> Outbox:
-    global _deferred
-    thread = _the_thread()
-    with _lock:
-        if _deferred is None:
-            _deferred = Outbox(lambda call, _: call(), "deferred calls", LOSSLESS_LIMIT)
-            thread.add(_deferred)
-        return _deferred

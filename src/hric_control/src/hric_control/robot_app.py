@@ -33,7 +33,7 @@ COUNTS_PERIOD = 1.0
 LISTENER_POLL = 0.01
 """[s of wall time]"""
 DRAIN_TIMEOUT = 0.5
-"""Longest wait of an unpaced loop for queued messages [s of wall time]."""
+"""Longest wait of an unpaced loop for its messages [s of wall time]."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class RobotApp:
         self._settings = RobotSettings.read(self.robot_hw_node)
         root, self.loop = self.root_node, self.hw.loop
         if self.loop is not None:
-            self.loop.on_idle = self._drain
+            self.loop.on_idle = lambda: realtime.hand_over(DRAIN_TIMEOUT)
         self._clock = RobotClock(self.hw, (root, self.robot_hw_node), self._live, on_clock)
         self._pairs = self._clock.pairs
         counted = self.hw.limiter_counts() is not None
@@ -255,15 +255,12 @@ class RobotApp:
             return
         self._end, self._hook = None if duration is None else self._clock.time + duration, on_cycle_hook
         self.manager.loop_running = True
-        paced = self.loop is None or self.loop.real_time_factor > 0.0
-        realtime.set_polling(paced)
         try:
             with failing(), quiet_collector():
                 self.hw.run(self.on_cycle)
         finally:
             self.manager.loop_running = self._live
             self._end = self._hook = None
-            realtime.set_polling(True)
             self._finish_log()
 
     def _finish_log(self) -> None:
@@ -272,9 +269,6 @@ class RobotApp:
             self.log.flush()
         if self.cycles:
             self._publish_counts(self._clock.time)
-        self._drain()
-
-    def _drain(self) -> None:
         realtime.drain(DRAIN_TIMEOUT)
 
     def stop(self) -> None:

@@ -13,6 +13,7 @@ from rospy.msg import serialize_message
 from hric_control import names
 from hric_control.errors import FailureError, HricError, ParameterError
 from hric_control.node import REQUIRED, GoalHandle, LiveParameter, Namespaced, Undoable
+from hric_control.publishing import NOTHING, OnError, Parcel, deliver
 from hric_control.robot_time import stamps
 from hric_control.ros.action import RosActionServer
 from hric_control.ros.live import RosLiveParameters
@@ -49,18 +50,26 @@ class RosPublisher:
         Raises:
             HricError: as `publish`, for the first that could not be sent; the others are sent.
         """
+        errors: list[Exception] = []
+        deliver((self.pack(messages, errors.append),))
+        if errors:
+            error = errors[0]
+            raise error if isinstance(error, HricError) else HricError(f"{self._what}: {error}") from error
+
+    def pack(self, messages: Sequence[Any], on_error: OnError) -> Parcel:
+        """What rospy does to publish, up to the write; on_error: takes what is wrong with one of them."""
         publisher = self._publisher
         if publisher is None or rospy.is_shutdown():
-            return
+            return NOTHING
         try:
-            self._send(publisher.impl, messages)
+            return self._pack(publisher.impl, messages, on_error)
         except (AttributeError, ValueError):  # rospy takes lock and buffer away while it closes the topic
             if not rospy.is_shutdown():
                 raise
+            return NOTHING
 
-    def _send(self, topic: Any, messages: Sequence[Any]) -> None:
-        """What rospy does to publish, with one write and in fewer steps; topic: rospy's implementation."""
-        error: Exception | None = None
+    def _pack(self, topic: Any, messages: Sequence[Any], on_error: OnError) -> Parcel:
+        """topic: rospy's implementation."""
         with topic.publock:
             for message in messages:
                 begin = topic.buff.tell()
@@ -71,21 +80,15 @@ class RosPublisher:
                         topic.seq += 1
                     if topic.is_latch:
                         topic.latch = message
-                except Exception as failure:  # whatever a field holds, the others go out
+                except Exception as error:  # whatever a field holds, the others go out
                     topic.buff.seek(begin)
                     topic.buff.truncate()
-                    error = error or failure
+                    on_error(error)
             data = topic.buff.getvalue()
             topic.buff.seek(0)
             topic.buff.truncate()
             topic.message_data_sent += len(data)
-            for connection in topic.connections if data else ():
-                try:
-                    connection.write_data(data)
-                except Exception:  # as rospy: whatever is wrong with it, it is a listener less
-                    connection.close()
-        if error is not None:
-            raise error if isinstance(error, HricError) else HricError(f"{self._what}: {error}") from error
+            return Parcel(topic.publock, tuple(topic.connections), data)
 
     def subscribers(self) -> int:
         """Number of listeners."""

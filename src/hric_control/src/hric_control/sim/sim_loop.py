@@ -41,7 +41,7 @@ NAP = 0.05
 """Longest uninterrupted sleep, so that a slow loop still notices stop and pause [s]."""
 PAUSE_POLL = 0.02
 """How often a paused loop calls `on_pause` [s]."""
-IDLE_PERIOD = 0.05
+IDLE_PERIOD = 0.1
 """Robot time between two calls of `on_idle` when the loop is not paced [s]."""
 
 
@@ -79,7 +79,7 @@ class SimLoop:
         time: robot time of the state that the next cycle reads (during a cycle: that the cycle has read) [s].
         cycles: number of cycles finished.
         after_cycle: called in the loop after each finished cycle with robot time at which that cycle measured.
-        on_idle: called in the loop every 50 ms of robot time when not paced, to let queued messages out. It may wait.
+        on_idle: called in the loop every 0.1 s of robot time when not paced, to let messages out. It may wait.
         on_pause: called in the paused loop, every 20 ms of wall time.
     """
 
@@ -91,7 +91,7 @@ class SimLoop:
         self.time = 0.0
         self.cycles = 0
         self.after_cycle: list[Callable[[float], None]] = []
-        self.on_idle: Callable[[], None] | None = None
+        self.on_idle: Callable[[], object] | None = None
         self.on_pause: Callable[[], None] | None = None
         self._meter = LoopMeter(time_step)
         self._stop = self._paused = self._reset = False
