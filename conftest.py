@@ -55,6 +55,12 @@ def kind(item: pytest.Item) -> str:
     return "integration" if "integration" in item.path.parts else "unit"
 
 
+def runs_on(item: pytest.Item) -> str | None:
+    """Back end of a test of the contract, or engine of a test of plants, by its parameter; None of other tests."""
+    given = item.callspec.params if hasattr(item, "callspec") else {}
+    return given.get("backend") or given.get("plant_type", "").partition("_ros_control/")[0] or None
+
+
 def needs_to_be_alone(item: pytest.Item) -> str | None:
     """Why a test must be in a file that is marked `alone`; None where nothing is known that speaks for it."""
     given = item.callspec.params if hasattr(item, "callspec") else {}  # parameters of the test itself, of whatever name
@@ -68,6 +74,8 @@ def needs_to_be_alone(item: pytest.Item) -> str | None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         item.user_properties.append(("kind", kind(item)))
+        if robot := runs_on(item):
+            item.user_properties.append(("runs on", robot))
         if "alone" not in marks_of_file(item.path) and (reason := needs_to_be_alone(item)):
             wanted = "pytestmark = pytest.mark.alone"
             raise pytest.UsageError(

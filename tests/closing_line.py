@@ -26,6 +26,7 @@ class Results:
         skipped: how many for each reason.
         not_selected: how many for each marker that was left out.
         figures: name, value and unit of what was measured.
+        runs_on: how many of the passed ones on each back end or engine.
     """
 
     passed: Counter[str] = field(default_factory=Counter)
@@ -33,6 +34,7 @@ class Results:
     skipped: Counter[str] = field(default_factory=Counter)
     not_selected: Counter[str] = field(default_factory=Counter)
     figures: list[tuple[str, float, str]] = field(default_factory=list)
+    runs_on: Counter[str] = field(default_factory=Counter)
 
     @property
     def ran(self) -> int:
@@ -70,6 +72,7 @@ def _add(results: Results, name: str, case: ET.Element) -> None:
         results.skipped[skipped.attrib["message"].removeprefix("Skipped: ")] += 1
     else:
         results.passed[dict(properties).get("kind", "unit")] += 1
+        results.runs_on.update(value for key, value in properties if key == "runs on")
 
 
 def table(figures: Iterable[tuple[str, float, str]]) -> str:
@@ -106,6 +109,8 @@ def main(code: int, folder: Path) -> int:
         print(f"\nFigures (also in {folder / 'figures.txt'}):\n{figures}")
     for name in results.failed:
         print(f"failed: {name}")
+    if results.runs_on:
+        print(f"contract and plants: {_counted('passed', results.runs_on)}")
     print(line(results, code))
     return code or (0 if results.ran else 5)
 

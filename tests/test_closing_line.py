@@ -134,6 +134,23 @@ def test_figures_of_all_tests_stand_in_one_table(tmp_path: Path, capsys: pytest.
     assert table in capsys.readouterr().out
 
 
+COUNTED = """
+import pytest
+@pytest.mark.parametrize("backend", ["fr3", "panda"])
+def test_moves(backend): assert backend == "fr3"
+@pytest.mark.parametrize("plant_type", ["mujoco_ros_control/MujocoPlant"])
+@pytest.mark.parametrize("i", [1, 2])
+def test_falls(plant_type, i): pass
+"""
+
+
+def test_what_passed_on_each_back_end_and_engine_is_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = project(tmp_path, beside=COUNTED)
+    run(folder, "beside", "not alone")
+    main(0, folder / "results")
+    assert "contract and plants: 3 passed (2 mujoco, 1 fr3)\n" in capsys.readouterr().out
+
+
 def test_a_run_of_nothing_is_no_success(tmp_path: Path) -> None:
     assert main(0, tmp_path) == 5
 
