@@ -1,5 +1,6 @@
 """The headless runner end to end, with the real robot, plant and controllers."""
 
+import dataclasses
 import json
 import os
 import re
@@ -52,6 +53,32 @@ def test_pd_step_ends_within_a_milliradian_and_touches_no_limit(tmp_path: Path, 
         [],
     )
     assert not result.interrupted and result.folder.read()["status"] == "completed"
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"),
+    [
+        ("pd_step", ("duration:=0.8", "parameters.joint_pd_controller.profile.velocity:=5.0", "kp:=200", "kd:=5")),
+        ("marker_tracking", ("duration:=0.3", "mocap.human.begin:=0.1")),
+    ],
+)
+def test_what_a_run_still_has_in_memory_is_what_its_bag_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, overrides: tuple[str, ...]
+) -> None:
+    taken: list[bag_reader.Messages] = []
+
+    def tell(folder: RunFolder, *, known: bag_reader.Messages, **options: Any) -> dict[str, Any]:
+        taken.append(known)
+        return analyse(folder, known=known, **options)
+
+    monkeypatch.setattr(headless, "analyse", tell)
+    result = run(tmp_path, name, *overrides)
+    bag = result.folder.bag_path
+    kept, read = bag_reader.read(bag, taken[0]), bag_reader.read(bag)
+    assert kept.reflexes == read.reflexes and bool(read.reflexes) == (name == "pd_step")
+    kept.robot_time = read.robot_time
+    np.testing.assert_equal(dataclasses.asdict(kept), dataclasses.asdict(read))
+    assert analyse(result.folder, figures=False) == result.metrics
 
 
 def test_run_yaml_has_what_ran(tmp_path: Path) -> None:

@@ -3,13 +3,13 @@ comes once."""
 
 import re
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 from tqdm import tqdm
 
@@ -99,7 +99,15 @@ class PartsReader(AnyReader):
         for reader in self.readers:
             self.stack.enter_context(reader)
         self.connections = [connection for reader in self.readers for connection in reader.connections]
-        self.typestore = _typestore(frozenset((c.msgtype, c.msgdef.data, c.digest) for c in self.connections))
+        del self.typestore  # AnyReader's, which is empty
+
+    @cached_property
+    def typestore(self) -> Typestore:
+        """What reads the messages; made when the first of them is read."""
+        try:
+            return _typestore(frozenset((c.msgtype, c.msgdef.data, c.digest) for c in self.connections))
+        except TypesysError as error:
+            raise AnyReaderError(*error.args) from error
 
     def messages(
         self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None

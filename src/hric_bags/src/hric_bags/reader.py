@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +22,7 @@ COUNTS_TYPE = "hric_msgs/msg/JointLimitCounts"
 COMMAND_TYPE = "std_msgs/msg/Float64MultiArray"
 STATE_TYPE = "control_msgs/msg/JointTrajectoryControllerState"
 FRANKA_TYPE = "franka_msgs/msg/FrankaState"
+TYPES = (LOG_TYPE, COUNTS_TYPE, COMMAND_TYPE, STATE_TYPE, FRANKA_TYPE)
 _CONTROLLER_COMMAND = re.compile(r"/[^/]+/command$")
 SAME_CLOCK = 1e-6
 """Robot time and the stamps' time are the same clock when they drift apart by less than this, which is what rounding
@@ -156,63 +157,80 @@ def _check_file(path: Path) -> None:
         raise BagError(f"no bag {path.name} in {path.parent}{hint}")
 
 
-def read(bag: Path | PartsReader) -> RunRecord:
+class Messages:
+    """What a report needs of a run's messages, taken in the order of the bag: as rosbags reads them, or as ROS had them
+    when they were written."""
+
+    def __init__(self) -> None:
+        self._logs: list[Any] = []
+        self._commands: list[tuple[str, float, Any]] = []
+        self._counts: Any = None
+        self._desired: dict[str, list[tuple[float, Any, tuple[str, ...]]]] = {}
+        self._errors: dict[str, tuple[str, ...]] = {}
+        self._reflexes: list[tuple[float, tuple[str, ...]]] = []
+
+    def add(self, topic: str, kind: str, time: int, message: Any) -> None:
+        """Take a message if it is one of TYPES.
+
+        Args:
+            topic: absolute topic name.
+            kind: its type, e.g. "hric_msgs/msg/ControlLog".
+            time: at which it was recorded [ns].
+            message: as sent.
+        """
+        if kind == LOG_TYPE:
+            self._logs.append(message)
+        elif kind == COUNTS_TYPE:
+            self._counts = message
+        elif kind == COMMAND_TYPE and _CONTROLLER_COMMAND.search(topic):
+            self._commands.append((topic, time * 1e-9, message))
+        elif kind == STATE_TYPE and len(message.desired.positions) == len(message.joint_names):
+            row = seconds(message.header.stamp), message.desired.positions, tuple(message.joint_names)
+            self._desired.setdefault(topic, []).append(row)
+        elif kind == FRANKA_TYPE:
+            errors = tuple(name for name in ERROR_NAMES if getattr(message.current_errors, name))
+            if errors and errors != self._errors.get(topic):
+                self._reflexes.append((seconds(message.header.stamp), errors))
+            self._errors[topic] = errors
+
+    def record(self, bag: PartsReader) -> RunRecord:
+        """All of them, with what their bag says of itself.
+
+        Raises:
+            BagError: there is no control log.
+        """
+        topics = {topic: info.msgcount for topic, info in bag.topics.items()}
+        if not self._logs:
+            raise BagError(f"{bag.bag.name} has no control log; topics: {', '.join(sorted(topics)) or 'none'}")
+        robot_time = robot_time_of(self._logs)
+        return RunRecord(
+            stitch(self._logs),
+            [_setpoint(*item, robot_time) for item in self._commands],
+            {topic.strip("/").split("/")[-2]: _profile(rows, robot_time) for topic, rows in self._desired.items()},
+            None if self._counts is None else _counts(self._counts),
+            topics,
+            bag.duration * 1e-9 if bag.message_count else 0.0,
+            [(robot_time(stamp), errors) for stamp, errors in self._reflexes],
+            robot_time,
+        )
+
+
+def read(bag: Path | PartsReader, known: Messages | None = None) -> RunRecord:
     """Read a bag with all its parts.
+
+    Args:
+        bag: the bag, or a reader of it.
+        known: its messages, from whoever has just written them; else they are read.
 
     Raises:
         BagError: it is missing, damaged, or has no control log.
     """
-    logs: list[Any] = []
-    collected: dict[str, list[tuple[str, float, Any]]] = {
-        COUNTS_TYPE: [],
-        COMMAND_TYPE: [],
-        STATE_TYPE: [],
-        FRANKA_TYPE: [],
-    }
     with opened(bag) as reader:
-        topics = {topic: info.msgcount for topic, info in reader.topics.items()}
-        duration = reader.duration * 1e-9 if reader.message_count else 0.0
-        for connection, stamp, raw in reader.chosen(lambda c: c.msgtype in (LOG_TYPE, *collected)):
-            message = reader.deserialize(raw, connection.msgtype)
-            if connection.msgtype == LOG_TYPE:
-                logs.append(message)
-            else:
-                collected[connection.msgtype].append((connection.topic, stamp * 1e-9, message))
-        return _record(logs, collected, topics, duration, reader.bag.name)
-
-
-def _record(
-    logs: list[Any],
-    collected: dict[str, list[tuple[str, float, Any]]],
-    topics: dict[str, int],
-    duration: float,
-    name: str,
-) -> RunRecord:
-    if not logs:
-        raise BagError(f"{name} has no control log; topics: {', '.join(sorted(topics)) or 'none'}")
-    robot_time = robot_time_of(logs)
-    counts = collected[COUNTS_TYPE]
-    return RunRecord(
-        stitch(logs),
-        [_setpoint(*item, robot_time) for item in collected[COMMAND_TYPE] if _CONTROLLER_COMMAND.search(item[0])],
-        _profiles(collected[STATE_TYPE], robot_time),
-        _counts(counts[-1][2]) if counts else None,
-        topics,
-        duration,
-        _reflexes(collected[FRANKA_TYPE], robot_time),
-        robot_time,
-    )
-
-
-def _reflexes(messages: list[tuple[str, float, Any]], robot_time: RobotTime) -> list[tuple[float, tuple[str, ...]]]:
-    found: list[tuple[float, tuple[str, ...]]] = []
-    before: dict[str, tuple[str, ...]] = {}
-    for topic, _, message in messages:
-        errors = tuple(name for name in ERROR_NAMES if getattr(message.current_errors, name))
-        if errors and errors != before.get(topic):
-            found.append((robot_time(seconds(message.header.stamp)), errors))
-        before[topic] = errors
-    return found
+        if known is None:
+            known = Messages()
+            for connection, stamp, raw in reader.chosen(lambda c: c.msgtype in TYPES):
+                known.add(connection.topic, connection.msgtype, stamp, reader.deserialize(raw, connection.msgtype))
+        return known.record(reader)
 
 
 def stitch(messages: Iterable[Any]) -> ControlRecord:
@@ -253,7 +271,9 @@ def stitch(messages: Iterable[Any]) -> ControlRecord:
 
 
 def seconds(stamp: Any) -> float:
-    """A stamp as rosbags reads it [s]."""
+    """A stamp as rosbags reads it, or as ROS has it, which rounds otherwise by itself [s]."""
+    if hasattr(stamp, "secs"):
+        return float(stamp.secs) + 1e-9 * float(stamp.nsecs)
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
@@ -283,18 +303,8 @@ def _counts(message: Any) -> dict[str, Any]:
     return result
 
 
-def _profiles(
-    messages: list[tuple[str, float, Any]], robot_time: RobotTime
-) -> dict[str, tuple[FloatArray, FloatArray, tuple[str, ...]]]:
-    result = {}
-    for topic in {topic for topic, _, _ in messages}:
-        own = [
-            message
-            for name, _, message in messages
-            if name == topic and len(message.desired.positions) == len(message.joint_names)
-        ]
-        if own:
-            times = np.array([robot_time(seconds(message.header.stamp)) for message in own])
-            positions = np.array([message.desired.positions for message in own], dtype=float)
-            result[topic.strip("/").split("/")[-2]] = (times, positions, tuple(own[0].joint_names))
-    return result
+def _profile(
+    rows: Sequence[tuple[float, Any, tuple[str, ...]]], robot_time: RobotTime
+) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
+    stamps, positions, names = zip(*rows, strict=True)
+    return np.array([robot_time(stamp) for stamp in stamps]), np.array(positions, dtype=float), names[0]

@@ -7,7 +7,7 @@ from typing import Any
 from hric_bags import files
 from hric_bags import reader as bag_reader
 from hric_bags.parts import PartsReader
-from hric_bags.reader import RunRecord
+from hric_bags.reader import Messages, RunRecord
 from hric_bags.run_folder import RunFolder
 from hric_experiments.analysis import (
     collection,
@@ -30,7 +30,11 @@ STEPS, FIGURE_STEPS = 3, 2
 
 
 def analyse(
-    path: str | Path | RunFolder, *, figures: bool = True, step: Callable[[str], object] = str
+    path: str | Path | RunFolder,
+    *,
+    figures: bool = True,
+    step: Callable[[str], object] = str,
+    known: Messages | None = None,
 ) -> dict[str, Any]:
     """Compute metrics.json, the figures and summary.txt of a run, and what OpenSim replays of a run in it, replacing
     those that are there.
@@ -39,6 +43,7 @@ def analyse(
         path: the run folder.
         figures: whether to draw.
         step: called with what begins, since a minute of samples takes a minute, too; str: nobody looks on.
+        known: the bag's messages, from whoever has just written them.
 
     Returns:
         The metrics, with the report text under "report".
@@ -48,12 +53,11 @@ def analyse(
     """
     folder = path if isinstance(path, RunFolder) else RunFolder.open(path)
     run = folder.read()
-    bag = bag_of(folder, run)
+    bag, definition = bag_of(folder, run), run.get("definition") or {}
     step("reading the control log")
-    definition = run.get("definition") or {}
     tolerances = tuple((definition.get("metrics") or {}).get("tolerances") or MetricsSpec().tolerances)
     with bag_reader.opened(bag) as reader:
-        record = bag_reader.read(reader)
+        record = bag_reader.read(reader, known)
         step("how a marker was followed")
         followed = tracking_analysis.analyse(folder, reader, run, record)
         step("metrics of motion, contacts and samples")

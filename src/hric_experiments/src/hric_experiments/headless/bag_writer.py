@@ -31,19 +31,24 @@ class BagWriter:
         self._writer.open()
         self._connections: dict[tuple[str, type], Connection] = {}
 
-    def write(self, topic: str, message: Any, time: float) -> None:
+    def write(self, topic: str, message: Any, time: float) -> int:
         """Add a message.
 
         Args:
             topic: absolute topic name.
             message: any ROS message.
             time: robot time [s].
+
+        Returns:
+            The time as the bag has it [ns].
         """
         kind = type(message)
         connection = self._connections.get((topic, kind)) or self._connect(topic, kind)
         data = BytesIO()
         message.serialize(data)
-        self._writer.write(connection, to_time(max(time, 0.0)).to_nsec(), data.getbuffer())
+        stamp: int = to_time(max(time, 0.0)).to_nsec()
+        self._writer.write(connection, stamp, data.getbuffer())
+        return stamp
 
     def _connect(self, topic: str, kind: Any) -> Connection:
         package, name = kind._type.split("/")

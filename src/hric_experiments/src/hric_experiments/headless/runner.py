@@ -11,6 +11,7 @@ from typing import Any
 from std_msgs.msg import String
 
 from hric_bags import files
+from hric_bags.reader import Messages
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RunFolder, iso_now
 from hric_bags.text import Steps
 from hric_control.errors import HricError, failing
@@ -65,23 +66,28 @@ def run(
         folder.write(provenance.head(folder, definition, arguments, tree, mode="headless", seed=seed, limits=limits))
         files.write_text(folder.urdf_path, tree["robot_description"])
         with folder.filled():
-            interrupted = _record(simulation, folder, progress)
+            messages, interrupted = _record(simulation, folder, progress)
     with failing(), contextlib.closing(Steps(STEPS + FIGURE_STEPS * figures)) as step:
-        metrics = analyse(folder, figures=figures, step=step if progress and sys.stderr.isatty() else str)
+        shown = step if progress and sys.stderr.isatty() else str
+        metrics = analyse(folder, figures=figures, step=shown, known=messages)
     folder.update(state_sha256=metrics["state_sha256"])
     return Result(folder, metrics, interrupted)
 
 
-def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> bool:
-    """Run the robot into the bag. Returns whether it was interrupted."""
+def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[Messages, bool]:
+    """Run the robot into the bag: (what of it a report needs, whether it was interrupted)."""
     app, node = simulation.app, simulation.node
-    failure, interrupted = None, False
+    failure, interrupted, messages = None, False, Messages()
     with BagWriter(folder.bag_path) as bag:
+
+        def write(topic: str, message: Any, at: float) -> None:
+            messages.add(topic, message._type.replace("/", "/msg/"), bag.write(topic, message, at), message)
+
         folder.become_latest()
-        bag.write("/robot_description", String(node.param("robot_description")), 0.0)
-        for topic, message, at in simulation.early:
-            bag.write(topic, message, at)
-        node.tap(bag.write)
+        write("/robot_description", String(node.param("robot_description")), 0.0)
+        for early in simulation.early:
+            write(*early)
+        node.tap(write)
         began = time.perf_counter()
         try:
             simulation.run(progress=progress)
@@ -96,4 +102,4 @@ def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> bool:
     arm_error = {"arm_error": app.hw.error} if app.hw.error else {}
     status = INTERRUPTED if interrupted else COMPLETED
     folder.update(status=status, finished=iso_now(), real_time_factor=factor, **arm_error)
-    return interrupted
+    return messages, interrupted
