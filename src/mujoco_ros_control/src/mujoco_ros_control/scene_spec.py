@@ -11,7 +11,6 @@ from functools import lru_cache, reduce
 from itertools import combinations
 from operator import add
 
-import coal
 import mujoco
 import numpy as np
 
@@ -97,6 +96,8 @@ def quaternion(R: FloatArray) -> list[float]:
 @lru_cache(maxsize=64)
 def _hull(path: str, scale: tuple[float, ...]) -> FloatArray:
     """Corners of the convex hull of a mesh, shape (n, 3) [m]."""
+    import coal  # takes as long to load as all of MuJoCo's, and few need it
+
     mesh = coal.MeshLoader().load(path, np.array(scale))
     mesh.buildConvexHull(True, "Qt")
     return np.array(mesh.convex.points())
