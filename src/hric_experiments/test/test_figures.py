@@ -89,7 +89,7 @@ def test_the_legend_of_many_curves_covers_no_title_and_stays_within_the_figure()
     curves = tuple(Curve(f"a rather long name {k}", f"s{k}", TIME, TIME + k) for k in range(10))
     figure = Figure("a", "A", "[rad]", (Panel("a title of the panel", curves),) * 2)
     with plt.rc_context(drawing.STYLE):
-        drawn = drawing.drawn(figure)
+        drawn = drawing.drawn(figure, {})
         drawn.canvas.draw()
         legend = drawn.legends[0].get_window_extent()
         assert drawn.bbox.x0 <= legend.x0 and legend.x1 <= drawn.bbox.x1 and legend.y1 <= drawn.bbox.y1 + 1.0

@@ -15,7 +15,7 @@ from cases import Block
 from hric_control import plugins
 from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
-from hric_control.robot_app import quiet_collector
+from hric_control.processes import quiet_collector
 from hric_control.urdf import read
 from hric_experiments.definition.overrides import SIMULATORS
 

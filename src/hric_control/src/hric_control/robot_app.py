@@ -1,8 +1,6 @@
 """One robot with its controllers: what the robot node and the headless runner share."""
 
-import gc
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter, sleep
 from typing import Any
@@ -17,6 +15,7 @@ from hric_control.manager import services as manager_services
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.node import Node
 from hric_control.parameters import Settings, flag, number, text
+from hric_control.processes import quiet_collector
 from hric_control.robot_hw import RobotHW
 from hric_control.robot_time import stamps
 from hric_control.robot_time.clock_pairs import RobotClock
@@ -67,20 +66,6 @@ def robot_hw_type(root_node: Node, robot_hw_node: Node) -> str:
             f"{robot_hw_node.resolve('robot_hw')} is not set and robot_description has no robotSimType; valid: {valid}"
         )
     return found
-
-
-@contextmanager
-def quiet_collector() -> Iterator[None]:
-    """Keep the garbage collector from walking over everything that was loaded, in the middle of a cycle; and from
-    looking at each thirty cycles' lists, which takes a thirtieth of a cycle."""
-    thresholds = gc.get_threshold()
-    gc.freeze()
-    gc.set_threshold(50_000, 20, 20)
-    try:
-        yield
-    finally:
-        gc.set_threshold(*thresholds)
-        gc.unfreeze()
 
 
 class RobotApp:
