@@ -4,6 +4,7 @@ import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -179,7 +180,7 @@ class Messages:
             message: as sent.
         """
         if kind == LOG_TYPE:
-            self._logs.append(message)
+            self._logs.append(_in_arrays(message))
         elif kind == COUNTS_TYPE:
             self._counts = message
         elif kind == COMMAND_TYPE and _CONTROLLER_COMMAND.search(topic):
@@ -268,6 +269,14 @@ def stitch(messages: Iterable[Any]) -> ControlRecord:
         repeats=tuple(repeats),
         **arrays,
     )
+
+
+def _in_arrays(log: Any) -> Any:
+    """A control log's own copy with its numbers as arrays, a quarter of the memory of lists."""
+    kept = copy(log)
+    for name in ("time", *ARRAYS):
+        setattr(kept, name, np.asarray(getattr(log, name), dtype=float))
+    return kept
 
 
 def seconds(stamp: Any) -> float:

@@ -110,18 +110,10 @@ class ControlLog:
 def _message(names: list[str], kinds: list[str], first: int, stamp: Any, values: tuple[list[float], ...]) -> Any:
     from hric_msgs.msg import ControlLog as Message
 
-    time, position, velocity, effort, raw, sent = values
-    message = Message(
-        joint_names=names,
-        command_interface=kinds,
-        first_cycle=first,
-        n_cycles=len(time),
-        time=time,
-        position=position,
-        velocity=velocity,
-        effort=effort,
-        command_raw=raw,
-        command=sent,
-    )
+    # Fields are set one by one: constructors with arguments check them all and cost three times as much.
+    message = Message()
+    message.joint_names, message.command_interface = names, kinds
+    message.first_cycle, message.n_cycles = first, len(values[0])
+    message.time, message.position, message.velocity, message.effort, message.command_raw, message.command = values
     message.header.stamp = stamp
     return message

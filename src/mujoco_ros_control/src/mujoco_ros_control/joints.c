@@ -132,10 +132,9 @@ static void compute_loads(Joints *self)
 {
     mjData *d = self->data;
     if (self->model->opt.integrator != mjINT_RK4) {
-        const double rate = 1.0 / self->model->opt.timestep;
         for (int i = 0; i < self->n; i++) {
             const int dof = self->dof[i];
-            d->qacc[dof] = rate * (d->qvel[dof] - self->before[i]);
+            d->qacc[dof] = (d->qvel[dof] - self->before[i]) / self->model->opt.timestep;
             d->qvel[dof] = self->before[i];
         }
     }

@@ -134,8 +134,8 @@ def motors_message(joint_names: Sequence[str], efforts: list[float], time: float
         joint_names, efforts: of that cycle [N m or N].
         time: robot time at which it measured [s].
     """
-    message = JointState(name=list(joint_names), effort=efforts)
-    message.header.stamp = stamps.to_time(time)
+    message = JointState()
+    message.header.stamp, message.name, message.effort = stamps.to_time(time), list(joint_names), efforts
     return message
 
 
