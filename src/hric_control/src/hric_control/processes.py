@@ -44,13 +44,11 @@ def quiet_collector() -> Iterator[None]:
     """Keep the garbage collector from walking over everything that was loaded, in the middle of a cycle; and from
     looking at each thirty cycles' lists, which takes a thirtieth of a cycle, and of drawing a tenth."""
     thresholds = gc.get_threshold()
-    gc.freeze()
     gc.set_threshold(50_000, 20, 20)
     try:
         yield
     finally:
         gc.set_threshold(*thresholds)
-        gc.unfreeze()
 
 
 def start_dependent(command: Sequence[str], **streams: Any) -> subprocess.Popen[bytes]:
