@@ -199,11 +199,11 @@ def test_success_rate_counts_the_last_hundred_cycles_from_the_first_command() ->
 
 
 def test_the_friction_law_is_the_plants() -> None:
-    from hric_control.plants.friction import JointLosses, sigmoid_parameters
+    from hric_control.plants.friction import sigmoid_parameters, sigmoid_torque
 
     dq = [0.3, -0.2, 0.1, 1.5, -2.0, 0.0, 0.01]
-    plant = JointLosses([0.0] * 7, sigmoid_parameters(FRICTION, JOINTS)).subtract([0.0] * 7, dq)
-    assert friction_law(FRICTION, JOINTS)(dq) == pytest.approx([-x for x in plant], abs=1e-15)
+    plant = [sigmoid_torque(v, phi) for v, phi in zip(dq, sigmoid_parameters(FRICTION, JOINTS), strict=True)]
+    assert friction_law(FRICTION, JOINTS)(dq) == pytest.approx(plant, abs=1e-15)
     assert friction_law(FRICTION, JOINTS)([0.0] * 7) == [0.0] * 7
     with pytest.raises(ParameterError, match="friction_parameters: phi1, phi2 and phi3 of panda_joint7 are missing"):
         friction_law({name: FRICTION[name] for name in JOINTS[:6]}, JOINTS)

@@ -10,7 +10,7 @@ import yaml
 from hric_control.errors import HricError, ParameterError, UnknownNameError
 from hric_control.parameters import number
 from hric_control.plants import (
-    JointLosses,
+    Losses,
     PlantConfig,
     StopMemory,
     Surface,
@@ -217,7 +217,6 @@ def test_masks_match_in_either_order():
 
 def test_friction_over_many_velocities_is_what_the_plant_takes_away_at_each(rng):
     phi, velocity = (0.62, 6.0, 0.03), rng.uniform(-2.0, 2.0, 50)
-    losses = JointLosses([0.0], [phi])
-    assert np.allclose(
-        sigmoid_torque(velocity, phi), [-losses.subtract([0.0], [v])[0] for v in velocity], rtol=0.0, atol=1e-15
-    )
+    a, b, c, d = Losses(sigmoid=phi).sigmoid_row()
+    taken = [a * (math.tanh(b * (v + c)) - d) for v in velocity]
+    assert np.allclose(sigmoid_torque(velocity, phi), taken, rtol=0.0, atol=1e-15)

@@ -1,9 +1,8 @@
 /* The robot's joints in MuJoCo's model and data: one step with the state in and out as Python's lists, and the friction
    that was identified on the Panda, inside the stages of the step. What joints.py explains. Of MuJoCo only the layout
    of its structures is needed here; its functions come as addresses. */
+#include "hric_control/friction.h"
 #include "hric_control/python_numbers.h"
-
-#include <math.h>
 
 #include <mujoco/mjdata.h>
 #include <mujoco/mjmodel.h>
@@ -27,18 +26,16 @@ typedef struct {
 
 /* ---- friction ---- */
 
-enum { HALF_SIZE, HALF_SLOPE, OFFSET, REST, ROW };
-
 /* MuJoCo's mjcb_passive, one for all models of the process: what it needs of a joint is with the joint. */
 static void add_friction(const mjModel *m, mjData *d)
 {
-    if (m->nuser_jnt < ROW)
+    if (m->nuser_jnt < FRICTION_ROW)
         return;
     for (int joint = 0; joint < m->njnt; joint++) {
         const mjtNum *row = m->jnt_user + (size_t)joint * (size_t)m->nuser_jnt;
         const int dof = m->jnt_dofadr[joint];
-        if (row[HALF_SIZE] != 0.0)
-            d->qfrc_passive[dof] -= row[HALF_SIZE] * (tanh(row[HALF_SLOPE] * (d->qvel[dof] + row[OFFSET])) - row[REST]);
+        if (row[FRICTION_SIZE] != 0.0)
+            d->qfrc_passive[dof] -= friction(row, d->qvel[dof]);
     }
 }
 

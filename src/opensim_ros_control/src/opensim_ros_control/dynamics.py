@@ -7,18 +7,13 @@ in which f need not be known: M a differs from it by a G' lambda, which mu takes
 Braked joints have x = 0 and leave the equations; what their rows lack is the effort of the brake.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
-from scipy.linalg.lapack import dposv
 
 from hric_control.plant import FloatArray
 from opensim_ros_control.engine import Engine
-
-Indices = npt.NDArray[np.intp]
-Losses = Callable[[FloatArray], FloatArray]
-"""Speeds -> efforts that friction takes away, both of shape (nu,)."""
+from opensim_ros_control.stages import balance, rubbed, solve
 
 
 class Dynamics:
@@ -27,12 +22,12 @@ class Dynamics:
     Args:
         engine: the model.
         inertia: of the rotors, shape (nu,) [kg m^2].
-        losses: friction beyond the model's own forces; None for none.
+        friction: a row per coordinate beyond the model's own forces, see `stages.rubbed`; None for none.
     """
 
-    def __init__(self, engine: Engine, inertia: FloatArray, losses: Losses | None) -> None:
-        self.engine, self._losses = engine, losses
-        self._rotors = np.diag(inertia)
+    def __init__(self, engine: Engine, inertia: FloatArray, friction: FloatArray | None) -> None:
+        self.engine, self._friction = engine, friction
+        self._rotors, self._B = inertia, np.diag(inertia)
         self._bare = not inertia.any() and not engine.constraints
         self._all = np.arange(engine.nu, dtype=np.intp)
         self.brake(())
@@ -47,23 +42,20 @@ class Dynamics:
         engine = self.engine
         engine.put_y(y)
         self._a = a = engine.acceleration()
-        if self._losses is not None:
-            tau = tau - self._losses(y[engine.nu : 2 * engine.nu])
+        if self._friction is not None:
+            tau = rubbed(tau, y[engine.nu : 2 * engine.nu], self._friction)
         if self._bare and not self._braked:
             return a + engine.divided_by_mass(tau)
-        M = engine.mass_matrix()
-        self._inertia = M + self._rotors
-        self._drive = M @ a + tau
+        self._inertia, self._drive = balance(engine.mass_matrix(), self._rotors, a, tau)
         if not self._braked and not engine.constraints:
             return self._solve(self._inertia, self._drive)
         return self._constrained(self._drive)
 
     @staticmethod
     def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
-        _, x, info = dposv(A, b)
-        if info != 0:  # not positive definite: a description with tensors that no body has
-            x = np.linalg.solve(A, b)
-        return np.asarray(x)
+        x = solve(A, b)
+        # Not positive definite: a description with tensors that no body has.
+        return np.asarray(np.linalg.solve(A, b)) if x is None else x
 
     def _constrained(self, drive: FloatArray) -> FloatArray:
         free, x = self._free, np.zeros_like(drive)
@@ -74,7 +66,7 @@ class Dynamics:
             x[free] = self._solve(A, drive[free])
             return x
         G = self.engine.constraint_jacobian()
-        W = self._solve(A, G[:, free].T)
+        W = self._solve(A, np.ascontiguousarray(G[:, free].T))
         x0 = self._solve(A, drive[free])
         # Least squares: braked joints may leave constraints without anything to move.
         nu = np.linalg.lstsq(G[:, free] @ W, G @ self._a - G[:, free] @ x0, rcond=None)[0]
@@ -86,7 +78,7 @@ class Dynamics:
         joints."""
         n, free = self.engine.nu, self._free
         K = np.zeros((n, n))
-        A = (self.engine.mass_matrix() + self._rotors)[np.ix_(free, free)]
+        A = (self.engine.mass_matrix() + self._B)[np.ix_(free, free)]
         inverse = np.linalg.inv(A)
         if self.engine.constraints:
             G = self.engine.constraint_jacobian()[:, free]
@@ -111,7 +103,7 @@ class Dynamics:
             return y
         self.engine.put_y(y)
         self.engine.acceleration()
-        M = self.engine.mass_matrix() + self._rotors
+        M = self.engine.mass_matrix() + self._B
         free = self._free
         A, new = M[np.ix_(free, free)], np.zeros(n)
         new[free] = u[free] + np.linalg.solve(A, M[free][:, braked] @ u[braked])

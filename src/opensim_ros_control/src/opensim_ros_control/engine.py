@@ -5,12 +5,12 @@ index of each coordinate.
 """
 
 import numpy as np
-import numpy.typing as npt
 import opensim
 
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.plant import FloatArray
 from opensim_ros_control.robot_model import Built
+from opensim_ros_control.stages import rate, view
 
 opensim.Logger.setLevelString("Error")
 
@@ -42,13 +42,17 @@ class Engine:
         self.matter = self.model.getMatterSubsystem()
         state = self.system_state
         self.nu, self.nz = state.getNU(), state.getNZ()
+        self._y, self._efforts = opensim.Vector(2 * self.nu + self.nz, 0.0), opensim.Vector(self.nu, 0.0)
         self._M, self._result = opensim.Matrix(self.nu, self.nu), opensim.Vector(self.nu, 0.0)
-        self._M_values = np.empty((self.nu, self.nu))
+        self._y_view, self._efforts_view, self._M_view, self._result_view = map(
+            view, (self._y, self._efforts, self._M, self._result)
+        )
         self.coordinates = self._coordinates()
         self.index = {path: self._index_of(coordinate) for path, coordinate in self.coordinates.items()}
-        self._slots = self._position_slots() if state.getNQ() != self.nu else None
+        self._slots = np.array(self._position_slots()) if state.getNQ() != self.nu else None
         self.straight = self._is_straight()
-        self.model.realizeVelocity(state)
+        self.model.realizeAcceleration(state)
+        self._acceleration = view(state.getUDot())
         self.constraints = len(self.constraint_jacobian())
         self.frames = {
             name: opensim.Frame.safeDownCast(self.model.getComponent(path)) for name, path in built.frames.items()
@@ -56,12 +60,10 @@ class Engine:
         self.actuators = self._actuators()
         for _, actuator in self.actuators:
             actuator.setAppliesForce(state, False)
-        self._controls: FloatArray = self.model.getDefaultControls().to_numpy()
+        self._controls = view(self.model.updDefaultControls())
         self._control_slots = self._find_control_slots()
-        self._direct = (
-            self._control_slots.tolist() == list(range(self.nu)) == [index for index, _ in self.actuators]
-            and len(self._controls) == self.nu
-        )
+        self._actuated = [index for index, _ in self.actuators]
+        self._direct = self._control_slots == list(range(self.nu)) == self._actuated and len(self._controls) == self.nu
         self.state_names = [self.model.getStateVariableNames().get(i) for i in range(self.model.getNumStateVariables())]
 
     def _coordinates(self) -> dict[str, opensim.Coordinate]:
@@ -73,7 +75,7 @@ class Engine:
         actuators = [opensim.CoordinateActuator.safeDownCast(found.get(i)) for i in range(found.getSize())]
         return [(self.index[a.getCoordinate().getAbsolutePathString()], a) for a in actuators if a is not None]
 
-    def _find_control_slots(self) -> npt.NDArray[np.intp]:
+    def _find_control_slots(self) -> list[int]:
         """Indices of the controls of `actuators` among all controls of the model, which are in the order of its
         actuators."""
         found, slots, number = self.model.getActuators(), [], 0
@@ -81,14 +83,15 @@ class Engine:
             if opensim.CoordinateActuator.safeDownCast(found.get(i)) is not None:
                 slots.append(number)
             number += found.get(i).numControls()
-        return np.array(slots, dtype=np.intp)
+        return slots
 
-    def controls(self, efforts: FloatArray) -> FloatArray:
-        """Default controls of the model with these efforts, shape (nu,), on the coordinates that have actuators."""
+    def set_controls(self, efforts: FloatArray) -> None:
+        """Default controls of the model: efforts, shape (nu,), on the coordinates that have actuators. What a state has
+        computed with those before stays as it is."""
         if self._direct:
-            return efforts
-        self._controls[self._control_slots] = efforts[[index for index, _ in self.actuators]]
-        return self._controls
+            self._controls[:] = efforts
+        else:
+            self._controls[self._control_slots] = efforts[self._actuated]
 
     def _index_of(self, coordinate: opensim.Coordinate) -> int:
         state = opensim.State(self.system_state)
@@ -96,9 +99,9 @@ class Engine:
         coordinate.setSpeedValue(state, 1.0)
         return int(np.argmax(state.getU().to_numpy()))
 
-    def _position_slots(self) -> npt.NDArray[np.intp]:
+    def _position_slots(self) -> list[int]:
         """Index of each coordinate among OpenSim's positions: a free joint has one more of them than it uses."""
-        slots = np.zeros(self.nu, dtype=np.intp)
+        slots = [0] * self.nu
         for path, coordinate in self.coordinates.items():
             state = opensim.State(self.system_state)
             before = state.getQ().to_numpy().copy()
@@ -139,7 +142,8 @@ class Engine:
         """Set all that is integrated: positions q, speeds u, and what else the model's parts have (z), shape (2 nu +
         nz,)."""
         if self._slots is None:
-            self.system_state.setY(to_vector(y))
+            self._y_view[:] = y
+            self.system_state.setY(self._y)
             return
         n = self.nu
         self.put(y[:n], y[n : 2 * n])
@@ -154,11 +158,16 @@ class Engine:
         """Speeds of the state, shape (nu,) [rad/s or m/s]."""
         return np.asarray(self.system_state.getU().to_numpy())
 
+    def y_view(self, state: opensim.State) -> FloatArray | None:
+        """All that is integrated of a state of this model in OpenSim's own memory, where that is as `put_y` takes
+        it."""
+        return view(state.getY()) if self._slots is None else None
+
     def y_of(self, state: opensim.State) -> FloatArray:
         """All that is integrated of a state of this model, as `put_y` takes it."""
-        if self._slots is None:
-            y: FloatArray = state.getY()._to_numpy(2 * self.nu + self.nz)
-            return y
+        held = self.y_view(state)
+        if held is not None:
+            return held.copy()
         parts = [self.positions(state.getQ()), state.getU().to_numpy()]
         return np.concatenate([*parts, state.getZ().to_numpy()] if self.nz else parts)
 
@@ -179,24 +188,20 @@ class Engine:
 
     def acceleration(self) -> FloatArray:
         """du/dt of the model alone, without rotor inertia and what acts in the joints from outside the model, shape
-        (nu,)."""
+        (nu,), valid until the next call."""
         self.model.realizeAcceleration(self.system_state)
-        a: FloatArray = self.system_state.getUDot()._to_numpy(self.nu)
-        return a
+        return self._acceleration
 
     def mass_matrix(self) -> FloatArray:
         """Shape (nu, nu) [kg m^2], valid until the next call; positions must be realized."""
         self.matter.calcM(self.system_state, self._M)
-        self._M._to_numpy(
-            self._M_values.view()
-        )  # OpenSim turns the view's axes round, which does not matter to a symmetric matrix
-        return self._M_values
+        return self._M_view
 
     def divided_by_mass(self, efforts: FloatArray) -> FloatArray:
-        """M^-1 times efforts, shape (nu,); the acceleration must be realized."""
-        self.matter.multiplyByMInv(self.system_state, to_vector(efforts), self._result)
-        a: FloatArray = self._result._to_numpy(self.nu)
-        return a
+        """M^-1 times efforts, shape (nu,), valid until the next call; the acceleration must be realized."""
+        self._efforts_view[:] = efforts
+        self.matter.multiplyByMInv(self.system_state, self._efforts, self._result)
+        return self._result_view
 
     def constraint_jacobian(self) -> FloatArray:
         """G with G du/dt given by the constraints, shape (constraints, nu); velocities must be realized."""
@@ -212,12 +217,11 @@ class Engine:
 
     def rate(self, y: FloatArray, acceleration: FloatArray) -> FloatArray:
         """dy/dt with this du/dt in the state that was realized last, shape (2 nu + nz,)."""
-        n = self.nu
-        result = np.empty_like(y)
-        result[:n] = y[n : 2 * n] if self.straight else self.positions(self.system_state.getQDot())
-        result[n : 2 * n] = acceleration
+        result = rate(y, acceleration)
+        if not self.straight:
+            result[: self.nu] = self.positions(self.system_state.getQDot())
         if self.nz:
-            result[2 * n :] = self.z_rate()
+            result[2 * self.nu :] = self.z_rate()
         return result
 
     def z_rate(self) -> FloatArray:

@@ -15,8 +15,9 @@ import opensim
 from hric_control.errors import FailureError
 from hric_control.plant import FloatArray
 from opensim_ros_control.dynamics import Dynamics
-from opensim_ros_control.engine import Engine, to_vector
+from opensim_ros_control.engine import Engine
 from opensim_ros_control.joint_efforts import JointEfforts, Row
+from opensim_ros_control.stages import advanced, ralston
 
 Touch = Callable[[FloatArray, FloatArray], FloatArray]
 """(speeds that the step would end with, shape (nu,); their change per effort, shape (nu, nu)) -> efforts of rigid
@@ -29,6 +30,9 @@ _AGREED = 1e-9
 LONGEST_CALL = 1e-3
 """Most simulated time in one call of OpenSim's integrator, which keeps all other threads waiting [s] (project default,
 unconfirmed)."""
+
+_COMMANDED = opensim.Stage(opensim.Stage.Velocity)
+"""What a state has computed from here on depends on the efforts."""
 
 
 class IntegrationError(FailureError):
@@ -107,11 +111,11 @@ class OwnSteps:
         dynamics, rate, dt = self._dynamics, self._engine.rate, self._dt
         x1, tau = self._begin(time, y, tau, touch)
         rate1 = rate(y, x1)
-        y2 = y + 0.5 * dt * rate1
+        y2 = advanced(y, 0.5 * dt, rate1)
         rate2 = rate(y2, dynamics.evaluate(y2, tau))
-        y3 = y + 0.75 * dt * rate2
+        y3 = advanced(y, 0.75 * dt, rate2)
         rate3 = rate(y3, dynamics.evaluate(y3, tau))
-        return Step(y + dt / 9.0 * (2.0 * rate1 + 3.0 * rate2 + 4.0 * rate3), x1)
+        return Step(ralston(y, dt, rate1, rate2, rate3), x1)
 
 
 class ManagerSteps:
@@ -130,7 +134,6 @@ class ManagerSteps:
         self._part = time_step / self._calls
         self._manager: opensim.Manager | None = None
         self._last: FloatArray | None = None
-        self._set_controls = engine.model.setDefaultControls
 
     def _start(self, time: float, y: FloatArray) -> opensim.Manager:
         engine = self._engine
@@ -151,6 +154,7 @@ class ManagerSteps:
         manager.setPerformAnalyses(False)
         manager.initialize(state)
         self._running = manager.getState()
+        self._end = engine.y_view(self._running)
         return manager
 
     def step(self, time: float, y: FloatArray, tau: FloatArray) -> Step:
@@ -159,10 +163,8 @@ class ManagerSteps:
         if manager is None or y is not self._last:
             manager = self._start(time, y)
         running = self._running
-        # All efforts in one call. It does not invalidate what the state had computed with those before: touching the
-        # speeds does.
-        self._set_controls(to_vector(self._engine.controls(tau)))
-        running.updU()
+        self._engine.set_controls(tau)
+        running.invalidateAllCacheAtOrAbove(_COMMANDED)
         try:
             for _ in range(self._calls):
                 self._steps += 1
@@ -170,5 +172,5 @@ class ManagerSteps:
         except RuntimeError as error:
             raise IntegrationError(f"OpenSim could not integrate: {str(error).strip().splitlines()[0]}") from error
         self._running = running
-        self._last = end = self._engine.y_of(running)
+        self._last = end = self._engine.y_of(running) if self._end is None else self._end.copy()
         return Step(end, None)

@@ -9,12 +9,13 @@ import numpy as np
 from hric_control.errors import CommandError
 from hric_control.parameters import flag, number
 from hric_control.plant import FloatArray, Mode
-from hric_control.plants import Divergence, JointLosses, StopMemory, WindowlessConfig, sigmoid_parameters
-from opensim_ros_control.dynamics import Dynamics, Losses
+from hric_control.plants import Divergence, Losses, StopMemory, WindowlessConfig, sigmoid_parameters
+from opensim_ros_control.dynamics import Dynamics
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.integrators import IntegrationError, ManagerSteps, OwnSteps, Step, Touch
 from opensim_ros_control.joint_efforts import JointEfforts, Row
 from opensim_ros_control.robot_model import RobotModel
+from opensim_ros_control.stages import cut
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class Robot:
         self._divergence = Divergence(self._names, limits, slides, config.time_step)
         self.stops = StopMemory([(joint.lower, joint.upper) for joint in self._joints])
         bound = [self._joints[i].effort if config.effort_limits else math.inf for i in numbers]
-        self._bounds = [(-effort, effort) for effort in bound]
+        self._bounds = ([-effort for effort in bound], bound)
         self._half = (
             0.5 * config.time_step if config.half_step_readout and config.integrator == "semi_implicit" else 0.0
         )
@@ -94,14 +95,14 @@ class Robot:
         self._all_straight = self._indices == list(range(engine.nu))
         inertia = np.zeros(engine.nu)
         inertia[self.user] = config.rotor_inertia
-        losses = self._losses()
-        self._dynamics = Dynamics(engine, inertia, losses)
+        friction = self._friction()
+        self._dynamics = Dynamics(engine, inertia, friction)
         coulomb = [(index, joint.friction) for index, joint in zip(self._indices, self._joints, strict=True)]
         sticking = {index: F for index, F in coulomb if F > 0.0} if config.friction == "coulomb" else {}
         self._rows = JointEfforts(sticking, self.stops, self._indices, config.time_step)
         self._own = OwnSteps(self._dynamics, self._rows, config.time_step)
         self._manager = ManagerSteps(engine, config.time_step, config.accuracy)
-        self._plain = config.integrator == "accurate" and losses is None and not inertia.any() and not sticking
+        self._plain = config.integrator == "accurate" and friction is None and not inertia.any() and not sticking
         self._own_step = self._own.semi_implicit if config.integrator == "semi_implicit" else self._own.third_order
         self._mimics = [
             (index, engine.index[path[joint.mimic.joint]], joint.mimic.multiplier, joint.mimic.offset)
@@ -109,17 +110,14 @@ class Robot:
             if joint.mimic is not None
         ]
 
-    def _losses(self) -> Losses | None:
+    def _friction(self) -> FloatArray | None:
+        """A row of the identified friction per coordinate, where there is some."""
         if self.config.friction != "identified":
             return None
-        phi: list[tuple[float, float, float]] = [(0.0, 0.0, 0.0)] * self.engine.nu
-        for index, values in zip(
-            self.user, sigmoid_parameters(self.config.friction_parameters, self.joint_names), strict=True
-        ):
-            phi[index] = values
-        nothing = [0.0] * self.engine.nu
-        subtract = JointLosses(nothing, phi).subtract  # damping acts in the model
-        return lambda u: -np.array(subtract(nothing, u.tolist()))
+        phi = sigmoid_parameters(self.config.friction_parameters, self.joint_names)
+        rows = np.zeros((self.engine.nu, len(Losses().sigmoid_row())))
+        rows[self.user] = [Losses(sigmoid=of_joint).sigmoid_row() for of_joint in phi]
+        return rows
 
     def build_again(self, prepare: Callable[[Engine], None] | None = None) -> None:
         """The model again, continuing where everything is; `prepare` may set states of what is new in it."""
@@ -238,16 +236,14 @@ class Robot:
         Args:
             values: commands of the actuated joints, in the meaning of their modes.
         """
-        efforts = [
-            low if v < low else high if v > high else v for v, (low, high) in zip(values, self._bounds, strict=True)
-        ]
+        efforts, tau = cut(values, *self._bounds)
         self._divergence.check_efforts(self.joint_names, efforts)
         rows = self._rows
         if self._any_braked or self._any_driven:
             efforts = [0.0 if b or d else e for e, b, d in zip(efforts, self._braked, self._driven, strict=True)]
+            tau = np.array(efforts)
             rows.drives = self._drive_rows(values)
         rows.active = rows.always or rows.near_stop(self.q, self.u)
-        tau = np.array(efforts)
         if not self.straight:
             tau = np.zeros(self.engine.nu)
             tau[self.user] = efforts

@@ -5,7 +5,7 @@ This is the module to import from, but for `faces` (where two shapes lie on each
 
 from hric_control.plants.config import PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
-from hric_control.plants.friction import PHI, JointLosses, Phi, sigmoid_parameters, sigmoid_torque
+from hric_control.plants.friction import PHI, Phi, sigmoid_parameters, sigmoid_torque
 from hric_control.plants.masks import load_masks, masked
 from hric_control.plants.models import Model, Models, model_of_object, model_of_urdf, payload
 from hric_control.plants.moving_joints import Losses, MovingJoints
@@ -20,7 +20,6 @@ __all__ = [
     "PLAIN_LINK",
     "DivergedError",
     "Divergence",
-    "JointLosses",
     "Losses",
     "Model",
     "Models",

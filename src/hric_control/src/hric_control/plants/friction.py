@@ -1,10 +1,5 @@
-"""Joint friction as efforts: viscous damping, and the sigmoid that was identified on the Panda.
+"""The joint friction that was identified on the Panda: a sigmoid of the velocity."""
 
-Coulomb friction, which can hold a joint still, is not a function of the velocity: it is in the balance of
-`rotor_inertia.py`.
-"""
-
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,7 +15,7 @@ Phi = tuple[float, float, float]
 
 
 def sigmoid_torque(dq: npt.NDArray[np.float64], phi: Sequence[float]) -> npt.NDArray[np.float64]:
-    """Friction of one joint over many velocities, as `JointLosses` takes it away.
+    """Friction of one joint over many velocities, as a plant takes it away.
 
     Args:
         dq: joint velocity, shape (n,) [rad/s].
@@ -60,38 +55,3 @@ def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[Phi]
                 f"{dict(parameters)}"
             ) from error
     return result
-
-
-class JointLosses:
-    """Efforts that friction takes away.
-
-    Args:
-        damping: viscous coefficient per joint [N m s/rad].
-        sigmoid: (phi1, phi2, phi3) per joint, or None.
-    """
-
-    def __init__(self, damping: Sequence[float], sigmoid: Sequence[tuple[float, float, float]] | None) -> None:
-        self._damping = list(damping)
-        # phi1 / (1 + exp(-x)) = phi1/2 (1 + tanh(x/2)): the same curve, without overflow at high speed.
-        self._sigmoid = (
-            None if sigmoid is None else [(0.5 * a, 0.5 * b, c, math.tanh(0.5 * b * c)) for a, b, c in sigmoid]
-        )
-
-    @property
-    def any(self) -> bool:
-        """Whether there is anything to subtract."""
-        return self._sigmoid is not None or any(self._damping)
-
-    def subtract(self, tau: Sequence[float], dq: Sequence[float]) -> list[float]:
-        """tau minus friction at velocity dq, n floats [N m].
-
-        tau_f = phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)), which is zero at rest.
-        """
-        result = [t - d * v for t, d, v in zip(tau, self._damping, dq, strict=True)]
-        if self._sigmoid is not None:
-            tanh = math.tanh
-            result = [
-                t - a * (tanh(b * (v + c)) - rest)
-                for t, v, (a, b, c, rest) in zip(result, dq, self._sigmoid, strict=True)
-            ]
-        return result
