@@ -2,6 +2,7 @@
 limits of the package."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from hric_control.hardware_interface import EffortJointInterface, JointCommands,
 from hric_control.limits import EffortLimiter, LimitCounts, load_limits
 from hric_control.node import Node
 from hric_control.plant import Contact, FloatArray, JointReaction, Load, ReactingPlant
+from hric_control.sim.participants import Participants
 from hric_control.sim.sim_loop import SimLoop
 from hric_control.sim.simulated_robot import SimulatedRobot
 
@@ -122,6 +124,10 @@ class ToyRobot(SimulatedRobot):
         self.commands = JointCommands(self.states)
         self.loop = SimLoop(0.001, robot_hw_node.param("real_time_factor", 1.0))
         self.plant = DoubleIntegrator(self.states.names, 0.001)
+        self._held = ExitStack()
+        self._held.callback(self.plant.close)
+        self._participants = Participants(self.plant, robot_hw_node)
+        self._held.callback(self._participants.close)
         self.limiter = EffortLimiter(
             self.states, self.commands, load_limits(self.description, root_node, self.states.names)
         )

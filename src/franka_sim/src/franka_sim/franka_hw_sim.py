@@ -73,7 +73,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             self._commands = CommandSet(self.arm_id, states, self.robot_state, limits, period, given.rate_limits)
             self.mode, self._requested, self._restart = HOLD, HOLD, False
             self._register(self.model)
-            self._put(self.q_start, self.plant.reset)
+            self._put(self.q_start, self._reset_plant)
             self._services = ArmServices(BoxAdapter(self.loop, self.box, self.recover), root_node)
 
     def _report(self, text: str) -> None:

@@ -17,10 +17,12 @@ from hric_control.errors import HricError, UnknownNameError, check_known
 CONTROLLER = "hric_control::Controller"
 ROBOT_HW = "hric_control::RobotHW"
 PLANT = "hric_control::Plant"
+PARTICIPANT = "hric_control::Participant"
 _BASES = {
     CONTROLLER: "hric_control.controller:Controller",
     ROBOT_HW: "hric_control.robot_hw:RobotHW",
     PLANT: "hric_control.plant:Plant",
+    PARTICIPANT: "hric_control.sim.participants:Participant",
 }
 
 
@@ -55,7 +57,7 @@ class _Index:
 
 
 def names(base: str) -> dict[str, PluginInfo]:
-    """All plugins of a base ("hric_control::Controller", "::RobotHW", "::Plant") by name."""
+    """All plugins of a base ("hric_control::Controller", "::RobotHW", "::Plant", "::Participant") by name."""
     check_known("plugin base", [base], _BASES)
     return dict(_index(_search_path()).plugins[base])
 

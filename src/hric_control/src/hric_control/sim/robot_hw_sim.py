@@ -82,7 +82,7 @@ class RobotHWSim(SimulatedRobot):
         with self._new_plant(node, self.description, names, mapping(default={}).read(node, "plant")):
             self._check_drives()
             self._make_storage()
-            self._put(self.q_start, self.plant.reset)
+            self._put(self.q_start, self._reset_plant)
 
     def _read_pids(self, root_node: Node, names: Sequence[str]) -> dict[int, Pid]:
         where = "gazebo_ros_control/pid_gains"

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from hric_control import plugins
@@ -12,6 +12,7 @@ from hric_control.node import Node
 from hric_control.plant import Plant
 from hric_control.plants import rotor_inertia
 from hric_control.robot_hw import OnCycle, RobotHW
+from hric_control.sim.participants import Participants
 from hric_control.sim.sim_loop import SimLoop
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
@@ -50,15 +51,16 @@ class SimulatedRobot(RobotHW):
         """
         self.rotor_inertia = rotor_inertia(config, joint_names)
         make_plant = plugins.find(plugins.PLANT, node.param("plant_type", DEFAULT_PLANT))
-        self.plant = make_plant(urdf_xml, joint_names, config)
-        try:
+        with ExitStack() as held:
+            self.plant = make_plant(urdf_xml, joint_names, config)
+            held.callback(self.plant.close)
+            self._participants = Participants(self.plant, node)
+            held.callback(self._participants.close)
             self.loop = SimLoop(self.plant.time_step, node.param("real_time_factor", 1.0))
             self.states = JointStates(joint_names)
             node.set_param("plant/integrator", self.plant.integrator)  # for the record of the run
             yield
-        except BaseException:
-            self.plant.close()
-            raise
+            self._held = held.pop_all()
 
     def read(self, time: float, period: float) -> None:
         """State of the plant at the measuring instant."""
@@ -67,13 +69,13 @@ class SimulatedRobot(RobotHW):
 
     def run(self, on_cycle: OnCycle) -> None:
         """Read, controllers, write, step. A switch needs no other run, so what `on_cycle` returns does not matter."""
-        read, write, plant = self.read, self.write, self.plant
+        read, write, step = self.read, self.write, self._participants.step
 
         def cycle(time: float, period: float, reset_controllers: bool) -> bool:
             read(time, period)
             on_cycle(time, period, reset_controllers)
             write(time, period)
-            plant.step()
+            step(time)
             return True
 
         self.loop.run(cycle)
@@ -84,13 +86,17 @@ class SimulatedRobot(RobotHW):
 
     def reset(self, q: Sequence[float] | None = None) -> None:
         """Robot to q (or `q_start`) at rest, world to its start; time goes on, controllers restart. In the loop."""
-        self._put(self.q_start if q is None else q, self.plant.reset)
+        self._put(self.q_start if q is None else q, self._reset_plant)
         self.loop.restart_controllers()
 
     def set_configuration(self, q: Sequence[float]) -> None:
         """Robot to q at rest, the world left as it is, controllers restart. In the loop."""
         self._put(q, self.plant.set_configuration)
         self.loop.restart_controllers()
+
+    def _reset_plant(self, q: Sequence[float]) -> None:
+        self.plant.reset(q)
+        self._participants.reset()
 
     def _put(self, q: Sequence[float], put: Callable[[Sequence[float]], None]) -> None:
         names = self.states.names
@@ -104,5 +110,5 @@ class SimulatedRobot(RobotHW):
         raise NotImplementedError(f"{type(self).__name__} has no _settle")
 
     def shutdown(self) -> None:
-        """Release the plant."""
-        self.plant.close()
+        """Release the plant, and who acts in it."""
+        self._held.close()
