@@ -1,4 +1,4 @@
-"""The hand of the emulated human: what a program of its motion is, and the hand that runs one. No ROS."""
+"""The hand of a human: what a program of its motion is, and the hand that runs one."""
 
 import math
 import threading

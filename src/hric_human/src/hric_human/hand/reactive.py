@@ -1,5 +1,5 @@
 """A hand that reacts to the robot: it takes something over from the arm at rest and draws back, also when the arm comes
-too near. No ROS.
+too near.
 
 Each motion is the polynomial of fifth degree from the present position, velocity and acceleration to rest at the goal:
 from rest that is the one of least jerk (Flash and Hogan 1985), and where a goal changes on the way the acceleration
@@ -17,7 +17,7 @@ import numpy as np
 
 from hric_control.geometry import FloatArray, Pose, Vector
 from hric_control.parameters import Settings, number, numbers, refused, section, whole
-from hric_perception.human.hand import Program
+from hric_human.hand.program import Program
 
 STEP = 0.01
 """Between two decisions [s] (project default, unconfirmed)."""
