@@ -17,10 +17,12 @@ from hric_control.errors import HricError, UnknownNameError, check_known
 CONTROLLER = "hric_control::Controller"
 ROBOT_HW = "hric_control::RobotHW"
 PLANT = "hric_control::Plant"
+HUMAN_CONTROLLER = "hric_human::HumanController"
 _BASES = {
     CONTROLLER: "hric_control.controller:Controller",
     ROBOT_HW: "hric_control.robot_hw:RobotHW",
     PLANT: "hric_control.plant:Plant",
+    HUMAN_CONTROLLER: "hric_human.control.controller:HumanController",
 }
 
 
@@ -55,7 +57,7 @@ class _Index:
 
 
 def names(base: str) -> dict[str, PluginInfo]:
-    """All plugins of a base ("hric_control::Controller", "::RobotHW", "::Plant") by name."""
+    """All plugins of a base (CONTROLLER, ROBOT_HW, PLANT, HUMAN_CONTROLLER) by name."""
     check_known("plugin base", [base], _BASES)
     return dict(_index(_search_path()).plugins[base])
 
