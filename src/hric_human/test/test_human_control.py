@@ -355,7 +355,7 @@ def test_wrong_parameters_are_refused_in_one_block_with_what_is_valid(user_packa
     for line in (
         "no parameter 'sid' in human.control; valid: parameters, senses, side, type (did you mean side?)",
         "human.control.senses.joint_delay is -1; valid: a finite number from 0 to 1 [s]",
-        "no program 'walk' in human.control.parameters.reference; valid: joints, minimum_jerk, reactive, rest, ",
+        "no program 'walk' in human.control.parameters.reference; valid: angles, c3d, joints, ",
         "human.control.parameters.stiffness",
     ):
         assert line in text

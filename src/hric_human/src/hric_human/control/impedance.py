@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from hric_control.geometry import Vector
 from hric_control.parameters import Settings, number, per_joint, variant
 from hric_human.control.controller import HumanController, Person, Senses
+from hric_human.control.recorded import RECORDED
 from hric_human.control.references import REFERENCES, Reference, ReferenceSettings
 
 DAMPING = 0.05
@@ -49,7 +50,9 @@ STIFFNESS = {
 class ImpedanceSettings(Settings):
     """Parameters of ImpedanceArm."""
 
-    reference: ReferenceSettings = variant("program", REFERENCES, "rest", {}, text="where the joints are to be")
+    reference: ReferenceSettings = variant(
+        "program", REFERENCES | RECORDED, "rest", {}, text="where the joints are to be"
+    )
     stiffness: tuple[float, ...] | None = per_joint(
         number(unit="N m/rad", minimum=0.0, maximum=1e4), None, text="without load; none: as published"
     )

@@ -24,8 +24,8 @@ RELAXATION = 0.05
 not feel it."""
 RESTARTS = 30
 """Guesses, from a fixed seed, that are tried where the first one leads nowhere."""
-SETTLED = 1e-6
-"""A posture that changes by less is at rest [rad]."""
+SETTLED, STALLED = 1e-6, 1e-9
+"""A posture that changes by less is at rest, and steps that are smaller lead nowhere [rad]."""
 
 Task = Callable[[list[float]], tuple[FloatArray, FloatArray]]
 """Joint angles [rad] -> (what is left to the target, shape (m,), its Jacobian, shape (m, n))."""
@@ -64,9 +64,11 @@ class Solver:
             posture = relaxation * (self.rest - q) if step == 0 else np.zeros(len(q))
             if left <= TOLERANCE and not posture.any():
                 break
-            q = self._step(q, error, J, posture)
+            before, q = q, self._step(q, error, J, posture)
             error, J = task(q.tolist())
             left = math.sqrt(float(error @ error))
+            if float(np.abs(q - before).max()) < STALLED:
+                break
         return q, left
 
     def _step(self, q: FloatArray, error: FloatArray, J: FloatArray, posture: FloatArray) -> FloatArray:
