@@ -184,6 +184,38 @@ def test_the_law_is_that_of_a_spring_a_damper_and_the_own_weight() -> None:
     assert published == pytest.approx([-k * (0.01 + 0.05 * 0.1) + g for k, g in zip(K, held, strict=True)])
 
 
+def swing_after(delay: float, reflex: float) -> list[float]:
+    """Largest angle from rest in each ms of 4 s of an arm alone that was displaced by 0.02 rad; ends where it leaves
+    1 rad."""
+    human = HumanControl(ARM, {"senses": {"joint_delay": delay}} | impedance(reflex=reflex), 0)
+    simulated, found = Simulated(ARM, [a + 0.02 for a in REST]), [0.0]
+    while len(found) < 4000 and found[-1] < 1.0:
+        simulated.step(human.update(1e-3 * len(found), *simulated.state))
+        found.append(float(np.abs(np.subtract(simulated.state[0], REST)).max()))
+    return found
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.1, 0.15])
+def test_an_arm_alone_comes_back_with_late_reflexes_of_the_default_share(delay: float) -> None:
+    assert max(swing_after(delay, 0.25)[-500:]) < 0.002
+
+
+@pytest.mark.parametrize(("delay", "reflex"), [(0.1, 0.5), (0.02, 1.0)])
+def test_an_arm_alone_is_unstable_where_too_much_of_its_impedance_is_late(delay: float, reflex: float) -> None:
+    assert max(swing_after(delay, reflex)) > 0.3
+
+
+def test_stiffness_acts_at_once_but_for_the_share_of_reflexes() -> None:
+    law = impedance(stiffness=10.0, damping=0.0, reflex=0.25)
+    human = HumanControl(ARM, {"senses": {"joint_delay": 0.002}} | law, 0)
+    human.update(0.0, REST, ZERO)
+    held = human.person.own_weight(REST)
+    q = [a + 0.01 for a in REST]
+    torques = [human.update(1e-3 * k, q, ZERO)[3] for k in (1, 2, 3)]
+    assert torques[:2] == pytest.approx([held[3] - 0.75 * 0.1] * 2)
+    assert torques[2] == pytest.approx(human.person.own_weight(q)[3] - 0.1)
+
+
 def test_joints_go_from_point_to_point_with_least_jerk() -> None:
     points = [{"time": 0.5, "right_el_flex": 1.0}, {"time": 1.5, "right_el_flex": 1.8, "right_sh_rot": 0.2}]
     human = HumanControl(ARM, impedance(reference={"program": "joints", "points": points}), 0)
@@ -306,8 +338,8 @@ USER = '''
             self._q = senses.q
 
         def update(self, time, senses):
-            held = self._weight(senses.q)
-            return [k * (a - b) + g for k, a, b, g in zip(self._k, self._q, senses.q, held)]
+            held, muscles = self._weight(senses.q), zip(*senses.muscles)
+            return [k * (a - b - 0.05 * v) + g for k, a, (b, v), g in zip(self._k, self._q, muscles, held)]
 '''
 
 
@@ -333,8 +365,7 @@ def test_a_users_controller_of_twenty_lines_is_found_by_its_name(user_package: N
     human = HumanControl(ARM, {"type": "my_humans/Hold", "parameters": {"stiffness": 30.0}}, 0)
     held = human.person.own_weight(REST)
     assert human.update(0.0, REST, ZERO) == pytest.approx(held)
-    q = [a - 0.01 for a in REST]
-    assert human.update(0.001, q, ZERO) == pytest.approx([0.3 + g for g in human.person.own_weight(q)])
+    assert human.update(0.001, [a - 0.01 for a in REST], ZERO) == pytest.approx([0.3 + g for g in held])
 
 
 def refusals(content: Any) -> list[str]:

@@ -12,8 +12,8 @@ A class of a user, found through the plugin export of his package.xml (base clas
             self._q = senses.q
 
         def update(self, time, senses):
-            held = self._weight(senses.q)
-            return [k * (a - b) + g for k, a, b, g in zip(self._k, self._q, senses.q, held)]
+            held, muscles = self._weight(senses.q), zip(*senses.muscles)
+            return [k * (a - b - 0.05 * v) + g for k, a, (b, v), g in zip(self._k, self._q, muscles, held)]
 """
 
 from collections.abc import Callable, Sequence
@@ -66,12 +66,20 @@ class Senses:
         q: joint positions, n floats [rad].
         dq: joint velocities, n floats [rad/s].
         force: on the hand, axes of the world [N].
+        muscles: joint positions and velocities as they are now, which nobody senses: for what muscles do by themselves.
     """
 
-    __slots__ = ("_hand", "dq", "force", "q")
+    __slots__ = ("_hand", "dq", "force", "muscles", "q")
 
-    def __init__(self, q: Sequence[float], dq: Sequence[float], force: Vector, hand: Callable[[], Pose]) -> None:
-        self.q, self.dq, self.force, self._hand = q, dq, force, hand
+    def __init__(
+        self,
+        q: Sequence[float],
+        dq: Sequence[float],
+        force: Vector,
+        hand: Callable[[], Pose],
+        muscles: tuple[Sequence[float], Sequence[float]],
+    ) -> None:
+        self.q, self.dq, self.force, self._hand, self.muscles = q, dq, force, hand, muscles
 
     @property
     def hand(self) -> Pose:

@@ -65,13 +65,20 @@ class ImpedanceSettings(Settings):
     damping: tuple[float, ...] | None = per_joint(
         number(unit="N m s/rad", minimum=0.0, maximum=1e3), None, text="none: 0.05 s of the stiffness"
     )
+    reflex: float = number(
+        0.25,
+        minimum=0.0,
+        maximum=1.0,
+        text="share of stiffness and damping that acts on the late senses; the rest is the muscles' own and acts at "
+        "once (project default, unconfirmed)",
+    )
 
 
 class ImpedanceArm(HumanController):
     """tau = K (q_ref - q) + D (dq_ref - dq) + g(q), with K = K_0 + k |g(q)| and D = 0.05 s K.
 
-    g: torque that holds the body's own weight. A delay T of the joint senses takes K T from the damping, so that one
-    above 0.05 s makes the arm alone unstable.
+    g: torque that holds the body's own weight, of the late senses. q and dq are the muscles' own, which act at once,
+    and a share `reflex` of the late ones. Without a delay both are the same.
     """
 
     settings = ImpedanceSettings
@@ -84,7 +91,7 @@ class ImpedanceArm(HumanController):
         growth = settings.growth or [row.growth if published else 0.0 for row in rows]
         self._lead = DAMPING if settings.damping is None else 0.0
         self._impedance = list(zip(stiffness, growth, settings.damping or [0.0] * len(rows), strict=True))
-        self._weight = person.own_weight
+        self._reflex, self._weight = settings.reflex, person.own_weight
         self._reference: Reference = settings.reference.reference(person)
 
     def start(self, time: float) -> None:
@@ -99,10 +106,13 @@ class ImpedanceArm(HumanController):
         """See the base; lead: damping that goes with the stiffness, and d: damping of its own."""
         self._reference.feel(time, senses.force)
         q_ref, dq_ref = self._reference.at(time)
-        q, lead = senses.q, self._lead
+        q, dq = senses.muscles
+        reflex, lead = self._reflex, self._lead
+        q = [now + reflex * (late - now) for now, late in zip(q, senses.q, strict=True)]
+        dq = [now + reflex * (late - now) for now, late in zip(dq, senses.dq, strict=True)]
         return [
             (k + s * abs(g)) * (a - b + lead * (v - w)) + d * (v - w) + g
             for (k, s, d), g, a, b, v, w in zip(
-                self._impedance, self._weight(q), q_ref, q, dq_ref, senses.dq, strict=True
+                self._impedance, self._weight(senses.q), q_ref, q, dq_ref, dq, strict=True
             )
         ]
