@@ -18,11 +18,13 @@ CONTROLLER = "hric_control::Controller"
 ROBOT_HW = "hric_control::RobotHW"
 PLANT = "hric_control::Plant"
 PARTICIPANT = "hric_control::Participant"
+HUMAN_CONTROLLER = "hric_human::HumanController"
 _BASES = {
     CONTROLLER: "hric_control.controller:Controller",
     ROBOT_HW: "hric_control.robot_hw:RobotHW",
     PLANT: "hric_control.plant:Plant",
     PARTICIPANT: "hric_control.sim.participants:Participant",
+    HUMAN_CONTROLLER: "hric_human.control.controller:HumanController",
 }
 
 
@@ -57,7 +59,7 @@ class _Index:
 
 
 def names(base: str) -> dict[str, PluginInfo]:
-    """All plugins of a base ("hric_control::Controller", "::RobotHW", "::Plant", "::Participant") by name."""
+    """All plugins of a base (CONTROLLER, ROBOT_HW, PLANT, PARTICIPANT, HUMAN_CONTROLLER) by name."""
     check_known("plugin base", [base], _BASES)
     return dict(_index(_search_path()).plugins[base])
 

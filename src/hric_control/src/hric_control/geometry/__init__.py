@@ -9,7 +9,7 @@ Types, constants and what makes and joins them are imported from here, all else 
 """
 
 from hric_control.geometry.inertia import MassProperties, judge, steiner_term, tensor
-from hric_control.geometry.poses import ORIGIN, UP_AXES, Pose, compose, transformed
+from hric_control.geometry.poses import ORIGIN, UP_AXES, Pose, Track, compose, minimum_jerk, transformed
 from hric_control.geometry.quaternions import IDENTITY, Quaternion, Vector, from_rotation_vector, normalized
 from hric_control.geometry.transforms import FloatArray, homogeneous, quaternion_from_rotation, transform_from_rpy
 
@@ -21,11 +21,13 @@ __all__ = [
     "MassProperties",
     "Pose",
     "Quaternion",
+    "Track",
     "Vector",
     "compose",
     "from_rotation_vector",
     "homogeneous",
     "judge",
+    "minimum_jerk",
     "normalized",
     "quaternion_from_rotation",
     "steiner_term",

@@ -1,10 +1,14 @@
-"""Poses as position and quaternion, on plain floats; and the two conventions for the vertical axis of motion
-capture."""
+"""Poses as position and quaternion, on plain floats; tracks of them; and the two conventions for the vertical axis of
+motion capture."""
 
 import math
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
+from hric_control.errors import ParameterError
 from hric_control.geometry import quaternions
 from hric_control.geometry.quaternions import IDENTITY, Quaternion, Vector
 from hric_control.parameters import Settings, numbers
@@ -50,6 +54,47 @@ def interpolated(start: Pose, goal: Pose, share: float) -> Pose:
     (x, y, z), (a, b, c) = start.position, goal.position
     position = (x + share * (a - x), y + share * (b - y), z + share * (c - z))
     return Pose(position, quaternions.interpolated(start.orientation, goal.orientation, share))
+
+
+def minimum_jerk(u: float) -> float:
+    """Share of the path after the share u of the time, from rest to rest with least jerk: s = 10 u^3 - 15 u^4 + 6 u^5
+    (Flash and Hogan, J. Neurosci. 5:1688, 1985). Its rate is at most 1.875, at u = 0.5."""
+    return u * u * u * (10 - 15 * u + 6 * u * u)
+
+
+class Track:
+    """Poses at given times; between them along a straight line, the orientation along the shortest arc; outside them at
+    rest.
+
+    Args:
+        times: rising [s].
+        poses: as many.
+        minimum_jerk: whether each piece begins and ends at rest, see the function.
+
+    Raises:
+        ParameterError: no poses, another number of times, times that do not rise, or numbers that are not finite.
+    """
+
+    def __init__(self, times: Sequence[float], poses: Sequence[Pose], minimum_jerk: bool = False) -> None:
+        if not times or len(times) != len(poses):
+            raise ParameterError(
+                f"a track needs as many times as poses and one at least; got {len(times)} and {len(poses)}"
+            )
+        if any(b <= a for a, b in pairwise(times)):
+            raise ParameterError("the times of a track must rise")
+        if not all(math.isfinite(number) for pose in poses for number in (*pose.position, *pose.orientation)):
+            raise ParameterError("the poses of a track must be finite numbers")
+        self._times, self._poses, self._minimum_jerk = list(times), list(poses), minimum_jerk
+
+    def __call__(self, time: float) -> Pose:
+        """The pose."""
+        after = bisect_right(self._times, time)
+        if after == 0 or after == len(self._times):
+            return self._poses[min(after, len(self._times) - 1)]
+        begin, end = self._times[after - 1], self._times[after]
+        u = (time - begin) / (end - begin)
+        s = minimum_jerk(u) if self._minimum_jerk else u
+        return interpolated(self._poses[after - 1], self._poses[after], s)
 
 
 def z_up(up: str, v: Vector) -> Vector:

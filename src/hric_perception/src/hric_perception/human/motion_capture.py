@@ -9,8 +9,8 @@ from hric_control.errors import HricError, ParameterError
 from hric_control.geometry import UP_AXES, Pose, Vector, compose
 from hric_control.geometry.poses import PoseSettings, inverse
 from hric_control.parameters import Settings, choice, listing, mapping, names, number, numbers, text, variant, whole
-from hric_perception.human.hand import Hand, Program
-from hric_perception.human.programs import PROGRAMS, Human, program_of
+from hric_human.hand import Hand, Motion, Program, program_of
+from hric_human.hand.programs import PointToPoint, Sinusoid, TakeOver
 from hric_perception.replayed import TrialSettings
 from mocap_natnet.client.settings import bitstream
 from mocap_natnet.codec.layout import Version
@@ -109,7 +109,40 @@ class Stream(Settings):
         return Faults(**{name: getattr(self, name) for name in shared}, seed=seed)
 
 
-HUMAN: Any = variant("program", {**PROGRAMS, "c3d": RecordedHuman}, "sinusoid", {})
+@dataclass(frozen=True)
+class Captured(Motion):
+    """A program whose hand is a body that cameras see, with bodies at rest beside it."""
+
+    name: str = text("hand", figures=True)
+    still: Mapping[str, Vector] = mapping(numbers(3, unit="m"), {})
+    markers: tuple[Vector, ...] = listing(numbers(3), default=(), unit="m")
+
+    def check(self, where: str) -> None:
+        """Refuse too few markers."""
+        super().check(where)
+        if self.markers and len(self.markers) < 3:
+            raise ParameterError(
+                f"{where}markers has {len(self.markers)} rows; valid: three markers or more make a body"
+            )
+
+
+@dataclass(frozen=True)
+class _Sinusoid(Captured, Sinusoid):
+    pass
+
+
+@dataclass(frozen=True)
+class _PointToPoint(Captured, PointToPoint):
+    pass
+
+
+@dataclass(frozen=True)
+class _TakeOver(Captured, TakeOver):
+    pass
+
+
+PROGRAMS = {"sinusoid": _Sinusoid, "minimum_jerk": _PointToPoint, "reactive": _TakeOver, "c3d": RecordedHuman}
+HUMAN: Any = variant("program", PROGRAMS, "sinusoid", {})
 """The mapping `human`."""
 
 
@@ -142,7 +175,7 @@ def see(human: Any, stream: Any, base_from_mocap: Any, seed: int, where: str = "
     Raises:
         HricError: a value that cannot be; names the key.
     """
-    person: Human | RecordedHuman = HUMAN.checked(human, f"{where}human")
+    person: Captured | RecordedHuman = HUMAN.checked(human, f"{where}human")
     streaming = Stream.of(stream, f"{where}stream")
     T_base_mocap = PoseSettings.of(base_from_mocap, f"{where}base_from_mocap").pose
     if isinstance(person, RecordedHuman):

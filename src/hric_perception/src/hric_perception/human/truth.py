@@ -6,7 +6,7 @@ from std_msgs.msg import String
 from hric_control.geometry import stamped
 from hric_control.node import Node
 from hric_control.robot_time import stamps
-from hric_perception.human.hand import Hand
+from hric_human.hand import Hand
 
 RATE = 100.0
 """Of the hand's pose [Hz]."""

@@ -1,10 +1,11 @@
 """An emulated Motive: a scene, the protocol without sockets, and a server on UDP."""
 
+from hric_control.geometry import Track
 from mocap_natnet.server.motive import Motive
 from mocap_natnet.server.scene import Body, Faults, Plate, Scene
 from mocap_natnet.server.server import MotiveServer
 from mocap_natnet.server.settings import Settings
-from mocap_natnet.server.sources import Sinusoid, Source, Track, from_file
+from mocap_natnet.server.sources import Sinusoid, Source, from_file
 
 __all__ = [
     "Body",

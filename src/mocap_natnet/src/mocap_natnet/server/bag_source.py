@@ -9,8 +9,7 @@ from rosbags.highlevel import AnyReader, AnyReaderError
 
 from hric_control.errors import ParameterError, UnknownNameError
 from hric_control.geometry.messages import pose_of
-from hric_control.geometry.poses import Pose, pose_z_up
-from mocap_natnet.server.sources import Track
+from hric_control.geometry.poses import Pose, Track, pose_z_up
 
 FRAMES, POSES = "hric_msgs/msg/MocapData", "geometry_msgs/msg/PoseStamped"
 """Types of topics with poses of a body."""

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hric_control.errors import ParameterError
-from hric_control.geometry import FloatArray, Pose, Vector, quaternion_from_rotation
+from hric_control.geometry import FloatArray, Pose, Track, Vector, quaternion_from_rotation
 from hric_control.trial.c3d import Trial
 from mocap_natnet.rigid_body import on_one_line, poses_of_points
-from mocap_natnet.server.sources import Track
 
 ON_FRAME = 1e-6
 """A time so near to one of a frame is that of the frame [frames]."""

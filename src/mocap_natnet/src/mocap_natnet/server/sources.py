@@ -6,13 +6,12 @@ import math
 import threading
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 from hric_control.errors import ParameterError
-from hric_control.geometry.poses import ORIGIN, Pose, interpolated
+from hric_control.geometry.poses import ORIGIN, Pose, Track, interpolated
 from hric_control.geometry.quaternions import IDENTITY, Quaternion, Vector, from_rotation_vector, normalized, product
 from hric_control.parameters import Settings, number, numbers
 
@@ -48,42 +47,6 @@ class Sinusoid(Settings):
         x, y, z = (centre + amplitude * sine for centre, amplitude in zip(self.centre, self.amplitude, strict=True))
         rotation = from_rotation_vector([part * sine for part in self.rotation])
         return Pose((x, y, z), product(rotation, self.orientation))
-
-
-class Track:
-    """Poses at given times; between them along a straight line, the orientation along the shortest arc; outside them at
-    rest.
-
-    Args:
-        times: rising [s].
-        poses: as many.
-        minimum_jerk: whether each piece begins and ends at rest: s = 10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan 1985),
-            instead of s = u.
-
-    Raises:
-        ParameterError: no poses, another number of times, times that do not rise, or numbers that are not finite.
-    """
-
-    def __init__(self, times: Sequence[float], poses: Sequence[Pose], minimum_jerk: bool = False) -> None:
-        if not times or len(times) != len(poses):
-            raise ParameterError(
-                f"a track needs as many times as poses and one at least; got {len(times)} and {len(poses)}"
-            )
-        if any(b <= a for a, b in pairwise(times)):
-            raise ParameterError("the times of a track must rise")
-        if not all(math.isfinite(number) for pose in poses for number in (*pose.position, *pose.orientation)):
-            raise ParameterError("the poses of a track must be finite numbers")
-        self._times, self._poses, self._minimum_jerk = list(times), list(poses), minimum_jerk
-
-    def __call__(self, time: float) -> Pose:
-        """The pose."""
-        after = bisect_right(self._times, time)
-        if after == 0 or after == len(self._times):
-            return self._poses[min(after, len(self._times) - 1)]
-        begin, end = self._times[after - 1], self._times[after]
-        u = (time - begin) / (end - begin)
-        s = u * u * u * (10 - 15 * u + 6 * u * u) if self._minimum_jerk else u
-        return interpolated(self._poses[after - 1], self._poses[after], s)
 
 
 def from_file(path: Path) -> Track:

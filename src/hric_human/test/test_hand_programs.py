@@ -1,4 +1,4 @@
-"""The programs that move the emulated hand, and how the reactive one answers the robot."""
+"""The programs that move a hand, and how the reactive one answers the robot."""
 
 import itertools
 from collections.abc import Callable
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hric_control.errors import HricError
-from hric_perception.human import Hand, Program, read_program
+from hric_human.hand import Hand, Program, read_program
 
 SINUSOID = {
     "program": "sinusoid",

@@ -1,4 +1,4 @@
-"""The hand of the emulated human: what a program of its motion is, and the hand that runs one. No ROS."""
+"""The hand of a human: what a program of its motion is, and the hand that runs one."""
 
 import math
 import threading
@@ -12,7 +12,7 @@ BEFORE = -1.0
 
 
 class Program:
-    """A motion of the hand; a subclass overrides `pose` and `span`, one that reacts to the robot `phase` and `see`."""
+    """A motion of the hand; a subclass overrides `pose` and `span`, one that reacts `phase`, `see` and `feel`."""
 
     def pose(self, time: float) -> Pose:
         """Where the hand is `time` seconds after the start; times may come out of order, by a second at most."""
@@ -20,7 +20,7 @@ class Program:
 
     @property
     def span(self) -> tuple[float, float]:
-        """When the hand sets off and when it has come to rest, after the start [s]."""
+        """When the hand sets off and when it has come to rest, after the start [s]; infinite: not known before."""
         raise NotImplementedError
 
     def phase(self, time: float) -> str:
@@ -30,6 +30,9 @@ class Program:
 
     def see(self, time: float, position: Vector) -> None:
         """The robot's end effector was at `position` [m] at `time` [s]."""
+
+    def feel(self, time: float, force: Vector) -> None:
+        """The hand feels a force [N] at `time` [s]."""
 
 
 class Hand:
@@ -76,6 +79,12 @@ class Hand:
         with self._lock:
             if self._zero < math.inf:
                 self._program.see(self._since(time), position)
+
+    def feel(self, time: float, force: Vector) -> None:
+        """It feels a force [N] at `time`."""
+        with self._lock:
+            if self._zero < math.inf:
+                self._program.feel(self._since(time), force)
 
     def _since(self, time: float) -> float:
         return time - self._zero if self._zero < math.inf else BEFORE

@@ -1,5 +1,5 @@
 """A hand that reacts to the robot: it takes something over from the arm at rest and draws back, also when the arm comes
-too near. No ROS.
+too near, or when the force on it is too strong.
 
 Each motion is the polynomial of fifth degree from the present position, velocity and acceleration to rest at the goal:
 from rest that is the one of least jerk (Flash and Hogan 1985), and where a goal changes on the way the acceleration
@@ -17,7 +17,7 @@ import numpy as np
 
 from hric_control.geometry import FloatArray, Pose, Vector
 from hric_control.parameters import Settings, number, numbers, refused, section, whole
-from hric_perception.human.hand import Program
+from hric_human.hand.program import Program
 
 STEP = 0.01
 """Between two decisions [s] (project default, unconfirmed)."""
@@ -63,6 +63,20 @@ class Reaction(Settings):
     still_speed: float = number(0.02, above=0.0, maximum=1.0, unit="m/s", text="an arm that is slower is at rest")
     too_near: float = number(
         0.06, minimum=0.0, unit="m", text="it draws back from an end effector that is nearer; 0: never"
+    )
+    too_strong: float = number(
+        0.0,
+        minimum=0.0,
+        unit="N",
+        text="it draws back from a larger force while it approaches or pauses; 0: never",
+    )
+    touch_delay: float = number(
+        0.05,
+        minimum=0.05,
+        maximum=1.0,
+        unit="s",
+        text="from a force that the hand feels to what it does; with the delay of that sense about 0.13 s, the haptic "
+        "reaction time of adults (110 to 150 ms, unconfirmed)",
     )
     approach: float = number(1.2, minimum=0.2, maximum=10.0, unit="s", text="duration")
     pause: float = number(0.8, minimum=0.0, maximum=60.0, unit="s", text="duration")
@@ -125,6 +139,7 @@ class Reactive(Program):
         self._pieces = deque([_Piece(0.0, STEP, still, self._home)])
         self._phases: deque[tuple[float, str]] = deque([(-math.inf, "rest")])
         self._observed: deque[tuple[float, FloatArray]] = deque()
+        self._hurt = math.inf
         self._next, self._until = 0, reaction.dwell
         self._left, self._shift = reaction.repeats, np.zeros(3)
         self._decide: dict[str, Callable[[float], None]] = {
@@ -138,6 +153,16 @@ class Reactive(Program):
         """See Program."""
         if not self._observed or time > self._observed[-1][0]:
             self._observed.append((time, np.array(position)))
+
+    def feel(self, time: float, force: Vector) -> None:
+        """See Program; a force is felt until the hand has drawn back from it."""
+        if 0.0 < self._how.too_strong < math.hypot(*force):
+            self._hurt = min(self._hurt, time)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """See Program."""
+        return 0.0, math.inf
 
     def pose(self, time: float) -> Pose:
         """See Program."""
@@ -172,6 +197,7 @@ class Reactive(Program):
         return self._observed[found][1] if found >= 0 else None
 
     def _at_rest(self, now: float) -> None:
+        self._hurt = math.inf
         arm, before = self._perceived(now), self._perceived(now - SPEED_SPAN)
         if now < self._until or arm is None or before is None:
             return
@@ -202,17 +228,19 @@ class Reactive(Program):
             self._retreat(now)
 
     def _on_retreat(self, now: float) -> None:
+        self._hurt = math.inf
         if now >= self._until:
             self._left -= 1
             self._enter("rest" if self._left > 0 else "done", now, self._varied(self._how.dwell))
 
     def _shies(self, now: float) -> bool:
-        """Whether the arm is too near, and the hand draws back from now on."""
+        """Whether the arm is too near or the force too strong, and the hand draws back from now on."""
         arm = self._perceived(now)
         near = arm is not None and float(np.linalg.norm(arm - self._state(now)[0])) < self._how.too_near
-        if near:
+        shies = near or self._hurt <= now - self._how.touch_delay
+        if shies:
             self._retreat(now)
-        return near
+        return shies
 
     def _retreat(self, now: float) -> None:
         self._go("retreat", now, self._home, self._varied(self._how.retreat))

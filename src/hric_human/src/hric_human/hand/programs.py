@@ -1,11 +1,11 @@
-"""What moves the emulated hand. No ROS.
+"""What moves a hand.
 
 A program gives a pose at each time since its start, in the robot's base, z up; it is continuous up to the acceleration,
 and at rest before 0 and after its end.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -13,32 +13,20 @@ from typing import Any
 import numpy as np
 
 from hric_control.errors import ParameterError
-from hric_control.geometry import ORIGIN, Pose, Vector, from_rotation_vector
-from hric_control.parameters import Settings, listing, mapping, number, numbers, refused, section, text, variant
-from hric_perception.human.hand import Program
-from hric_perception.human.reactive import Reaction, Reactive
-from mocap_natnet.server.sources import Track
+from hric_control.geometry import ORIGIN, Pose, Track, Vector, from_rotation_vector
+from hric_control.parameters import Settings, listing, number, numbers, refused, section, variant
+from hric_human.hand.program import Program
+from hric_human.hand.reactive import Reaction, Reactive
 
 _PROGRAM_SEED = 1
 """Makes the seeds of programs differ from those of the cameras."""
 
 
 @dataclass(frozen=True)
-class Human(Settings):
-    """What programs share: when the hand may begin, its body, and the bodies at rest beside it."""
+class Motion(Settings):
+    """What programs share."""
 
-    name: str = text("hand", figures=True)
-    begin: float = number(0.0, minimum=0.0, maximum=3600.0, unit="s")
-    still: Mapping[str, Vector] = mapping(numbers(3, unit="m"), {})
-    markers: tuple[Vector, ...] = listing(numbers(3), default=(), unit="m")
-
-    def check(self, where: str) -> None:
-        """Refuse too few markers."""
-        super().check(where)
-        if self.markers and len(self.markers) < 3:
-            raise ParameterError(
-                f"{where}markers has {len(self.markers)} rows; valid: three markers or more make a body"
-            )
+    begin: float = number(0.0, minimum=0.0, maximum=3600.0, unit="s", text="rest after the start")
 
     def program(self, random: np.random.Generator) -> Program:
         """What moves the hand; random: of what varies."""
@@ -46,7 +34,7 @@ class Human(Settings):
 
 
 @dataclass(frozen=True)
-class Sinusoid(Human, Program):
+class Sinusoid(Motion, Program):
     """p(t) = centre + amplitude sin(2 pi frequency s(t)), with s' going smoothly from 0 to 1 at the beginning and back
     at the end: s' = 3 u^2 - 2 u^3, u = t / ramp, so that the amplitude is full from the first swing on and the
     acceleration has no step.
@@ -137,7 +125,7 @@ class Variation(Settings):
 
 
 @dataclass(frozen=True)
-class MinimumJerkHuman(Human):
+class PointToPoint(Motion):
     """Goes from point to point."""
 
     points: tuple[tuple[float, ...], ...] = listing(
@@ -176,7 +164,7 @@ class MinimumJerkHuman(Human):
 
 
 @dataclass(frozen=True)
-class ReactiveHuman(Human, Reaction):
+class TakeOver(Motion, Reaction):
     """Takes something over from the arm."""
 
     def program(self, random: np.random.Generator) -> Program:
@@ -184,7 +172,7 @@ class ReactiveHuman(Human, Reaction):
         return Reactive(self, random)
 
 
-PROGRAMS: dict[str, type[Human]] = {"sinusoid": Sinusoid, "minimum_jerk": MinimumJerkHuman, "reactive": ReactiveHuman}
+PROGRAMS: dict[str, type[Motion]] = {"sinusoid": Sinusoid, "minimum_jerk": PointToPoint, "reactive": TakeOver}
 
 
 def read_program(content: Any, seed: int, where: str = "human") -> Program:
@@ -201,6 +189,6 @@ def read_program(content: Any, seed: int, where: str = "human") -> Program:
     return program_of(variant("program", PROGRAMS, "sinusoid").checked(content, where), seed)
 
 
-def program_of(human: Human, seed: int) -> Program:
+def program_of(motion: Motion, seed: int) -> Program:
     """What moves the hand."""
-    return human.program(np.random.default_rng((seed, _PROGRAM_SEED)))
+    return motion.program(np.random.default_rng((seed, _PROGRAM_SEED)))

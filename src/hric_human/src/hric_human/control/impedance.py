@@ -1,0 +1,118 @@
+"""The built-in controller: joint impedance about a reference, and the body's own weight."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from hric_control.geometry import Vector
+from hric_control.parameters import Settings, number, per_joint, variant
+from hric_human.control.controller import HumanController, Person, Senses
+from hric_human.control.recorded import RECORDED
+from hric_human.control.references import REFERENCES, Reference, ReferenceSettings
+
+DAMPING = 0.05
+"""Damping per stiffness [s] (PMC2784227, where it is that of each muscle)."""
+
+
+class StiffnessRow(NamedTuple):
+    """Of a joint.
+
+    Attributes:
+        relaxed: without load [N m/rad].
+        growth: with the torque of the load [1/rad].
+        source: of both.
+    """
+
+    relaxed: float
+    growth: float
+    source: str
+
+
+GOMI = "Gomi & Osu 1998, J. Neurosci. 18:8965, in a horizontal plane; numbers unconfirmed"
+OWN = "project default, unconfirmed"
+SHOULDER, ELBOW = StiffnessRow(10.8, 3.18, GOMI), StiffnessRow(8.67, 6.18, GOMI)
+TRUNK, NECK = StiffnessRow(200.0, 0.0, OWN), StiffnessRow(20.0, 0.0, OWN)
+WRIST, LEG, ANKLE = StiffnessRow(2.0, 0.0, OWN), StiffnessRow(100.0, 0.0, OWN), StiffnessRow(30.0, 0.0, OWN)
+STIFFNESS = {
+    **dict.fromkeys(("trunk_flex", "trunk_bend", "trunk_rot"), TRUNK),
+    **dict.fromkeys(("neck_flex", "neck_bend", "neck_rot"), NECK),
+    **dict.fromkeys(("sh_flex", "sh_abd", "sh_rot"), SHOULDER),
+    "el_flex": ELBOW,
+    **dict.fromkeys(("pro_sup", "wr_flex", "wr_dev"), WRIST),
+    **dict.fromkeys(("hip_flex", "hip_abd", "hip_rot", "knee_flex"), LEG),
+    **dict.fromkeys(("ankle_flex", "ankle_inv"), ANKLE),
+}
+"""By joint, without its side. That single-joint stiffness grows with the joint's own torque is in the abstract of Gomi
+& Osu; that all axes of the shoulder have the stiffness of the measured one is a project default."""
+
+
+@dataclass(frozen=True)
+class ImpedanceSettings(Settings):
+    """Parameters of ImpedanceArm."""
+
+    reference: ReferenceSettings = variant(
+        "program", REFERENCES | RECORDED, "rest", {}, text="where the joints are to be"
+    )
+    stiffness: tuple[float, ...] | None = per_joint(
+        number(unit="N m/rad", minimum=0.0, maximum=1e4), None, text="without load; none: as published"
+    )
+    growth: tuple[float, ...] | None = per_joint(
+        number(unit="1/rad", minimum=0.0, maximum=100.0),
+        None,
+        text="of the stiffness with the torque of the own weight; none: as published, where `stiffness` is none, too, "
+        "else 0",
+    )
+    damping: tuple[float, ...] | None = per_joint(
+        number(unit="N m s/rad", minimum=0.0, maximum=1e3), None, text="none: 0.05 s of the stiffness"
+    )
+    reflex: float = number(
+        0.25,
+        minimum=0.0,
+        maximum=1.0,
+        text="share of stiffness and damping that acts on the late senses; the rest is the muscles' own and acts at "
+        "once (project default, unconfirmed)",
+    )
+
+
+class ImpedanceArm(HumanController):
+    """tau = K (q_ref - q) + D (dq_ref - dq) + g(q), with K = K_0 + k |g(q)| and D = 0.05 s K.
+
+    g: torque that holds the body's own weight, of the late senses. q and dq are the muscles' own, which act at once,
+    and a share `reflex` of the late ones. Without a delay both are the same.
+    """
+
+    settings = ImpedanceSettings
+
+    def init(self, person: Person, settings: Any) -> None:
+        """See the base."""
+        rows = [STIFFNESS[joint.row.name] for joint in person.body.joints.values()]
+        published = settings.stiffness is None
+        stiffness = [row.relaxed for row in rows] if published else settings.stiffness
+        growth = settings.growth or [row.growth if published else 0.0 for row in rows]
+        self._lead = DAMPING if settings.damping is None else 0.0
+        self._impedance = list(zip(stiffness, growth, settings.damping or [0.0] * len(rows), strict=True))
+        self._reflex, self._weight = settings.reflex, person.own_weight
+        self._reference: Reference = settings.reference.reference(person)
+
+    def start(self, time: float) -> None:
+        """See the base."""
+        self._reference.start(time)
+
+    def see(self, time: float, position: Vector) -> None:
+        """See the base."""
+        self._reference.see(time, position)
+
+    def update(self, time: float, senses: Senses) -> Sequence[float]:
+        """See the base; lead: damping that goes with the stiffness, and d: damping of its own."""
+        self._reference.feel(time, senses.force)
+        q_ref, dq_ref = self._reference.at(time)
+        q, dq = senses.muscles
+        reflex, lead = self._reflex, self._lead
+        q = [now + reflex * (late - now) for now, late in zip(q, senses.q, strict=True)]
+        dq = [now + reflex * (late - now) for now, late in zip(dq, senses.dq, strict=True)]
+        return [
+            (k + s * abs(g)) * (a - b + lead * (v - w)) + d * (v - w) + g
+            for (k, s, d), g, a, b, v, w in zip(
+                self._impedance, self._weight(senses.q), q_ref, q, dq_ref, dq, strict=True
+            )
+        ]

@@ -1,0 +1,175 @@
+"""Kinematics and own weight of a body, on plain floats: no engine."""
+
+from collections.abc import Callable, Sequence
+from operator import itemgetter
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+from franka_hw_interface.kdl_chain import KdlChain
+from hric_control.geometry import IDENTITY, ORIGIN, Pose, Quaternion, Vector
+from hric_control.geometry.quaternions import cross, from_rotation_vector, product, rotated
+from hric_control.urdf import read
+from hric_human.body import Body, Segment
+from hric_human.body.joints import ARM
+from hric_human.body.segments import ROOT
+
+GRAVITY: Vector = (0.0, 0.0, -9.81)
+"""Of an upright body, in axes of its root link [m/s^2]."""
+Torque = Callable[[Sequence[float]], list[float]]
+
+
+class Posed(NamedTuple):
+    """A chain at joint angles, in axes of the root link.
+
+    Attributes:
+        origins: of its joints [m].
+        axes: of its joints, unit vectors.
+        orientation: of the last link.
+        end: origin of the last link [m].
+    """
+
+    origins: list[Vector]
+    axes: list[Vector]
+    orientation: Quaternion
+    end: Vector
+
+    def point(self, p_link: Vector) -> Vector:
+        """A point of the last link, in axes of the root link [m]."""
+        x, y, z = rotated(self.orientation, p_link)
+        return self.end[0] + x, self.end[1] + y, self.end[2] + z
+
+    def velocities(self, p: Vector) -> list[Vector]:
+        """Of a point p that moves with the last link, per joint: axis x (p - origin) [m/rad]."""
+        x, y, z = p
+        return [cross(axis, (x - a, y - b, z - c)) for axis, (a, b, c) in zip(self.axes, self.origins, strict=True)]
+
+
+class LinkChain:
+    """Joints from the root link of a body out to one of its links.
+
+    Args:
+        body: whose.
+        link: of a segment, or the root.
+
+    Attributes:
+        joints: indices of its joints in the body's order, from the root outwards.
+    """
+
+    def __init__(self, body: Body, link: str) -> None:
+        by_link = {segment.link: segment for segment in body.segments.values()}
+        path: list[Segment] = []
+        while link != ROOT:
+            path.insert(0, by_link[link])
+            link = path[0].parent
+        self.joints: list[int] = []
+        self._frames: list[tuple[int, Vector, Vector]] = []
+        offset = ORIGIN
+        for segment in path:
+            offset = _sum(offset, segment.p_parent_link.tolist())
+            for index, joint in enumerate(body.joints.values()):
+                if joint.link == segment.link:
+                    a, b, c = joint.axis.tolist()
+                    self.joints.append(index)
+                    self._frames.append((index, offset, (a, b, c)))
+                    offset = ORIGIN
+        self._after = offset
+
+    def posed(self, q: Sequence[float]) -> Posed:
+        """At joint angles of the whole body [rad]."""
+        x, y, z = ORIGIN
+        orientation = IDENTITY
+        origins, axes = [], []
+        for index, offset, axis in self._frames:
+            dx, dy, dz = rotated(orientation, offset)
+            x, y, z = x + dx, y + dy, z + dz
+            origins.append((x, y, z))
+            axes.append(rotated(orientation, axis))
+            angle = q[index]
+            orientation = product(
+                orientation, from_rotation_vector((axis[0] * angle, axis[1] * angle, axis[2] * angle))
+            )
+        dx, dy, dz = rotated(orientation, self._after)
+        return Posed(origins, axes, orientation, (x + dx, y + dy, z + dz))
+
+
+def _sum(a: Vector, b: Sequence[float]) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+class HandChain(LinkChain):
+    """Kinematics of a hand, whose frame has the axes of its link and its origin in the hand's centre of mass.
+
+    Args:
+        body: whose.
+        side: "right" or "left".
+
+    Attributes:
+        side: which.
+        p_link_hand: origin of the hand's frame in its link [m].
+        arm: indices of the arm's own joints in the body's order.
+        reach: from the shoulder to the hand's origin when the arm is straight [m].
+    """
+
+    def __init__(self, body: Body, side: str) -> None:
+        hand, forearm = body.segments[f"{side}_hand"], body.segments[f"{side}_forearm"]
+        super().__init__(body, hand.link)
+        self.side = side
+        self.p_link_hand: Vector = _sum(ORIGIN, hand.mass.com.tolist())
+        self.arm = self.joints[-len(ARM) :]
+        self.reach = -float(forearm.p_parent_link[2] + hand.p_parent_link[2]) - self.p_link_hand[2]
+
+    def pose(self, q: Sequence[float]) -> Pose:
+        """Of the hand in axes of the root link; q: of the whole body [rad]."""
+        posed = self.posed(q)
+        return Pose(posed.point(self.p_link_hand), posed.orientation)
+
+    def shoulder(self, q: Sequence[float]) -> Vector:
+        """Its centre, in axes of the root link [m]."""
+        return self.posed(q).origins[-len(ARM)]
+
+
+def own_weight(body: Body, gravity: Vector = GRAVITY) -> Torque:
+    """Torque that holds a body against its own weight, as a function of its joint angles: n floats [rad] -> n floats
+    [N m].
+
+    Gravity torques are linear in the masses, so those of a tree are the sum over its chains, if each link's mass is
+    counted in one of them.
+
+    Args:
+        body: whose.
+        gravity: in axes of the root link [m/s^2].
+    """
+    names = list(body.joints)
+    parents = {segment.parent for segment in body.segments.values()}
+    counted: set[str] = set()
+    parts: list[tuple[list[int], Torque]] = []
+    for tip in (segment.link for segment in body.segments.values() if segment.link not in parents):
+        path = {joint.child for joint in read(body.urdf).path(ROOT, tip)}
+        chain = KdlChain(_with_mass(body.urdf, path - counted), ROOT, tip, gravity)
+        parts.append(([names.index(name) for name in chain.joint_names], chain.gravity_list))
+        counted |= path
+    if len(parts) == 1:
+        return parts[0][1]
+    return _summed(len(names), parts)
+
+
+def _summed(count: int, parts: list[tuple[list[int], Torque]]) -> Torque:
+    chosen = [(indices, itemgetter(*indices), torque) for indices, torque in parts]
+
+    def weight(q: Sequence[float]) -> list[float]:
+        held = [0.0] * count
+        for indices, angles, torque in chosen:
+            for index, value in zip(indices, torque(angles(q)), strict=True):
+                held[index] += value
+        return held
+
+    return weight
+
+
+def _with_mass(urdf: str, links: set[str]) -> str:
+    """The description with mass in these links alone."""
+    robot = ElementTree.fromstring(urdf)
+    for link in robot.iterfind("link"):
+        for inertial in link.findall("inertial") if link.get("name") not in links else ():
+            link.remove(inertial)
+    return ElementTree.tostring(robot, encoding="unicode")

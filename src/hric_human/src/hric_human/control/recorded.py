@@ -1,0 +1,192 @@
+"""Recorded motions as references of the joints: angles, or markers of the body's set by inverse kinematics.
+
+Of files, c3d is read here. Whoever reads .mot gives angles, whoever reads .trc gives markers.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_control.errors import HricError, ParameterError
+from hric_control.geometry import FloatArray, Pose, Vector
+from hric_control.geometry.poses import PoseSettings, inverse
+from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_control.parameters import Mistakes, mapping, number, refused, section, text, unknown
+from hric_control.trial.c3d import read_trial, resolve
+from hric_human.control.controller import Person
+from hric_human.control.inverse_kinematics import Solver, Task
+from hric_human.control.kinematics import LinkChain
+from hric_human.control.references import Reference, ReferenceSettings, Rows
+
+
+class MarkerSolver:
+    """Joint angles of a body for positions of its markers, by least squares within the ranges of the joints.
+
+    Args:
+        person: whose joints.
+        names: of markers of the body.
+    """
+
+    def __init__(self, person: Person, names: list[str]) -> None:
+        body, links = person.body, list[str]()
+        self._on: list[list[tuple[int, Vector]]] = []
+        for index, name in enumerate(names):
+            marker = body.markers[name]
+            if marker.link not in links:
+                links.append(marker.link)
+                self._on.append([])
+            x, y, z = marker.p_link_marker.tolist()
+            self._on[links.index(marker.link)].append((index, (x, y, z)))
+        self._chains = [LinkChain(body, link) for link in links]
+        self._solver = Solver(*(np.array(values) for values in (person.lower, person.upper, person.rest)))
+        self._shape = len(names), 3, len(person.joints)
+
+    def solve(self, positions: FloatArray) -> tuple[list[list[float]], FloatArray]:
+        """Joint angles per frame, each from those before; where nothing is seen they stay.
+
+        Args:
+            positions: in axes of the root link, shape (frames, markers, 3) [m]; NaN: not seen.
+
+        Returns:
+            n floats per frame [rad], and the root mean square distance of the markers from where the body has them,
+            shape (frames,) [m].
+        """
+        q, rows, distances = self._solver.rest, [], []
+        for target in positions:
+            seen = np.isfinite(target).all(axis=1)
+            q, left = self._solver.solve(self._task(target, seen), q, 0.0)
+            rows.append(q.tolist())
+            distances.append(left / max(1, int(seen.sum())) ** 0.5)
+        return rows, np.array(distances)
+
+    def _task(self, target: FloatArray, seen: Any) -> Task:
+        def task(q: list[float]) -> tuple[FloatArray, FloatArray]:
+            error, J = np.zeros(self._shape[:2]), np.zeros(self._shape)
+            for chain, markers in zip(self._chains, self._on, strict=True):
+                posed = chain.posed(q)
+                for index, p_link in markers:
+                    p = posed.point(p_link)
+                    error[index] = target[index] - p
+                    if chain.joints:
+                        J[index][:, chain.joints] = np.array(posed.velocities(p)).T
+            return error[seen].ravel(), J[seen].reshape(-1, self._shape[2])
+
+        return task
+
+
+@dataclass(frozen=True)
+class Angles(ReferenceSettings):
+    """Recorded joint angles."""
+
+    rate: float = number(above=0.0, maximum=1e4, unit="Hz", text="of the rows")
+    angles: Mapping[str, Any] = mapping(
+        unit="rad", text="by joint, as many values each; joints not named rest. Before and after them the body rests"
+    )
+
+    def reference(self, person: Person) -> Reference:
+        """See the base."""
+        columns, mistakes = {}, Mistakes()
+        for name, values in self.angles.items():
+            with mistakes.noted():
+                columns[name] = self._column(name, values, person)
+        mistakes.raise_all()
+        if not columns or len({len(column) for column in columns.values()}) > 1:
+            raise ParameterError(f"{self.prefix}angles must have one joint or more, with as many values each")
+        rows = np.tile(person.rest, (len(next(iter(columns.values()))), 1))
+        for name, column in columns.items():
+            rows[:, person.joints.index(name)] = column
+        return Rows(1.0 / self.rate, rows.tolist())
+
+    def _column(self, name: str, values: Any, person: Person) -> FloatArray:
+        """Of a joint, shape (rows,) [rad]."""
+        where = f"{self.prefix}angles"
+        if name not in person.joints:
+            raise unknown("joint", name, person.joints, where)
+        column = _array(values, f"{where}.{name}", 1)
+        low, high = (ends[person.joints.index(name)] for ends in (person.lower, person.upper))
+        outside = np.flatnonzero(~((column >= low) & (column <= high)))
+        if len(outside):
+            raise refused(f"{where}.{name}[{outside[0]}]", float(column[outside[0]]), f"{low:.3f} to {high:.3f} [rad]")
+        return column
+
+
+@dataclass(frozen=True)
+class Captured(ReferenceSettings):
+    """Positions of markers; those that the body does not have are left out."""
+
+    root_in_lab: PoseSettings = section(
+        PoseSettings, text="pose of the body's root link in the laboratory, x forward, z up"
+    )
+
+    def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
+        """Rate [Hz], and positions by name, shape (frames, 3) each [m]."""
+        raise NotImplementedError
+
+    def reference(self, person: Person) -> Reference:
+        """See the base."""
+        rate, markers = self.motion()
+        names = [name for name in person.body.markers if name in markers]
+        if not names:
+            raise ParameterError(
+                f"{self.prefix.rstrip('./')}: none of the markers is on the body; valid: "
+                f"{', '.join(person.body.markers)}"
+            )
+        lab = np.stack([markers[name] for name in names], axis=1)
+        rows, _ = MarkerSolver(person, names).solve(_moved(inverse(self.root_in_lab.pose), lab))
+        return Rows(1.0 / rate, rows)
+
+
+@dataclass(frozen=True)
+class Markers(Captured):
+    """Given ones."""
+
+    rate: float = number(above=0.0, maximum=1e4, unit="Hz", text="of the frames")
+    markers: Mapping[str, Any] = mapping(
+        unit="m", text="positions by name of Plug-in Gait, a row of x, y, z per frame; NaN: not seen"
+    )
+
+    def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
+        """See the base."""
+        where = f"{self.prefix}markers"
+        found = {name: _array(values, f"{where}.{name}", 2) for name, values in self.markers.items()}
+        if len({array.shape for array in found.values()}) > 1 or any(array.shape[1] != 3 for array in found.values()):
+            raise ParameterError(f"{where} must have as many rows of x, y, z each")
+        return self.rate, found
+
+
+@dataclass(frozen=True)
+class C3dFile(Captured):
+    """Those of a recorded trial."""
+
+    path: str = text(valid="a c3d file, path or package:// address,", empty=False)
+    up: str = text("", text="axis that points up in the file, y or z; empty: what the file says")
+
+    def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
+        """See the base."""
+        try:
+            trial = read_trial(resolve(self.path), self.up)
+        except HricError as error:
+            raise ParameterError(f"{self.prefix}path: {error}") from error
+        return trial.rate, {name: trial.positions[:, index] for index, name in enumerate(trial.labels)}
+
+
+RECORDED: dict[str, type[ReferenceSettings]] = {"angles": Angles, "markers": Markers, "c3d": C3dFile}
+"""By the word `program`."""
+
+
+def _array(values: Any, where: str, dimensions: int) -> FloatArray:
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(())
+    if array.ndim != dimensions or not len(array):
+        raise refused(where, values, "a list of numbers" if dimensions == 1 else "rows of x, y, z [m]")
+    return array
+
+
+def _moved(T_root_lab: Pose, p_lab: FloatArray) -> FloatArray:
+    """Points, shape (..., 3) [m], in axes of the root link."""
+    moved: FloatArray = p_lab @ rotation_from_quaternion(T_root_lab.orientation).T + np.array(T_root_lab.position)
+    return moved

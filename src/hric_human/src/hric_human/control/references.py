@@ -1,0 +1,292 @@
+"""Where the joints of a human are to be: at rest, from point to point, or as a motion of the hand wants it."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from hric_control.errors import ParameterError
+from hric_control.geometry import Pose, Vector, compose, minimum_jerk
+from hric_control.geometry.poses import inverse
+from hric_control.parameters import Mistakes, Settings, flag, listing, mapping, number, refused, unknown
+from hric_human.control.controller import Person
+from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
+from hric_human.hand import Hand, Motion, program_of
+from hric_human.hand.programs import PointToPoint, Sinusoid, TakeOver
+
+KNOT = 0.02
+"""Between two poses of a hand for which joint angles are computed [s] (project default, unconfirmed)."""
+Joints = list[float]
+
+
+class Reference:
+    """Joint positions and velocities over time; a subclass overrides what it needs."""
+
+    def start(self, time: float) -> None:
+        """The motion begins [s]."""
+
+    def at(self, time: float) -> tuple[Joints, Joints]:
+        """Positions [rad] and velocities [rad/s], n floats each, not to be changed; called with rising times [s]."""
+        raise NotImplementedError
+
+    def see(self, time: float, position: Vector) -> None:
+        """The robot's end effector was at `position` [m] at `time`."""
+
+    def feel(self, time: float, force: Vector) -> None:
+        """The hand feels a force [N]."""
+
+
+class ReferenceSettings(Settings):
+    """Of a reference."""
+
+    def reference(self, person: Person) -> Reference:
+        """What they describe. Raises ParameterError."""
+        raise NotImplementedError
+
+
+class Still(Reference):
+    """Stays; q: n floats [rad]."""
+
+    def __init__(self, q: Sequence[float]) -> None:
+        self._at = list(q), [0.0] * len(q)
+
+    def at(self, time: float) -> tuple[Joints, Joints]:
+        """See the base."""
+        return self._at
+
+
+@dataclass(frozen=True)
+class Rest(ReferenceSettings):
+    """The resting posture."""
+
+    def reference(self, person: Person) -> Reference:
+        """See the base."""
+        return Still(person.rest)
+
+
+class JointPoints(Reference):
+    """From point to point with least jerk, at rest at each.
+
+    Args:
+        times: since the start, rising [s].
+        rows: joint angles at each, n floats [rad].
+    """
+
+    def __init__(self, times: Sequence[float], rows: Sequence[Joints]) -> None:
+        self._times, self._rows, self._zero, self._next = times, rows, math.inf, 1
+        self._still = [0.0] * len(rows[0])
+
+    def start(self, time: float) -> None:
+        """See the base."""
+        self._zero = time
+
+    def at(self, time: float) -> tuple[Joints, Joints]:
+        """See the base."""
+        since, times, rows = time - self._zero, self._times, self._rows
+        while self._next < len(times) and since >= times[self._next]:
+            self._next += 1
+        begin = times[self._next - 1]
+        if since <= begin or self._next == len(times):
+            return rows[self._next - 1], self._still
+        duration = times[self._next] - begin
+        u = (since - begin) / duration
+        share, rate = minimum_jerk(u), 30.0 * (u - u * u) ** 2 / duration
+        start, goal = rows[self._next - 1], rows[self._next]
+        return (
+            [a + share * (b - a) for a, b in zip(start, goal, strict=True)],
+            [rate * (b - a) for a, b in zip(start, goal, strict=True)],
+        )
+
+
+@dataclass(frozen=True)
+class JointMotion(ReferenceSettings):
+    """From point to point of the joints."""
+
+    points: tuple[Mapping[str, float], ...] = listing(
+        mapping(number()),
+        unit="s, rad",
+        text="each with `time` since the start and angles by joint; joints not named stay. Before the first point the "
+        "body is at it",
+    )
+
+    def check(self, where: str) -> None:
+        """Refuse points without a time, or times that do not rise."""
+        if not self.points or any("time" not in row for row in self.points):
+            raise ParameterError(f"{where}points must have one row or more, each with time and angles by joint")
+        if self.points[0]["time"] < 0 or any(b["time"] <= a["time"] for a, b in pairwise(self.points)):
+            raise ParameterError(f"{where}points: the times must rise, from 0 s on")
+
+    def reference(self, person: Person) -> Reference:
+        """See the base."""
+        mistakes, rows, q = Mistakes(), [], list(person.rest)
+        for count, point in enumerate(self.points):
+            where = f"{self.prefix}points[{count}]"
+            for name, angle in point.items():
+                with mistakes.noted():
+                    if name != "time":
+                        q[_index(name, angle, person, where)] = angle
+            rows.append(q.copy())
+        mistakes.raise_all()
+        return JointPoints([row["time"] for row in self.points], rows)
+
+
+def _index(name: str, angle: float, person: Person, where: str) -> int:
+    """Of a joint that can be at an angle. Raises ParameterError."""
+    if name not in person.joints:
+        raise unknown("joint", name, ("time", *person.joints), where)
+    index = person.joints.index(name)
+    low, high = person.lower[index], person.upper[index]
+    if not low <= angle <= high:
+        raise refused(f"{where}.{name}", angle, f"from {low:.3f} to {high:.3f} [rad]")
+    return index
+
+
+class Rows(Reference):
+    """Joint angles at even times, joined by cubics whose velocity has no step (Catmull and Rom).
+
+    Args:
+        interval: between two rows [s].
+        rows: from the time 0 on, n floats each [rad]; before and after them the body rests.
+        more: gives the row after the last; None: there is none.
+    """
+
+    def __init__(self, interval: float, rows: list[Joints], more: Callable[[], Joints] | None = None) -> None:
+        self._interval, self._rows, self._more = interval, rows, more
+        self._still, self._piece = [0.0] * len(rows[0]), -1
+        self._cubics: list[tuple[float, float, float, float]] = []
+        self._zero = math.inf
+
+    def start(self, time: float) -> None:
+        """See the base."""
+        self._zero = time
+
+    def at(self, time: float) -> tuple[Joints, Joints]:
+        """See the base."""
+        return self.since(time - self._zero)
+
+    def since(self, time: float) -> tuple[Joints, Joints]:
+        """The same at a time since the first row [s]."""
+        if time <= 0.0:
+            return self._rows[0], self._still
+        steps = time / self._interval
+        piece = int(steps)
+        if piece != self._piece:
+            while self._more is not None and len(self._rows) < piece + 3:
+                self._rows.append(self._more())
+            if piece >= len(self._rows) - 1:
+                return self._rows[-1], self._still
+            self._piece, self._cubics = piece, _cubics(self._rows, piece)
+        u, rate = steps - piece, 1.0 / self._interval
+        return (
+            [a + u * (b + u * (c + u * d)) for a, b, c, d in self._cubics],
+            [rate * (b + u * (2.0 * c + 3.0 * u * d)) for _, b, c, d in self._cubics],
+        )
+
+
+def _cubics(rows: Sequence[Joints], piece: int) -> list[tuple[float, float, float, float]]:
+    """Coefficients per joint of the piece after a row; its velocities at both ends are those of the chords over two
+    pieces."""
+    before, start = rows[max(piece - 1, 0)], rows[piece]
+    goal, after = rows[piece + 1], rows[min(piece + 2, len(rows) - 1)]
+    found = []
+    for p, a, b, n in zip(before, start, goal, after, strict=True):
+        v, w = 0.5 * (b - p), 0.5 * (n - a)
+        found.append((a, v, 3.0 * (b - a) - 2.0 * v - w, 2.0 * (a - b) + v + w))
+    return found
+
+
+class HandReference(Reference):
+    """Joint angles for a motion of the hand, by inverse kinematics at knots.
+
+    Of a program whose end is known all of it is computed at once, so that what is out of reach is known before a run.
+
+    Args:
+        person: whose hand.
+        motion: in the frame of the world.
+        oriented: whether the orientation is followed.
+
+    Raises:
+        OutOfReachError: the hand cannot be where the motion wants it.
+    """
+
+    def __init__(self, person: Person, motion: Motion, oriented: bool) -> None:
+        self._program = program_of(motion, person.seed)
+        self._hand, self._where = Hand(self._program, motion.begin), motion.prefix
+        self._solver = HandSolver(person.hand, person.lower, person.upper, person.rest, oriented)
+        self._T_root_world, self._knots = inverse(person.T_world_root), 0
+        self._target, self._last = self._pose(0), list[float]()
+        self._last = self._reached(lambda: self._solver.first(self._target))
+        self._rows = Rows(KNOT, [self._last], self._next)
+        _, end = self._program.span
+        if math.isfinite(end):
+            self._rows = Rows(KNOT, [self._last, *(self._next() for _ in range(math.ceil(end / KNOT)))])
+
+    def start(self, time: float) -> None:
+        """See the base."""
+        self._hand.start(time)
+
+    def at(self, time: float) -> tuple[Joints, Joints]:
+        """See the base."""
+        return self._rows.since(self._hand.since(time))
+
+    def see(self, time: float, position: Vector) -> None:
+        """See the base."""
+        self._hand.see(time, position)
+
+    def feel(self, time: float, force: Vector) -> None:
+        """See the base."""
+        self._hand.feel(time, force)
+
+    def _pose(self, knot: int) -> Pose:
+        return compose(self._T_root_world, self._program.pose(knot * KNOT))
+
+    def _next(self) -> Joints:
+        self._knots += 1
+        target = self._pose(self._knots)
+        if target != self._target:  # a hand at rest rests in the same posture
+            self._target = target
+            self._last = self._reached(lambda: self._solver.next(target, self._last))
+        return self._last
+
+    def _reached(self, solved: Callable[[], Joints]) -> Joints:
+        try:
+            return solved()
+        except OutOfReachError as error:
+            where = self._where.rstrip("./")
+            raise OutOfReachError(f"{where}: {self._knots * KNOT:.2f} s after the motion's start {error}") from None
+
+
+@dataclass(frozen=True)
+class Followed(Motion, ReferenceSettings):
+    """A motion of the hand as a reference."""
+
+    oriented: bool = flag(False, text="whether the hand's orientation follows, too")
+
+    def reference(self, person: Person) -> Reference:
+        """See the base."""
+        return HandReference(person, self, self.oriented)
+
+
+@dataclass(frozen=True)
+class _Sinusoid(Followed, Sinusoid):
+    pass
+
+
+@dataclass(frozen=True)
+class _PointToPoint(Followed, PointToPoint):
+    pass
+
+
+@dataclass(frozen=True)
+class _TakeOver(Followed, TakeOver):
+    pass
+
+
+REFERENCES: dict[str, type[ReferenceSettings]] = {
+    "rest": Rest,
+    "joints": JointMotion,
+    "sinusoid": _Sinusoid,
+    "minimum_jerk": _PointToPoint,
+    "reactive": _TakeOver,
+}
+"""By the word `program`."""

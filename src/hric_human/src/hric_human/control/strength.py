@@ -1,0 +1,72 @@
+"""How much torque the joints of a subject can give, by sex and mass. Isometric, the same at all angles and speeds.
+
+Sources, as far as they are published; the tables of Stobbe 1982 (in Chaffin & Andersson, Occupational Biomechanics) are
+from memory, unconfirmed:
+
+- wrist: Delp et al., J. Biomech. 29:1371, 1996, abstract, ten men;
+- flexion of the shoulder: 89.9 N m of 26 men with the arm hanging, women half of it (abstract of "Dynamic shoulder
+  flexion strength for use in occupational risk analysis and clinical assessment");
+- share of women: shoulder abduction 0.43, external rotation 0.56 (abstract of "Isometric strength in flexors, abductors
+  and external rotators of the shoulder", 96 men and 90 women); wrist 0.64 (J. Funct. Morphol. Kinesiol. 10:377, 2025);
+  all others 0.5 to 0.65 of Stobbe 1982.
+
+A subject's strength goes with his mass: a project default, unconfirmed.
+"""
+
+from typing import NamedTuple
+
+from hric_human.body import Body
+
+STOBBE = "Stobbe 1982, from memory, unconfirmed"
+OWN = "project default, unconfirmed"
+MEAN_MASS = {"female": 61.9, "male": 73.0}
+"""At which the strengths of the rows hold [kg]: those of the table of masses; project default, unconfirmed."""
+
+
+class StrengthRow(NamedTuple):
+    """Of a joint.
+
+    Attributes:
+        positive, negative: maximum torque of a man in the sense of the joint and against it [N m].
+        women: share of it that women have [1].
+        source: of both directions.
+    """
+
+    positive: float
+    negative: float
+    women: float
+    source: str
+
+
+STRENGTH = {
+    "trunk_flex": StrengthRow(143.0, 234.0, 0.65, STOBBE),
+    "trunk_bend": StrengthRow(159.0, 159.0, 0.59, STOBBE),
+    "trunk_rot": StrengthRow(70.0, 70.0, 0.6, OWN),
+    "neck_flex": StrengthRow(30.0, 50.0, 0.5, OWN),
+    "neck_bend": StrengthRow(40.0, 40.0, 0.5, OWN),
+    "neck_rot": StrengthRow(15.0, 15.0, 0.5, OWN),
+    "sh_flex": StrengthRow(89.9, 85.0, 0.5, "flexion published, extension project default, unconfirmed"),
+    "sh_abd": StrengthRow(71.0, 67.0, 0.43, f"{STOBBE}; share of women published"),
+    "sh_rot": StrengthRow(52.0, 33.0, 0.56, f"{STOBBE}; share of women published"),
+    "el_flex": StrengthRow(77.0, 46.0, 0.55, STOBBE),
+    "pro_sup": StrengthRow(9.0, 11.0, 0.55, OWN),
+    "wr_flex": StrengthRow(12.2, 7.1, 0.64, "Delp et al. 1996"),
+    "wr_dev": StrengthRow(9.5, 11.0, 0.64, "Delp et al. 1996"),
+    "hip_flex": StrengthRow(120.0, 190.0, 0.51, f"extension {STOBBE}; flexion {OWN}"),
+    "hip_abd": StrengthRow(100.0, 100.0, 0.6, OWN),
+    "hip_rot": StrengthRow(50.0, 50.0, 0.6, OWN),
+    "knee_flex": StrengthRow(100.0, 168.0, 0.62, STOBBE),
+    "ankle_flex": StrengthRow(40.0, 126.0, 0.64, f"plantar flexion {STOBBE}; dorsiflexion {OWN}"),
+    "ankle_inv": StrengthRow(25.0, 25.0, 0.6, OWN),
+}
+"""By joint, without its side."""
+
+
+def strength(body: Body) -> tuple[list[float], list[float]]:
+    """Of a body's joints in their order: against their sense, negative, and in it, n floats each [N m]."""
+    subject = body.subject
+    scale = subject.mass / MEAN_MASS[subject.sex]
+    rows = [STRENGTH[joint.row.name] for joint in body.joints.values()]
+    shares = [scale * (row.women if subject.sex == "female" else 1.0) for row in rows]
+    weakest = [-share * row.negative for share, row in zip(shares, rows, strict=True)]
+    return weakest, [share * row.positive for share, row in zip(shares, rows, strict=True)]

@@ -1,0 +1,291 @@
+"""What surrounds a human's controller: late and noisy senses, and the strength of his joints. The same beside each
+engine, bit for bit from a seed."""
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hric_control import plugins
+from hric_control.errors import HricError, UnknownNameError
+from hric_control.geometry import ORIGIN, Pose, Vector, compose, from_rotation_vector
+from hric_control.geometry.quaternions import product
+from hric_control.native import vectors
+from hric_control.parameters import Mistakes, Settings, anything, below, choice, number, refused, section, text, unknown
+from hric_human.body import Body
+from hric_human.control.controller import HumanController, Person, Senses
+from hric_human.control.kinematics import GRAVITY, HandChain, own_weight
+from hric_human.control.strength import strength
+
+WORLD = Pose()
+CYCLE = 1e-3
+"""Between two updates [s]."""
+NOISE_BLOCK = 256
+"""Cycles of noise that are drawn at once."""
+_NOISE_SEED = 2
+"""Makes the seeds of senses differ from those of programs and cameras."""
+
+
+@dataclass(frozen=True)
+class SenseSettings(Settings):
+    """How late the senses are, and their noise (standard deviations, white)."""
+
+    joint_delay: float = number(
+        0.05,
+        minimum=0.0,
+        maximum=1.0,
+        unit="s",
+        text="of joint positions and velocities: that of reflexes, 50 to 100 ms (unconfirmed)",
+    )
+    hand_delay: float = number(0.2, minimum=0.0, maximum=1.0, unit="s", text="of the hand's pose, as it is seen")
+    force_delay: float = number(0.08, minimum=0.0, maximum=1.0, unit="s", text="of the force on the hand")
+    joint_noise: float = number(0.0, minimum=0.0, unit="rad", text="of joint positions")
+    velocity_noise: float = number(0.0, minimum=0.0, unit="rad/s", text="of joint velocities")
+    hand_noise: float = number(0.0, minimum=0.0, unit="m", text="of the hand's position, per axis")
+    rotation_noise: float = number(0.0, minimum=0.0, unit="rad", text="of its orientation, per axis")
+    force_noise: float = number(0.0, minimum=0.0, unit="N", text="of the force, per axis")
+
+
+@dataclass(frozen=True)
+class ControlSettings(Settings):
+    """Which controller, and what surrounds it."""
+
+    separator: ClassVar[str] = "."
+    type: str = text("hric_human/ImpedanceArm", text="of the controller, a plugin")
+    parameters: Any = anything({}, default_text="`{}`", text="of the controller")
+    side: str = choice("dominant", "right", "left", text="hand that follows and feels; dominant: where it is described")
+    senses: SenseSettings = section(SenseSettings, text="delays and noise")
+
+
+class _Delayed:
+    """The last cycles of what is sensed.
+
+    Args:
+        settings: delays and noise.
+        count: of joints.
+        hand: joint positions -> pose of the hand.
+        seed: of the noise.
+        cycle: [s].
+
+    Raises:
+        ParameterError: a delay is not a multiple of the cycle.
+    """
+
+    def __init__(
+        self, settings: SenseSettings, count: int, hand: Callable[[Sequence[float]], Pose], seed: int, cycle: float
+    ) -> None:
+        mistakes = Mistakes()
+        cycles = []
+        for name in ("joint_delay", "hand_delay", "force_delay"):
+            delay = getattr(settings, name)
+            cycles.append(round(delay / cycle))
+            with mistakes.noted():
+                if abs(cycles[-1] * cycle - delay) > 1e-9:
+                    raise refused(f"{settings.prefix}{name}", delay, f"a multiple of the cycle, {cycle:g} s")
+        mistakes.raise_all()
+        self._joint, self._hand, self._force = (-1 - late for late in cycles)
+        self._past: deque[tuple[tuple[float, ...], tuple[float, ...], Vector]] = deque(maxlen=max(cycles) + 1)
+        self._pose = hand
+        deviations = (
+            [settings.joint_noise] * count
+            + [settings.velocity_noise] * count
+            + [settings.hand_noise] * 3
+            + [settings.rotation_noise] * 3
+            + [settings.force_noise] * 3
+        )
+        self._count, self._deviations, self._noisy = count, np.array(deviations), any(deviations)
+        self._random = np.random.default_rng((seed, _NOISE_SEED))
+        self._block: list[list[float]] = []
+
+    def sensed(self, q: Sequence[float], dq: Sequence[float], force: Vector) -> Senses:
+        """Take what is so now, and give what is sensed now: of the time before the first cycle what was so then."""
+        past, now = self._past, (tuple(q), tuple(dq), force)
+        if not past:
+            past.extend([now] * (past.maxlen or 1))
+        else:
+            past.append(now)
+        late_q, late_dq, _ = past[self._joint]
+        hand_q, late_force = past[self._hand][0], past[self._force][2]
+        if not self._noisy:
+            return Senses(late_q, late_dq, late_force, lambda: self._pose(hand_q), now[:2])
+        if not self._block:
+            drawn = self._random.standard_normal((NOISE_BLOCK, len(self._deviations)))
+            self._block = (drawn * self._deviations).tolist()
+        n, noise = self._count, self._block.pop()
+        x, y, z = late_force
+        return Senses(
+            vectors.add(late_q, noise[:n]),
+            vectors.add(late_dq, noise[n : 2 * n]),
+            (x + noise[-3], y + noise[-2], z + noise[-1]),
+            lambda: _shaken(self._pose(hand_q), noise[-9:-3]),
+            now[:2],
+        )
+
+
+def _shaken(pose: Pose, noise: Sequence[float]) -> Pose:
+    (x, y, z), (dx, dy, dz) = pose.position, noise[:3]
+    return Pose((x + dx, y + dy, z + dz), product(from_rotation_vector(noise[3:]), pose.orientation))
+
+
+class HumanControl:
+    """A human's controller between his senses and his strength. One thread calls it.
+
+    Args:
+        body: whose joints it drives, in the order of `body.joints`.
+        content: mapping of ControlSettings.
+        seed: of all that is random.
+        T_world_root: pose of the body's root link in the frame of hand references, forces and what is seen (the
+            robot's base, in experiments).
+        gravity: in axes of the root link [m/s^2].
+        cycle: time between two updates [s].
+        where: name of the mapping, for messages.
+
+    Attributes:
+        person: the body as the controller knows it.
+        clipped: how often each joint came to its strength, by joint; while it stays there it counts once.
+        at_strength: whether each joint is there in this cycle.
+
+    Raises:
+        ParameterError: a parameter is not valid, or a reference out of reach; all mistakes at once.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        content: Any,
+        seed: int,
+        T_world_root: Pose = WORLD,
+        gravity: Vector = GRAVITY,
+        cycle: float = CYCLE,
+        where: str = "human.control",
+    ) -> None:
+        settings, controller, parameters = _checked(content, tuple(body.joints), where)
+        side = _side(body, settings.side, where)
+        weakest, strongest = strength(body)
+        ranges = [joint.range for joint in body.joints.values()]
+        self.person = Person(
+            body,
+            tuple(body.joints),
+            tuple(low for low, _ in ranges),
+            tuple(high for _, high in ranges),
+            weakest,
+            strongest,
+            resting_posture(body),
+            side,
+            HandChain(body, side),
+            own_weight(body, gravity),
+            T_world_root,
+            seed,
+            cycle,
+        )
+        self._senses = _Delayed(settings.senses, len(ranges), self._hand, seed, cycle)
+        self.clipped = dict.fromkeys(body.joints, 0)
+        self.at_strength = [False] * len(ranges)
+        self._any_at_strength, self._running = False, False
+        self._controller = controller()
+        self._controller.init(self.person, parameters)
+
+    def start(self, time: float) -> None:
+        """The motion begins now [s]."""
+        self._controller.start(time)
+
+    def see(self, time: float, position: Vector) -> None:
+        """The end effector of the robot was at `position` in the world [m] at `time`."""
+        self._controller.see(time, position)
+
+    def update(self, time: float, q: Sequence[float], dq: Sequence[float], force: Vector = ORIGIN) -> list[float]:
+        """Joint torque until the next cycle, within the strength of each joint, n floats [N m].
+
+        Args:
+            time: of the run [s].
+            q, dq: as they are, n floats [rad], [rad/s].
+            force: on the hand, axes of the world [N].
+
+        Raises:
+            HricError: the controller cannot go on, or gives no torque.
+        """
+        senses = self._senses.sensed(q, dq, force)
+        if not self._running:
+            self._running = True
+            self._controller.starting(time, senses)
+        tau = self._controller.update(time, senses)
+        person = self.person
+        if type(tau) is not list or len(tau) != len(person.joints):
+            tau = self._as_list(tau)
+        if vectors.within(tau, person.weakest, person.strongest):
+            if self._any_at_strength:
+                self._any_at_strength, self.at_strength = False, [False] * len(tau)
+            return tau
+        return self._within_strength(time, tau)
+
+    def _hand(self, q: Sequence[float]) -> Pose:
+        return compose(self.person.T_world_root, self.person.hand.pose(q))
+
+    def _as_list(self, tau: Sequence[float]) -> list[float]:
+        values = [float(value) for value in tau]
+        if len(values) != len(self.person.joints):
+            raise HricError(
+                f"{type(self._controller).__name__} gave {len(values)} torques; valid: one for each of "
+                f"{', '.join(self.person.joints)}"
+            )
+        return values
+
+    def _within_strength(self, time: float, tau: list[float]) -> list[float]:
+        """Clip, and count the joints that came to their strength."""
+        person, before = self.person, self.at_strength
+        self.at_strength, self._any_at_strength = [], True
+        found = []
+        for index, (value, low, high) in enumerate(zip(tau, person.weakest, person.strongest, strict=True)):
+            if not math.isfinite(value):
+                raise HricError(
+                    f"{type(self._controller).__name__} gave {value} N m for {person.joints[index]} at {time:.3f} s; "
+                    "valid: finite torques"
+                )
+            kept = min(max(value, low), high)
+            self.at_strength.append(kept != value)
+            if kept != value and not before[index]:
+                self.clipped[person.joints[index]] += 1
+            found.append(kept)
+        return found
+
+
+def resting_posture(body: Body) -> tuple[float, ...]:
+    """Joint angles of a person at rest, elbows a little bent, n floats [rad]: with straight ones a hand could not move
+    along the arm. Project default, unconfirmed."""
+    return tuple(body.rest.get(name, RESTING.get(joint.row.name, 0.0)) for name, joint in body.joints.items())
+
+
+RESTING = {"sh_flex": math.radians(20), "sh_abd": math.radians(15), "el_flex": math.radians(80)}
+"""Angles of the resting posture that are not zero in the body's own, by joint [rad]."""
+
+
+def _checked(content: Any, joints: tuple[str, ...], where: str) -> tuple[ControlSettings, type[HumanController], Any]:
+    """Settings, controller and its parameters. Raises ParameterError with all mistakes of the mapping."""
+    mistakes = Mistakes()
+    with mistakes.noted():
+        settings = ControlSettings.of(content, where)
+    given = content if isinstance(content, Mapping) else {}
+    with mistakes.noted():
+        controller = _controller(given.get("type", "hric_human/ImpedanceArm"), where)
+        parameters = controller.settings.of(given.get("parameters"), f"{below(where)}parameters", joints)
+    mistakes.raise_all()
+    return settings, controller, parameters
+
+
+def _controller(name: Any, where: str) -> type[HumanController]:
+    try:
+        return plugins.find(plugins.HUMAN_CONTROLLER, name)
+    except UnknownNameError as error:
+        raise unknown("human controller", name, error.valid, f"{below(where)}type") from None
+
+
+def _side(body: Body, side: str, where: str) -> str:
+    sides = [one for one in ("right", "left") if f"{one}_hand" in body.segments]
+    if side == "dominant":
+        return body.subject.dominant_hand if body.subject.dominant_hand in sides else sides[0]
+    if side not in sides:
+        raise refused(f"{below(where)}side", side, f"dominant or {' or '.join(sides)}")
+    return side
