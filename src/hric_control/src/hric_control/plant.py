@@ -279,7 +279,7 @@ class Articulated(Plant):
         [rad or m], [rad/s or m/s]."""
 
     @abstractmethod
-    def place_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
+    def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
         """Put the joints at q, dq (zero by default). After `reset` a model is where it was spawned, with its joints as
         they were placed last.
 
