@@ -1,4 +1,4 @@
-"""Stops of spawned models: a spring and a damper that follow from what hangs on the joint."""
+"""Stops of spawned models: a spring and a damper that follow from the inertia which the stop meets."""
 
 import math
 
@@ -6,25 +6,14 @@ import pytest
 
 from hric_control.plants import StopLaw
 from hric_control.plants.stops import STOP_RATE
-from hric_control.urdf import read
 
-ROD = """<robot name="rod">
-  <link name="base"/>
-  <link name="upper"/>
-  <link name="rod"><inertial><origin xyz="0 0 -0.2"/><mass value="2"/>
-    <inertia ixx="0.03" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.001"/></inertial></link>
-  <joint name="swing" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="1 0 0"/>
-    <limit lower="-1" upper="0.5" effort="10" velocity="5"/></joint>
-  <joint name="slide" type="prismatic"><parent link="upper"/><child link="rod"/><origin xyz="0 0 -0.1"/>
-    <axis xyz="0 0 1"/><limit lower="0" upper="0.1" effort="10" velocity="5"/></joint>
-</robot>"""
-INERTIA = 0.03 + 2.0 * 0.3**2
-"""About the axis of the swing [kg m^2]."""
+INERTIA, MASS = 0.21, 2.0
+"""Of a joint that swings [kg m^2] and one that slides [kg]."""
 
 
 @pytest.fixture
 def law() -> StopLaw:
-    law = StopLaw(read(ROD), ["swing", "slide"])
+    law = StopLaw([(-1.0, 0.5), (0.0, 0.1)], lambda: [INERTIA, MASS])
     law.restart([0.0, 0.05])
     return law
 
@@ -33,10 +22,19 @@ def test_within_the_range_nothing_is_added(law: StopLaw) -> None:
     assert law.add([0.5, 0.1], [9.0, 9.0], [1.0, 2.0]) == [1.0, 2.0]
 
 
-def test_beyond_an_end_the_joint_is_a_critically_damped_oscillator_of_what_hangs_on_it(law: StopLaw) -> None:
+def test_beyond_an_end_the_joint_is_a_critically_damped_oscillator_of_the_inertia_that_it_meets(law: StopLaw) -> None:
     swing, slide = law.add([0.51, -0.002], [0.01, 0.0], [1.0, 0.0])
     assert swing == pytest.approx(1.0 - INERTIA * (STOP_RATE**2 * 0.01 + 2.0 * STOP_RATE * 0.01))
-    assert slide == pytest.approx(2.0 * STOP_RATE**2 * 0.002)
+    assert slide == pytest.approx(MASS * STOP_RATE**2 * 0.002)
+
+
+def test_the_inertia_is_asked_only_while_a_stop_acts() -> None:
+    def unwanted() -> list[float]:
+        raise AssertionError
+
+    law = StopLaw([(-1.0, 0.5)], unwanted)
+    law.restart([0.6])
+    assert law.add([0.6], [0.0], [1.0]) == law.add([0.4], [0.0], [1.0]) == [1.0]
 
 
 def test_a_stop_never_holds_a_joint_that_leaves_it(law: StopLaw) -> None:

@@ -5,12 +5,7 @@ until then. The robot's stops are of its engine; those of other models are a spr
 """
 
 import math
-from collections.abc import Sequence
-
-import numpy as np
-
-from hric_control.geometry import MassProperties
-from hric_control.urdf import Joint, Robot
+from collections.abc import Callable, Sequence
 
 
 class StopMemory:
@@ -56,20 +51,17 @@ force held over the step does not shake it (default chosen by this project, unco
 class StopLaw:
     """What the ends of the ranges of a spawned model's joints do: k (limit - q) - c dq beyond the limit, never inwards.
 
-    k and c follow from STOP_RATE and the inertia of all that hangs on the joint, about its axis, with all joints at
-    zero.
+    k and c follow from STOP_RATE and the inertia that the stop meets, that of the joint while all others are free: in a
+    light wrist a quarter of what hangs on the joint, in a shoulder near its singular pose a thousandth, so that a force
+    by what hangs there would throw the arm.
 
     Args:
-        tree: description of the model.
-        joints: names of the moving joints, in the order of all vectors here.
+        limits: (lower, upper) per joint [rad or m], in the order of all vectors here.
+        inertias: gives 1 / (M^-1)_ii of each joint now, M of the whole model [kg m^2 or kg]; asked while a stop acts.
     """
 
-    def __init__(self, tree: Robot, joints: Sequence[str]) -> None:
-        ends = [tree.joints[name] for name in joints]
-        self._memory = StopMemory([(joint.lower, joint.upper) for joint in ends])
-        inertias = [_carried(tree, joint) for joint in ends]
-        self._stiffness = [STOP_RATE**2 * inertia for inertia in inertias]
-        self._damping = [2.0 * STOP_RATE * inertia for inertia in inertias]
+    def __init__(self, limits: Sequence[tuple[float, float]], inertias: Callable[[], Sequence[float]]) -> None:
+        self._memory, self._inertias = StopMemory(limits), inertias
 
     def restart(self, q: Sequence[float]) -> None:
         """The model was put at q from outside: decide again which stops act."""
@@ -77,28 +69,24 @@ class StopLaw:
 
     def add(self, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> list[float]:
         """Efforts tau with those of the stops at q, dq added [N m or N]."""
-        memory, total = self._memory, list(tau)
-        if memory.waiting:
-            memory.check(q)
+        if self._memory.waiting:
+            self._memory.check(q)
+        efforts, pushes = list(tau), self._pushes(q, dq)
+        if pushes:
+            inertias = self._inertias()
+            for i, push in pushes.items():
+                efforts[i] += inertias[i] * push
+        return efforts
+
+    def _pushes(self, q: Sequence[float], dq: Sequence[float]) -> dict[int, float]:
+        """By joint the acceleration that its stop alone gives it [rad/s^2 or m/s^2]."""
+        memory, pushes = self._memory, dict[int, float]()
         for i, (x, (low, high)) in enumerate(zip(q, memory.limits, strict=True)):
             if low <= x <= high:
                 continue
             below, above = memory.waiting.get(i, (False, False))
             if x < low and not below:
-                total[i] += max(self._stiffness[i] * (low - x) - self._damping[i] * dq[i], 0.0)
+                pushes[i] = max(STOP_RATE**2 * (low - x) - 2.0 * STOP_RATE * dq[i], 0.0)
             elif x > high and not above:
-                total[i] += min(self._stiffness[i] * (high - x) - self._damping[i] * dq[i], 0.0)
-        return total
-
-
-def _carried(tree: Robot, joint: Joint) -> float:
-    """Inertia of all that hangs on a joint, about its axis [kg m^2]; mass, if it slides [kg]."""
-    whole = tree.links[joint.child].mass or MassProperties()
-    for further, T_joint_link in tree.beyond(joint.child):
-        mass = tree.links[further.child].mass
-        if mass is not None:
-            whole = whole + mass.moved(T_joint_link)
-    if joint.type == "prismatic":
-        return whole.mass
-    lever = np.cross(joint.axis, whole.com)
-    return float(joint.axis @ whole.inertia @ joint.axis + whole.mass * (lever @ lever))
+                pushes[i] = min(STOP_RATE**2 * (high - x) - 2.0 * STOP_RATE * dq[i], 0.0)
+        return pushes
