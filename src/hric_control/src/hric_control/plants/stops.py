@@ -57,7 +57,7 @@ class StopLaw:
 
     Args:
         limits: (lower, upper) per joint [rad or m], in the order of all vectors here.
-        inertias: gives 1 / (M^-1)_ii of each joint now, M of the whole model [kg m^2 or kg]; asked while a stop acts.
+        inertias: gives 1 / (M^-1)_ii of each joint now, M of the whole model [kg m^2 or kg]; needed while a stop acts.
     """
 
     def __init__(self, limits: Sequence[tuple[float, float]], inertias: Callable[[], Sequence[float]]) -> None:
