@@ -18,7 +18,7 @@ def test_rigid_clusters_become_one_link_and_keep_every_frame():
     with_shapes = prepare(read(panda_description.load(meshes=False)))
     assert with_shapes.base == "panda_link0"
     assert with_shapes.frames["panda_hand"].body_link == "panda_hand"
-    assert with_shapes.group["panda_hand"] == "panda_link7"
+    assert with_shapes.tops["panda_hand"].body_link == "panda_link7"
 
 
 def test_a_cylinder_with_a_ball_at_each_end_is_one_capsule():

@@ -1,6 +1,7 @@
 """What a physics engine must offer to carry a simulated robot. Engines are plugins, found by name while it starts;
 nothing here imports one."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -71,6 +72,50 @@ class JointReaction(NamedTuple):
     torque: tuple[float, float, float]
 
 
+@dataclass(frozen=True)
+class Bushing:
+    """A spring and a damper between two bodies, as a hand around a handle; slips where it would need more than its
+    limits.
+
+    Attributes:
+        body_a, body_b: "link" of the robot or "model::link".
+        T_a_grip, T_b_grip: the grip's frame in the frames of both links, shape (4, 4); relaxed where both coincide.
+        stiffness, damping: of the distance between the two [N/m], [N s/m].
+        rotational_stiffness, rotational_damping: of the rotation between them [N m/rad], [N m s/rad].
+        force_limit, torque_limit: [N], [N m].
+    """
+
+    body_a: str
+    body_b: str
+    T_a_grip: FloatArray
+    T_b_grip: FloatArray
+    stiffness: float = 1e4
+    damping: float = 100.0
+    rotational_stiffness: float = 50.0
+    rotational_damping: float = 0.25
+    force_limit: float = math.inf
+    torque_limit: float = math.inf
+
+
+class BushingLoad(NamedTuple):
+    """What a bushing did in the last step.
+
+    Attributes:
+        force, torque: on body a, at `point`, world frame, 3 floats each [N], [N m]; body b has the opposite ones there.
+        point: origin of body b's grip frame, world frame, 3 floats [m].
+        stretch: distance between both grip frames [m].
+        slipped: how far it has slipped since it was connected [m].
+        turned: by how much it has turned then [rad].
+    """
+
+    force: tuple[float, float, float]
+    torque: tuple[float, float, float]
+    point: tuple[float, float, float]
+    stretch: float
+    slipped: float
+    turned: float
+
+
 class Mode(Enum):
     """What the value given to a joint means."""
 
@@ -84,7 +129,8 @@ class Plant(ABC):
     """The physical side of a robot: joints, friction, rotor inertia, contact. No control, no limits on commands, no
     ROS.
 
-    What only some engines offer are the types `DrivenPlant` and `ReactingPlant` below: their plants derive from these.
+    What only some engines offer are the types `DrivenPlant`, `ReactingPlant` and `Articulated` below: their plants
+    derive from these.
 
     Constructed by the RobotHW as `PlantClass(urdf_xml, joint_names, config)`:
         urdf_xml: robot description (pure URDF).
@@ -208,3 +254,63 @@ class ReactingPlant(Plant):
     @abstractmethod
     def joint_reactions(self) -> list[JointReaction]:
         """Loads of the robot's moving joints in the last step; empty before the first."""
+
+
+class Articulated(Plant):
+    """A plant whose spawned models have joints that can be read, placed and driven, and whose bodies can be held
+    together.
+
+    Names of models and links, and what was connected, outlive `reset`, `spawn`, `delete` of another model, and
+    `set_load`; what a deleted model was connected to is free. A joint of a spawned model has the damping and Coulomb
+    friction of its description where the plant's `friction` says so for the robot, and `plants.StopLaw` at its ends.
+    """
+
+    @abstractmethod
+    def model_joints(self, model: str) -> tuple[str, ...]:
+        """Names of the moving joints of a spawned model, parents before children: the order of its vectors here.
+
+        Raises:
+            UnknownNameError: no such model.
+        """
+
+    @abstractmethod
+    def read_joints(self, model: str, q: list[float], dq: list[float]) -> None:
+        """Write the joints' state at the measuring instant into the lists in place, as `read_state` does for the robot
+        [rad or m], [rad/s or m/s]."""
+
+    @abstractmethod
+    def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
+        """Put the joints at q, dq (zero by default). After `reset` a model is where it was spawned, with its joints as
+        they were placed last.
+
+        Raises:
+            CommandError: not one finite number per joint.
+        """
+
+    @abstractmethod
+    def drive_joints(self, model: str, tau: Sequence[float]) -> None:
+        """Joint efforts from the next step on, until they are given again; zero after `reset` [N m or N].
+
+        Raises:
+            CommandError: not as many as joints.
+        """
+
+    @abstractmethod
+    def connect(self, name: str, bushing: Bushing) -> None:
+        """Hold two bodies together from the next step on. Links that are connected do not touch each other.
+
+        Raises:
+            HricError: the name is taken; no such body; both bodies are one; a transform or number that is none.
+        """
+
+    @abstractmethod
+    def disconnect(self, name: str) -> None:
+        """Let go. Raises UnknownNameError with the names that exist."""
+
+    @abstractmethod
+    def connections(self) -> list[str]:
+        """Names of what is connected."""
+
+    @abstractmethod
+    def bushing_load(self, name: str) -> BushingLoad:
+        """Of the last step; zero before the first. Raises UnknownNameError."""

@@ -1,5 +1,5 @@
-/* The robot's joints in MuJoCo's model and data: one step with the state in and out as Python's lists, and the friction
-   that was identified on the Panda, inside the stages of the step. What joints.py explains. Of MuJoCo only the layout
+/* Joints in MuJoCo's model and data: one step with the state in and out as Python's lists, and the friction that was
+   identified on the Panda, inside the stages of the step. What joints.py explains. Of MuJoCo only the layout
    of its structures is needed here; its functions come as addresses. */
 #include "hric_control/friction.h"
 #include "hric_control/python_numbers.h"
@@ -7,9 +7,13 @@
 #include <mujoco/mjdata.h>
 #include <mujoco/mjmodel.h>
 
+/* MuJoCo's functions, in the order in which make_joints has them. */
+enum { POSITION, VELOCITY, ACTUATION, ACCELERATION, CONSTRAINT, IMPLICIT, RUNGE_KUTTA, LOADS, FUNCTIONS };
+
 /* A function's address as Python's ctypes has it. */
 typedef union {
-    mjfGeneric advance;
+    mjfGeneric plain;
+    void (*of_order)(const mjModel *, mjData *, int);
     void *data;
 } Address;
 
@@ -18,7 +22,7 @@ typedef struct {
     const mjModel *model;
     mjData *data;
     PyObject *owners; /* whose memory this is */
-    mjfGeneric advance, solve_loads;
+    Address functions[FUNCTIONS];
     int n, *dof, *position;
     double half, quiet; /* see make_joints */
     double *rotor, *effort, *before, *q, *dq;
@@ -41,7 +45,7 @@ static void add_friction(const mjModel *m, mjData *d)
 
 static PyObject *friction_address(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(nothing))
 {
-    return PyLong_FromVoidPtr(((Address){.advance = add_friction}).data);
+    return PyLong_FromVoidPtr(((Address){.plain = add_friction}).data);
 }
 
 /* ---- a step ---- */
@@ -69,6 +73,19 @@ static PyObject *joints_read(Joints *self, PyObject *Py_UNUSED(nothing))
     gather(self->data->qvel, self->dof, self->n, self->dq);
     PyObject *q = list(self->q, self->n);
     return Py_BuildValue("NNN", q, list(self->dq, self->n), measured(self, q));
+}
+
+/* A position at the measuring instant stands in the engine where it has got to by then. */
+static PyObject *joints_put(Joints *self, PyObject *args)
+{
+    PyObject *q, *dq;
+    if (!PyArg_ParseTuple(args, "OO", &q, &dq) || !take(q, self->n, self->q) || !take(dq, self->n, self->dq))
+        return NULL;
+    for (int i = 0; i < self->n; i++) {
+        self->data->qpos[self->position[i]] = self->q[i] + self->half * self->dq[i];
+        self->data->qvel[self->dof[i]] = self->dq[i];
+    }
+    Py_RETURN_NONE;
 }
 
 static PyObject *joints_write(Joints *self, PyObject *efforts)
@@ -103,14 +120,38 @@ static int is_quiet(const Joints *self)
     return isfinite(q) && dq <= self->quiet * self->quiet;
 }
 
-static PyObject *joints_step(Joints *self, PyObject *efforts)
+static void call(const Joints *self, int function) { self->functions[function].plain(self->model, self->data); }
+
+/* What mj_step does first; what follows from positions and velocities may act on bodies then. */
+static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
+{
+    PyThreadState *interpreter = PyEval_SaveThread();
+    call(self, POSITION);
+    call(self, VELOCITY);
+    PyEval_RestoreThread(interpreter);
+    Py_RETURN_NONE;
+}
+
+/* The rest of mj_step. */
+static void complete(const Joints *self)
+{
+    call(self, ACTUATION);
+    call(self, ACCELERATION);
+    call(self, CONSTRAINT);
+    if (self->model->opt.integrator == mjINT_RK4)
+        self->functions[RUNGE_KUTTA].of_order(self->model, self->data, 4);
+    else
+        call(self, IMPLICIT);
+}
+
+static PyObject *joints_finish(Joints *self, PyObject *efforts)
 {
     PyObject *done = joints_write(self, efforts);
     if (done == NULL)
         return NULL;
     Py_DECREF(done);
     PyThreadState *interpreter = PyEval_SaveThread();
-    self->advance(self->model, self->data);
+    complete(self);
     PyEval_RestoreThread(interpreter);
     gather(self->data->qpos, self->position, self->n, self->q);
     gather(self->data->qvel, self->dof, self->n, self->dq);
@@ -135,7 +176,7 @@ static void compute_loads(Joints *self)
             d->qvel[dof] = self->before[i];
         }
     }
-    self->solve_loads(self->model, d);
+    call(self, LOADS);
     for (int i = 0; i < self->n; i++)
         d->qvel[self->dof[i]] = self->dq[i];
 }
@@ -187,21 +228,25 @@ static int take_indices(PyObject *sequence, int n, Py_ssize_t bound, int *out)
 static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs))
 {
     double half, quiet;
-    PyObject *model, *data, *advance, *solve_loads, *dofs, *positions, *rotors, *owners;
+    PyObject *model, *data, *functions, *dofs, *positions, *rotors, *owners;
     if (self->owners != NULL) {
         PyErr_SetString(PyExc_TypeError, "it is made once");
         return -1;
     }
-    if (!PyArg_ParseTuple(args, "OOOOOOOddO", &model, &data, &advance, &solve_loads, &dofs, &positions, &rotors, &half,
-                          &quiet, &owners))
+    if (!PyArg_ParseTuple(args, "OOO!OOOddO", &model, &data, &PyTuple_Type, &functions, &dofs, &positions, &rotors,
+                          &half, &quiet, &owners))
         return -1;
+    if (PyTuple_GET_SIZE(functions) != FUNCTIONS) {
+        PyErr_Format(PyExc_ValueError, "%d functions are needed", FUNCTIONS);
+        return -1;
+    }
     const Py_ssize_t count = PySequence_Size(rotors);
     if (count < 0)
         return -1;
     self->model = PyLong_AsVoidPtr(model);
     self->data = PyLong_AsVoidPtr(data);
-    self->advance = ((Address){.data = PyLong_AsVoidPtr(advance)}).advance;
-    self->solve_loads = ((Address){.data = PyLong_AsVoidPtr(solve_loads)}).advance;
+    for (int i = 0; i < FUNCTIONS; i++)
+        self->functions[i].data = PyLong_AsVoidPtr(PyTuple_GET_ITEM(functions, i));
     if (PyErr_Occurred() != NULL)
         return -1;
     self->n = (int)count;
@@ -235,11 +280,15 @@ static void joints_free(Joints *self)
 
 static PyMethodDef methods[] = {
     {"read", (PyCFunction)joints_read, METH_NOARGS, "() -> q, dq, q at the measuring instant"},
+    {"put", (PyCFunction)joints_put, METH_VARARGS, "(q, dq) at the measuring instant"},
     {"write", (PyCFunction)joints_write, METH_O, "(efforts) of the coming step"},
     {"passed", (PyCFunction)joints_passed, METH_O, "(efforts of the motors) -> those behind the rotors, since `write`"},
     {"loads", (PyCFunction)joints_loads, METH_NOARGS, "() -> (origin, force, torque) of each joint, in the last step"},
-    {"step", (PyCFunction)joints_step, METH_O,
-     "(efforts) -> q, dq, q at the measuring instant, efforts behind the rotors, whether all is quiet, after a step"},
+    {"prepare", (PyCFunction)joints_prepare, METH_NOARGS, "() positions and velocities of all bodies, for a step"},
+    {"finish", (PyCFunction)joints_finish, METH_O,
+     "(efforts) -> q, dq, q at the measuring instant, efforts behind the rotors, whether all is quiet, after a step "
+     "that "
+     "was prepared"},
     {0}};
 
 static PyTypeObject type = {

@@ -1,6 +1,6 @@
-"""The robot's joints in MuJoCo's data, in C: lists of Python go in and out of a step in one call, which takes a
-microsecond less than views of numpy for each of them; and the identified friction, which acts within the stages of a
-step.
+"""Joints of the robot or a model in MuJoCo's data, in C: lists of Python go in and out of a step in one call, which
+takes a microsecond less than views of numpy for each of them; and the identified friction, which acts within the stages
+of a step.
 
 MuJoCo's functions are found in the library that its Python package has loaded.
 """
@@ -18,6 +18,17 @@ from hric_control.native import load
 Vector = Sequence[float]
 Triple = tuple[float, float, float]
 _built = load("hric_mujoco")
+_FUNCTIONS = (
+    "mj_fwdPosition",
+    "mj_fwdVelocity",
+    "mj_fwdActuation",
+    "mj_fwdAcceleration",
+    "mj_fwdConstraint",
+    "mj_implicit",
+    "mj_RungeKutta",
+    "mj_rnePostConstraint",
+)
+"""Of MuJoCo, in the compiled module's order."""
 
 
 class Joints(Protocol):
@@ -25,6 +36,9 @@ class Joints(Protocol):
 
     def read(self) -> tuple[list[float], list[float], list[float]]:
         """Positions and speeds of now, and positions at the measuring instant [rad or m, rad/s or m/s]."""
+
+    def put(self, q: Vector, dq: Vector, /) -> None:
+        """Be there at the measuring instant [rad or m, rad/s or m/s]."""
 
     def write(self, efforts: Vector, /) -> None:
         """Efforts that act in the coming step [N m or N]."""
@@ -36,9 +50,13 @@ class Joints(Protocol):
         """What parents do to children through each joint in the last step, as it began (semi-implicit) or ended: origin
         of the child [m], force [N], torque there [N m], in the world frame."""
 
-    def step(self, efforts: Vector, /) -> tuple[list[float], list[float], list[float], list[float], bool]:
-        """Make a step of the whole scene with these efforts; as `read`, then efforts behind the rotors, and whether all
-        is finite and no joint faster than the bound."""
+    def prepare(self) -> None:
+        """Begin a step of the whole scene: positions and velocities of all bodies are those of now, and forces may be
+        set that follow from them."""
+
+    def finish(self, efforts: Vector, /) -> tuple[list[float], list[float], list[float], list[float], bool]:
+        """The step that was prepared, with these efforts; as `read`, then efforts behind the rotors, and whether all is
+        finite and no joint faster than the bound."""
 
 
 @cache
@@ -60,9 +78,8 @@ def make_joints(
         half: what the engine's positions are ahead of its speeds [s].
         quiet: speed that no joint has before it diverges [rad/s or m/s].
     """
-    library = _library()
-    functions = (ctypes.cast(f, ctypes.c_void_p).value for f in (library.mj_step, library.mj_rnePostConstraint))
-    made: Joints = _built.Joints(m._address, d._address, *functions, dofs, positions, rotors, half, quiet, (m, d))
+    functions = tuple(ctypes.cast(_library()[name], ctypes.c_void_p).value for name in _FUNCTIONS)
+    made: Joints = _built.Joints(m._address, d._address, functions, dofs, positions, rotors, half, quiet, (m, d))
     return made
 
 

@@ -7,7 +7,18 @@ from typing import Any
 import numpy as np
 
 from hric_control.errors import CommandError, HricError
-from hric_control.plant import Contact, DrivenPlant, FloatArray, JointReaction, Load, Mode, ReactingPlant
+from hric_control.plant import (
+    Articulated,
+    Bushing,
+    BushingLoad,
+    Contact,
+    DrivenPlant,
+    FloatArray,
+    JointReaction,
+    Load,
+    Mode,
+    ReactingPlant,
+)
 from hric_control.plants import Model, Surfaces, Wrenches, load_masks, load_surfaces, load_world, payload
 from hric_control.urdf import read
 from mujoco_ros_control.contact import act, rigid_contacts
@@ -19,7 +30,7 @@ MANY = 4
 objects cost a quarter of Runge-Kutta's (project default)."""
 
 
-class MujocoPlant(DrivenPlant, ReactingPlant):
+class MujocoPlant(DrivenPlant, ReactingPlant, Articulated):
     """See `hric_control.plant.Plant`.
 
     Attributes:
@@ -92,21 +103,21 @@ class MujocoPlant(DrivenPlant, ReactingPlant):
 
     def step(self) -> None:
         """Advance by `time_step`."""
-        pushing = self._world.penalty.any or bool(self._wrenches.active)
+        pushing = self._world.acts or bool(self._wrenches.active)
         if self._pushed:
             self._world.scene.d.xfrc_applied[:] = 0.0
         self._robot.step(self._values, self._push if pushing else None)
         self._pushed = pushing
 
     def _push(self) -> None:
-        """Wrenches and penalty contact of the coming step."""
+        """Wrenches, and what acts in the world, in the coming step."""
         scene = self._world.scene
         for wrench in self._wrenches.active:
             T = scene.link_pose(wrench.body)
             point = T[:3, :3] @ wrench.point + T[:3, 3]
             act(scene, scene.bodies[scene.built.frames[wrench.body].body], wrench.force, wrench.torque, point)
         self._wrenches.count_step()
-        self._world.penalty.push()
+        self._world.act()
 
     # -- modes, brakes, load -------------------------------------------------------------------------------------------
 
@@ -190,3 +201,37 @@ class MujocoPlant(DrivenPlant, ReactingPlant):
         scene.update()
         T = scene.link_pose(link)
         return T, scene.twist(scene.bodies[scene.built.frames[link].body], T[:3, 3])
+
+    # -- joints of models, and what holds links together ---------------------------------------------------------------
+
+    def model_joints(self, model: str) -> tuple[str, ...]:
+        """Names of the moving joints of a model."""
+        return tuple(self._world.joints_of(model).joints.names)
+
+    def read_joints(self, model: str, q: list[float], dq: list[float]) -> None:
+        """State of a model's joints at the measuring instant."""
+        self._world.joints_of(model).read(q, dq)
+
+    def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
+        """Put a model's joints at q, dq, now and after each reset."""
+        self._world.put_joints(model, q, dq)
+
+    def drive_joints(self, model: str, tau: Sequence[float]) -> None:
+        """Efforts in a model's joints from the next step on."""
+        self._world.joints_of(model).drive(tau)
+
+    def connect(self, name: str, bushing: Bushing) -> None:
+        """Hold two bodies together from the next step on."""
+        self._world.connect(name, bushing)
+
+    def disconnect(self, name: str) -> None:
+        """Let go."""
+        self._world.disconnect(name)
+
+    def connections(self) -> list[str]:
+        """Names of what is connected."""
+        return list(self._world.bushings.laws)
+
+    def bushing_load(self, name: str) -> BushingLoad:
+        """What a bushing did in the last step."""
+        return self._world.bushings.load(name)

@@ -33,6 +33,11 @@ class MujocoConfig(WindowlessConfig):
         "with more than four free objects in the world file",
     )
 
+    @property
+    def half_step(self) -> float:
+        """What the engine's positions are ahead of the measuring instant, which is that of the speeds [s]."""
+        return 0.5 * self.time_step if self.integrator == "semi_implicit" and self.half_step_readout else 0.0
+
 
 class Robot:
     """One robot with a fixed base, the first model of a scene.
@@ -78,11 +83,12 @@ class Robot:
         """Another scene, in which the robot is already where it shall go on."""
         self._scene, self._m, self._d = scene, scene.m, scene.d
         self._stepped = False
-        self._half = 0.5 * self._config.time_step if scene.semi_implicit and self._config.half_step_readout else 0.0
-        self._dofs, self._positions = scene.dofs(self._names), scene.positions(self._names)
+        self._dofs = scene.dofs(self._names)
         self._ids = scene.joint_ids(self._names)
-        quiet = self._divergence.quiet
-        self._engine = make_joints(scene.m, scene.d, self._dofs, self._positions, self._rotors, self._half, quiet)
+        half, quiet = self._config.half_step, self._divergence.quiet
+        self._engine = make_joints(
+            scene.m, scene.d, self._dofs, scene.positions(self._names), self._rotors, half, quiet
+        )
         self._read()
         for i in self._stops.waiting:
             self._send_stop(i)
@@ -93,10 +99,7 @@ class Robot:
 
     def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
         """Put the actuated joints at q, dq; the others stay where they are, at rest."""
-        full_q, full_dq = self.joints.start(q, dq, self.q)
-        # The read-out goes half a step back, so the engine starts half a step ahead.
-        self._d.qpos[self._positions] = [x + self._half * v for x, v in zip(full_q, full_dq, strict=True)]
-        self._d.qvel[self._dofs] = full_dq
+        self._engine.put(*self.joints.start(q, dq, self.q))
         self._d.qacc_warmstart[:] = 0.0
         self._read()
         self.effort = self.motor_effort = self.joints.zeros
@@ -145,11 +148,14 @@ class Robot:
             push: applies forces to bodies, once their positions and velocities are known; None for none.
         """
         self.motor_effort = values
-        if self._held or push is not None:
+        if self._held:
             self._in_stages(values, push)
             quiet = False
         else:
-            self.q, self.dq, self.at, self.effort, quiet = self._engine.step(values)
+            self._engine.prepare()
+            if push is not None:
+                push()
+            self.q, self.dq, self.at, self.effort, quiet = self._engine.finish(values)
         self._stepped = True
         self._divergence.check(self.q, self.dq, quiet=quiet)
         if self._stops.waiting:
@@ -157,12 +163,12 @@ class Robot:
                 self._send_stop(i)
 
     def _in_stages(self, values: list[float], push: Callable[[], None] | None) -> None:
-        """A step in which something acts that follows from positions and velocities at its beginning."""
+        """A step in which joints are held, by efforts that follow from what else acts."""
         m, d = self._m, self._d
         self._engine.write(values)
         for i in self._held:
             d.qfrc_applied[self._dofs[i]] = HELD * self._acceleration(i, values[i])
-        self._prepare()
+        self._engine.prepare()
         if push is not None:
             push()
         self._accelerate()
@@ -178,10 +184,6 @@ class Robot:
             self.motor_effort = [held[i] if i in self._held else x for i, x in enumerate(values)]
         self._read()
         self.effort = self._engine.passed(self.motor_effort)
-
-    def _prepare(self) -> None:
-        mujoco.mj_fwdPosition(self._m, self._d)
-        mujoco.mj_fwdVelocity(self._m, self._d)
 
     def _accelerate(self) -> None:
         mujoco.mj_fwdActuation(self._m, self._d)
@@ -214,7 +216,7 @@ class Robot:
             for i, effort in found.items():
                 self._hold(i, False)
                 self._d.qfrc_applied[self._dofs[i]] = effort
-            self._prepare()
+            self._engine.prepare()
             self._accelerate()
         return beyond
 

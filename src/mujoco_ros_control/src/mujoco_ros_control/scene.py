@@ -1,6 +1,6 @@
 """A compiled scene with its state: names to numbers, and going on where it was after it was compiled again."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -72,6 +72,8 @@ class Scene:
             mujoco.mj_setConst(self.m, self.d)
             mujoco.mj_resetData(self.m, self.d)
         self.springs = self._numbered_springs()
+        self._reaches = self.m.pair_margin.copy(), self.m.pair_gap.copy()
+        self._still, self._connected = frozenset[int](), frozenset[frozenset[str]]()
         self._dofs_between = self._between_pairs()
         self._joints = {self.m.joint(i).name: self._slices(i) for i in range(self.m.njnt)}
 
@@ -103,11 +105,24 @@ class Scene:
     def set_still(self, dofs: Collection[int]) -> None:
         """Speeds that brakes hold: contact that they alone could part is reported and not solved, which would take any
         force."""
-        pairs = zip(self.m.pair_geom1.tolist(), self.m.pair_geom2.tolist(), strict=True)
+        self._still = frozenset(dofs)
+        self._send_pairs()
+
+    def set_connected(self, pairs: Iterable[tuple[str, str]]) -> None:
+        """Pairs of links by "model::link" that do not touch each other."""
+        self._connected = frozenset(map(frozenset, pairs))
+        self._send_pairs()
+
+    def _send_pairs(self) -> None:
+        """How far MuJoCo looks for contact of each pair: not at all, or only to report it."""
+        m = self.m
+        m.pair_margin[:], m.pair_gap[:] = self._reaches
+        pairs = zip(m.pair_geom1.tolist(), m.pair_geom2.tolist(), strict=True)
         for k, (geoms, between) in enumerate(zip(pairs, self._dofs_between, strict=True)):
-            if geoms not in self.springs:
-                self.m.pair_gap[k] = UNSOLVED if between.issubset(dofs) else 0.0
-                self.m.pair_margin[k] = -self.m.pair_gap[k]
+            if frozenset(self.links[geom] for geom in geoms) in self._connected:
+                m.pair_margin[k], m.pair_gap[k] = -UNSOLVED, 0.0
+            elif geoms not in self.springs and between.issubset(self._still):
+                m.pair_margin[k], m.pair_gap[k] = -UNSOLVED, UNSOLVED
 
     def _slices(self, joint: int) -> tuple[slice, slice]:
         free = self.m.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
@@ -150,6 +165,16 @@ class Scene:
         mujoco.mj_kinematics(self.m, self.d)
         mujoco.mj_comPos(self.m, self.d)
         mujoco.mj_comVel(self.m, self.d)
+
+    def inertias(self, dofs: Sequence[int]) -> list[float]:
+        """What each of these speeds moves while all others are free, as of the last update of the step [kg m^2 or
+        kg]: 1 / (M^-1)_ii."""
+        rows = np.zeros((len(dofs), self.m.nv))
+        rows[range(len(dofs)), dofs] = 1.0
+        solved = np.empty_like(rows)
+        mujoco.mj_solveM(self.m, self.d, solved, rows)
+        found: list[float] = (1.0 / (rows * solved).sum(axis=1)).tolist()
+        return found
 
     def pose(self, body: int) -> FloatArray:
         """T_world_body as of the last update, shape (4, 4)."""

@@ -120,8 +120,12 @@ class Building:
         compiler.degree, compiler.boundmass, compiler.boundinertia = False, 0.0, 0.0
         compiler.balanceinertia = compiler.fusestatic = False
 
-    def add(self, model: Model) -> None:
-        """A model, its root link at its start."""
+    def add(self, model: Model, *, stops: bool = False) -> None:
+        """A model, its root link at its start.
+
+        Args:
+            stops: whether MuJoCo ends its joints' ranges.
+        """
         tree, bodies = model.tree, {}
         clusters: dict[str, dict[str, FloatArray]] = {}
         for link, (top, T_top_link) in tree.rigid_groups().items():
@@ -144,16 +148,16 @@ class Building:
             top, T_top_parent = groups[joint.parent]
             body = self._add_body(bodies[top], model, joint.child, T_top_parent @ joint.T_parent_joint)
             bodies[joint.child] = body
-            self._add_joint(body, model, joint)
+            self._add_joint(body, model, joint, stops)
             self.fill(body, model, joint.child, clusters[joint.child], moving=True)
 
     @staticmethod
     def _add_body(parent: mujoco.MjsBody, model: Model, link: str, T: FloatArray) -> mujoco.MjsBody:
         return parent.add_body(name=f"{model.name}::{link}", pos=T[:3, 3], quat=quaternion(T[:3, :3]))
 
-    def _add_joint(self, body: mujoco.MjsBody, model: Model, joint: Joint) -> None:
+    def _add_joint(self, body: mujoco.MjsBody, model: Model, joint: Joint, stops: bool) -> None:
         name = f"{model.name}::{joint.name}"
-        losses = self._losses.get(name, Losses(damping=joint.damping))
+        losses = self._losses.get(name, Losses())
         slides = joint.type == "prismatic"
         made = body.add_joint(
             name=name,
@@ -164,7 +168,7 @@ class Building:
             frictionloss=losses.coulomb,
             userdata=losses.sigmoid_row() if any(losses.sigmoid) else [],
         )
-        bounded = np.isfinite([joint.lower, joint.upper]).all()
+        bounded = stops and np.isfinite([joint.lower, joint.upper]).all()
         made.limited = mujoco.mjtLimited.mjLIMITED_TRUE if bounded else mujoco.mjtLimited.mjLIMITED_FALSE
         if bounded:
             made.range = [joint.lower, joint.upper]
@@ -294,7 +298,7 @@ def build(
     Args:
         models: the robot first.
         surfaces: by "model::link".
-        losses: of the robot's joints, by "model::joint"; other joints have their damping only.
+        losses: of moving joints by "model::joint"; those that are left out have none.
         loads: payloads by "model::link", in the link's frame.
         masks: pairs of patterns of the robot's links that do not collide.
         time_step: [s].
@@ -305,7 +309,7 @@ def build(
     """
     building = Building(losses, loads)
     for model in models:
-        building.add(model)
+        building.add(model, stops=model is models[0])
     result = building.result
     by_name = {model.name: model for model in models}
     for a, b in _may_touch(by_name, models[0], list(result.geoms.values()), masks, self_collision):

@@ -2,9 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 
+from hric_control.errors import UnknownNameError
 from hric_control.geometry import MassProperties
+from hric_control.plant import Bushing
 from hric_control.plants import Model, Models, Surfaces, WorldObject
+from mujoco_ros_control.bushings import SceneBushings
 from mujoco_ros_control.contact import PenaltyContact
+from mujoco_ros_control.model_joints import ModelJoints
 from mujoco_ros_control.robot import MujocoConfig, Robot
 from mujoco_ros_control.scene import Scene
 from mujoco_ros_control.scene_spec import build
@@ -24,6 +28,7 @@ class World(Models):
     Attributes:
         scene: of now.
         penalty: contact by springs.
+        bushings: what holds links together.
     """
 
     def __init__(
@@ -39,16 +44,30 @@ class World(Models):
         self._itself, self._robot, self._masks, self._config = itself, robot, list(masks), config
         self._loads: dict[str, MassProperties] = {}
         self.penalty = PenaltyContact(config.time_step)
+        self.bushings = SceneBushings(self.full_name)
+        self._joints: dict[str, ModelJoints] = {}
         self._restore()
         self._compile()
         self._begin(self.models.values())
 
+    def _admit(self, model: Model) -> None:
+        super()._admit(model)
+        self._joints[model.name] = ModelJoints(model, self._config)
+
+    def _dismiss(self, name: str) -> None:
+        super()._dismiss(name)
+        del self._joints[name]
+        self.bushings.forget_model(name)
+
     def _compile(self) -> None:
         """The scene with the models and loads of now, in its start."""
+        losses = dict(self._robot.losses)
+        for joints in self._joints.values():
+            losses |= joints.losses
         built = build(
             [self._itself, *self.models.values()],
             self._surfaces_of_links(),
-            self._robot.losses,
+            losses,
             self._loads,
             self._masks,
             self._config.time_step,
@@ -57,12 +76,16 @@ class World(Models):
         self.scene = Scene(built, self._config.time_step, self._config.gravity, self._config.integrator)
 
     def _begin(self, models: Iterable[Model]) -> None:
-        """These models as they begin, in a scene that was just compiled; then the robot goes on."""
+        """These models as they begin, in a scene that was just compiled; then everything goes on in it."""
         for model in models:
             if not model.fixed:
                 self.scene.put_free(model.free_joint, model.linear, model.angular)
         self.penalty.bind(self.scene)
         self._robot.bind(self.scene)
+        for joints in self._joints.values():
+            joints.bind(self.scene)
+        self._acting = [joints for joints in self._joints.values() if joints.losses]
+        self.bushings.bind(self.scene)
 
     def _build(self, begin: Sequence[Model] = ()) -> None:
         states = self.scene.states()
@@ -78,6 +101,9 @@ class World(Models):
         prefix = f"{self._itself.name}::"
         self.scene.put({name: state for name, state in states.items() if name.startswith(prefix)})
         self._begin(self.models.values())
+        for joints in self._acting:
+            joints.reset()
+        self.bushings.restart()
         self.penalty.forget()
 
     def set_load(self, load: tuple[str, MassProperties] | None) -> None:
@@ -89,3 +115,40 @@ class World(Models):
         except BaseException:
             self._loads = before
             raise
+
+    # -- joints of models, and what holds links together ---------------------------------------------------------------
+
+    def joints_of(self, model: str) -> ModelJoints:
+        """Of a model beside the robot. Raises UnknownNameError."""
+        if model not in self._joints:
+            raise UnknownNameError("model", model, self._joints, "the world")
+        return self._joints[model]
+
+    def put_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None) -> None:
+        """Joints of a model at q, dq. Raises UnknownNameError, CommandError."""
+        self.joints_of(model).put(q, dq)
+        self.penalty.forget()
+
+    @property
+    def acts(self) -> bool:
+        """Whether `act` does anything."""
+        return bool(self._acting) or self.penalty.any or self.bushings.any
+
+    def act(self) -> None:
+        """Drives and stops of models, contact by springs and bushings, for the coming step; positions and velocities
+        are those of now."""
+        for joints in self._acting:
+            joints.act()
+        if self.penalty.any:
+            self.penalty.push()
+        self.bushings.push()
+
+    def connect(self, name: str, bushing: Bushing) -> None:
+        """Hold two links together. Raises HricError."""
+        self.bushings.connect(name, bushing)
+        self.bushings.bind(self.scene)
+
+    def disconnect(self, name: str) -> None:
+        """Let go. Raises UnknownNameError."""
+        self.bushings.disconnect(name)
+        self.bushings.bind(self.scene)

@@ -6,7 +6,7 @@ pair of links acts instead, as an external force on both: at the centre of all t
 For links that use it the engine's own contact is off.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -19,12 +19,15 @@ from hric_control.plant import Contact, FloatArray
 from hric_control.plants import Springs, Surface, combine, faces, friction_force
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.external_forces import ExternalForces, Mobility
+from pybullet_ros_control.model_joints import ModelJoints
 from pybullet_ros_control.robot import Robot
 
 LOOK_AHEAD = 5.0
 """Links that would meet within a step at this speed are looked at before they do [m/s] (default chosen by this project,
 unconfirmed)."""
 
+EngineLink = tuple[int, int]
+"""The engine's numbers of a body and of a link of it."""
 Laws = dict[tuple[int, int], tuple[float, float, float]]
 """(stiffness [N/m], damping [N s/m], friction) by engine links of two bodies."""
 
@@ -85,8 +88,18 @@ class PenaltyContact:
         self._links: dict[tuple[int, int], _Link] = {}
         self._before: dict[tuple[int, int], _Link] = {}
 
-    def set_pairs(self, bodies: Mapping[str, Body], surface: Callable[[Body, int], Surface]) -> None:
-        """Decide all pairs again, and take their rigid contact out of the engine; surface: of an engine link."""
+    def set_pairs(
+        self,
+        bodies: Mapping[str, Body],
+        surface: Callable[[Body, int], Surface],
+        apart: Collection[tuple[EngineLink, EngineLink]],
+    ) -> None:
+        """Decide all pairs again, and take their rigid contact out of the engine.
+
+        Args:
+            surface: of an engine link.
+            apart: links that do not touch each other.
+        """
         self.forget()
         self.pairs, self._solids = [], {}
         self._mobility.clear()
@@ -95,6 +108,9 @@ class PenaltyContact:
             for b in ordered[i + 1 :]:
                 laws: Laws = {}
                 for link_a, link_b in product(a.links.values(), b.links.values()):
+                    ends = (a.id, link_a), (b.id, link_b)
+                    if ends in apart or ends[::-1] in apart:
+                        continue
                     law = combine(surface(a, link_a), surface(b, link_b))
                     if law is not None:
                         laws[link_a, link_b] = law
@@ -109,12 +125,12 @@ class PenaltyContact:
         self.springs.forget()
         self.last, self._links = [], {}
 
-    def apply(self, forces: ExternalForces, robot: Robot) -> None:
-        """Push every overlapping pair of links apart in the coming step."""
+    def apply(self, forces: ExternalForces, robot: Robot, joints: Mapping[str, ModelJoints]) -> None:
+        """Push every overlapping pair of links apart in the coming step; joints: of models beside the robot."""
         self.last = []
         self.springs.begin()
         self._before, self._links = self._links, {}
-        self._mobility.begin(robot, forces.rows)
+        self._mobility.begin(robot, joints, forces)
         reach = LOOK_AHEAD * self._engine.time_step
         for pair in self.pairs:
             points = pybullet.getClosestPoints(pair.a.id, pair.b.id, reach, physicsClientId=self._engine.client)

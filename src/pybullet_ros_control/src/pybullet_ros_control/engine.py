@@ -207,13 +207,13 @@ class Engine:
             position, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
             return transforms.homogeneous(
                 transforms.rotation_from_quaternion(orientation), position
-            ) @ transforms.inverse(self._inertial_frame(body))
+            ) @ transforms.inverse(self.inertial_frame(body, index))
         state = pybullet.getLinkState(body.id, index, computeForwardKinematics=1, physicsClientId=self.client)
         return transforms.homogeneous(transforms.rotation_from_quaternion(state[5]), state[4])
 
-    def _inertial_frame(self, body: Body) -> transforms.FloatArray:
-        """T_base_inertial, shape (4, 4): the engine has a base's pose by its centre of mass."""
-        info = pybullet.getDynamicsInfo(body.id, -1, physicsClientId=self.client)
+    def inertial_frame(self, body: Body, index: int) -> transforms.FloatArray:
+        """T_link_inertial of an engine link, shape (4, 4): the engine has a base's pose by its centre of mass."""
+        info = pybullet.getDynamicsInfo(body.id, index, physicsClientId=self.client)
         return transforms.homogeneous(transforms.rotation_from_quaternion(info[4]), info[3])
 
     def motion(self, body: Body, index: int) -> tuple[tuple[float, ...], ...]:

@@ -1,13 +1,14 @@
-"""Forces that the plant applies to bodies in one step: wrenches from outside and penalty contact, which enter the rotor
-inertia's balance as J'F; and how readily a point gives way to them."""
+"""Forces that the plant applies to bodies in one step: wrenches from outside and penalty contact, which enter the
+balance of joints as J'F; and how readily a point gives way to them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pybullet
 
 from hric_control.geometry.transforms import FloatArray, cross, rotation_from_quaternion, skew
 from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.model_joints import ModelJoints
 from pybullet_ros_control.robot import Robot
 
 
@@ -83,17 +84,13 @@ class Mobility:
 
     def clear(self) -> None:
         """Bodies came or went."""
-        self._rows: dict[int, JointRows] = {}
         self._masses: dict[int, tuple[float, FloatArray]] = {}
         self._inertias: dict[int, FloatArray] = {}
 
-    def begin(self, robot: Robot, rows: JointRows) -> None:
-        """A new step; rows: of the robot."""
-        self._robot = robot
+    def begin(self, robot: Robot, joints: Mapping[str, ModelJoints], forces: "ExternalForces") -> None:
+        """A new step, in which these forces act; joints: of the other models."""
+        self._robot, self._joints, self._forces = robot, joints, forces
         self._inertias.clear()
-        for of_body in self._rows.values():
-            of_body.forget()
-        self._rows[robot.body.id] = rows
 
     def inverse_mass(self, body: Body, index: int, point: FloatArray, normal: FloatArray) -> float:
         """n' J (M + B)^-1 J' n of a point of a link, shape (3,) [m], along a unit vector, shape (3,) [1/kg].
@@ -107,9 +104,7 @@ class Mobility:
             return 1.0 / mass
         if not body.joints or index < 0:
             return 0.0
-        if body.id not in self._rows:
-            self._rows[body.id] = JointRows(body, self._engine.client)
-        row = self._rows[body.id].efforts(index, normal, None, point)
+        row = self._forces.rows(body).efforts(index, normal, None, point)
         return float(row @ self._inverse_inertia(body) @ row)
 
     def _mass(self, body: Body) -> tuple[float, FloatArray]:
@@ -134,50 +129,52 @@ class Mobility:
         """(M + B)^-1 of the joints, shape (n, n); those that are held have zeros."""
         if body.id not in self._inertias:
             robot = self._robot
-            if body.id == robot.body.id:
-                M = np.array(robot.mass_matrix(robot.q)) + np.diag(robot.rotor_inertia)
-                free = robot.free_joints
-            else:
-                states = pybullet.getJointStates(body.id, self._rows[body.id].joints, self._engine.client)
-                M = np.array(
-                    pybullet.calculateMassMatrix(
-                        body.id, [state[0] for state in states], physicsClientId=self._engine.client
-                    )
-                )
-                free = list(range(len(M)))
-            inverse = np.zeros_like(M)
-            if free:
-                inverse[np.ix_(free, free)] = np.linalg.inv(M[np.ix_(free, free)])
-            self._inertias[body.id] = inverse
+            self._inertias[body.id] = (
+                _inverse_inertia(robot) if body.id == robot.body.id else self._joints[body.name].mobility()
+            )
         return self._inertias[body.id]
 
 
-class ExternalForces:
-    """Sends forces to the engine for the next step and sums the robot's joint efforts that they amount to.
+def _inverse_inertia(robot: Robot) -> FloatArray:
+    M = np.array(robot.mass_matrix(robot.q)) + np.diag(robot.rotor_inertia)
+    free, inverse = robot.free_joints, np.zeros_like(M)
+    if free:
+        inverse[np.ix_(free, free)] = np.linalg.inv(M[np.ix_(free, free)])
+    return inverse
 
-    Attributes:
-        rows: the robot's joints.
+
+class ExternalForces:
+    """Sends forces to the engine for the next step and sums the joint efforts that they amount to.
+
+    Args:
+        engine: where the bodies are.
     """
 
-    def __init__(self, engine: Engine, robot: Body) -> None:
+    def __init__(self, engine: Engine) -> None:
         self._engine = engine
-        self.set_robot(robot)
+        self.clear()
 
-    def set_robot(self, robot: Body) -> None:
-        """The body whose efforts are summed; again after it was loaded again."""
-        self._robot, self.rows = robot, JointRows(robot, self._engine.client)
-        self._summed = False
+    def clear(self) -> None:
+        """Bodies came or went."""
+        self._rows: dict[int, JointRows] = {}
+        self._sums: dict[int, FloatArray | None] = {}
 
-    def begin(self, summed: bool) -> None:
-        """Start a step; `summed`: whether the efforts are summed."""
-        self._summed = summed
-        self.rows.forget()
-        self._efforts: FloatArray | None = None
+    def begin(self, summed: Iterable[Body]) -> None:
+        """Start a step; `summed`: bodies with a fixed base and joints whose efforts are summed."""
+        self._sums = {body.id: None for body in summed}
+        for rows in self._rows.values():
+            rows.forget()
 
-    @property
-    def efforts(self) -> list[float] | None:
-        """J'F of this step's forces for all moving joints [N m or N]; None when none acts on the robot."""
-        return None if self._efforts is None else self._efforts.tolist()
+    def rows(self, body: Body) -> JointRows:
+        """What forces on the links of a body do in its joints in this step."""
+        if body.id not in self._rows:
+            self._rows[body.id] = JointRows(body, self._engine.client)
+        return self._rows[body.id]
+
+    def efforts(self, body: Body) -> list[float] | None:
+        """J'F of this step's forces for all moving joints of a body [N m or N]; None when none acts on it."""
+        efforts = self._sums.get(body.id)
+        return None if efforts is None else efforts.tolist()
 
     def apply(
         self, body: Body, index: int, force: Sequence[float], torque: Sequence[float] | None, point: Sequence[float]
@@ -187,6 +184,7 @@ class ExternalForces:
         pybullet.applyExternalForce(body.id, index, force, point, pybullet.WORLD_FRAME, physicsClientId=client)
         if torque is not None:
             pybullet.applyExternalTorque(body.id, index, torque, pybullet.WORLD_FRAME, physicsClientId=client)
-        if self._summed and body is self._robot and index >= 0:
-            efforts = self.rows.efforts(index, np.array(force), torque, np.array(point))
-            self._efforts = efforts if self._efforts is None else self._efforts + efforts
+        if index >= 0 and body.id in self._sums:
+            efforts = self.rows(body).efforts(index, np.array(force), torque, np.array(point))
+            before = self._sums[body.id]
+            self._sums[body.id] = efforts if before is None else before + efforts

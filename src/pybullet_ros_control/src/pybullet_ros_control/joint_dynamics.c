@@ -60,12 +60,12 @@ static void rotation(const double *a, double angle, double R[9])
     memcpy(R, r, sizeof r);
 }
 
-static void place(Dynamics *self)
+/* Poses and unit motions of the first joints, at self->q. */
+static void place_joints(Dynamics *self, int count)
 {
     static const Pose world = {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}};
-    memset(self->S, 0, sizeof(Spatial) * (size_t)self->n);
-    memset(self->bodies, 0, sizeof(Body) * (size_t)self->n);
-    for (int i = 0; i < self->n; i++) {
+    memset(self->S, 0, sizeof(Spatial) * (size_t)count);
+    for (int i = 0; i < count; i++) {
         const Constants *c = &self->constants[i];
         const Pose *parent = self->parent[i] < 0 ? &world : &self->poses[self->parent[i]];
         Pose *pose = &self->poses[i];
@@ -87,8 +87,37 @@ static void place(Dynamics *self)
             memcpy(S->w, axis, sizeof axis);
             add_cross(pose->p, axis, S->v);
         }
-        add_body(pose->R, pose->p, c->mass, c->com, c->inertia, &self->bodies[i]);
     }
+}
+
+static void place(Dynamics *self)
+{
+    place_joints(self, self->n);
+    memset(self->bodies, 0, sizeof(Body) * (size_t)self->n);
+    for (int i = 0; i < self->n; i++) {
+        const Constants *c = &self->constants[i];
+        add_body(self->poses[i].R, self->poses[i].p, c->mass, c->com, c->inertia, &self->bodies[i]);
+    }
+}
+
+/* Unit quaternion (x, y, z, w) of a rotation, by its largest component (Shepperd 1978). */
+static void quaternion(const double R[9], double q[4])
+{
+    const double diagonal[4] = {1.0 + R[0] - R[4] - R[8], 1.0 - R[0] + R[4] - R[8], 1.0 - R[0] - R[4] + R[8],
+                                1.0 + R[0] + R[4] + R[8]};
+    const double rows[4][4] = {{diagonal[0], R[3] + R[1], R[2] + R[6], R[7] - R[5]},
+                               {R[3] + R[1], diagonal[1], R[7] + R[5], R[2] - R[6]},
+                               {R[2] + R[6], R[7] + R[5], diagonal[2], R[3] - R[1]},
+                               {R[7] - R[5], R[2] - R[6], R[3] - R[1], diagonal[3]}};
+    int largest = 3;
+    double square = 0.0;
+    for (int k = 0; k < 3; k++)
+        if (diagonal[k] > diagonal[largest])
+            largest = k;
+    for (int k = 0; k < 4; k++)
+        square += rows[largest][k] * rows[largest][k];
+    for (int k = 0; k < 4; k++)
+        q[k] = rows[largest][k] / sqrt(square);
 }
 
 static void links_mass_matrix(Dynamics *self, double *M)
@@ -407,6 +436,68 @@ static PyObject *dynamics_bias(Dynamics *self, PyObject *const *given, Py_ssize_
     return list(result, self->n);
 }
 
+/* The number of a joint, or -1 for the base; -2 with an error set. */
+static int take_joint(const Dynamics *self, PyObject *given)
+{
+    const long joint = PyLong_AsLong(given);
+    if (joint == -1 && PyErr_Occurred() != NULL)
+        return -2;
+    if (joint >= -1 && joint < self->n)
+        return (int)joint;
+    PyErr_Format(PyExc_ValueError, "a joint from -1 to %d is needed, got %ld", self->n - 1, joint);
+    return -2;
+}
+
+static PyObject *dynamics_motion(Dynamics *self, PyObject *const *given, Py_ssize_t count)
+{
+    double dq[self->n > 0 ? self->n : 1], o[4];
+    Pose frame, link;
+    Spatial v = {{0}, {0}};
+    if (!expect(count, 4, "motion(q, dq, joint, frame)") || !take(given[0], self->n, self->q)
+        || !take(given[1], self->n, dq) || !take(given[3], sizeof frame / sizeof(double), (double *)&frame))
+        return NULL;
+    const int joint = take_joint(self, given[2]);
+    if (joint < -1)
+        return NULL;
+    place_joints(self, joint + 1);
+    link = frame;
+    if (joint >= 0) {
+        const Pose *pose = &self->poses[joint];
+        multiply(pose->R, frame.R, link.R);
+        rotate(pose->R, frame.p, link.p);
+        for (int k = 0; k < 3; k++)
+            link.p[k] += pose->p[k];
+    }
+    for (int i = joint; i >= 0; i = self->parent[i])
+        for (int k = 0; k < 3; k++) {
+            v.w[k] += self->S[i].w[k] * dq[i];
+            v.v[k] += self->S[i].v[k] * dq[i];
+        }
+    add_cross(v.w, link.p, v.v); /* from the point at the world's origin to the frame's own */
+    quaternion(link.R, o);
+    return Py_BuildValue("(ddd)(dddd)(ddd)(ddd)", link.p[0], link.p[1], link.p[2], o[0], o[1], o[2], o[3], v.v[0],
+                         v.v[1], v.v[2], v.w[0], v.w[1], v.w[2]);
+}
+
+static PyObject *dynamics_efforts(Dynamics *self, PyObject *const *given, Py_ssize_t count)
+{
+    const int n = self->n;
+    double point[3], efforts[n > 0 ? n : 1];
+    Spatial force;
+    if (!expect(count, 5, "efforts(q, joint, force, torque, point)") || !take(given[0], n, self->q)
+        || !take(given[2], 3, force.v) || !take(given[3], 3, force.w) || !take(given[4], 3, point))
+        return NULL;
+    const int joint = take_joint(self, given[1]);
+    if (joint < -1)
+        return NULL;
+    place_joints(self, joint + 1);
+    add_cross(point, force.v, force.w);
+    memset(efforts, 0, sizeof efforts);
+    for (int i = joint; i >= 0; i = self->parent[i])
+        efforts[i] = power(&self->S[i], &force);
+    return list(efforts, n);
+}
+
 static int take_rows(Dynamics *self, PyObject *rows)
 {
     for (int i = 0; i < self->n; i++) {
@@ -489,6 +580,10 @@ static PyMethodDef methods[] = {
      "(dq at the end of the step) -> what the rotors took up in it"},
     {"mass_matrix", (PyCFunction)dynamics_mass_matrix, METH_O, "(q) -> M of the links, row-major"},
     {"bias", FAST(dynamics_bias), "(q, dq) -> h"},
+    {"motion", FAST(dynamics_motion),
+     "(q, dq, joint, frame) -> position, quaternion, linear, angular velocity of a frame on the link behind a joint"},
+    {"efforts", FAST(dynamics_efforts),
+     "(q, joint, force, torque, point) -> J' (force, torque) of a point of the link behind a joint"},
     {0}};
 
 static PyTypeObject type = {

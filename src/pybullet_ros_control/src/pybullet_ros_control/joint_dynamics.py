@@ -19,12 +19,14 @@ Penalty contact is known beforehand and exact in both cases.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
-from hric_control.geometry import FloatArray
+import numpy as np
+
+from hric_control.geometry import FloatArray, MassProperties
 from hric_control.native import load
-from hric_control.plants import Losses
+from hric_control.plants import Losses, PlantConfig
 from pybullet_ros_control.urdf_model import EngineModel
 
 Vector = Sequence[float]
@@ -32,6 +34,10 @@ _built = load("hric_joint_dynamics")
 PASSES = 2
 """Evaluations of bias and friction in the middle of a step: a third changes the thesis's raw setpoint (Kp 50, 4 s) by
 at most 1.5e-7 rad, and 1e-9 with rotor inertia; one alone leaves 5e-6."""
+
+Triple = tuple[float, float, float]
+LinkMotion = tuple[Triple, tuple[float, float, float, float], Triple, Triple]
+"""Position [m], quaternion (x, y, z, w), linear [m/s] and angular velocity [rad/s] of a frame, in the world."""
 
 
 class Dynamics(Protocol):
@@ -75,6 +81,34 @@ class Dynamics(Protocol):
     def bias(self, q: Vector, dq: Vector, /) -> list[float]:
         """h(q, dq): Coriolis, centrifugal and gravity efforts [N m]."""
 
+    def motion(self, q: Vector, dq: Vector, joint: int, frame: Vector, /) -> LinkMotion:
+        """Of a frame on a link.
+
+        Args:
+            joint: the last that moves the link; -1: none does.
+            frame: its pose in that joint's link, or in the world where none moves it: rotation row-major and position,
+                12 floats.
+        """
+
+    def efforts(self, q: Vector, joint: int, force: Vector, torque: Vector, point: Vector, /) -> list[float]:
+        """J' (force, torque): what they do in the joints, of a point of the link that `joint` is the last to move
+        [N m or N].
+
+        Args:
+            force, torque: world frame, 3 floats each [N], [N m].
+            point: where the force acts, world frame [m].
+        """
+
+
+def half_step(config: PlantConfig) -> float:
+    """What the engine's positions are ahead of the measuring instant [s]."""
+    return 0.5 * config.time_step if config.half_step_readout else 0.0
+
+
+def added(a: Vector | None, b: Vector) -> Vector:
+    """a + b; None for zero."""
+    return b if a is None else [x + y for x, y in zip(a, b, strict=True)]
+
 
 def make_dynamics(
     model: EngineModel,
@@ -86,11 +120,13 @@ def make_dynamics(
     second_order: bool,
     half: float = 0.0,
     quiet: float = math.inf,
+    T_world_base: FloatArray | None = None,
+    free: bool = False,
 ) -> Dynamics:
-    """The dynamics of a robot whose base is where the engine has it.
+    """The dynamics of a robot.
 
     Args:
-        model: what the engine was given; the description's root link is at the world's origin.
+        model: what the engine was given.
         joints: names of the moving joints in the engine's order, parents before children.
         losses: of these joints.
         gravity: in the world frame, 3 floats [m/s^2].
@@ -98,36 +134,66 @@ def make_dynamics(
         second_order: bias and friction at the middle of the step; else at its beginning, as the engine has them.
         half: what the engine's positions are ahead of the measuring instant [s].
         quiet: speed that no joint has before it diverges [rad/s or m/s].
+        T_world_base: of the engine's base link, shape (4, 4); None: the description's root link is at the world's
+            origin.
+        free: whether the base moves: six joints of its own come first then, along and about its axes at zero.
     """
-    number = {model.joints[name].child: i for i, name in enumerate(joints)}
-    rows = []
+    base = model.T_root_base if T_world_base is None else T_world_base
+    rows = _free_rows(model.bodies[model.base]) if free else []
+    number = {model.base: len(rows) - 1}
+    number |= {model.joints[name].child: len(rows) + i for i, name in enumerate(joints)}
     for name, loss in zip(joints, losses, strict=True):
         parent, T_parent_joint = model.placements[name]
-        if parent == model.base:
-            T_parent_joint = model.T_root_base @ T_parent_joint
+        if parent == model.base and not free:
+            T_parent_joint = base @ T_parent_joint
+        joint = model.joints[name]
         rows.append(
-            [
-                float(number.get(parent, -1)),
-                *_row(model, name, T_parent_joint),
-                loss.rotor,
-                loss.coulomb,
-                loss.damping,
-                *loss.sigmoid_row(),
-            ]
+            _row(number[parent], joint.type == "prismatic", T_parent_joint, joint.axis, model.bodies[joint.child], loss)
         )
     dynamics: Dynamics = _built.Dynamics(time_step, PASSES if second_order else 0, half, quiet, list(gravity), rows)
     return dynamics
 
 
-def _row(model: EngineModel, name: str, T_parent_joint: FloatArray) -> list[float]:
-    joint = model.joints[name]
-    body = model.bodies[joint.child]
-    pose = [*T_parent_joint[:3, :3].ravel().tolist(), *T_parent_joint[:3, 3].tolist()]
+def _row(
+    parent: int, slides: bool, T_parent_joint: FloatArray, axis: Iterable[float], body: MassProperties, loss: Losses
+) -> list[float]:
     return [
-        float(joint.type == "prismatic"),
-        *pose,
-        *joint.axis,
+        float(parent),
+        float(slides),
+        *_pose_row(T_parent_joint),
+        *axis,
         body.mass,
         *body.com.tolist(),
         *body.inertia.ravel().tolist(),
+        loss.rotor,
+        loss.coulomb,
+        loss.damping,
+        *loss.sigmoid_row(),
     ]
+
+
+def _free_rows(base: MassProperties) -> list[list[float]]:
+    nothing = MassProperties()
+    return [
+        _row(k - 1, k < 3, np.eye(4), np.eye(3)[k % 3].tolist(), base if k == 5 else nothing, Losses())
+        for k in range(6)
+    ]
+
+
+def _pose_row(T: FloatArray) -> list[float]:
+    return [*T[:3, :3].ravel().tolist(), *T[:3, 3].tolist()]
+
+
+def frame_of(model: EngineModel, joints: Sequence[str], T_world_base: FloatArray, link: str) -> tuple[int, list[float]]:
+    """(joint, frame) of a link of the description, as `Dynamics.motion` takes them.
+
+    Args:
+        model: what the engine was given.
+        joints: as `make_dynamics` got them.
+        T_world_base: of the engine's base link, shape (4, 4).
+    """
+    top = model.tops[link]
+    if top.body_link == model.base:
+        return -1, _pose_row(T_world_base @ top.T_body_frame)
+    child = [model.joints[name].child for name in joints]
+    return child.index(top.body_link), _pose_row(top.T_body_frame)

@@ -7,16 +7,17 @@ import numpy as np
 import pybullet
 
 from hric_control.errors import CommandError, FailureError, HricError
-from hric_control.plant import Contact, DrivenPlant, FloatArray, Load, Mode
+from hric_control.plant import Articulated, Bushing, BushingLoad, Contact, DrivenPlant, FloatArray, Load, Mode
 from hric_control.plants import PlantConfig, Surfaces, Wrenches, load_masks, load_surfaces, load_world, payload
 from hric_control.urdf import read
+from pybullet_ros_control.bushings import EngineBushings
 from pybullet_ros_control.engine import BodyState, Engine
-from pybullet_ros_control.external_forces import ExternalForces
+from pybullet_ros_control.model_joints import ModelJoints
 from pybullet_ros_control.robot import Robot
 from pybullet_ros_control.world import World
 
 
-class PyBulletPlant(DrivenPlant):
+class PyBulletPlant(DrivenPlant, Articulated):
     """See `hric_control.plant.Plant`.
 
     Attributes:
@@ -35,9 +36,9 @@ class PyBulletPlant(DrivenPlant):
         self._engine = Engine(self.config.gui, self.time_step, self.config.gravity)
         try:
             self._robot = Robot(self._engine, tree, self.joint_names, self.config, masks)
-            self._world = World(self._engine, objects, rules)
+            self._world = World(self._engine, self.config, objects, rules)
             self._world.build(self._robot.body)
-            self._forces = ExternalForces(self._engine, self._robot.body)
+            self._bushings = EngineBushings(self._engine, self._world, self._robot, self.config)
             self._put([0.0] * len(self.joint_names), None)
         except BaseException:
             self._engine.close()
@@ -59,13 +60,14 @@ class PyBulletPlant(DrivenPlant):
         run."""
         self._wrenches.clear()
         self._build_again(None)
+        self._bushings.restart()
         self._put(q, dq)
 
     def _build_again(self, states: dict[str, BodyState] | None) -> None:
         self._engine.settings()
         self._robot.load_again()
-        self._forces.set_robot(self._robot.body)
         self._world.build(self._robot.body, states)
+        self._bushings.bind()
 
     def set_configuration(self, q: Sequence[float]) -> None:
         """Put the robot at q at rest and leave the world as it is."""
@@ -99,27 +101,37 @@ class PyBulletPlant(DrivenPlant):
 
     def step(self) -> None:
         """Advance by `time_step`."""
+        world = self._world
+        pushing = self._wrenches.active or world.penalty.pairs or world.joints or self._bushings.laws
         try:
-            external = self._push() if self._wrenches.active or self._world.penalty.pairs else None
-            self._robot.step(self._values, external)
+            self._robot.step(self._values, self._push() if pushing else None)
+            if pushing:
+                for joints in world.joints.values():
+                    joints.read()
         except pybullet.error as error:
             raise FailureError(
                 f"PyBullet stopped ({error})" + ("; was its window closed?" if self.config.gui else "")
             ) from error
 
     def _push(self) -> list[float] | None:
-        """Apply wrenches and penalty contact; returns the robot's joint efforts that they amount to."""
-        forces, robot = self._forces, self._robot
-        forces.begin(robot.balanced)
+        """Apply wrenches, penalty contact, bushings, and what acts in the joints of models; returns what the first two
+        amount to in the robot's joints."""
+        world, robot = self._world, self._robot
+        summed = [joints.body for joints in world.joints.values() if joints.fixed]
+        world.forces.begin([robot.body, *summed] if robot.balanced else summed)
         for wrench in self._wrenches.active:
-            body, link = self._world.find(wrench.body)
+            body, link = world.find(wrench.body)
             index, T_body_frame = body.frame(link)
             T_world_link = self._engine.pose(body, index) @ T_body_frame
             point = T_world_link[:3, :3] @ wrench.point + T_world_link[:3, 3]
-            forces.apply(body, index, wrench.force.tolist(), wrench.torque.tolist(), point.tolist())
+            world.forces.apply(body, index, wrench.force.tolist(), wrench.torque.tolist(), point.tolist())
         self._wrenches.count_step()
-        self._world.penalty.apply(forces, robot)
-        return forces.efforts
+        if world.penalty.pairs:
+            world.penalty.apply(world.forces, robot, world.joints)
+        self._bushings.act()
+        for joints in world.joints.values():
+            joints.act(world.forces.efforts(joints.body))
+        return world.forces.efforts(robot.body)
 
     # -- modes, brakes, load -------------------------------------------------------------------------------------------
 
@@ -158,9 +170,7 @@ class PyBulletPlant(DrivenPlant):
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
     ) -> None:
         """Act on "link" or "model::link" for the steps that `duration` [s] covers (negative: until cleared)."""
-        model, link = self._world.find(body)
-        model.frame(link)
-        self._wrenches.add(f"{model.name}::{link}", force, torque, point, duration)
+        self._wrenches.add(self._world.full_name(body), force, torque, point, duration)
 
     def clear_wrenches(self, body: str | None = None) -> None:
         """End the wrenches on one body ("model" for all of its links), or all."""
@@ -169,9 +179,7 @@ class PyBulletPlant(DrivenPlant):
         elif "::" not in body and body in self._world.bodies:
             self._wrenches.clear_model(body)
         else:
-            model, link = self._world.find(body)
-            model.frame(link)
-            self._wrenches.clear_link(f"{model.name}::{link}")
+            self._wrenches.clear_link(self._world.full_name(body))
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last step."""
@@ -192,7 +200,10 @@ class PyBulletPlant(DrivenPlant):
         self._world.spawn(name, urdf_xml, np.array(T_world_model, dtype=float), fixed)
 
     def delete(self, name: str) -> None:
-        """Remove a model, and the wrenches on it."""
+        """Remove a model, the wrenches on it, and what holds it."""
+        self._world.check_model(name)
+        self._bushings.forget_model(name)
+        self._bushings.bind()
         self._world.delete(name)
         self._wrenches.clear_model(name)
 
@@ -208,3 +219,54 @@ class PyBulletPlant(DrivenPlant):
         T_world_link = self._engine.pose(model, index) @ T_body_frame
         com, _, linear, angular = self._engine.motion(model, index)
         return T_world_link, np.concatenate([linear + np.cross(angular, T_world_link[:3, 3] - com), angular])
+
+    # -- joints of models, and what holds links together ---------------------------------------------------------------
+
+    def _joints(self, model: str, values: Sequence[float] = ()) -> ModelJoints | None:
+        """None where no joint of the model moves; there must be no values for it then."""
+        self._world.check_model(model)
+        joints = self._world.joints.get(model)
+        if joints is None and len(values) > 0:
+            raise CommandError(f"got {len(values)} values for model {model}, of which no joint moves")
+        return joints
+
+    def model_joints(self, model: str) -> tuple[str, ...]:
+        """Names of the moving joints of a model."""
+        joints = self._joints(model)
+        return () if joints is None else joints.joints.actuated
+
+    def read_joints(self, model: str, q: list[float], dq: list[float]) -> None:
+        """State of a model's joints at the measuring instant."""
+        joints = self._joints(model)
+        q[:], dq[:] = ((), ()) if joints is None else (joints.at, joints.dq)
+
+    def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
+        """Put a model's joints at q, dq, now and after each reset."""
+        joints = self._joints(model, q)
+        if joints is not None:
+            joints.put(q, dq)
+            self._world.penalty.forget()
+
+    def drive_joints(self, model: str, tau: Sequence[float]) -> None:
+        """Efforts in a model's joints from the next step on."""
+        joints = self._joints(model, tau)
+        if joints is not None:
+            joints.drive(tau)
+
+    def connect(self, name: str, bushing: Bushing) -> None:
+        """Hold two bodies together from the next step on."""
+        self._bushings.connect(name, bushing)
+        self._bushings.bind()
+
+    def disconnect(self, name: str) -> None:
+        """Let go."""
+        self._bushings.disconnect(name)
+        self._bushings.bind()
+
+    def connections(self) -> list[str]:
+        """Names of what is connected."""
+        return list(self._bushings.laws)
+
+    def bushing_load(self, name: str) -> BushingLoad:
+        """What a bushing did in the last step."""
+        return self._bushings.load(name)

@@ -6,11 +6,11 @@ import numpy as np
 import pybullet
 
 from hric_control import urdf
-from hric_control.geometry import MassProperties
+from hric_control.geometry import FloatArray, MassProperties
 from hric_control.plant import Mode
 from hric_control.plants import Losses, MovingJoints, PlantConfig, masked
 from pybullet_ros_control.engine import Body, Engine
-from pybullet_ros_control.joint_dynamics import Dynamics, Vector, make_dynamics
+from pybullet_ros_control.joint_dynamics import Dynamics, Vector, added, half_step, make_dynamics
 from pybullet_ros_control.motors import JointMotors, JointStops
 from pybullet_ros_control.urdf_model import EngineModel, prepare
 
@@ -28,6 +28,7 @@ class Robot:
 
     Attributes:
         joints: those that move.
+        dynamics: of the model that is loaded.
         q, dq: the engine's state after the last step [rad, rad/s].
         at: positions at the measuring instant, which is that of the velocities [rad].
         motor_effort: efforts of the joints' motors in the last step [N m].
@@ -53,6 +54,7 @@ class Robot:
         self.q: Vector = zeros
         self.dq: Vector = zeros
         self.at = self.effort = self.motor_effort = zeros
+        self._held: Vector | None = None
         self._set_up()
 
     def _prepare(self, load: tuple[str, MassProperties] | None) -> EngineModel:
@@ -60,9 +62,15 @@ class Robot:
         return prepare(self._tree, loads=loads, collision=self._config.collision, visual=self._config.gui)
 
     def _load_body(self) -> None:
-        model, touching = self._model, self._config.self_collision
-        self.body: Body = self.engine.load(model.name, model, np.eye(4), fixed_base=True, self_collision=touching)
-        if touching:
+        model = self._model
+        self.body: Body = self.engine.load(
+            model.name, model, np.eye(4), fixed_base=True, self_collision=self._config.self_collision
+        )
+        self.mask()
+
+    def mask(self) -> None:
+        """Links that fit the masks do not touch each other."""
+        if self._config.self_collision:
             apply_masks(self.engine, self.body, self._masks)
 
     def _set_up(self) -> None:
@@ -71,7 +79,7 @@ class Robot:
         self._losses = self.joints.losses(config)
         # The engine's own step is requested, and there is nothing that it lacks.
         self._plain = config.integrator == "semi_implicit" and all(loss == Losses() for loss in self._losses)
-        self._half = 0.5 * config.time_step if config.half_step_readout else 0.0
+        self._half = half_step(config)
         self._bind()
         self._motors = JointMotors(
             self.engine,
@@ -88,7 +96,7 @@ class Robot:
     def _bind(self) -> None:
         """The dynamics of the model that is loaded."""
         config = self._config
-        self._dynamics: Dynamics = make_dynamics(
+        self.dynamics: Dynamics = make_dynamics(
             self._model,
             self.joints.names,
             self._losses,
@@ -110,6 +118,11 @@ class Robot:
         return [loss.rotor for loss in self._losses]
 
     @property
+    def T_world_base(self) -> FloatArray:
+        """Of the engine's base link, shape (4, 4): the description's root is the world's origin."""
+        return self._model.T_root_base
+
+    @property
     def balanced(self) -> bool:
         """Whether each step needs the efforts of applied forces."""
         return not self._plain
@@ -129,13 +142,18 @@ class Robot:
         self.effort = self.motor_effort = self.joints.zeros
         self._motors.lock_at(self.q)
         self._stops.put(self.q)
-        self._dynamics.forget()
+        self.dynamics.forget()
+        self._held = None
+
+    def hold(self, efforts: Vector) -> None:
+        """Efforts of forces on the links in the coming step, which the engine does not get otherwise [N m or N]."""
+        self._held = added(self._held, efforts)
 
     def _set_state(self, q: Vector, dq: Vector) -> None:
         for joint, x, v in zip(self._joints, q, dq, strict=True):
             pybullet.resetJointState(self.body.id, joint, x, v, physicsClientId=self.engine.client)
         states = pybullet.getJointStates(self.body.id, self._joints, self._client)
-        self.q, self.dq, self.at, _, _ = self._dynamics.read(states, self.joints.zeros)
+        self.q, self.dq, self.at, _, _ = self.dynamics.read(states, self.joints.zeros)
 
     def load_again(self) -> None:
         """After the engine was emptied: the robot again, in the state of its joints; modes, brakes and stops as they
@@ -174,7 +192,7 @@ class Robot:
 
     # -- one step ------------------------------------------------------------------------------------------------------
 
-    def step(self, values: list[float], external: list[float] | None) -> None:
+    def step(self, values: list[float], external: Vector | None) -> None:
         """Act in the joints, advance the engine, read the state that this leads to. Bare positional calls of the
         engine: this runs every millisecond.
 
@@ -183,16 +201,23 @@ class Robot:
             external: joint efforts of the forces that the plant applies in this step [N m]; None for none.
         """
         client, body, joints, motors = self._client, self.body.id, self._joints, self._motors
+        held, self._held = self._held, None
+        if held is not None:
+            external = added(external, held)
         if not motors.all_effort:
-            self._drive(values, external)
+            self._drive(values, external, held)
         else:
-            tau = values if self._plain else self._dynamics.torque(self.q, self.dq, values, external, None)
+            tau: Vector = values
+            if not self._plain:
+                tau = self.dynamics.torque(self.q, self.dq, values, external, None)
+            if held is not None:
+                tau = added(held, tau)
             pybullet.setJointMotorControlArray(
                 body, joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=client
             )
         pybullet.stepSimulation(client)
         states = pybullet.getJointStates(body, joints, client)
-        self.q, self.dq, self.at, self.effort, quiet = self._dynamics.read(states, values)
+        self.q, self.dq, self.at, self.effort, quiet = self.dynamics.read(states, values)
         self.motor_effort = values
         self._divergence.check(self.q, self.dq, quiet=quiet)
         if not motors.all_effort:
@@ -202,7 +227,7 @@ class Robot:
 
     def _add_drives(self, engine_efforts: list[float]) -> None:
         """The engine's own motors act on the links."""
-        taken = self._dynamics.rotor_efforts(self.dq)
+        taken = self.dynamics.rotor_efforts(self.dq)
         for i, mode in enumerate(self._motors.modes):
             if mode is not Mode.EFFORT:
                 self.effort[i] = engine_efforts[i]
@@ -211,7 +236,7 @@ class Robot:
             for mode, x, e, t in zip(self._motors.modes, self.motor_effort, engine_efforts, taken, strict=True)
         ]
 
-    def _drive(self, values: list[float], external: list[float] | None) -> None:
+    def _drive(self, values: list[float], external: Vector | None, held: Vector | None) -> None:
         """A step in which some joints are braked, or driven by velocity or position."""
         motors, dt = self._motors, self.engine.time_step
         targets = motors.target_velocities(self.q, values)
@@ -221,14 +246,16 @@ class Robot:
                 None if mode is Mode.EFFORT else (t - v) / dt
                 for mode, t, v in zip(motors.modes, targets, self.dq, strict=True)
             ]
-            tau = self._dynamics.torque(self.q, self.dq, values, external, prescribed)
-        if motors.effort:
+            tau = self.dynamics.torque(self.q, self.dq, values, external, prescribed)
+        indices = motors.effort_joints
+        forces: Vector = [tau[i] for i in motors.effort]
+        if held is not None:
+            # Also where a motor holds or drives: it has to stand it.
+            own = [t if mode is Mode.EFFORT else 0.0 for mode, t in zip(motors.modes, tau, strict=True)]
+            indices, forces = self._joints, added(held, own)
+        if indices:
             pybullet.setJointMotorControlArray(
-                self.body.id,
-                motors.effort_joints,
-                pybullet.TORQUE_CONTROL,
-                forces=[tau[i] for i in motors.effort],
-                physicsClientId=self.engine.client,
+                self.body.id, indices, pybullet.TORQUE_CONTROL, forces=forces, physicsClientId=self.engine.client
             )
         motors.drive(targets)
 
@@ -238,7 +265,7 @@ def apply_masks(engine: Engine, body: Body, masks: list[tuple[str, str]]) -> lis
 
     Links joined by one joint are left out by the engine itself.
     """
-    group = {} if body.model is None else body.model.group
+    group = {} if body.model is None else {link: top.body_link for link, top in body.model.tops.items()}
     off = []
     names = sorted(body.links, key=body.links.__getitem__)
     for i, a in enumerate(names):

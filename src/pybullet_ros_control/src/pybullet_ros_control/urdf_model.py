@@ -44,7 +44,7 @@ class Frame:
     """Where a link of the description sits in the engine's model.
 
     Attributes:
-        body_link: the engine link that carries it.
+        body_link: an engine link that carries it.
         T_body_frame: its pose in that link's frame, shape (4, 4).
     """
 
@@ -66,7 +66,8 @@ class EngineModel:
         bodies: mass, centre of mass and tensor of the same links, in their frames.
         joints: the moving joints by name.
         placements: by moving joint, the engine link that carries it, and its frame at q = 0 in that link, shape (4, 4).
-        group: for each engine link, the link that names the rigid cluster it belongs to.
+        tops: for every link of the description, the one that names the rigid cluster it belongs to, and its pose in
+            that.
         root: of the description.
     """
 
@@ -79,7 +80,7 @@ class EngineModel:
     bodies: dict[str, MassProperties]
     joints: dict[str, Joint]
     placements: dict[str, tuple[str, FloatArray]]
-    group: dict[str, str]
+    tops: dict[str, Frame]
     root: str
 
 
@@ -148,8 +149,10 @@ def _lines(element: Element) -> Iterator[str]:
 class _Preparation:
     """One run of `prepare`."""
 
-    def __init__(self, robot: Robot, loads: Mapping[str, MassProperties], fixed_base: bool, visual: bool) -> None:
-        self.robot, self.fixed_base, self.visual = robot, fixed_base, visual
+    def __init__(
+        self, robot: Robot, loads: Mapping[str, MassProperties], fixed_base: bool, visual: bool, stops: bool
+    ) -> None:
+        self.robot, self.fixed_base, self.visual, self.stops = robot, fixed_base, visual, stops
         self.of = _clusters(robot)
         self.loads = loads
         self.element = Element("robot", name=robot.name)
@@ -213,7 +216,7 @@ class _Preparation:
 
     def write_joint(self, joint: Joint) -> None:
         """Damping and friction stay out: the plant adds them to the efforts itself."""
-        bounded = math.isfinite(joint.lower)
+        bounded = self.stops and math.isfinite(joint.lower)
         kind = joint.type if bounded or joint.type == "prismatic" else "continuous"
         element = SubElement(self.element, "joint", name=joint.name, type=kind)
         cluster = self.of[joint.parent]
@@ -245,7 +248,7 @@ class _Preparation:
             self.bodies,
             {joint.name: joint for joint in moving},
             self.placements,
-            {frame.body_link: self.of[name].top for name, frame in self.frames.items()},
+            {name: Frame(cluster.top, cluster.poses[name]) for name, cluster in self.of.items()},
             self.robot.root,
         )
 
@@ -257,6 +260,7 @@ def prepare(
     fixed_base: bool = True,
     collision: bool = True,
     visual: bool = False,
+    stops: bool = True,
 ) -> EngineModel:
     """The model for the engine.
 
@@ -266,6 +270,7 @@ def prepare(
         fixed_base: whether the root is fixed to the world.
         collision: keep collision shapes.
         visual: keep visual shapes (only a window shows them; loading meshes is slow).
+        stops: whether the engine stops the joints at the ends of their ranges.
 
     Raises:
         DescriptionError: a joint type that the engine lacks, a moving link without mass, or a mesh that does not exist.
@@ -281,4 +286,4 @@ def prepare(
             )
     if not collision:
         robot = replace(robot, links={name: replace(link, collisions=()) for name, link in robot.links.items()})
-    return _Preparation(robot, loads or {}, fixed_base, visual).run()
+    return _Preparation(robot, loads or {}, fixed_base, visual, stops).run()

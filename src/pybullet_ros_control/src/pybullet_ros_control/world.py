@@ -1,6 +1,6 @@
 """Everything around the robot in one engine: the objects of the world file and the models spawned later."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -9,11 +9,13 @@ import pybullet
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.geometry import FloatArray, quaternion_from_rotation
 from hric_control.plant import Contact
-from hric_control.plants import PLAIN_LINK, Surface, Surfaces, WorldObject
-from hric_control.urdf import read
-from pybullet_ros_control.contact import PenaltyContact, rigid_contacts
+from hric_control.plants import PLAIN_LINK, PlantConfig, Surface, Surfaces, WorldObject
+from hric_control.urdf import Robot, read
+from pybullet_ros_control.contact import EngineLink, PenaltyContact, rigid_contacts
 from pybullet_ros_control.engine import Body, BodyState, Engine
-from pybullet_ros_control.urdf_model import prepare
+from pybullet_ros_control.external_forces import ExternalForces
+from pybullet_ros_control.model_joints import FreeModelJoints, ModelJoints
+from pybullet_ros_control.urdf_model import EngineModel, prepare
 
 _ROBOT_SURFACE = Surface()
 _GEOMETRY = {
@@ -32,19 +34,26 @@ class World:
     Args:
         objects: of the world file.
         rules: surfaces of single links.
+        config: the plant's parameters.
 
     Attributes:
         spawned: loads each spawned model, again after the engine was emptied.
+        joints: of the models that have some.
+        forces: that act on bodies from outside.
     """
 
     engine: Engine
+    config: PlantConfig
     objects: list[WorldObject]
     rules: Surfaces
     bodies: dict[str, Body] = field(default_factory=dict)
     spawned: dict[str, Callable[[], Body]] = field(default_factory=dict)
     surfaces: dict[str, dict[str, Surface]] = field(default_factory=dict)
+    joints: dict[str, ModelJoints] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self._apart: set[tuple[str, str]] = set()
+        self.forces = ExternalForces(self.engine)
         self.penalty = PenaltyContact(self.engine)
         self.by_id: dict[int, Body] = {}
         self._robot = ""
@@ -68,6 +77,9 @@ class World:
             self._add(name, load(), Surface())
         for name, state in (states or {}).items():
             self.engine.set_state(self.bodies[name], state)
+        if states is None:
+            for joints in self.joints.values():
+                joints.reset()
         self._changed()
 
     def _add(self, name: str, body: Body, surface: Surface) -> None:
@@ -79,21 +91,52 @@ class World:
 
     def _changed(self) -> None:
         self.by_id = {body.id: body for body in self.bodies.values()}
-        self.penalty.set_pairs(self.bodies, lambda body, index: self.surfaces[body.name][body.link_names[index]])
+        self.forces.clear()
+        apart = [(self._engine_link(a), self._engine_link(b)) for a, b in self._apart]
+        self.penalty.set_pairs(self.bodies, lambda body, index: self.surfaces[body.name][body.link_names[index]], apart)
+        for pair in apart:
+            self._let_touch(pair, False)
+
+    def _engine_link(self, name: str) -> EngineLink:
+        body, link = self.find(name)
+        return body.id, body.frame(link)[0]
+
+    def _let_touch(self, pair: tuple[EngineLink, EngineLink], touching: bool) -> None:
+        (body_a, link_a), (body_b, link_b) = pair
+        pybullet.setCollisionFilterPair(
+            body_a, body_b, link_a, link_b, int(touching), physicsClientId=self.engine.client
+        )
+
+    def keep_apart(self, pairs: Iterable[tuple[str, str]]) -> bool:
+        """Links that do not touch each other from now on, by "model::link"; returns whether others may do so again."""
+        before, self._apart = self._apart, set(pairs)
+        free = before - self._apart
+        for a, b in free:
+            self._let_touch((self._engine_link(a), self._engine_link(b)), True)
+        if before != self._apart:
+            self._changed()
+        return bool(free)
 
     def _load_object(self, item: WorldObject) -> Body:
         T = item.T_world_object
         if item.urdf is not None:
-            model = prepare(
-                read(item.urdf.read_text(encoding="utf-8"), f"model {item.name}"),
-                fixed_base=item.mass == 0.0,
-                visual=self.engine.gui,
-            )
-            body = self.engine.load(item.name, model, T, fixed_base=item.mass == 0.0, self_collision=False)
+            tree, fixed = read(item.urdf.read_text(encoding="utf-8"), f"model {item.name}"), item.mass == 0.0
+            body = self._load_model(item.name, tree, self._prepare(tree, fixed), T, fixed)
         else:
             body = self._load_shape(item)
         if item.mass > 0.0:
             pybullet.resetBaseVelocity(body.id, item.linear, item.angular, physicsClientId=self.engine.client)
+        return body
+
+    def _prepare(self, tree: Robot, fixed: bool) -> EngineModel:
+        return prepare(tree, fixed_base=fixed, visual=self.engine.gui, stops=False)
+
+    def _load_model(self, name: str, tree: Robot, model: EngineModel, T: FloatArray, fixed: bool) -> Body:
+        body = self.engine.load(name, model, T, fixed_base=fixed, self_collision=False)
+        if name in self.joints:
+            self.joints[name].bind(body)
+        elif body.joints:
+            self.joints[name] = (ModelJoints if fixed else FreeModelJoints)(self.engine, body, tree, T, self.config)
         return body
 
     def _load_shape(self, item: WorldObject) -> Body:
@@ -109,23 +152,28 @@ class World:
         """Add a model. Raises HricError when the name is taken or the URDF is bad."""
         if not name or name in self.bodies:
             raise HricError(f"model name {name!r} is taken or empty; taken: {', '.join(sorted(self.bodies))}")
-        model = prepare(read(urdf_xml), fixed_base=fixed, visual=self.engine.gui)
+        tree = read(urdf_xml)
+        model = self._prepare(tree, fixed)
         self.rules.of_model(
             name, model.frames, Surface()
         )  # a rule that does not fit is refused before anything is loaded
-        load = partial(self.engine.load, name, model, T_world_model.copy(), fixed_base=fixed, self_collision=False)
+        load = partial(self._load_model, name, tree, model, T_world_model.copy(), fixed)
         self._add(name, load(), Surface())
         self.spawned[name] = load
         self._changed()
 
     def delete(self, name: str) -> None:
         """Remove a model that is not the robot; an object of the world file comes back with the next reset."""
-        if name not in self.model_names():
-            raise UnknownNameError("model", name, self.model_names(), "the world")
         self.engine.remove(self.bodies.pop(name))
         self.surfaces.pop(name)
         self.spawned.pop(name, None)
+        self.joints.pop(name, None)
         self._changed()
+
+    def check_model(self, name: str) -> None:
+        """Raises UnknownNameError where there is no such model beside the robot."""
+        if name not in self.model_names():
+            raise UnknownNameError("model", name, self.model_names(), "the world")
 
     def model_names(self) -> list[str]:
         """All bodies but the robot."""
@@ -150,6 +198,12 @@ class World:
         if model not in self.bodies:
             raise UnknownNameError("model", model, self.bodies, "the world")
         return self.bodies[model], link
+
+    def full_name(self, name: str) -> str:
+        """ "model::link" of a body that `find` takes. Raises UnknownNameError."""
+        body, link = self.find(name)
+        body.frame(link)
+        return f"{body.name}::{link}"
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last step."""

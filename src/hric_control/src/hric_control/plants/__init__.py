@@ -3,6 +3,7 @@
 This is the module to import from, but for `faces` (where two shapes lie on each other) and `resources` (files).
 """
 
+from hric_control.plants.bushings import BushingLaw, Bushings, Motion
 from hric_control.plants.config import PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
 from hric_control.plants.friction import PHI, Phi, sigmoid_parameters, sigmoid_torque
@@ -10,7 +11,7 @@ from hric_control.plants.masks import load_masks, masked
 from hric_control.plants.models import Model, Models, model_of_object, model_of_urdf, payload
 from hric_control.plants.moving_joints import Losses, MovingJoints
 from hric_control.plants.spring_step import Springs
-from hric_control.plants.stops import StopMemory
+from hric_control.plants.stops import StopLaw, StopMemory
 from hric_control.plants.surfaces import Surface, SurfaceRule, Surfaces, combine, friction_force
 from hric_control.plants.worlds import PLAIN_LINK, WorldObject, load_surfaces, load_world
 from hric_control.plants.wrenches import Wrenches
@@ -18,15 +19,19 @@ from hric_control.plants.wrenches import Wrenches
 __all__ = [
     "PHI",
     "PLAIN_LINK",
+    "BushingLaw",
+    "Bushings",
     "DivergedError",
     "Divergence",
     "Losses",
     "Model",
     "Models",
+    "Motion",
     "MovingJoints",
     "Phi",
     "PlantConfig",
     "Springs",
+    "StopLaw",
     "StopMemory",
     "Surface",
     "SurfaceRule",

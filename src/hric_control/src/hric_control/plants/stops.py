@@ -1,7 +1,11 @@
-"""Joint stops act only once the joint has been inside its range: a start outside, as the thesis does at q = 0, leaves
-them open until then."""
+"""Joint stops: which of them act, and what those of spawned models do.
 
-from collections.abc import Sequence
+A stop acts only once the joint has been inside its range: a start outside, as the thesis does at q = 0, leaves it open
+until then. The robot's stops are of its engine; those of other models are a spring and a damper, alike in all engines.
+"""
+
+import math
+from collections.abc import Callable, Sequence
 
 
 class StopMemory:
@@ -37,3 +41,52 @@ class StopMemory:
         for i in inside:
             del self.waiting[i]
         return inside
+
+
+STOP_RATE = 2.0 * math.pi * 50.0
+"""Natural frequency of a joint on its stop, critically damped [rad/s]: a third of a radian per step of 1 ms, so that a
+force held over the step does not shake it (default chosen by this project, unconfirmed)."""
+
+
+class StopLaw:
+    """What the ends of the ranges of a spawned model's joints do: k (limit - q) - c dq beyond the limit, never inwards.
+
+    k and c follow from STOP_RATE and the inertia that the stop meets, that of the joint while all others are free: in a
+    light wrist a quarter of what hangs on the joint, in a shoulder near its singular pose a thousandth, so that a force
+    by what hangs there would throw the arm.
+
+    Args:
+        limits: (lower, upper) per joint [rad or m], in the order of all vectors here.
+        inertias: gives 1 / (M^-1)_ii of each joint now, M of the whole model [kg m^2 or kg]; needed while a stop acts.
+    """
+
+    def __init__(self, limits: Sequence[tuple[float, float]], inertias: Callable[[], Sequence[float]]) -> None:
+        self._memory, self._inertias = StopMemory(limits), inertias
+
+    def restart(self, q: Sequence[float]) -> None:
+        """The model was put at q from outside: decide again which stops act."""
+        self._memory.restart(q)
+
+    def add(self, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> list[float]:
+        """Efforts tau with those of the stops at q, dq added [N m or N]."""
+        if self._memory.waiting:
+            self._memory.check(q)
+        efforts, pushes = list(tau), self._pushes(q, dq)
+        if pushes:
+            inertias = self._inertias()
+            for i, push in pushes.items():
+                efforts[i] += inertias[i] * push
+        return efforts
+
+    def _pushes(self, q: Sequence[float], dq: Sequence[float]) -> dict[int, float]:
+        """By joint the acceleration that its stop alone gives it [rad/s^2 or m/s^2]."""
+        memory, pushes = self._memory, dict[int, float]()
+        for i, (x, (low, high)) in enumerate(zip(q, memory.limits, strict=True)):
+            if low <= x <= high:
+                continue
+            below, above = memory.waiting.get(i, (False, False))
+            if x < low and not below:
+                pushes[i] = max(STOP_RATE**2 * (low - x) - 2.0 * STOP_RATE * dq[i], 0.0)
+            elif x > high and not above:
+                pushes[i] = min(STOP_RATE**2 * (high - x) - 2.0 * STOP_RATE * dq[i], 0.0)
+        return pushes

@@ -1,0 +1,188 @@
+"""Bushings: what holds two bodies together, as a hand around a handle. The law, and which are connected.
+
+A spring between the origins of the two grip frames and one of the rotation vector between them, a damper each, all
+taken at the beginning of a step and held over it. Force and torque act on both bodies with opposite signs at the origin
+of body b's grip frame, so that momentum and angular momentum are kept. A grip slips as a plastic element does: beyond
+its limit the load stays there, and body a's grip frame moves along, so that the spring keeps the stretch that belongs
+to the limit.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hric_control.errors import HricError, ParameterError, UnknownNameError
+from hric_control.geometry import FloatArray, quaternions
+from hric_control.geometry.quaternions import Quaternion, Vector, cross, rotated
+from hric_control.geometry.transforms import quaternion_from_rotation
+from hric_control.plant import Bushing, BushingLoad
+
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Where a link's frame is and how it moves, world frame.
+
+    Attributes:
+        position: [m].
+        orientation: unit quaternion (x, y, z, w).
+        linear, angular: velocity of the origin [m/s], angular velocity [rad/s].
+    """
+
+    position: Vector
+    orientation: Quaternion
+    linear: Vector
+    angular: Vector
+
+
+class BushingLaw:
+    """One bushing; remembers how far it has slipped.
+
+    Args:
+        bushing: checked by `Bushings.connect`.
+
+    Attributes:
+        load: of the last step.
+    """
+
+    __slots__ = ("_at_a", "_at_b", "_rotation_a", "_rotation_b", "bushing", "load")
+
+    def __init__(self, bushing: Bushing) -> None:
+        self.bushing = bushing
+        self.restart()
+
+    def restart(self) -> None:
+        """As it was connected: nothing has slipped."""
+        (self._at_a, self._rotation_a), (self._at_b, self._rotation_b) = (
+            _split(T) for T in (self.bushing.T_a_grip, self.bushing.T_b_grip)
+        )
+        self.load = BushingLoad(ZERO, ZERO, ZERO, 0.0, 0.0, 0.0)
+
+    def step(self, a: Motion, b: Motion) -> BushingLoad:
+        """The load of the coming step, from the motions of both links at its beginning."""
+        law = self.bushing
+        lever_a, lever_b = rotated(a.orientation, self._at_a), rotated(b.orientation, self._at_b)
+        grip_a, point = _sum(a.position, lever_a), _sum(b.position, lever_b)
+        stretch = _difference(point, grip_a)
+        # Both velocities at the point where the force acts, so that the damper only takes energy.
+        velocity_a = _sum(a.linear, cross(a.angular, _difference(point, a.position)))
+        velocity = _difference(_sum(b.linear, cross(b.angular, lever_b)), velocity_a)
+        rotation_a = quaternions.product(a.orientation, self._rotation_a)
+        rotation = quaternions.difference(quaternions.product(b.orientation, self._rotation_b), rotation_a)
+        spin = _difference(b.angular, a.angular)
+        force, slip = _limited(stretch, velocity, law.stiffness, law.damping, law.force_limit)
+        torque, twist = _limited(rotation, spin, law.rotational_stiffness, law.rotational_damping, law.torque_limit)
+        before = self.load
+        slipped, turned = before.slipped, before.turned
+        if slip is not None:
+            self._at_a = _sum(self._at_a, rotated(quaternions.inverse(a.orientation), slip))
+            slipped += math.hypot(*slip)
+        if twist is not None:
+            moved = quaternions.product(quaternions.from_rotation_vector(twist), rotation_a)
+            self._rotation_a = quaternions.product(quaternions.inverse(a.orientation), moved)
+            turned += math.hypot(*twist)
+        self.load = BushingLoad(force, torque, point, math.hypot(*stretch), slipped, turned)
+        return self.load
+
+
+def _limited(
+    stretch: Vector, velocity: Vector, stiffness: float, damping: float, limit: float
+) -> tuple[Vector, Vector | None]:
+    """Load of spring and damper, and by how much the spring's end slips; None where it holds."""
+    x, y, z = (stiffness * s + damping * v for s, v in zip(stretch, velocity, strict=True))
+    size = math.hypot(x, y, z)
+    if size <= limit:
+        return (x, y, z), None
+    share = limit / size
+    load = share * x, share * y, share * z
+    if stiffness == 0.0:
+        return load, None
+    a, b, c = (s - (f - damping * v) / stiffness for s, f, v in zip(stretch, load, velocity, strict=True))
+    return load, (a, b, c)
+
+
+def _split(T: FloatArray) -> tuple[Vector, Quaternion]:
+    x, y, z = T[:3, 3].tolist()
+    return (x, y, z), quaternion_from_rotation(T[:3, :3])
+
+
+def _sum(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _difference(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+class Bushings:
+    """All that are connected now, by name.
+
+    Args:
+        full_name: "model::link" of a body's name; raises UnknownNameError.
+    """
+
+    def __init__(self, full_name: Callable[[str], str]) -> None:
+        self._full_name = full_name
+        self.laws: dict[str, BushingLaw] = {}
+
+    def connect(self, name: str, bushing: Bushing) -> None:
+        """Begin one; see `hric_control.plant.Articulated.connect`.
+
+        Raises:
+            HricError: as there.
+        """
+        if not name or name in self.laws:
+            raise HricError(f"connection {name!r} exists or has no name; connected: {', '.join(self.laws) or 'none'}")
+        a, b = self._full_name(bushing.body_a), self._full_name(bushing.body_b)
+        if a == b:
+            raise HricError(f"connection {name}: both bodies are {a}")
+        _check(name, bushing)
+        self.laws[name] = BushingLaw(replace(bushing, body_a=a, body_b=b))
+
+    def disconnect(self, name: str) -> None:
+        """End one. Raises UnknownNameError."""
+        del self.laws[self._known(name)]
+
+    def load(self, name: str) -> BushingLoad:
+        """Of the last step. Raises UnknownNameError."""
+        return self.laws[self._known(name)].load
+
+    def forget_model(self, model: str) -> None:
+        """End those of a model that goes."""
+        self.laws = {
+            name: law
+            for name, law in self.laws.items()
+            if not any(body.startswith(f"{model}::") for body in (law.bushing.body_a, law.bushing.body_b))
+        }
+
+    def restart(self) -> None:
+        """Bodies were put elsewhere: nothing has slipped yet."""
+        for law in self.laws.values():
+            law.restart()
+
+    def pairs(self) -> Iterable[tuple[str, str]]:
+        """Full names of the links that do not touch each other."""
+        return [(law.bushing.body_a, law.bushing.body_b) for law in self.laws.values()]
+
+    def _known(self, name: str) -> str:
+        if name not in self.laws:
+            raise UnknownNameError("connection", name, self.laws, "the plant")
+        return name
+
+
+def _check(name: str, bushing: Bushing) -> None:
+    for field in ("T_a_grip", "T_b_grip"):
+        T = np.asarray(getattr(bushing, field), dtype=float)
+        x, y, z = T[:3, :3].T.tolist() if T.shape == (4, 4) else [(0.0, 0.0, 0.0)] * 3
+        if not (np.isfinite(T).all() and quaternions.is_rotation(x, y, z, 1e-6)):
+            raise ParameterError(f"connection {name}: {field} must be a 4 x 4 transform")
+    for field in ("stiffness", "damping", "rotational_stiffness", "rotational_damping"):
+        value = getattr(bushing, field)
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ParameterError(f"connection {name}: {field} must be a finite number of 0 or more; got {value}")
+    for field in ("force_limit", "torque_limit"):
+        if not getattr(bushing, field) > 0.0:
+            raise ParameterError(f"connection {name}: {field} must be above 0; got {getattr(bushing, field)}")

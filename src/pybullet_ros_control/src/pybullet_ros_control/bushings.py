@@ -1,0 +1,130 @@
+"""Bushings between links of one engine.
+
+Their law sees positions and velocities at the measuring instant, which is the beginning of the step, as in the other
+plants. The load is held over the step: on links of a body with a fixed base as efforts J'F, which the engine needs no
+call for and the balance knows beforehand; on others as a force of the engine. The engine's positions belong to the
+middle of the step, and so does the point where both forces act: there body b has carried it until then.
+"""
+
+from typing import Protocol
+
+from hric_control.geometry import quaternions
+from hric_control.geometry.quaternions import Vector, cross, rotated
+from hric_control.geometry.transforms import inverse, quaternion_from_rotation
+from hric_control.plants import BushingLaw, Bushings, Motion, PlantConfig
+from pybullet_ros_control.engine import Body, Engine
+from pybullet_ros_control.external_forces import ExternalForces
+from pybullet_ros_control.joint_dynamics import frame_of, half_step
+from pybullet_ros_control.model_joints import ModelJoints
+from pybullet_ros_control.robot import Robot
+from pybullet_ros_control.world import World
+
+
+class _End(Protocol):
+    """A link that is held."""
+
+    def motion(self) -> Motion:
+        """At the measuring instant."""
+
+    def push(self, force: Vector, torque: Vector, point: Vector) -> None:
+        """Force [N] at a point [m] and torque [N m] in the coming step, world frame."""
+
+
+class _JointedEnd:
+    """A link of a body with a fixed base and joints."""
+
+    def __init__(self, joints: Robot | ModelJoints, link: str) -> None:
+        assert joints.body.model is not None
+        self._joints = joints
+        self._joint, self._frame = frame_of(joints.body.model, joints.joints.names, joints.T_world_base, link)
+
+    def motion(self) -> Motion:
+        joints = self._joints
+        return Motion(*joints.dynamics.motion(joints.at, joints.dq, self._joint, self._frame))
+
+    def push(self, force: Vector, torque: Vector, point: Vector) -> None:
+        joints = self._joints
+        joints.hold(joints.dynamics.efforts(joints.q, self._joint, force, torque, point))
+
+
+class _FreeEnd:
+    """Any other link: of a body with a free base, or one that never moves."""
+
+    def __init__(self, engine: Engine, forces: ExternalForces, body: Body, link: str, half: float) -> None:
+        self._engine, self._forces, self._body, self._half = engine, forces, body, half
+        self._index, T_body_link = body.frame(link)
+        T_com_link = inverse(engine.inertial_frame(body, self._index)) @ T_body_link
+        x, y, z = T_com_link[:3, 3].tolist()
+        self._lever, self._rotation = (x, y, z), quaternion_from_rotation(T_com_link[:3, :3])
+
+    def motion(self) -> Motion:
+        com, (x, y, z, w), linear, spin = self._engine.motion(self._body, self._index)
+        orientation, angular = (x, y, z, w), (spin[0], spin[1], spin[2])
+        lever = rotated(orientation, self._lever)
+        velocity = _moved(_vector(linear), cross(angular, lever), 1.0)
+        back = quaternions.from_rotation_vector([-self._half * rate for rate in angular])
+        return Motion(
+            _moved(_moved(_vector(com), lever, 1.0), velocity, -self._half),
+            quaternions.product(back, quaternions.product(orientation, self._rotation)),
+            velocity,
+            angular,
+        )
+
+    def push(self, force: Vector, torque: Vector, point: Vector) -> None:
+        self._forces.apply(self._body, self._index, force, torque, point)
+
+
+class EngineBushings(Bushings):
+    """All that are connected, and what they do in the engine.
+
+    Args:
+        engine: where the bodies are.
+        world: the bodies.
+        robot: among them.
+        config: the plant's parameters.
+    """
+
+    def __init__(self, engine: Engine, world: World, robot: Robot, config: PlantConfig) -> None:
+        super().__init__(world.full_name)
+        self._engine, self._world, self._robot, self._half = engine, world, robot, half_step(config)
+        self._acting: list[tuple[BushingLaw, _End, _End]] = []
+
+    def bind(self) -> None:
+        """Bodies were loaded again, or others are connected."""
+        self._world.keep_apart(self.pairs())
+        self._robot.mask()
+        self._acting = [
+            (law, self._end(law.bushing.body_a), self._end(law.bushing.body_b)) for law in self.laws.values()
+        ]
+
+    def _end(self, name: str) -> _End:
+        body, link = self._world.find(name)
+        if body is self._robot.body:
+            return _JointedEnd(self._robot, link)
+        joints = self._world.joints.get(body.name)
+        if joints is not None and joints.fixed:
+            return _JointedEnd(joints, link)
+        return _FreeEnd(self._engine, self._world.forces, body, link, self._half)
+
+    def act(self) -> None:
+        """Hold both links of each together in the coming step."""
+        for law, a, b in self._acting:
+            motion = b.motion()
+            force, torque, point, *_ = law.step(a.motion(), motion)
+            lever = point[0] - motion.position[0], point[1] - motion.position[1], point[2] - motion.position[2]
+            there = _moved(_moved(point, motion.linear, self._half), cross(motion.angular, lever), self._half)
+            a.push(force, torque, there)
+            b.push(_opposite(force), _opposite(torque), there)
+
+
+def _vector(values: tuple[float, ...]) -> Vector:
+    return values[0], values[1], values[2]
+
+
+def _moved(point: Vector, rate: Vector, by: float) -> Vector:
+    """point + by rate."""
+    return point[0] + by * rate[0], point[1] + by * rate[1], point[2] + by * rate[2]
+
+
+def _opposite(v: Vector) -> Vector:
+    return -v[0], -v[1], -v[2]

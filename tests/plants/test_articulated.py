@@ -1,0 +1,482 @@
+"""Models whose joints are driven, and what holds two bodies together: a human arm beside the robot."""
+
+import math
+import re
+
+import numpy as np
+import pinocchio
+import pytest
+from bodies import body
+from rigid_body_oracle import Oracle, wide
+from two_link import two_link_urdf
+
+from hric_control import plugins
+from hric_control.errors import CommandError, HricError, ParameterError, UnknownNameError
+from hric_control.plant import Articulated, Bushing
+from hric_control.plants.stops import STOP_RATE
+
+PLANTS = [name for name in plugins.names(plugins.PLANT) if issubclass(plugins.find(plugins.PLANT, name), Articulated)]
+ARM = body(parts="right_arm").urdf
+JOINTS = ["joint1", "joint2"]
+READY = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]
+BENT = [0.3, 0.2, 0.1, 1.2, 0.1, 0.2, 0.1]
+"""Of the human arm: hand before the elbow."""
+FIRST_FOUR = np.array([1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+WEIGHTLESS = {"gravity": [0.0, 0.0, 0.0]}
+BAR = """<robot name="bar"><link name="post"/>
+  <link name="bar"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+    <inertia ixx="0.01" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="axle" type="{kind}"><parent link="post"/><child link="bar"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="0.5" effort="50" velocity="50"/>
+    <dynamics damping="{damping}" friction="{friction}"/></joint>
+</robot>"""
+INERTIA = 0.03 + 2.0 * 0.2**2
+"""Of the bar about its axle [kg m^2]."""
+BLOCK = """<robot name="block"><link name="body"><inertial><mass value="{mass}"/>
+  <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link></robot>"""
+
+
+@pytest.fixture(params=PLANTS, ids=lambda name: name.rpartition("/")[2])
+def plant_type(request):
+    return request.param
+
+
+def at(x, y, z):
+    T = np.eye(4)
+    T[:3, 3] = x, y, z
+    return T
+
+
+def bar(kind="revolute", damping=0.0, friction=0.0):
+    return BAR.format(kind=kind, damping=damping, friction=friction)
+
+
+def block(mass=1.0, inertia=0.01):
+    return BLOCK.format(mass=mass, inertia=inertia)
+
+
+def run(plant, n):
+    for _ in range(n):
+        plant.apply([0.0] * len(plant.joint_names))
+        plant.step()
+
+
+def joints(plant, model):
+    n = len(plant.model_joints(model))
+    q, dq = [0.0] * n, [0.0] * n
+    plant.read_joints(model, q, dq)
+    return np.array(q), np.array(dq)
+
+
+@pytest.fixture
+def beside(make_plant):
+    """beside(urdf, **parameters): a small robot that is held, and a model with a fixed base beside it."""
+
+    def made(urdf, name="model", **config):
+        plant = make_plant(two_link_urdf(), JOINTS, q=[0.0, 0.0], **config)
+        plant.set_brakes([True, True])
+        plant.spawn(name, urdf, at(3, 0, 2), fixed=True)
+        return plant
+
+    return made
+
+
+class Hands:
+    """A Panda and a human arm whose hand holds the robot's, each held where it is by a law of its own. Collision shapes
+    of the robot are left out."""
+
+    def __init__(self, make_plant, urdf, integrator="accurate", **grip):
+        self.robot, self.arm = Oracle(urdf, 0.1), Oracle(ARM)
+        self.plant = make_plant(urdf, q=READY, rotor_inertia=0.1, collision=False, integrator=integrator)
+        T_hand, T_wrist = self.plant.link_state("panda_hand")[0], self.arm.frame(np.array(BENT), "r_wrist")
+        self.plant.spawn("human", ARM, at(*(T_hand - T_wrist)[:3, 3]), fixed=True)
+        self.plant.set_joints("human", BENT)
+        T_wrist[:3, 3] = T_hand[:3, 3]
+        T_wrist_grip = np.linalg.inv(T_wrist) @ T_hand
+        self.plant.connect("grip", Bushing("panda_hand", "human::r_wrist", np.eye(4), T_wrist_grip, **grip))
+
+    def state(self):
+        """q, dq of the robot, then of the arm."""
+        q, dq, tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
+        self.plant.read_state(q, dq, tau)
+        return np.array(q), np.array(dq), *joints(self.plant, "human")
+
+    def step(self, goal):
+        """With the robot's goal; returns the efforts of both."""
+        q, dq, x, v = self.state()
+        tau = 200.0 * (goal - q) - 20.0 * dq + self.robot.gravity(q)
+        drive = 20.0 * (BENT - x) - 2.0 * v + self.arm.gravity(x)
+        self.plant.apply(tau)
+        self.plant.drive_joints("human", drive)
+        self.plant.step()
+        return tau, drive
+
+    def guide(self, steps):
+        """The robot leads for half a second by half a wave of four joints, and stays; yields the efforts of each
+        step."""
+        for k in range(steps):
+            yield self.step(READY + 0.1 * (1.0 - math.cos(math.pi * min(k / 500.0, 1.0))) * FIRST_FOUR)
+
+
+@pytest.fixture
+def hands(make_plant, panda_urdf):
+    return lambda **how: Hands(make_plant, panda_urdf, **how)
+
+
+# -- joints of a model -------------------------------------------------------------------------------------------------
+
+
+def test_the_joints_of_a_model_are_named_from_its_root_outwards(beside):
+    expected = tuple(pinocchio.buildModelFromXML(ARM).names)[1:]
+    assert beside(ARM).model_joints("model") == expected
+
+
+def test_a_model_without_joints_has_no_names(beside):
+    assert beside(block()).model_joints("model") == ()
+
+
+def test_joints_of_a_model_that_is_not_there_are_refused_with_those_that_are(beside):
+    with pytest.raises(UnknownNameError, match=r"no model 'human'.*valid: model"):
+        beside(ARM).model_joints("human")
+
+
+@pytest.mark.parametrize("integrator", ["accurate", "semi_implicit"])
+def test_joints_are_read_where_they_were_put(beside, integrator):
+    plant = beside(ARM, integrator=integrator)
+    speeds = [0.5, -0.4, 0.3, -0.2, 0.1, 0.2, 0.3]
+    plant.set_joints("model", BENT, speeds)
+    q, dq = joints(plant, "model")
+    assert q == pytest.approx(BENT, abs=1e-12)
+    assert dq == pytest.approx(speeds, abs=1e-12)
+
+
+def test_links_are_where_the_joints_that_were_put_have_them(beside):
+    plant = beside(ARM)
+    plant.set_joints("model", BENT)
+    expected = at(3, 0, 2) @ Oracle(ARM).frame(np.array(BENT), "r_wrist")
+    assert np.abs(plant.link_state("model::r_wrist")[0] - expected).max() < 1e-6
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+def test_a_driven_arm_moves_as_the_forward_dynamics_of_a_second_library(beside, damping):
+    urdf = re.sub(r"(<limit [^>]*/>)", rf'\1<dynamics damping="{damping}"/>', wide(ARM))
+    plant, oracle = beside(urdf, integrator="accurate"), Oracle(urdf, damping=damping)
+    q, dq = np.array(BENT), np.full(7, 0.1)
+    plant.set_joints("model", q, dq)
+    size = np.array([0.5, 0.5, 0.1, 0.5, 0.005, 0.025, 0.025])
+    for k in range(500):
+        drive = oracle.gravity(np.array(BENT)) + size * np.sin(0.01 * k + np.arange(7.0))
+        plant.drive_joints("model", drive)
+        run(plant, 1)
+        q, dq = oracle.hold(q, dq, drive)
+    moved, error = np.abs(q - BENT).max(), np.abs(joints(plant, "model")[0] - q).max()
+    print(f"damping {damping}: {error:.1e} rad of {moved:.2f} rad")
+    assert moved > 0.04
+    assert error < 1e-3 * moved
+
+
+def test_a_drive_stays_until_it_is_given_again(beside):
+    plant = beside(bar("continuous"), **WEIGHTLESS)
+    plant.drive_joints("model", [0.5])
+    run(plant, 100)
+    assert joints(plant, "model")[1][0] == pytest.approx(0.1 * 0.5 / INERTIA, rel=1e-6)
+
+
+@pytest.mark.parametrize("friction", ["none", "coulomb"])
+def test_coulomb_friction_holds_a_model_where_the_plant_has_it(beside, friction):
+    plant = beside(bar(friction=1.0), friction=friction, **WEIGHTLESS)
+    plant.drive_joints("model", [0.8])
+    run(plant, 200)
+    assert (abs(joints(plant, "model")[0][0]) < 1e-4) == (friction == "coulomb")
+
+
+@pytest.mark.parametrize(
+    ("q", "dq", "message"),
+    [
+        ([0.1], None, "got 1 values for 7 joints"),
+        (BENT, [0.0] * 6, "got 6 values for 7 joints"),
+        ([math.nan, *BENT[1:]], None, "must be finite"),
+    ],
+)
+def test_joints_are_not_put_at_what_is_no_configuration(beside, q, dq, message):
+    with pytest.raises(CommandError, match=message):
+        beside(ARM).set_joints("model", q, dq)
+
+
+def test_a_drive_of_other_length_is_refused_with_the_joints(beside):
+    with pytest.raises(CommandError, match=r"got 2 values for 7 joints \(right_sh_flex, "):
+        beside(ARM).drive_joints("model", [0.0, 0.0])
+
+
+# -- stops -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_joint_that_is_pressed_against_its_stop_rests_as_deep_as_its_spring_gives(beside):
+    plant = beside(bar(), **WEIGHTLESS)
+    plant.drive_joints("model", [3.0])
+    run(plant, 1500)
+    depth = joints(plant, "model")[0][0] - 0.5
+    assert depth == pytest.approx(3.0 / (STOP_RATE**2 * INERTIA), rel=0.05)
+
+
+def test_a_joint_that_hits_its_stop_does_not_bounce(beside):
+    plant = beside(bar(), **WEIGHTLESS)
+    plant.set_joints("model", [0.3], [3.0])
+    speeds = []
+    for _ in range(300):
+        run(plant, 1)
+        speeds.append(joints(plant, "model")[1][0])
+    assert min(speeds) > -0.2 * 3.0
+
+
+def test_a_stop_is_open_for_a_start_outside_until_the_joint_has_been_inside(beside):
+    plant = beside(bar(), **WEIGHTLESS)
+    plant.set_joints("model", [0.7])
+    run(plant, 100)
+    assert joints(plant, "model")[0][0] == pytest.approx(0.7, abs=1e-9)
+    plant.set_joints("model", [0.7], [-2.0])
+    run(plant, 200)
+    plant.drive_joints("model", [3.0])
+    run(plant, 1000)
+    assert joints(plant, "model")[0][0] == pytest.approx(0.5, abs=1e-2)
+
+
+@pytest.mark.parametrize("abduction", [0.3, math.pi / 2])
+def test_a_limp_arm_that_falls_into_its_stops_gains_no_energy(beside, abduction):
+    """Also from the shoulder's singular pose, in which two of its joints have next to no inertia."""
+    plant, oracle = beside(ARM, integrator="accurate"), Oracle(ARM)
+    start = [2.5, abduction, 0.5, 0.4, -1.2, 0.2, 0.1]
+    plant.set_joints("model", start)
+    energies = []
+    for _ in range(300):
+        q, dq = joints(plant, "model")
+        kinetic = pinocchio.computeKineticEnergy(oracle.model, oracle.data, q, dq)
+        energies.append(kinetic + pinocchio.computePotentialEnergy(oracle.model, oracle.data, q))
+        run(plant, 10)
+    assert energies[-1] < energies[0] - 1.0
+    assert max(energies) < energies[0] + 0.1
+
+
+# -- bushings ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_weight_hangs_on_a_bushing_as_on_a_spring(beside):
+    plant = beside(bar("prismatic", damping=100.0), name="weight")
+    plant.spawn("hook", block(), at(3, 0, 2), fixed=True)
+    plant.connect("string", Bushing("hook::body", "weight::bar", np.eye(4), np.eye(4), 5000.0))
+    run(plant, 1500)
+    load = plant.bushing_load("string")
+    assert load.force == pytest.approx((0.0, 0.0, -2.0 * 9.81), abs=1e-4)
+    assert joints(plant, "weight")[0][0] == pytest.approx(-2.0 * 9.81 / 5000.0, rel=1e-4)
+    assert load.stretch == pytest.approx(2.0 * 9.81 / 5000.0, rel=1e-4)
+
+
+def test_a_torque_twists_a_bushing_as_a_spring(beside):
+    plant = beside(bar(damping=2.0), name="wheel", **WEIGHTLESS)
+    plant.connect("shaft", Bushing("wheel::post", "wheel::bar", np.eye(4), np.eye(4), 0.0, 0.0, 50.0))
+    plant.drive_joints("wheel", [1.0])
+    run(plant, 1500)
+    assert plant.bushing_load("shaft").torque == pytest.approx((0.0, 0.0, 1.0), abs=1e-4)
+    assert joints(plant, "wheel")[0][0] == pytest.approx(1.0 / 50.0, rel=1e-4)
+
+
+def test_a_stretched_bushing_keeps_momentum_and_angular_momentum_of_two_free_bodies(beside):
+    plant = beside(bar(), **WEIGHTLESS)
+    parts = {"one": (1.0, 0.01), "two": (3.0, 0.02)}
+    for (name, numbers), x in zip(parts.items(), (5.0, 5.5), strict=True):
+        plant.spawn(name, block(*numbers), at(x, 0, 2))
+    off = at(0.2, 0.1, 0.0), at(-0.2, 0.0, 0.05)
+    plant.connect("string", Bushing("one::body", "two::body", *off, 2000.0, 5.0, 2.0, 0.01))
+    pushed, linear, angular = 0.0, np.zeros(3), np.zeros(3)
+    for _ in range(300):
+        run(plant, 1)
+        pushed += 1e-3 * math.hypot(*plant.bushing_load("string").force)
+    for name, (mass, inertia) in parts.items():
+        T, twist = plant.link_state(f"{name}::body")
+        linear += mass * twist[:3]
+        angular += mass * np.cross(T[:3, 3], twist[:3]) + inertia * twist[3:]
+    assert pushed > 1.0
+    assert np.abs(linear).max() < 1e-9 * pushed
+    assert np.abs(angular).max() < 1e-3 * pushed
+
+
+@pytest.mark.parametrize("integrator", ["accurate", "semi_implicit"])
+@pytest.mark.parametrize("stiffness", [2e3, 1e4, 5e4])
+def test_a_grip_follows_the_robot_and_comes_to_rest(hands, integrator, stiffness):
+    held = hands(integrator=integrator, stiffness=stiffness)
+    pull = max(math.hypot(*held.plant.bushing_load("grip").force) for _ in held.guide(1500))
+    assert pull < 100.0
+    assert np.abs(held.state()[3]).max() < 1e-2
+    load = held.plant.bushing_load("grip")
+    assert math.hypot(*load.force) > 0.5
+    assert load.stretch == pytest.approx(math.hypot(*load.force) / stiffness, rel=0.05)
+
+
+def test_robot_arm_and_grip_keep_their_energy(hands):
+    """What the drives gave is in the motion, in the grip's springs, or was taken by its dampers."""
+    held = hands()
+    law = Bushing("", "", np.eye(4), np.eye(4))
+
+    def energy():
+        q, dq, x, v = held.state()
+        moving = 0.5 * dq @ (held.robot.mass_matrix(q) + 0.1 * np.eye(7)) @ dq + 0.5 * v @ held.arm.mass_matrix(x) @ v
+        high = pinocchio.computePotentialEnergy(held.robot.model, held.robot.data, q)
+        return moving + high + pinocchio.computePotentialEnergy(held.arm.model, held.arm.data, x)
+
+    given = passed = taken = 0.0
+    start, before = energy(), held.state()
+    for tau, drive in held.guide(1000):
+        after = held.state()
+        works = tau @ (after[0] - before[0]), drive @ (after[2] - before[2])
+        given, passed, before = given + sum(works), passed + sum(map(abs, works)), after
+        # Of the coming step, whose beginning is now.
+        moves = held.plant.link_state("panda_hand")[1] - held.plant.link_state("human::r_wrist")[1]
+        taken += 1e-3 * (law.damping * moves[:3] @ moves[:3] + law.rotational_damping * moves[3:] @ moves[3:])
+    load = held.plant.bushing_load("grip")
+    springs = 0.5 * law.stiffness * load.stretch**2 + 0.5 * np.dot(load.torque, load.torque) / law.rotational_stiffness
+    residual = energy() + springs + taken - start - given
+    print(f"residual {residual:.1e} J of {passed:.1f} J")
+    assert passed > 1.0
+    assert abs(residual) < 0.01 * passed
+
+
+def test_a_grip_slips_at_its_limit_and_counts_how_far(beside):
+    plant = beside(bar("prismatic"), name="rod", **WEIGHTLESS)
+    grip = Bushing("rod::post", "rod::bar", np.eye(4), np.eye(4), damping=0.0, force_limit=10.0)
+    plant.connect("grip", grip)
+    plant.drive_joints("rod", [30.0])
+    run(plant, 150)
+    load, moved = plant.bushing_load("grip"), joints(plant, "rod")
+    assert math.hypot(*load.force) == pytest.approx(10.0)
+    assert moved[1][0] == pytest.approx(0.15 * (30.0 - 10.0) / 2.0, rel=0.05)
+    assert load.slipped == pytest.approx(moved[0][0] - 10.0 / grip.stiffness, abs=3e-3)
+
+
+@pytest.mark.parametrize("contact", ["rigid", "penalty"])
+def test_links_that_are_connected_do_not_touch_until_they_are_let_go(beside, contact):
+    rules = [{"link": "two::*", "contact": contact}]
+    plant = beside(block(), name="one", surfaces=rules, **WEIGHTLESS)
+    plant.spawn("two", block(), at(3.05, 0, 2))
+    plant.connect("glue", Bushing("one::body", "two::body", at(0.05, 0, 0), np.eye(4)))
+    run(plant, 10)
+    assert plant.contacts() == []
+    plant.disconnect("glue")
+    run(plant, 1)
+    assert {contact.kind for contact in plant.contacts()} == {contact}
+
+
+# -- names and numbers of connections ----------------------------------------------------------------------------------
+
+
+def test_a_bushing_has_no_load_before_its_first_step(hands):
+    load = hands().plant.bushing_load("grip")
+    assert (load.force, load.torque, load.stretch, load.slipped) == ((0.0,) * 3, (0.0,) * 3, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "bushing", "error", "message"),
+    [
+        ("grip", Bushing("link1", "model::bar", np.eye(4), np.eye(4)), HricError, "connection 'grip' exists"),
+        ("", Bushing("link1", "model::bar", np.eye(4), np.eye(4)), HricError, "has no name"),
+        ("new", Bushing("hand", "model::bar", np.eye(4), np.eye(4)), UnknownNameError, "no link 'hand'"),
+        ("new", Bushing("link1", "ball::bar", np.eye(4), np.eye(4)), UnknownNameError, "no model 'ball'"),
+        ("new", Bushing("link1", "planar::link1", np.eye(4), np.eye(4)), HricError, "both bodies are planar::link1"),
+        ("new", Bushing("link1", "model::bar", 2 * np.eye(4), np.eye(4)), ParameterError, "T_a_grip must be a 4 x 4"),
+        ("new", Bushing("link1", "model::bar", np.eye(4), np.eye(4), -1.0), ParameterError, "stiffness must be a"),
+    ],
+)
+def test_what_is_no_connection_is_refused_and_leaves_those_that_are(beside, name, bushing, error, message):
+    plant = beside(bar())
+    plant.connect("grip", Bushing("link2", "model::bar", np.eye(4), np.eye(4)))
+    with pytest.raises(error, match=message):
+        plant.connect(name, bushing)
+    assert plant.connections() == ["grip"]
+
+
+def test_connections_that_are_not_there_are_refused_with_those_that_are(beside):
+    plant = beside(bar())
+    plant.connect("grip", Bushing("link2", "model::bar", np.eye(4), np.eye(4)))
+    for request in (plant.disconnect, plant.bushing_load):
+        with pytest.raises(UnknownNameError, match=r"no connection 'hold'.*valid: grip"):
+            request("hold")
+
+
+# -- what survives what ------------------------------------------------------------------------------------------------
+
+
+def spawn(plant):
+    plant.spawn("other", bar(), at(8, 0, 2), fixed=True)
+
+
+def spawn_and_delete(plant):
+    spawn(plant)
+    plant.delete("other")
+
+
+def set_load(plant):
+    plant.set_load(None)
+
+
+@pytest.mark.parametrize("change", [spawn, spawn_and_delete, set_load])
+def test_arm_drive_and_grip_go_on_as_if_nothing_were_when_the_scene_changes(hands, change):
+    ends = []
+    for how in (lambda plant: None, change):
+        held = hands()
+        for k, _ in enumerate(held.guide(400)):
+            if k == 200:
+                before = held.state()
+                how(held.plant)
+                assert all(map(np.array_equal, before, held.state()))
+        ends.append(np.concatenate([*held.state(), held.plant.bushing_load("grip").force]))
+    assert np.abs(ends[1] - ends[0]).max() < 1e-6
+
+
+def test_a_reset_puts_a_model_where_its_joints_were_put_last(beside):
+    plant = beside(ARM)
+    plant.set_joints("model", BENT, [0.1] * 7)
+    run(plant, 50)
+    plant.reset([0.0, 0.0])
+    q, dq = joints(plant, "model")
+    assert q == pytest.approx(BENT, abs=1e-12)
+    assert dq == pytest.approx([0.1] * 7, abs=1e-12)
+
+
+def test_a_reset_ends_the_drive(beside):
+    plant = beside(bar(), **WEIGHTLESS)
+    plant.drive_joints("model", [1.0])
+    plant.reset([0.0, 0.0])
+    run(plant, 10)
+    assert joints(plant, "model")[0][0] == 0.0
+
+
+def test_a_reset_keeps_a_grip_and_forgets_that_it_slipped(beside):
+    plant = beside(bar("prismatic"), name="rod", **WEIGHTLESS)
+    plant.connect("grip", Bushing("rod::post", "rod::bar", np.eye(4), np.eye(4), force_limit=10.0))
+    plant.drive_joints("rod", [30.0])
+    run(plant, 100)
+    assert plant.bushing_load("grip").slipped > 0.0
+    plant.reset([0.0, 0.0])
+    assert plant.connections() == ["grip"]
+    run(plant, 1)
+    assert plant.bushing_load("grip").slipped == 0.0
+
+
+def test_what_a_deleted_model_was_connected_to_is_free(beside):
+    plant = beside(bar())
+    plant.spawn("other", bar(), at(5, 0, 2), fixed=True)
+    plant.connect("grip", Bushing("link2", "model::bar", np.eye(4), np.eye(4), 0.0, 0.0))
+    plant.connect("kept", Bushing("link2", "other::bar", np.eye(4), np.eye(4), 0.0, 0.0))
+    plant.delete("model")
+    run(plant, 10)
+    assert plant.connections() == ["kept"]
+
+
+def test_a_run_with_an_arm_and_a_grip_repeats_to_the_last_bit_after_a_reset(hands):
+    held, ends = hands(), []
+    for _ in range(2):
+        held.plant.reset(READY)
+        for _ in held.guide(200):
+            pass
+        ends.append((*map(tuple, held.state()), held.plant.bushing_load("grip")))
+    assert ends[0] == ends[1]
