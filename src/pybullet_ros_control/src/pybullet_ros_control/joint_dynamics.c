@@ -426,6 +426,23 @@ static PyObject *dynamics_mass_matrix(Dynamics *self, PyObject *q)
     return list(M, (Py_ssize_t)self->n * self->n);
 }
 
+static PyObject *dynamics_mobility(Dynamics *self, PyObject *q)
+{
+    const int n = self->n;
+    double M[n > 0 ? n * n : 1], inverse[n > 0 ? n * n : 1];
+    if (!take(q, n, self->q))
+        return NULL;
+    place(self);
+    links_mass_matrix(self, M);
+    factor(n, M);
+    memset(inverse, 0, sizeof inverse);
+    for (int i = 0; i < n; i++) {
+        inverse[i * n + i] = 1.0;
+        solve(n, M, inverse + i * n);
+    }
+    return list(inverse, (Py_ssize_t)n * n);
+}
+
 static PyObject *dynamics_bias(Dynamics *self, PyObject *const *given, Py_ssize_t count)
 {
     double u[self->n > 0 ? self->n : 1], result[self->n > 0 ? self->n : 1];
@@ -579,6 +596,7 @@ static PyMethodDef methods[] = {
     {"rotor_efforts", (PyCFunction)dynamics_rotor_efforts, METH_O,
      "(dq at the end of the step) -> what the rotors took up in it"},
     {"mass_matrix", (PyCFunction)dynamics_mass_matrix, METH_O, "(q) -> M of the links, row-major"},
+    {"mobility", (PyCFunction)dynamics_mobility, METH_O, "(q) -> M^-1 of the links, row-major"},
     {"bias", FAST(dynamics_bias), "(q, dq) -> h"},
     {"motion", FAST(dynamics_motion),
      "(q, dq, joint, frame) -> position, quaternion, linear, angular velocity of a frame on the link behind a joint"},

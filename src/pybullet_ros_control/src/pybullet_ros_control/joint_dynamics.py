@@ -78,6 +78,9 @@ class Dynamics(Protocol):
     def mass_matrix(self, q: Vector, /) -> list[float]:
         """M of the links at q, n x n floats row-major [kg m^2]."""
 
+    def mobility(self, q: Vector, /) -> list[float]:
+        """M^-1 of the links at q, n x n floats row-major [1/(kg m^2)]."""
+
     def bias(self, q: Vector, dq: Vector, /) -> list[float]:
         """h(q, dq): Coriolis, centrifugal and gravity efforts [N m]."""
 

@@ -118,9 +118,8 @@ class ModelJoints:
     def mobility(self) -> FloatArray:
         """The joints' part of the inverse mass matrix, shape (n, n) [1/(kg m^2)]. The engine's own stays that of an old
         body whose place in memory the model got."""
-        q = [*self._base, *self.q]
-        inverse = np.linalg.inv(np.array(self.dynamics.mass_matrix(q)).reshape(len(q), -1))
-        return inverse[len(self._base) :, len(self._base) :]
+        q, first = [*self._base, *self.q], len(self._base)
+        return np.array(self.dynamics.mobility(q)).reshape(len(q), -1)[first:, first:]
 
     def read(self) -> None:
         """The state that a step has led to."""

@@ -224,10 +224,11 @@ class PyBulletPlant(DrivenPlant, Articulated):
 
     def _joints(self, model: str, values: Sequence[float] = ()) -> ModelJoints | None:
         """None where no joint of the model moves; there must be no values for it then."""
-        self._world.check_model(model)
         joints = self._world.joints.get(model)
-        if joints is None and len(values) > 0:
-            raise CommandError(f"got {len(values)} values for model {model}, of which no joint moves")
+        if joints is None:
+            self._world.check_model(model)
+            if len(values) > 0:
+                raise CommandError(f"got {len(values)} values for model {model}, of which no joint moves")
         return joints
 
     def model_joints(self, model: str) -> tuple[str, ...]:

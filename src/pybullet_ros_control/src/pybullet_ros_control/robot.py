@@ -201,9 +201,9 @@ class Robot:
             external: joint efforts of the forces that the plant applies in this step [N m]; None for none.
         """
         client, body, joints, motors = self._client, self.body.id, self._joints, self._motors
-        held, self._held = self._held, None
+        held = self._held
         if held is not None:
-            external = added(external, held)
+            self._held, external = None, added(external, held)
         if not motors.all_effort:
             self._drive(values, external, held)
         else:
