@@ -63,6 +63,7 @@ class Sink:
 
     def __init__(self) -> None:
         self.socket, self._peer = socket.socketpair()
+        self._peer.setblocking(False)
         self.lock = threading.RLock()
         self._heard, self._filling, self.writes = bytearray(), 0, 0
 
@@ -96,7 +97,7 @@ class Sink:
     def sent(self) -> list[object]:
         """What has arrived so far."""
         with suppress(BlockingIOError):
-            while heard := self._peer.recv(1 << 20, socket.MSG_DONTWAIT):
+            while heard := self._peer.recv(1 << 20):
                 self._heard += heard
         return [json.loads(part) for part in self._heard.decode().split(";")[:-1]]
 

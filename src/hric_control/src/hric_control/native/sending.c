@@ -5,17 +5,23 @@
 #include <poll.h>
 #include <sys/socket.h>
 
-/* All of it, however long that takes; 0 or the error's number. */
+/* A listener that takes nothing for so long is given up, as rospy does [ms]. */
+static const int PATIENCE = 60000;
+
+/* All of it; 0 or the error's number. */
 static int write_all(int fd, const char *data, size_t size)
 {
     while (size > 0) {
-        const ssize_t sent = send(fd, data, size, MSG_NOSIGNAL);
+        const ssize_t sent = send(fd, data, size, MSG_NOSIGNAL | MSG_DONTWAIT);
         if (sent >= 0) {
             data += sent;
             size -= (size_t)sent;
         } else if (errno == EAGAIN || errno == EWOULDBLOCK) {
             struct pollfd writable = {.fd = fd, .events = POLLOUT};
-            if (poll(&writable, 1, -1) < 0 && errno != EINTR)
+            const int ready = poll(&writable, 1, PATIENCE);
+            if (ready == 0)
+                return ETIMEDOUT;
+            if (ready < 0 && errno != EINTR)
                 return errno;
         } else if (errno != EINTR) {
             return errno;
