@@ -83,7 +83,7 @@ class DoubleIntegrator(ReactingPlant):
     def joint_reactions(self) -> list[JointReaction]:
         return [JointReaction("j1", "one", (0.0, 0.0, 1.0), (0.0, 0.0, 9.0), (1.0, 2.0, 3.0))]
 
-    def spawn(self, name, urdf_xml, T_world_model, *, fixed=False) -> None:
+    def _spawn(self, name, urdf_xml, T_world_model, fixed, surfaces) -> None:
         if name in self.models:
             raise HricError(f"model {name} exists already")
         self.models[name] = (T_world_model, fixed)

@@ -36,7 +36,7 @@ def test_it_turns_them_by_stiffness_times_the_rotation_vector_between_them() -> 
     relative = np.array([0.02, 0.05, -0.03])
     b = quaternions.product(quaternions.from_rotation_vector(relative), quaternions.from_rotation_vector(tool))
     load = BushingLaw(LOOSE).step(
-        moving(turn=hand, angular=(0.1, 0.0, 0.0)), replace(moving(angular=(0.5, 0.0, 0.0)), orientation=b)
+        moving(turn=hand, angular=(0.1, 0.0, 0.0)), moving(angular=(0.5, 0.0, 0.0))._replace(orientation=b)
     )
     assert load.torque == pytest.approx(50.0 * relative + [0.25 * 0.4, 0.0, 0.0])
 
@@ -106,7 +106,7 @@ def test_beyond_its_limit_it_slips_holds_the_limit_and_stays_where_it_slipped_to
 def test_beyond_its_torque_limit_it_turns() -> None:
     law = BushingLaw(replace(LOOSE, torque_limit=2.0))
     for x in np.linspace(0.0, 0.1, 50):
-        load = law.step(moving(turn=(0.2, 0.1, 0.0)), replace(moving(), orientation=turned_by(x)))
+        load = law.step(moving(turn=(0.2, 0.1, 0.0)), moving()._replace(orientation=turned_by(x)))
     assert math.hypot(*load.torque) == pytest.approx(2.0) and load.turned == pytest.approx(0.06, rel=1e-6)
 
 
@@ -126,14 +126,14 @@ def turned_by(x: float) -> quaternions.Quaternion:
     ],
 )
 def test_what_is_no_bushing_is_refused_by_name(change: dict[str, object], message: str) -> None:
-    bushings = Bushings(lambda body: body)
+    bushings = Bushings(lambda body: body, lambda body: [body])
     with pytest.raises(HricError, match=f"connection grip: {message}"):
         bushings.connect("grip", replace(LOOSE, **change))
     assert not bushings.laws
 
 
 def test_names_are_taken_once_and_unknown_ones_are_refused_with_those_that_exist() -> None:
-    bushings = Bushings(lambda body: body)
+    bushings = Bushings(lambda body: body, lambda body: [body])
     bushings.connect("grip", LOOSE)
     with pytest.raises(HricError, match="connection 'grip' exists"):
         bushings.connect("grip", LOOSE)

@@ -82,6 +82,15 @@ def test_a_reset_of_the_robot_is_one_of_the_participants_and_a_new_pose_is_not()
     robot.shutdown()
 
 
+def test_whoever_owns_the_clock_gives_all_the_epoch_of_their_stamps() -> None:
+    robot = app(door={"type": "lab/Pusher", "force": 2.0}, gate={"type": "lab/Pusher", "force": 1.0})
+    participants = robot.hw._participants
+    assert [participant.epoch for participant in participants._all] == [0.0, 0.0]
+    participants.set_epoch(1.7e9)
+    assert [participant.epoch for participant in participants._all] == [1.7e9, 1.7e9]
+    robot.shutdown()
+
+
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [

@@ -202,6 +202,16 @@ def test_a_wrong_rule_for_a_surface_is_refused_with_what_is_valid(items, message
         rules_of(items)
 
 
+def test_a_link_has_the_surface_that_its_model_brings_where_no_rule_goes_over_it():
+    surfaces = Surfaces(rules_of([{"link": "arm::hand", "friction": 0.0}]), 75000.0)
+    brought = {"hand": Surface(4e4), "elbow": Surface(3e4)}
+    assert surfaces.of_model("arm", ["base", "elbow", "hand"], Surface(), brought) == {
+        "base": Surface(),
+        "elbow": Surface(3e4),
+        "hand": Surface(4e4, 0.0, 0.0),
+    }
+
+
 def test_a_rule_for_a_link_that_a_model_does_not_have_is_refused_with_its_links():
     surfaces = Surfaces(rules_of([{"link": "arm::hnad", "friction": 0.1}]), 75000.0)
     assert surfaces.of_model("other", ["hand"], Surface()) == {"hand": Surface()}

@@ -1,14 +1,11 @@
 """Robots for the tests."""
 
-import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 from rigid_body_oracle import wide
-
-os.environ.setdefault("MUJOCO_GL", "egl")  # as the node camera; read when MuJoCo is loaded
 
 import panda_description
 from mujoco_ros_control.plant import MujocoPlant

@@ -42,6 +42,26 @@ static inline void multiply(const double A[9], const double B[9], double AB[9])
             AB[3 * i + j] = A[3 * i] * B[j] + A[3 * i + 1] * B[3 + j] + A[3 * i + 2] * B[6 + j];
 }
 
+/* Unit quaternion (x, y, z, w) of a rotation, by its largest component (Shepperd 1978). */
+static inline void quaternion(const double R[9], double q[4])
+{
+    const double diagonal[4] = {1.0 + R[0] - R[4] - R[8], 1.0 - R[0] + R[4] - R[8], 1.0 - R[0] - R[4] + R[8],
+                                1.0 + R[0] + R[4] + R[8]};
+    const double rows[4][4] = {{diagonal[0], R[3] + R[1], R[2] + R[6], R[7] - R[5]},
+                               {R[3] + R[1], diagonal[1], R[7] + R[5], R[2] - R[6]},
+                               {R[2] + R[6], R[7] + R[5], diagonal[2], R[3] - R[1]},
+                               {R[7] - R[5], R[2] - R[6], R[3] - R[1], diagonal[3]}};
+    int largest = 3;
+    double square = 0.0;
+    for (int k = 0; k < 3; k++)
+        if (diagonal[k] > diagonal[largest])
+            largest = k;
+    for (int k = 0; k < 4; k++)
+        square += rows[largest][k] * rows[largest][k];
+    for (int k = 0; k < 4; k++)
+        q[k] = rows[largest][k] / sqrt(square);
+}
+
 /* Add a rigid body of the frame (R, p): centre of mass in that frame, inertia about it in that frame's axes. Steiner's
  * theorem. */
 static inline void add_body(const double R[9], const double p[3], double m, const double com[3], const double I[9],

@@ -3,13 +3,15 @@ nothing here imports one."""
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+
+from hric_control.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -27,6 +29,21 @@ class Load:
     mass: float
     com: tuple[float, ...] = (0.0, 0.0, 0.0)
     inertia: tuple[float, ...] = (0.0,) * 9
+
+
+@dataclass(frozen=True)
+class Surface:
+    """How a body's surface responds.
+
+    Attributes:
+        stiffness: of penalty contact [N/m]; None for the engine's rigid contact.
+        damping: of penalty contact [N s/m].
+        friction: coefficient; a pair has the product of both.
+    """
+
+    stiffness: float | None = None
+    damping: float = 0.0
+    friction: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -144,6 +161,8 @@ class Plant(ABC):
     """Step for which the plant was set up [s]; `step` advances by it."""
     integrator: str = "accurate"
     """Of the choices of the parameter `integrator` the one that steps it."""
+    gravity: Sequence[float] = (0.0, 0.0, -9.81)
+    """In the world frame, 3 floats [m/s^2]."""
 
     @abstractmethod
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
@@ -205,9 +224,35 @@ class Plant(ABC):
     def contacts(self) -> list[Contact]:
         """Contacts of the last step that involve the robot or a spawned model."""
 
+    def spawn(
+        self,
+        name: str,
+        urdf_xml: str,
+        T_world_model: FloatArray,
+        *,
+        fixed: bool = False,
+        surfaces: Mapping[str, Surface] = {},
+    ) -> None:
+        """Add a model.
+
+        Args:
+            T_world_model: of its root link, shape (4, 4).
+            surfaces: of its links, by name; links that are left out are rigid. Rules of the world file and of the
+                plant's parameters go over them.
+
+        Raises:
+            HricError: the name is taken, the pose is no transform, the URDF is bad, or a surface is of a link that the
+                model does not have.
+        """
+        if np.shape(T_world_model) != (4, 4) or not np.isfinite(T_world_model).all():
+            raise HricError(f"model {name}: its pose must be a finite 4 x 4 transform")
+        self._spawn(name, urdf_xml, np.array(T_world_model, dtype=float), fixed, surfaces)
+
     @abstractmethod
-    def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, *, fixed: bool = False) -> None:
-        """Add a model. T_world_model: shape (4, 4). Raises HricError if the name is taken or the URDF is bad."""
+    def _spawn(
+        self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
+    ) -> None:
+        """What `spawn` does, with a pose that is a transform."""
 
     @abstractmethod
     def delete(self, name: str) -> None:
@@ -297,7 +342,8 @@ class Articulated(Plant):
 
     @abstractmethod
     def connect(self, name: str, bushing: Bushing) -> None:
-        """Hold two bodies together from the next step on. Links that are connected do not touch each other.
+        """Hold two bodies together from the next step on. Links that are connected do not touch each other, nor does
+        what is fixed to them or hangs on them by one joint.
 
         Raises:
             HricError: the name is taken; no such body; both bodies are one; a transform or number that is none.

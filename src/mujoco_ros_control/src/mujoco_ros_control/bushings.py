@@ -48,7 +48,7 @@ class SceneBushings(Bushings):
         pairs = list(self.pairs())
         self.any = bool(pairs)
         self._links = make_links(scene, [link for pair in pairs for link in pair])
-        scene.set_connected(pairs)
+        scene.set_connected(self.apart())
 
     def push(self) -> None:
         """Hold both links of each together in the coming step; positions and velocities are those of now."""

@@ -71,13 +71,16 @@ class PenaltyContact:
     def _near(self) -> list[_Near]:
         """By pairs of links; of two shapes the deepest point."""
         contact, deepest = self._scene.d.contact, dict[tuple[int, int], int]()
+        springs, apart = self._scene.springs, self._scene.apart
         distances = contact.dist.tolist()
         for i, geoms in enumerate(map(tuple, contact.geom.tolist())):
-            if geoms in self._scene.springs and distances[i] < distances[deepest.setdefault(geoms, i)]:
+            if geoms not in springs or geoms in apart:
+                continue
+            if distances[i] < distances[deepest.setdefault(geoms, i)]:
                 deepest[geoms] = i
         found = []
         for geoms, i in deepest.items():
-            a, b, law, forward = self._scene.springs[geoms]
+            a, b, law, forward = springs[geoms]
             normal = contact.frame[i, :3] * (-1.0 if forward else 1.0)
             found.append(_Near(a, b, law, normal, contact.pos[i].copy(), -distances[i]))
         return sorted(found, key=lambda near: (near.a.link, near.b.link))
@@ -165,7 +168,7 @@ def rigid_contacts(scene: Scene, time_step: float) -> list[Contact]:
     columns = (contact.geom.tolist(), contact.dist.tolist(), contact.pos.tolist(), contact.frame[:, :3].tolist())
     found = []
     for address, (b, a), distance, position, normal in zip(addresses, *columns, strict=True):
-        if (b, a) in scene.springs:
+        if (b, a) in scene.springs or (b, a) in scene.apart:
             continue
         force = forces[address] if address >= 0 else 0.0
         if force > 0.0 or distance < 0.0:

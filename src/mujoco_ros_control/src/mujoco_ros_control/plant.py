@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import CommandError, HricError
+from hric_control.errors import CommandError
 from hric_control.plant import (
     Articulated,
     Bushing,
@@ -18,6 +18,7 @@ from hric_control.plant import (
     Load,
     Mode,
     ReactingPlant,
+    Surface,
 )
 from hric_control.plants import Model, Surfaces, Wrenches, load_masks, load_surfaces, load_world, payload
 from hric_control.urdf import read
@@ -48,7 +49,7 @@ class MujocoPlant(DrivenPlant, ReactingPlant, Articulated):
         if self.config.integrator == "auto":
             crowded = sum(item.mass > 0.0 for item in objects) > MANY
             self.config = replace(self.config, integrator="semi_implicit" if crowded else "accurate")
-        self.integrator = self.config.integrator
+        self.integrator, self.gravity = self.config.integrator, self.config.gravity
         rules = Surfaces((*load_surfaces(self.config.world), *self.config.surfaces), self.config.contact_stiffness)
         self._tree = tree
         self._wrenches = Wrenches(self.time_step)
@@ -178,12 +179,11 @@ class MujocoPlant(DrivenPlant, ReactingPlant, Articulated):
         """Name of a model's root link."""
         return self._world.base_link(model)
 
-    def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, *, fixed: bool = False) -> None:
-        """Add a model with its root link at T_world_model, shape (4, 4). The scene is compiled again, everything else
-        goes on where it is."""
-        if np.shape(T_world_model) != (4, 4) or not np.isfinite(T_world_model).all():
-            raise HricError(f"model {name}: its pose must be a finite 4 x 4 transform")
-        self._world.spawn(name, urdf_xml, np.array(T_world_model, dtype=float), fixed)
+    def _spawn(
+        self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
+    ) -> None:
+        """Add a model. The scene is compiled again, everything else goes on where it is."""
+        self._world.spawn(name, urdf_xml, T_world_model, fixed, surfaces)
 
     def delete(self, name: str) -> None:
         """Remove a model, and the wrenches on it."""

@@ -73,6 +73,7 @@ class Scene:
             mujoco.mj_resetData(self.m, self.d)
         self.springs = self._numbered_springs()
         self._reaches = self.m.pair_margin.copy(), self.m.pair_gap.copy()
+        self.apart = set[tuple[int, int]]()
         self._still, self._connected = frozenset[int](), frozenset[frozenset[str]]()
         self._dofs_between = self._between_pairs()
         self._joints = {self.m.joint(i).name: self._slices(i) for i in range(self.m.njnt)}
@@ -118,9 +119,11 @@ class Scene:
         m = self.m
         m.pair_margin[:], m.pair_gap[:] = self._reaches
         pairs = zip(m.pair_geom1.tolist(), m.pair_geom2.tolist(), strict=True)
+        self.apart.clear()
         for k, (geoms, between) in enumerate(zip(pairs, self._dofs_between, strict=True)):
             if frozenset(self.links[geom] for geom in geoms) in self._connected:
                 m.pair_margin[k], m.pair_gap[k] = -UNSOLVED, 0.0
+                self.apart |= {geoms, geoms[::-1]}
             elif geoms not in self.springs and between.issubset(self._still):
                 m.pair_margin[k], m.pair_gap[k] = -UNSOLVED, UNSOLVED
 

@@ -44,7 +44,7 @@ class World(Models):
         self._itself, self._robot, self._masks, self._config = itself, robot, list(masks), config
         self._loads: dict[str, MassProperties] = {}
         self.penalty = PenaltyContact(config.time_step)
-        self.bushings = SceneBushings(self.full_name)
+        self.bushings = SceneBushings(self.full_name, self.near)
         self._joints: dict[str, ModelJoints] = {}
         self._restore()
         self._compile()

@@ -85,13 +85,13 @@ class EngineBushings(Bushings):
     """
 
     def __init__(self, engine: Engine, world: World, robot: Robot, config: PlantConfig) -> None:
-        super().__init__(world.full_name)
+        super().__init__(world.full_name, world.near)
         self._engine, self._world, self._robot, self._half = engine, world, robot, half_step(config)
         self._acting: list[tuple[BushingLaw, _End, _End]] = []
 
     def bind(self) -> None:
         """Bodies were loaded again, or others are connected."""
-        self._world.keep_apart(self.pairs())
+        self._world.keep_apart(self.apart())
         self._robot.mask()
         self._acting = [
             (law, self._end(law.bushing.body_a), self._end(law.bushing.body_b)) for law in self.laws.values()

@@ -100,26 +100,6 @@ static void place(Dynamics *self)
     }
 }
 
-/* Unit quaternion (x, y, z, w) of a rotation, by its largest component (Shepperd 1978). */
-static void quaternion(const double R[9], double q[4])
-{
-    const double diagonal[4] = {1.0 + R[0] - R[4] - R[8], 1.0 - R[0] + R[4] - R[8], 1.0 - R[0] - R[4] + R[8],
-                                1.0 + R[0] + R[4] + R[8]};
-    const double rows[4][4] = {{diagonal[0], R[3] + R[1], R[2] + R[6], R[7] - R[5]},
-                               {R[3] + R[1], diagonal[1], R[7] + R[5], R[2] - R[6]},
-                               {R[2] + R[6], R[7] + R[5], diagonal[2], R[3] - R[1]},
-                               {R[7] - R[5], R[2] - R[6], R[3] - R[1], diagonal[3]}};
-    int largest = 3;
-    double square = 0.0;
-    for (int k = 0; k < 3; k++)
-        if (diagonal[k] > diagonal[largest])
-            largest = k;
-    for (int k = 0; k < 4; k++)
-        square += rows[largest][k] * rows[largest][k];
-    for (int k = 0; k < 4; k++)
-        q[k] = rows[largest][k] / sqrt(square);
-}
-
 static void links_mass_matrix(Dynamics *self, double *M)
 {
     memcpy(self->composites, self->bodies, sizeof(Body) * (size_t)self->n);

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from hric_control.errors import CommandError, FailureError, HricError
-from hric_control.plant import Articulated, Bushing, BushingLoad, Contact, DrivenPlant, FloatArray, Load, Mode
+from hric_control.errors import CommandError, FailureError
+from hric_control.plant import Articulated, Bushing, BushingLoad, Contact, DrivenPlant, FloatArray, Load, Mode, Surface
 from hric_control.plants import PlantConfig, Surfaces, Wrenches, load_masks, load_surfaces, load_world, payload
 from hric_control.urdf import read
 from pybullet_ros_control.bushings import EngineBushings
@@ -28,6 +28,7 @@ class PyBulletPlant(DrivenPlant, Articulated):
         self.joint_names = tuple(joint_names)
         self.config = PlantConfig.of(config, "plant/", self.joint_names)
         self.time_step, self.integrator = self.config.time_step, self.config.integrator
+        self.gravity = self.config.gravity
         tree = read(urdf_xml)
         masks = load_masks(self.config.collision_masks)
         objects = load_world(self.config.world, self.config.contact_stiffness)
@@ -193,11 +194,11 @@ class PyBulletPlant(DrivenPlant, Articulated):
         """Name of a model's root link."""
         return self._world.base_link(model)
 
-    def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, *, fixed: bool = False) -> None:
-        """Add a model with its root link at T_world_model, shape (4, 4)."""
-        if np.shape(T_world_model) != (4, 4) or not np.isfinite(T_world_model).all():
-            raise HricError(f"model {name}: its pose must be a finite 4 x 4 transform")
-        self._world.spawn(name, urdf_xml, np.array(T_world_model, dtype=float), fixed)
+    def _spawn(
+        self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
+    ) -> None:
+        """Add a model."""
+        self._world.spawn(name, urdf_xml, T_world_model, fixed, surfaces)
 
     def delete(self, name: str) -> None:
         """Remove a model, the wrenches on it, and what holds it."""

@@ -1,6 +1,6 @@
 """Everything around the robot in one engine: the objects of the world file and the models spawned later."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -9,7 +9,7 @@ import pybullet
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.geometry import FloatArray, quaternion_from_rotation
 from hric_control.plant import Contact
-from hric_control.plants import PLAIN_LINK, PlantConfig, Surface, Surfaces, WorldObject
+from hric_control.plants import PLAIN_LINK, PlantConfig, Surface, Surfaces, WorldObject, near_links
 from hric_control.urdf import Robot, read
 from pybullet_ros_control.contact import EngineLink, PenaltyContact, rigid_contacts
 from pybullet_ros_control.engine import Body, BodyState, Engine
@@ -37,7 +37,7 @@ class World:
         config: the plant's parameters.
 
     Attributes:
-        spawned: loads each spawned model, again after the engine was emptied.
+        spawned: what loads each spawned model, again after the engine was emptied, and surfaces of its links.
         joints: of the models that have some.
         forces: that act on bodies from outside.
     """
@@ -47,7 +47,7 @@ class World:
     objects: list[WorldObject]
     rules: Surfaces
     bodies: dict[str, Body] = field(default_factory=dict)
-    spawned: dict[str, Callable[[], Body]] = field(default_factory=dict)
+    spawned: dict[str, tuple[Callable[[], Body], Mapping[str, Surface]]] = field(default_factory=dict)
     surfaces: dict[str, dict[str, Surface]] = field(default_factory=dict)
     joints: dict[str, ModelJoints] = field(default_factory=dict)
 
@@ -73,8 +73,8 @@ class World:
                 raise HricError(f"object {item.name}: the robot has this name; give the object another one")
             if states is None or item.name in states:
                 self._add(item.name, self._load_object(item), item.surface)
-        for name, load in self.spawned.items():
-            self._add(name, load(), Surface())
+        for name, (load, surfaces) in self.spawned.items():
+            self._add(name, load(), Surface(), surfaces)
         for name, state in (states or {}).items():
             self.engine.set_state(self.bodies[name], state)
         if states is None:
@@ -82,9 +82,9 @@ class World:
                 joints.reset()
         self._changed()
 
-    def _add(self, name: str, body: Body, surface: Surface) -> None:
+    def _add(self, name: str, body: Body, surface: Surface, own: Mapping[str, Surface] = {}) -> None:
         links = body.links if body.model is None else body.model.frames
-        self.bodies[name], self.surfaces[name] = body, self.rules.of_model(name, links, surface)
+        self.bodies[name], self.surfaces[name] = body, self.rules.of_model(name, links, surface, own)
         for link, index in body.links.items():
             friction = self.surfaces[name][link].friction
             pybullet.changeDynamics(body.id, index, lateralFriction=friction, physicsClientId=self.engine.client)
@@ -148,18 +148,21 @@ class World:
         pybullet.changeDynamics(body_id, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=client)
         return Body(item.name, body_id, None, {PLAIN_LINK: -1}, {}, {})
 
-    def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool) -> None:
-        """Add a model. Raises HricError when the name is taken or the URDF is bad."""
+    def spawn(
+        self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
+    ) -> None:
+        """Add a model. Raises HricError when the name is taken or the URDF or a surface is bad."""
         if not name or name in self.bodies:
             raise HricError(f"model name {name!r} is taken or empty; taken: {', '.join(sorted(self.bodies))}")
         tree = read(urdf_xml)
         model = self._prepare(tree, fixed)
+        own = dict(surfaces)
         self.rules.of_model(
-            name, model.frames, Surface()
-        )  # a rule that does not fit is refused before anything is loaded
+            name, model.frames, Surface(), own
+        )  # what does not fit is refused before anything is loaded
         load = partial(self._load_model, name, tree, model, T_world_model.copy(), fixed)
-        self._add(name, load(), Surface())
-        self.spawned[name] = load
+        self._add(name, load(), Surface(), own)
+        self.spawned[name] = load, own
         self._changed()
 
     def delete(self, name: str) -> None:
@@ -198,6 +201,14 @@ class World:
         if model not in self.bodies:
             raise UnknownNameError("model", model, self.bodies, "the world")
         return self.bodies[model], link
+
+    def near(self, name: str) -> list[str]:
+        """ "model::link" of all that a grip on a body does not collide with. Raises UnknownNameError."""
+        body, link = self.find(name)
+        if body.model is None:
+            return [f"{body.name}::{link}"]
+        tops = {of: frame.body_link for of, frame in body.model.tops.items()}
+        return [f"{body.name}::{of}" for of in near_links(link, tops, body.model.joints.values())]
 
     def full_name(self, name: str) -> str:
         """ "model::link" of a body that `find` takes. Raises UnknownNameError."""

@@ -3,7 +3,8 @@
 This is the module to import from, but for `faces` (where two shapes lie on each other) and `resources` (files).
 """
 
-from hric_control.plants.bushings import BushingLaw, Bushings, Motion
+from hric_control.plant import Surface
+from hric_control.plants.bushings import BushingLaw, Bushings, Motion, near_links
 from hric_control.plants.config import PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
 from hric_control.plants.friction import PHI, Phi, sigmoid_parameters, sigmoid_torque
@@ -12,7 +13,7 @@ from hric_control.plants.models import Model, Models, model_of_object, model_of_
 from hric_control.plants.moving_joints import Losses, MovingJoints
 from hric_control.plants.spring_step import Springs
 from hric_control.plants.stops import StopLaw, StopMemory
-from hric_control.plants.surfaces import Surface, SurfaceRule, Surfaces, combine, friction_force
+from hric_control.plants.surfaces import SurfaceRule, Surfaces, combine, friction_force
 from hric_control.plants.worlds import PLAIN_LINK, WorldObject, load_surfaces, load_world
 from hric_control.plants.wrenches import Wrenches
 
@@ -47,6 +48,7 @@ __all__ = [
     "masked",
     "model_of_object",
     "model_of_urdf",
+    "near_links",
     "payload",
     "rotor_inertia",
     "sigmoid_parameters",

@@ -8,8 +8,10 @@ to the limit.
 """
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,12 +20,12 @@ from hric_control.geometry import FloatArray, quaternions
 from hric_control.geometry.quaternions import Quaternion, Vector, cross, rotated
 from hric_control.geometry.transforms import quaternion_from_rotation
 from hric_control.plant import Bushing, BushingLoad
+from hric_control.urdf import Joint
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(NamedTuple):
     """Where a link's frame is and how it moves, world frame.
 
     Attributes:
@@ -92,7 +94,9 @@ def _limited(
     stretch: Vector, velocity: Vector, stiffness: float, damping: float, limit: float
 ) -> tuple[Vector, Vector | None]:
     """Load of spring and damper, and by how much the spring's end slips; None where it holds."""
-    x, y, z = (stiffness * s + damping * v for s, v in zip(stretch, velocity, strict=True))
+    x = stiffness * stretch[0] + damping * velocity[0]
+    y = stiffness * stretch[1] + damping * velocity[1]
+    z = stiffness * stretch[2] + damping * velocity[2]
     size = math.hypot(x, y, z)
     if size <= limit:
         return (x, y, z), None
@@ -117,15 +121,31 @@ def _difference(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
+def near_links(link: str, tops: Mapping[str, str], joints: Iterable[Joint]) -> list[str]:
+    """What a grip on a link does not collide with: the link, what is fixed to it, and what hangs on these by one joint,
+    as the fingers beside a hand that is held.
+
+    Args:
+        link: of a model.
+        tops: for every link of the model, the one that names the rigid group it belongs to.
+        joints: of the model.
+    """
+    own = tops[link]
+    pairs = [(tops[joint.parent], tops[joint.child]) for joint in joints]
+    groups = {own, *(top for pair in pairs if own in pair for top in pair)}
+    return [name for name, top in tops.items() if top in groups]
+
+
 class Bushings:
     """All that are connected now, by name.
 
     Args:
         full_name: "model::link" of a body's name; raises UnknownNameError.
+        near: "model::link" of all that a grip on such a link does not collide with; see `near_links`.
     """
 
-    def __init__(self, full_name: Callable[[str], str]) -> None:
-        self._full_name = full_name
+    def __init__(self, full_name: Callable[[str], str], near: Callable[[str], Sequence[str]]) -> None:
+        self._full_name, self._near = full_name, near
         self.laws: dict[str, BushingLaw] = {}
 
     def connect(self, name: str, bushing: Bushing) -> None:
@@ -164,8 +184,12 @@ class Bushings:
             law.restart()
 
     def pairs(self) -> Iterable[tuple[str, str]]:
-        """Full names of the links that do not touch each other."""
+        """Full names of the links that are connected."""
         return [(law.bushing.body_a, law.bushing.body_b) for law in self.laws.values()]
+
+    def apart(self) -> list[tuple[str, str]]:
+        """Full names of the links that do not touch each other."""
+        return [pair for a, b in self.pairs() for pair in product(self._near(a), self._near(b))]
 
     def _known(self, name: str) -> str:
         if name not in self.laws:

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
@@ -12,8 +12,9 @@ import numpy as np
 
 from hric_control.errors import DescriptionError, HricError, ParameterError, UnknownNameError
 from hric_control.geometry import FloatArray, MassProperties
-from hric_control.plant import Load
-from hric_control.plants.surfaces import Surface, Surfaces
+from hric_control.plant import Load, Surface
+from hric_control.plants.bushings import near_links
+from hric_control.plants.surfaces import Surfaces
 from hric_control.plants.worlds import PLAIN_LINK, WorldObject
 from hric_control.urdf import Robot, read, write_inertial
 
@@ -29,7 +30,8 @@ class Model:
         tree: its description.
         T_world_start: of its root link, shape (4, 4).
         fixed: to the world.
-        surface: of all its links.
+        surface: of its links.
+        surfaces: of single links, by name, in place of it.
         linear, angular: velocity of the root link's origin at the start, world frame [m/s], [rad/s].
         T_world_origin: where the frame of its free joint is now: coordinates at zero put the root link there.
         planes: links whose collision shape is the half-space below z = 0.
@@ -41,6 +43,7 @@ class Model:
     T_world_start: FloatArray
     fixed: bool
     surface: Surface = field(default_factory=Surface)
+    surfaces: Mapping[str, Surface] = field(default_factory=dict)
     linear: Sequence[float] = (0.0, 0.0, 0.0)
     angular: Sequence[float] = (0.0, 0.0, 0.0)
     planes: frozenset[str] = frozenset()
@@ -181,7 +184,7 @@ class Models(ABC):
     def _admit(self, model: Model) -> None:
         """Have a model from the next build on. Raises UnknownNameError when a rule for it fits none of its links;
         nothing has changed then."""
-        self._surfaces[model.name] = self._rules.of_model(model.name, model.tree.links, model.surface)
+        self._surfaces[model.name] = self._rules.of_model(model.name, model.tree.links, model.surface, model.surfaces)
         self.models[model.name] = model
 
     def _dismiss(self, name: str) -> None:
@@ -200,14 +203,17 @@ class Models(ABC):
                 self._admit(model)
         self.models = {name: self.models[name] for name in dict.fromkeys([*self._start, *self.models])}
 
-    def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool) -> None:
-        """Add a model with its root link at T_world_model, shape (4, 4).
+    def spawn(
+        self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
+    ) -> None:
+        """Add a model with its root link at T_world_model, shape (4, 4); surfaces: of its links, by name.
 
         Raises:
-            HricError: the name is taken or the URDF is bad; the world is then as before.
+            HricError: the name is taken, or the URDF or a surface is bad; the world is then as before.
         """
         self._check_name(name)
         model = model_of_urdf(name, urdf_xml, T_world_model, fixed=fixed)
+        model.surfaces = dict(surfaces)
         self._admit(model)
         try:
             self._build([model])
@@ -258,6 +264,13 @@ class Models(ABC):
     def full_name(self, body: str) -> str:
         """ "model::link" of a body that `find` takes. Raises UnknownNameError."""
         return "::".join(self.find(body))
+
+    def near(self, body: str) -> list[str]:
+        """ "model::link" of all that a grip on a body does not collide with. Raises UnknownNameError."""
+        model, link = self.find(body)
+        tree = self._description(model)
+        tops = {name: top for name, (top, _) in tree.rigid_groups().items()}
+        return [f"{model}::{name}" for name in near_links(link, tops, tree.joints.values())]
 
     def base_link(self, model: str) -> str:
         """Root link of a model or the robot. Raises UnknownNameError."""

@@ -1,32 +1,17 @@
 """How surfaces respond to contact: rigid, or by a spring with damping and friction (penalty contact)."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
-from hric_control.errors import ParameterError, UnknownNameError
+from hric_control.errors import ParameterError, UnknownNameError, check_known
 from hric_control.parameters import Settings, choice, number, text
-from hric_control.plant import FloatArray
+from hric_control.plant import FloatArray, Surface
 
 SLIP_VELOCITY = 1e-3
 """Friction of a penalty contact grows linearly up to this sliding speed [m/s] (project default, unconfirmed); a spring
 has no memory to stick with."""
-
-
-@dataclass(frozen=True)
-class Surface:
-    """How a body's surface responds.
-
-    Attributes:
-        stiffness: of penalty contact [N/m]; None for the engine's rigid contact.
-        damping: of penalty contact [N s/m].
-        friction: coefficient; a pair has the product of both.
-    """
-
-    stiffness: float | None = None
-    damping: float = 0.0
-    friction: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -78,13 +63,17 @@ class Surfaces:
     def __init__(self, rules: Sequence[SurfaceRule], default_stiffness: float) -> None:
         self._rules, self._default_stiffness = tuple(rules), default_stiffness
 
-    def of_model(self, model: str, links: Iterable[str], base: Surface) -> dict[str, Surface]:
-        """Surface of each link of a model whose links have `base` where no rule says otherwise.
+    def of_model(
+        self, model: str, links: Iterable[str], base: Surface, own: Mapping[str, Surface] = {}
+    ) -> dict[str, Surface]:
+        """Surface of each link of a model whose links have `own`, else `base`, where no rule says otherwise.
 
         Raises:
-            UnknownNameError: a rule fits the model, but none of its links.
+            UnknownNameError: a rule fits the model, but none of its links; `own` names a link that it does not have.
         """
         found = dict.fromkeys(links, base)
+        check_known("link", own, found, f"surfaces of model {model}")
+        found.update(own)
         for rule in self._rules:
             model_pattern, _, link_pattern = rule.link.partition("::")
             if not fnmatchcase(model, model_pattern):

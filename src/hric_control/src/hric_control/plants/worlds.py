@@ -7,8 +7,9 @@ from hric_control.errors import ParameterError
 from hric_control.geometry import FloatArray, transform_from_rpy
 from hric_control.node import REQUIRED
 from hric_control.parameters import Settings, choice, listing, number, numbers, read_yaml, refused, section, text
+from hric_control.plant import Surface
 from hric_control.plants.resources import resolve
-from hric_control.plants.surfaces import Surface, SurfaceRule, SurfaceSettings
+from hric_control.plants.surfaces import SurfaceRule, SurfaceSettings
 
 SIZES = {
     "box": ("length", "width", "height"),

@@ -18,7 +18,12 @@ class Participant(ABC):
         plant: the robot's.
         node: the robot's private names; a child of it, or `node.beside`, to publish.
         config: its parameters, `type` not among them.
+
+    Attributes:
+        epoch: time of the run at which robot time was 0 [s]: what it publishes is stamped with the sum of both.
     """
+
+    epoch = 0.0
 
     @abstractmethod
     def reset(self) -> None:
@@ -58,6 +63,11 @@ class Participants:
         except BaseException:
             self.close()
             raise
+
+    def set_epoch(self, epoch: float) -> None:
+        """Let all stamp what they publish with robot time plus this [s]; from any thread."""
+        for participant in self._all:
+            participant.epoch = epoch
 
     def reset(self) -> None:
         """The plant was put back to its start."""
