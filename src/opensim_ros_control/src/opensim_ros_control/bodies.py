@@ -41,6 +41,14 @@ class Kinematics:
         number = int(base.getMobilizedBodyIndex())
         return number, matrix(frame.findTransformInBaseFrame())
 
+    def body(self, number: int) -> opensim.PhysicalFrame:
+        """The frame of a body."""
+        return self._bodies.get(number, self._engine.model.getGround())
+
+    def count(self) -> int:
+        """Number of bodies, the ground among them."""
+        return len(self.system_jacobian()) // 6
+
     def forget(self) -> None:
         """The state is another one."""
         self._poses.clear()

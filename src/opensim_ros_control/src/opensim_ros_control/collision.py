@@ -1,7 +1,7 @@
 """The colliders of a model, the pairs of them that may touch, and which do. Far pairs cost next to nothing: a pair is
 looked at again only when what moved since could have closed its gap."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,9 @@ from opensim_ros_control.shapes import FAR, Pairing, Shape, Touch, pose
 
 MARGIN = 2e-3
 """Shapes that are nearer than this are looked at in every step [m] (project default, unconfirmed)."""
+FLANK = 1e-6
+"""A corner that is less deep than this lies on the sides of both shapes, which say nothing of their overlap [m]
+(project default, unconfirmed)."""
 AT_ONCE = 20.0
 """When one pair must be looked at, so are those that would have to be within so many steps: the poses cost more than
 the pairs (project default, unconfirmed)."""
@@ -112,7 +115,10 @@ class Collisions:
         if len(meeting.points) == 1:
             return [(meeting.points[0], meeting.touch.depth)]
         sides = [(c.shape.geometry, self._poses[id(c)]) for c in (meeting.a, meeting.b)]
-        return [(point, -sum(self._pairing.beyond(point, *side) for side in sides)) for point in meeting.points]
+        found = [(point, -sum(self._pairing.beyond(point, *side) for side in sides)) for point in meeting.points]
+        if meeting.touch.depth > MARGIN and max(depth for _, depth in found) < FLANK:
+            return [(meeting.touch.points[0], meeting.touch.depth)]
+        return found
 
     def corners(self, meeting: Meeting, body_pose: Callable[[int], FloatArray]) -> list[faces.Corner]:
         """Where the sides of the two shapes meet; their deepest point where they do not."""
@@ -186,18 +192,20 @@ def colliding_pairs(
     robot: str,
     masks: Sequence[tuple[str, str]],
     self_collision: bool,
+    connected: Iterable[tuple[str, str]],
 ) -> list[tuple[Collider, Collider]]:
     """Pairs that may touch: of different models; of the robot's links those that are neither fixed to each other, nor
-    neighbours, nor masked."""
+    neighbours, nor masked. Links that are connected do not, by "model::link"."""
     top = {link: name for link, (name, _) in description.rigid_groups().items()}
     name = {link if "::" in link else f"{robot}::{link}": link for link in description.links}
     joined = {frozenset((joint.parent, joint.child)) for joint in description.joints.values()}
     joined |= {frozenset((top[joint.parent], joint.child)) for joint in description.joints.values()}
+    held = set(map(frozenset, connected))
     result = []
     for i, a in enumerate(colliders):
         for b in colliders[i + 1 :]:
             link_a, link_b = name[a.link], name[b.link]
-            if top[link_a] == top[link_b]:
+            if top[link_a] == top[link_b] or frozenset((a.link, b.link)) in held:
                 continue
             if a.model != b.model or (
                 a.model == robot

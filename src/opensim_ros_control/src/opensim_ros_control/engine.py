@@ -42,6 +42,7 @@ class Engine:
         self.matter = self.model.getMatterSubsystem()
         state = self.system_state
         self.nu, self.nz = state.getNU(), state.getNZ()
+        self._present: FloatArray | None = None
         self._y, self._efforts = opensim.Vector(2 * self.nu + self.nz, 0.0), opensim.Vector(self.nu, 0.0)
         self._M, self._result = opensim.Matrix(self.nu, self.nu), opensim.Vector(self.nu, 0.0)
         self._y_view, self._efforts_view, self._M_view, self._result_view = map(
@@ -135,20 +136,24 @@ class Engine:
 
     def put(self, q: FloatArray, u: FloatArray) -> None:
         """Set positions and speeds, both of shape (nu,)."""
+        self._present = None
         self.system_state.setQ(to_vector(self._slotted(q)))
         self.system_state.setU(to_vector(u))
 
     def put_y(self, y: FloatArray) -> None:
         """Set all that is integrated: positions q, speeds u, and what else the model's parts have (z), shape (2 nu +
-        nz,)."""
+        nz,). What was realized of the very same array stays so: nobody writes into one that was put."""
+        if y is self._present:
+            return
         if self._slots is None:
             self._y_view[:] = y
             self.system_state.setY(self._y)
-            return
-        n = self.nu
-        self.put(y[:n], y[n : 2 * n])
-        if self.nz:
-            self.system_state.setZ(to_vector(y[2 * n :]))
+        else:
+            n = self.nu
+            self.put(y[:n], y[n : 2 * n])
+            if self.nz:
+                self.system_state.setZ(to_vector(y[2 * n :]))
+        self._present = y
 
     def q(self) -> FloatArray:
         """Positions of the state, shape (nu,) [rad or m]."""
@@ -177,6 +182,7 @@ class Engine:
         state.setTime(before.system_state.getTime())
         values = dict(zip(self.state_names, self.state_values(), strict=True))
         values |= zip(before.state_names, before.state_values(), strict=True)
+        self._present = None
         self.model.setStateVariableValues(state, to_vector(np.array([values[name] for name in self.state_names])))
 
     def state_values(self) -> list[float]:

@@ -52,22 +52,28 @@ class Forces:
         self, kinematics: Kinematics, collisions: Collisions, surfaces: Mapping[str, Surface], reactions: Reactions
     ) -> None:
         """All that depends on one build of the model; surfaces by "model::link"."""
-        self._kinematics, self._collisions, self._reactions = kinematics, collisions, reactions
-        self._surfaces = surfaces
+        self._kinematics, self._reactions, self._surfaces = kinematics, reactions, surfaces
+        self.look_at(collisions)
         self._laws: dict[tuple[str, str], tuple[float | None, float, float]] = {}
         self._points, self._pushed, self._before = [], [], None
 
-    def act(self, frame: Callable[[str], str]) -> None:
-        """Decide what acts in the coming step, and set it in the robot; `frame` names the engine's frame of
-        "model::link"."""
+    def look_at(self, collisions: Collisions) -> None:
+        """Other pairs may touch from now on."""
+        self._collisions = collisions
+
+    def act(self, frame: Callable[[str], str], held: FloatArray | None) -> None:
+        """Decide what acts in the coming step, and set it in the robot.
+
+        Args:
+            frame: names the engine's frame of "model::link".
+            held: efforts on the coordinates besides, shape (nu,); None for none.
+        """
         robot = self._robot
         before, self._before = self._before, robot.y
         self.springs.begin()
-        if not self._collisions.pairs and not self.wrenches.active and robot.external is None:
-            return
         self._points, self._pushed = [], []
-        robot.touch = robot.external = None
-        near = self._collisions.near(robot.y[: robot.engine.nu])
+        robot.touch, robot.external = None, held
+        near = self._collisions.near(robot.y[: robot.engine.nu]) if self._collisions.pairs else []
         if not near and not self.wrenches.active:
             return
         engine = robot.engine
@@ -86,7 +92,7 @@ class Forces:
             if hard:
                 robot.touch = lambda v, gain: self._rigid.solve(hard, v, gain)
         if self._points or self.wrenches.active:
-            robot.external = efforts
+            robot.external = efforts if held is None else efforts + held
         self.wrenches.count_step()
 
     def _wrench_efforts(self, engine: Engine, frame: Callable[[str], str]) -> FloatArray:
@@ -184,8 +190,9 @@ class Forces:
                 )
         return result
 
-    def reactions(self) -> list[JointReaction]:
-        """Loads of the robot's moving joints in the last step; empty before the first of a build.
+    def reactions(self, held: Sequence[Load]) -> list[JointReaction]:
+        """Loads of the robot's moving joints in the last step; empty before the first of a build. `held` acted on the
+        bodies besides contact and wrenches.
 
         The acceleration is that between its ends; accurate steps take it in their middle, to second order,
         semi-implicit ones where they begin.
@@ -194,7 +201,7 @@ class Forces:
         if before is None or before is after:
             return []
         du = (after[n : 2 * n] - before[n : 2 * n]) / self._dt
-        outside = list(self._pushed)
+        outside = [*self._pushed, *held]
         for point in self._points:
             for number, sign in zip(point.bodies, (1.0, -1.0), strict=True):
                 outside.append(Load(number, point.position, sign * point.force, np.zeros(3)))

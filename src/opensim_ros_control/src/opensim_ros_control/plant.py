@@ -5,16 +5,27 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import CommandError, HricError
-from hric_control.plant import Contact, DrivenPlant, FloatArray, JointReaction, Load, Mode, ReactingPlant
-from hric_control.plants import Surfaces, load_masks, load_surfaces, load_world, payload
+from hric_control.errors import CommandError
+from hric_control.plant import (
+    Articulated,
+    Bushing,
+    BushingLoad,
+    Contact,
+    DrivenPlant,
+    FloatArray,
+    JointReaction,
+    Load,
+    Mode,
+    ReactingPlant,
+)
+from hric_control.plants import Surface, Surfaces, load_masks, load_surfaces, load_world, payload
 from opensim_ros_control.robot import OpenSimConfig, Robot
 from opensim_ros_control.robot_model import RobotModel
 from opensim_ros_control.world import World
 from urdf_to_osim import transforms
 
 
-class OpenSimPlant(DrivenPlant, ReactingPlant):
+class OpenSimPlant(DrivenPlant, ReactingPlant, Articulated):
     """See `hric_control.plant.Plant`.
 
     The robot's base is rotated in OpenSim's ground so that the world's z points along OpenSim's y, as its users have
@@ -31,6 +42,7 @@ class OpenSimPlant(DrivenPlant, ReactingPlant):
         self.joint_names = tuple(joint_names)
         self.config = OpenSimConfig.of(config, "plant/", self.joint_names)
         self.time_step, self.integrator = self.config.time_step, self.config.integrator
+        self.gravity = self.config.gravity
         self.T_ground_world = transforms.base_pose("y")
         objects = load_world(self.config.world, self.config.contact_stiffness)
         self.robot = Robot(RobotModel(urdf_xml, self.joint_names, self.config.gravity), self.joint_names, self.config)
@@ -147,7 +159,7 @@ class OpenSimPlant(DrivenPlant, ReactingPlant):
 
     def joint_reactions(self) -> list[JointReaction]:
         """Loads of the robot's moving joints in the last step; empty before the first."""
-        return self.world.forces.reactions()
+        return self.world.reactions()
 
     def take_contact_peaks(self) -> dict[tuple[str, str], float]:
         """Largest force of each pair that met by a spring since the last call [N]."""
@@ -157,12 +169,11 @@ class OpenSimPlant(DrivenPlant, ReactingPlant):
         """Name of a model's root link."""
         return self.world.base_link(model)
 
-    def spawn(self, name: str, urdf_xml: str, T_world_model: FloatArray, *, fixed: bool = False) -> None:
-        """Add a model with its root link at T_world_model, shape (4, 4). The whole model is built again, everything
-        else goes on where it is."""
-        if np.shape(T_world_model) != (4, 4) or not np.isfinite(T_world_model).all():
-            raise HricError(f"model {name}: its pose must be a finite 4 x 4 transform")
-        self.world.spawn(name, urdf_xml, np.array(T_world_model, dtype=float), fixed)
+    def _spawn(
+        self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
+    ) -> None:
+        """Add a model. The whole model is built again, everything else goes on where it is."""
+        self.world.spawn(name, urdf_xml, T_world_model, fixed, surfaces)
 
     def delete(self, name: str) -> None:
         """Remove a model, and the wrenches on it."""
@@ -176,3 +187,37 @@ class OpenSimPlant(DrivenPlant, ReactingPlant):
         """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
         (6,))."""
         return self.world.state(body)
+
+    # -- joints of models, and what holds links together ---------------------------------------------------------------
+
+    def model_joints(self, model: str) -> tuple[str, ...]:
+        """Names of the moving joints of a model."""
+        return tuple(self.world.joints_of(model).joints.names)
+
+    def read_joints(self, model: str, q: list[float], dq: list[float]) -> None:
+        """State of a model's joints at the measuring instant."""
+        self.world.joints_of(model).read(q, dq)
+
+    def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
+        """Put a model's joints at q, dq, now and after each reset."""
+        self.world.put_joints(model, q, dq)
+
+    def drive_joints(self, model: str, tau: Sequence[float]) -> None:
+        """Efforts in a model's joints from the next step on."""
+        self.world.joints_of(model).drive(tau)
+
+    def connect(self, name: str, bushing: Bushing) -> None:
+        """Hold two bodies together from the next step on."""
+        self.world.connect(name, bushing)
+
+    def disconnect(self, name: str) -> None:
+        """Let go."""
+        self.world.disconnect(name)
+
+    def connections(self) -> list[str]:
+        """Names of what is connected."""
+        return list(self.world.bushings.laws)
+
+    def bushing_load(self, name: str) -> BushingLoad:
+        """What a bushing did in the last step."""
+        return self.world.bushings.load(name)

@@ -10,6 +10,7 @@ from hric_control.errors import CommandError
 from hric_control.parameters import flag, number
 from hric_control.plant import FloatArray, Mode
 from hric_control.plants import Divergence, Losses, StopMemory, WindowlessConfig, sigmoid_parameters
+from hric_control.urdf import ONE_COORDINATE
 from opensim_ros_control.dynamics import Dynamics
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.integrators import IntegrationError, ManagerSteps, OwnSteps, Step, Touch
@@ -97,8 +98,7 @@ class Robot:
         inertia[self.user] = config.rotor_inertia
         friction = self._friction()
         self._dynamics = Dynamics(engine, inertia, friction)
-        coulomb = [(index, joint.friction) for index, joint in zip(self._indices, self._joints, strict=True)]
-        sticking = {index: F for index, F in coulomb if F > 0.0} if config.friction == "coulomb" else {}
+        sticking = self._sticking() if config.friction == "coulomb" else {}
         self._rows = JointEfforts(sticking, self.stops, self._indices, config.time_step)
         self._own = OwnSteps(self._dynamics, self._rows, config.time_step)
         self._manager = ManagerSteps(engine, config.time_step, config.accuracy)
@@ -109,6 +109,18 @@ class Robot:
             for index, joint in zip(self._indices, self._joints, strict=True)
             if joint.mimic is not None
         ]
+
+    def _sticking(self) -> dict[int, float]:
+        """Coulomb friction by coordinate, where there is some [N m or N]: of the robot's joints, and of those of the
+        models beside it."""
+        own = zip(self._indices, self._joints, strict=True)
+        beside = (
+            (self.engine.index[self.engine.built.joints[f"{model.name}::{joint.name}"][0]], joint)
+            for model in self.model.beside
+            for joint in model.tree.joints.values()
+            if joint.type in ONE_COORDINATE
+        )
+        return {index: joint.friction for index, joint in (*own, *beside) if joint.friction > 0.0}
 
     def _friction(self) -> FloatArray | None:
         """A row of the identified friction per coordinate, where there is some."""
@@ -157,9 +169,7 @@ class Robot:
             raise CommandError(f"q and dq must be finite; got {list(q)} and {list(dq)}")
         y, n = self.y.copy(), self.engine.nu
         y[[n + index for index in self._indices]] = 0.0
-        # The read-out goes half a step back, so the engine starts half a step ahead.
-        for index, x, v in zip(self.user, q, dq, strict=True):
-            y[index], y[n + index] = x + self._half * v, v
+        self.write(self.user, q, dq, y[:n], y[n : 2 * n])
         for index, source, multiplier, offset in self._mimics:
             y[index], y[n + index] = multiplier * y[source] + offset, multiplier * y[n + source]
         self._set_y(y)
@@ -167,6 +177,27 @@ class Robot:
         self.stops.restart([self.q[index] for index in self._indices])
         self._rows.forget()
         self._close_brakes()
+
+    def put_coordinates(self, indices: Sequence[int], q: Sequence[float], dq: Sequence[float]) -> None:
+        """Put these coordinates of a model beside the robot at q, dq."""
+        y, n = self.y.copy(), self.engine.nu
+        self.write(indices, q, dq, y[:n], y[n : 2 * n])
+        self._set_y(y)
+        self._rows.forget()
+
+    def write(
+        self, indices: Sequence[int], q: Sequence[float], dq: Sequence[float], all_q: FloatArray, all_u: FloatArray
+    ) -> None:
+        """Have these coordinates at q, dq at the measuring instant, in positions and speeds of all, shape (nu,)
+        each."""
+        # The read-out goes half a step back, so the engine starts half a step ahead.
+        for index, x, v in zip(indices, q, dq, strict=True):
+            all_q[index], all_u[index] = x + self._half * v, v
+
+    def read(self, indices: Sequence[int], q: list[float], dq: list[float]) -> None:
+        """Write what these coordinates are at the measuring instant into the lists in place."""
+        dq[:] = [self.u[index] for index in indices]
+        q[:] = [self.q[index] - self._half * v for index, v in zip(indices, dq, strict=True)]
 
     def _check_length(self, values: Sequence[object]) -> None:
         if len(values) != len(self.joint_names):

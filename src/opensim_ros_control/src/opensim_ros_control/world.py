@@ -5,13 +5,17 @@ from collections.abc import Sequence
 import numpy as np
 import opensim
 
+from hric_control.errors import UnknownNameError
 from hric_control.geometry import FloatArray, homogeneous
+from hric_control.plant import Bushing, JointReaction
 from hric_control.plants import Model, Models, Surfaces, WorldObject
 from hric_control.urdf import Robot as Description
 from opensim_ros_control import collision, shapes
 from opensim_ros_control.bodies import Kinematics, Reactions
+from opensim_ros_control.bushings import EngineBushings
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.forces import Forces
+from opensim_ros_control.model_joints import ModelJoints
 from opensim_ros_control.robot import Robot
 from urdf_to_osim.transforms import matrix
 
@@ -33,6 +37,7 @@ class World(Models):
 
     Attributes:
         forces: contact and wrenches.
+        bushings: what holds links together.
     """
 
     def __init__(
@@ -47,6 +52,8 @@ class World(Models):
         self.robot, self._masks, self._config = robot, list(masks), config
         self._R_ground_world = T_ground_world[:3, :3]
         self.forces = Forces(robot, self._R_ground_world)
+        self.bushings = EngineBushings(self.full_name, self.near, self._R_ground_world)
+        self._joints: dict[str, ModelJoints] = {}
         self._bound: Engine | None = None
         self._middle: dict[str, int] = {}
         self._shapes = self._shapes_of(robot.model.robot, "") if config.collision else {}
@@ -68,22 +75,25 @@ class World(Models):
     def _admit(self, model: Model) -> None:
         of_links = self._shapes_of(model, f"{model.name}::")
         super()._admit(model)
+        self._joints[model.name] = ModelJoints(model, self.robot)
         self._shapes.update(of_links)
         model.T_world_origin = model.T_world_start
 
     def _dismiss(self, name: str) -> None:
         super()._dismiss(name)
+        del self._joints[name]
+        self.bushings.forget_model(name)
         self.robot.model.beside = list(self.models.values())
         self._shapes = {link: of_link for link, of_link in self._shapes.items() if not link.startswith(f"{name}::")}
         self.forces.wrenches.clear_model(name)
 
     def _build(self, begin: Sequence[Model] = ()) -> None:
-        """Those that begin are put at their origins."""
+        """Those that begin are put at their origins, with their joints where they were put last."""
         self.robot.model.beside = list(self.models.values())
         self.robot.build_again(lambda engine: self._put(engine, begin))
 
     def _put(self, engine: Engine, models: Sequence[Model]) -> None:
-        """Put free models at their origins with their velocities of the start."""
+        """Put models as they begin: free ones at their origins with their velocities of the start."""
         q, u = engine.q(), engine.u()
         for model in models:
             for joint in model.tree.joints:
@@ -91,6 +101,7 @@ class World(Models):
                     q[engine.index[path]] = u[engine.index[path]] = 0.0
             if not model.fixed:
                 self._put_free(engine, model, q, u, np.concatenate([model.angular, model.linear]))
+            self._joints[model.name].begin(engine, q, u)
         engine.put(q, u)
 
     @staticmethod
@@ -102,12 +113,15 @@ class World(Models):
         q[indices], u[indices] = 0.0, np.concatenate([R.T @ twist[:3], R.T @ twist[3:]])
 
     def reset(self) -> None:
-        """All models as at the start, those spawned where they were put, no wrench, no memory of contact."""
+        """All models as at the start, those spawned where they were put, no wrench, no drive, no memory of contact and
+        slip."""
         self.forces.wrenches.clear()
         self.forces.forget()
+        self.bushings.restart()
         self._restore()
         for model in self.models.values():
             model.T_world_origin = model.T_world_start
+            self._joints[model.name].let_go()
         if self.models or self.robot.model.beside:
             self._build(list(self.models.values()))
 
@@ -155,24 +169,80 @@ class World(Models):
     def _bind(self) -> None:
         """Everything that depends on one build of the model."""
         engine = self._bound = self.robot.engine
-        description, kinematics = engine.built.description, Kinematics(engine)
+        description, self._kinematics = engine.built.description, Kinematics(engine)
         indices = {joint: [engine.index[path] for path in paths] for joint, paths in engine.built.joints.items()}
-        made = collision.make_colliders(description, self._shapes, engine, kinematics, indices, self._name)
-        pairs = collision.colliding_pairs(description, made, self._name, self._masks, self._config.self_collision)
+        kinematics = self._kinematics
+        self._colliders = collision.make_colliders(description, self._shapes, engine, kinematics, indices, self._name)
         joints = [(name, joint.child) for name, joint in self.robot.model.joints.items()]
-        collisions, reactions = collision.Collisions(pairs, engine.nu), Reactions(engine, joints, kinematics)
-        self.forces.bind(kinematics, collisions, self._surfaces_of_links(), reactions)
+        reactions = Reactions(engine, joints, kinematics)
+        self.forces.bind(kinematics, self._collisions(), self._surfaces_of_links(), reactions)
         self._middle = {
             name: indices[model.free_joint][_MIDDLE] for name, model in self.models.items() if not model.fixed
         }
+        for of_model in self._joints.values():
+            of_model.bind(engine)
+        self._acting = [of_model for of_model in self._joints.values() if of_model.joints.names]
+        self.bushings.bind(engine, kinematics, self.frame)
+
+    def _collisions(self) -> collision.Collisions:
+        engine = self.robot.engine
+        pairs = collision.colliding_pairs(
+            engine.built.description,
+            self._colliders,
+            self._name,
+            self._masks,
+            self._config.self_collision,
+            self.bushings.apart(),
+        )
+        return collision.Collisions(pairs, engine.nu)
+
+    def _bind_if_new(self) -> None:
+        if self.robot.engine is not self._bound:
+            self._bind()
 
     def act(self) -> None:
         """Decide what acts on all bodies in the coming step, and set it in the robot."""
-        if self.robot.engine is not self._bound:
-            self._bind()
+        self._bind_if_new()
         if self._middle:
             self._relocate_free_joints()
-        self.forces.act(self.frame)
+        held = self.bushings.efforts(self.robot.y) if self.bushings.any else None
+        for joints in self._acting:
+            held = joints.act(held)
+        self.forces.act(self.frame, held)
+
+    def reactions(self) -> list[JointReaction]:
+        """Loads of the robot's moving joints in the last step; empty before the first of a build."""
+        self._bind_if_new()
+        return self.forces.reactions(self.bushings.loads())
+
+    # -- joints of models, and what holds links together ---------------------------------------------------------------
+
+    def joints_of(self, model: str) -> ModelJoints:
+        """Of a model beside the robot. Raises UnknownNameError."""
+        if model not in self._joints:
+            raise UnknownNameError("model", model, self._joints, "the world")
+        self._bind_if_new()
+        return self._joints[model]
+
+    def put_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None) -> None:
+        """Joints of a model at q, dq. Raises UnknownNameError, CommandError."""
+        self.joints_of(model).put(q, dq)
+        self.forces.forget()
+
+    def connect(self, name: str, bushing: Bushing) -> None:
+        """Hold two links together. Raises HricError."""
+        self.bushings.connect(name, bushing)
+        self._bind_connected()
+
+    def disconnect(self, name: str) -> None:
+        """Let go. Raises UnknownNameError."""
+        self.bushings.disconnect(name)
+        self._bind_connected()
+
+    def _bind_connected(self) -> None:
+        self._bind_if_new()
+        self.forces.look_at(self._collisions())
+        self.bushings.bind(self.robot.engine, self._kinematics, self.frame)
 
 
 def _spatial(vector: opensim.SpatialVec) -> FloatArray:

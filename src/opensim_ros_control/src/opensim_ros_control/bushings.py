@@ -1,0 +1,112 @@
+"""Bushings between links of one build of the model. How links move, and the forces between them, go out of and into
+OpenSim's memory as plain floats, in C (links.c); Simbody turns the forces of all bodies into efforts at once."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import opensim
+
+from hric_control.geometry import FloatArray
+from hric_control.geometry.quaternions import Quaternion, Vector
+from hric_control.native import load
+from hric_control.plants import Bushings, Motion
+from opensim_ros_control.bodies import Kinematics, Load
+from opensim_ros_control.engine import Engine
+from opensim_ros_control.stages import view
+
+_built = load("hric_opensim_links")
+
+
+class Links(Protocol):
+    """Pairs of links, one after the other."""
+
+    def motions(self) -> list[tuple[Vector, Quaternion, Vector, Vector]]:
+        """Of each link, in the world frame: position of its origin [m], orientation (x, y, z, w), velocity of the
+        origin [m/s], angular velocity [rad/s]. All forces are zero from now on."""
+
+    def push(self, pair: int, force: Vector, torque: Vector, point: Vector, /) -> None:
+        """A force [N] at a point [m] and a torque [N m] on the first link of a pair, and the opposite ones on the
+        second, in the world frame; they add up."""
+
+
+def _zero() -> opensim.SpatialVec:
+    return opensim.SpatialVec(opensim.Vec3(0.0), opensim.Vec3(0.0))
+
+
+class EngineBushings(Bushings):
+    """All that are connected, and what they do in OpenSim.
+
+    Args:
+        full_name, near: see the base.
+        R_ground_world: rotation of the world in OpenSim's ground, shape (3, 3).
+
+    Attributes:
+        any: whether there is one.
+    """
+
+    def __init__(
+        self, full_name: Callable[[str], str], near: Callable[[str], Sequence[str]], R_ground_world: FloatArray
+    ) -> None:
+        super().__init__(full_name, near)
+        self._R, self.any = R_ground_world, False
+
+    def bind(self, engine: Engine, kinematics: Kinematics, frame: Callable[[str], str]) -> None:
+        """Another build of the model, or others connected.
+
+        Args:
+            engine: the model.
+            kinematics: of the same.
+            frame: names the engine's frame of "model::link".
+        """
+        carriers = [kinematics.carrier(engine.frame(frame(link))) for pair in self.pairs() for link in pair]
+        self.any = bool(carriers)
+        if not self.any:
+            return
+        self._engine = engine
+        self._numbers = [number for number, _ in carriers]
+        self._bodies = {number: kinematics.body(number) for number in self._numbers}
+        self._forces = {number: _zero() for number in self._numbers}
+        engine.model.realizeVelocity(engine.system_state)
+        self._of_all = opensim.VectorOfSpatialVec(kinematics.count(), _zero())
+        self._efforts = opensim.Vector(engine.nu, 0.0)
+        self._efforts_view = view(self._efforts)
+        self._links = self._make_links(carriers)
+
+    def _make_links(self, carriers: Sequence[tuple[int, FloatArray]]) -> Links:
+        rows = []
+        for number, T in carriers:
+            held = *self._motion(self._bodies[number]), self._forces[number]
+            rows.append((*(int(thing.this) for thing in held), [*T[:3, :3].ravel().tolist(), *T[:3, 3].tolist()]))
+        made: Links = _built.Links(rows, self._R.T.ravel().tolist(), (self._engine, self._forces))
+        return made
+
+    def _motion(self, body: opensim.PhysicalFrame) -> tuple[Any, Any]:
+        """Pose and velocity of a body in OpenSim's own memory, where they stay until the state is another one."""
+        state = self._engine.system_state
+        return body.getTransformInGround(state), body.getVelocityInGround(state)
+
+    def efforts(self, y: FloatArray) -> FloatArray:
+        """What holds both links of each together in a step from the state y, as efforts on the coordinates, shape
+        (nu,) [N m or N]."""
+        engine = self._engine
+        engine.put_y(y)
+        engine.model.realizeVelocity(engine.system_state)
+        for body in self._bodies.values():
+            self._motion(body)
+        motions = self._links.motions()
+        for i, law in enumerate(self.laws.values()):
+            done = law.step(Motion(*motions[2 * i]), Motion(*motions[2 * i + 1]))
+            self._links.push(i, done.force, done.torque, done.point)
+        for number, force in self._forces.items():
+            self._of_all.set(number, force)
+        engine.matter.multiplyBySystemJacobianTranspose(engine.system_state, self._of_all, self._efforts)
+        return self._efforts_view.copy()
+
+    def loads(self) -> list[Load]:
+        """What acted on the bodies in the last step."""
+        loads = []
+        for i, law in enumerate(self.laws.values()):
+            force, torque, point = (self._R @ vector for vector in law.load[:3])
+            for number, sign in zip(self._numbers[2 * i : 2 * i + 2], (1.0, -1.0), strict=True):
+                loads.append(Load(number, point, sign * force, sign * torque))
+        return loads

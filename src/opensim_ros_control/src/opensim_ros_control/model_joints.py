@@ -1,0 +1,94 @@
+"""The joints of a model beside the robot: where they are, what drives them, and their stops."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hric_control.geometry import FloatArray
+from hric_control.plants import Model, MovingJoints, StopLaw
+from hric_control.urdf import ONE_COORDINATE
+from opensim_ros_control.engine import Engine
+from opensim_ros_control.robot import Robot
+
+
+class ModelJoints:
+    """The joints of one model that have one coordinate each. Their damping and friction are in the engine's model and
+    in the robot's rows.
+
+    Args:
+        model: whose they are.
+        robot: has the state of all coordinates.
+
+    Attributes:
+        joints: the description's, all of them actuated.
+    """
+
+    def __init__(self, model: Model, robot: Robot) -> None:
+        moving = [joint for joint in model.tree.joints.values() if joint.type in ONE_COORDINATE]
+        names = [joint.name for joint in moving]
+        self.joints, self._robot = MovingJoints(moving, names, model.name), robot
+        self._full_names = [f"{model.name}::{name}" for name in names]
+        self._mimics = [
+            (i, names.index(joint.mimic.joint), joint.mimic.multiplier, joint.mimic.offset)
+            for i, joint in enumerate(moving)
+            if joint.mimic is not None
+        ]
+        self._stops = StopLaw([(joint.lower, joint.upper) for joint in moving], self._inertias)
+        zeros = self._efforts = self.joints.zeros
+        self._start = self._following(*self.joints.start(zeros, zeros, zeros))
+
+    def _following(self, q: list[float], dq: list[float]) -> tuple[list[float], list[float]]:
+        """Joints that mimic others are where those have them."""
+        for i, source, multiplier, offset in self._mimics:
+            q[i], dq[i] = multiplier * q[source] + offset, multiplier * dq[source]
+        return q, dq
+
+    def _indices_in(self, engine: Engine) -> list[int]:
+        return [engine.index[engine.built.joints[name][0]] for name in self._full_names]
+
+    def bind(self, engine: Engine) -> None:
+        """Another build of the model, in which the joints are already where they shall go on."""
+        self._indices = self._indices_in(engine)
+
+    def begin(self, engine: Engine, q: FloatArray, u: FloatArray) -> None:
+        """Write where they were put last into all coordinates of a build, both of shape (nu,)."""
+        self._robot.write(self._indices_in(engine), *self._start, q, u)
+        self._stops.restart(self._start[0])
+
+    def _inertias(self) -> list[float]:
+        engine = self._robot.engine
+        engine.put_y(self._robot.y)
+        engine.model.realizePosition(engine.system_state)
+        inertias: list[float] = (1.0 / self._robot.response().diagonal()[self._indices]).tolist()
+        return inertias
+
+    def read(self, q: list[float], dq: list[float]) -> None:
+        """Write the state at the measuring instant into the lists in place."""
+        self._robot.read(self._indices, q, dq)
+
+    def put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
+        """Be at q, dq now and at the start. Raises CommandError where they are not one finite number per joint."""
+        zeros = self.joints.zeros
+        self._start = self._following(*self.joints.start(q, zeros if dq is None else dq, zeros))
+        self._robot.put_coordinates(self._indices, *self._start)
+        self._stops.restart(self._start[0])
+
+    def drive(self, efforts: Sequence[float]) -> None:
+        """From the next step on [N m or N]. Raises CommandError where they are not as many as joints."""
+        self._efforts = self.joints.command(efforts)
+
+    def let_go(self) -> None:
+        """No drive any more."""
+        self._efforts = self.joints.zeros
+
+    def act(self, held: FloatArray | None) -> FloatArray | None:
+        """Efforts on all coordinates in the coming step, shape (nu,), with those of drives and stops; None for
+        none."""
+        robot = self._robot
+        q, dq = ([values[index] for index in self._indices] for values in (robot.q, robot.u))
+        efforts = self._stops.add(q, dq, self._efforts)
+        if not any(efforts):
+            return held
+        held = np.zeros(robot.engine.nu) if held is None else held
+        held[self._indices] += efforts
+        return held
