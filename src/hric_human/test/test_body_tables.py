@@ -32,6 +32,18 @@ def test_regions_know_the_dominant_side() -> None:
     assert made.regions["r_ankle"] == (), "the standard has no limit for a foot"
 
 
+def test_links_of_different_regions_have_different_colours_and_those_of_both_sides_the_same() -> None:
+    made = body()
+    colours = {
+        name: {shape.colour for shape in link.visuals} for name, link in read(made.urdf).links.items() if link.visuals
+    }
+    by_regions: dict[tuple[str, ...], set[object]] = {}
+    for link, regions in made.regions.items():
+        by_regions.setdefault(tuple(region.name for region in regions), set()).update(colours[link])
+    assert len(by_regions) == 9 and all(len(found) == 1 for found in by_regions.values())
+    assert len(set().union(*by_regions.values())) == 9
+
+
 def test_a_whole_body_has_the_39_markers_and_an_arm_its_own() -> None:
     assert len(body().markers) == 39
     assert list(body(parts="left_arm").markers) == ["LSHO", "LUPA", "LELB", "LFRM", "LWRA", "LWRB", "LFIN"]

@@ -10,8 +10,20 @@ from hric_human.body.description import Body, describe
 from hric_human.body.isb import from_isb, to_isb
 from hric_human.body.joints import BodyJoint
 from hric_human.body.markers import Marker
-from hric_human.body.regions import Region
+from hric_human.body.regions import Region, surfaces
 from hric_human.body.segments import Segment
 from hric_human.body.subject import Subject, load
 
-__all__ = ["Body", "BodyJoint", "Marker", "Region", "Segment", "Subject", "describe", "from_isb", "load", "to_isb"]
+__all__ = [
+    "Body",
+    "BodyJoint",
+    "Marker",
+    "Region",
+    "Segment",
+    "Subject",
+    "describe",
+    "from_isb",
+    "load",
+    "surfaces",
+    "to_isb",
+]

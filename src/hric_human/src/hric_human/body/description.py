@@ -22,7 +22,18 @@ Engines want a mass behind each joint. These are balls around the joint's centre
 the segment has that much less: both together are the segment of the table in any pose."""
 MAX_EFFORT, MAX_VELOCITY = 300.0, 20.0
 """[N m], [rad/s] of all joints, since a URDF must have some; project default, unconfirmed. Strength is the muscles'."""
-COLOUR = (0.87, 0.72, 0.60, 1.0)
+COLOURS = {
+    "head": (0.80, 0.64, 0.54, 1.0),
+    "torso": (0.57, 0.66, 0.76, 1.0),
+    "pelvis": (0.45, 0.52, 0.63, 1.0),
+    "upper_arm": (0.66, 0.73, 0.55, 1.0),
+    "forearm": (0.86, 0.76, 0.54, 1.0),
+    "hand": (0.79, 0.55, 0.52, 1.0),
+    "thigh": (0.62, 0.56, 0.70, 1.0),
+    "shank": (0.50, 0.68, 0.65, 1.0),
+    "foot": (0.62, 0.61, 0.58, 1.0),
+}
+"""By segment, and so by its regions of ISO/TS 15066: red, green, blue, opacity."""
 SEATED = {"hip_flex": 90.0, "knee_flex": 90.0}
 """Joints that are not zero in the rest pose of somebody seated [deg], on both sides."""
 
@@ -126,12 +137,12 @@ def _write_segment(robot: Element, segment: Segment, mass: MassProperties) -> No
 def _capsule(segment: Segment) -> list[Shape]:
     """A cylinder and a ball at each of its ends, since a URDF has no capsule."""
     start, end = segment.straight
-    R, length = _rotation_along(end - start), float(np.linalg.norm(end - start))
+    R, length, colour = _rotation_along(end - start), float(np.linalg.norm(end - start)), COLOURS[segment.kind]
     cylinder = Shape(
-        segment.link, "cylinder", (segment.radius, length), homogeneous(R, 0.5 * (start + end)), "", COLOUR
+        segment.link, "cylinder", (segment.radius, length), homogeneous(R, 0.5 * (start + end)), "", colour
     )
     balls = [
-        Shape(segment.link, "sphere", (segment.radius,), homogeneous(np.eye(3), p), "", COLOUR) for p in (start, end)
+        Shape(segment.link, "sphere", (segment.radius,), homogeneous(np.eye(3), p), "", colour) for p in (start, end)
     ]
     return [cylinder, *balls]
 

@@ -1,9 +1,16 @@
-"""The body regions of ISO/TS 15066:2016 Annex A that a link belongs to."""
+"""The body regions of ISO/TS 15066:2016 Annex A that a link belongs to, and the standard's model of a body."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
+from hric_control.plant import Surface
 from hric_human.body.segments import Segment, side_of
+
+if TYPE_CHECKING:
+    from hric_human.body.description import Body
 
 REGIONS = {
     "head": ("skull, forehead", "face", "neck"),
@@ -17,6 +24,40 @@ REGIONS = {
     "foot": (),
 }
 """Names of the regions by segment, as the standard's force table has them. It has none for a foot."""
+
+
+class RegionModel(NamedTuple):
+    """A region as the standard models it: a mass behind a spring.
+
+    Attributes:
+        stiffness: of the spring [N/m].
+        mass: effective [kg]. A simulated body has its own, by its pose: this one is to compare with.
+    """
+
+    stiffness: float
+    mass: float
+
+
+REGION_MODELS = {
+    "skull, forehead": RegionModel(150e3, 4.4),
+    "face": RegionModel(75e3, 4.4),
+    "neck": RegionModel(50e3, 1.2),
+    "back, shoulders": RegionModel(35e3, 40.0),
+    "chest": RegionModel(25e3, 40.0),
+    "abdomen": RegionModel(10e3, 40.0),
+    "pelvis": RegionModel(25e3, 40.0),
+    "upper arm, elbow": RegionModel(30e3, 3.0),
+    "lower arm, wrist": RegionModel(40e3, 2.0),
+    "hand, fingers": RegionModel(75e3, 0.6),
+    "thigh, knee": RegionModel(50e3, 75.0),
+    "lower leg": RegionModel(60e3, 75.0),
+}
+"""ISO/TS 15066:2016, Annex A, the body model. The standard's text was not opened; the values are equal in two or more
+public sources (papers and code). The standard prints N/mm. It has no damping."""
+SPRING_OF = {"head": "skull, forehead", "torso": "chest"}
+"""Region whose spring a segment of several has: a link has one surface. Of a head the stiffest, which gives the largest
+force, of a torso the chest, which a robot in front of a person meets (project defaults, unconfirmed). A back is 1.4
+times as stiff as that, an abdomen 0.4 times."""
 
 
 @dataclass(frozen=True)
@@ -39,4 +80,15 @@ def regions(segments: Sequence[Segment], dominant_hand: str) -> dict[str, tuple[
         side = side_of(segment.name)
         dominant = side == dominant_hand if side else None
         found[segment.link] = tuple(Region(name, dominant) for name in REGIONS[segment.kind])
+    return found
+
+
+def surfaces(body: Body) -> dict[str, Surface]:
+    """Surface by link: the spring of the standard's body model, for `spawn` of a plant. What has no region, a foot, is
+    left out, and so stays rigid."""
+    found = {}
+    for segment in body.segments.values():
+        names = REGIONS[segment.kind]
+        if names:
+            found[segment.link] = Surface(REGION_MODELS[SPRING_OF.get(segment.kind, names[0])].stiffness)
     return found

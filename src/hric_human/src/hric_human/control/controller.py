@@ -16,6 +16,7 @@ A class of a user, found through the plugin export of his package.xml (base clas
             return [k * (a - b - 0.05 * v) + g for k, a, (b, v), g in zip(self._k, self._q, muscles, held)]
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -90,12 +91,15 @@ class Senses:
 class HumanController:
     """A law of a human's joint torque.
 
-    It is constructed without arguments. `init` may take its time; the others are called in the loop and must not block.
+    It is constructed without arguments. `init` may take its time; `posture` follows it, and the others are called in
+    the loop and must not block.
     All randomness comes from `Person.seed`.
     """
 
     settings: ClassVar[type[Settings]] = Settings
     """Its parameters; values per joint are in the order of the joints."""
+    end: float = math.inf
+    """When its motion has come to rest, after its start [s]; infinite: not known."""
 
     def init(self, person: Person, settings: Any) -> None:
         """Get ready.
@@ -107,6 +111,10 @@ class HumanController:
         Raises:
             HricError: the controller cannot run.
         """
+
+    def posture(self) -> Sequence[float] | None:
+        """Where the body is at the start, n floats [rad]; None: in the resting posture."""
+        return None
 
     def starting(self, time: float, senses: Senses) -> None:
         """First call in the loop; `update` follows in the same cycle. time: of the run [s]."""

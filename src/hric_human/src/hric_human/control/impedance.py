@@ -1,5 +1,6 @@
 """The built-in controller: joint impedance about a reference, and the body's own weight."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -93,6 +94,11 @@ class ImpedanceArm(HumanController):
         self._impedance = list(zip(stiffness, growth, settings.damping or [0.0] * len(rows), strict=True))
         self._reflex, self._weight = settings.reflex, person.own_weight
         self._reference: Reference = settings.reference.reference(person)
+        self.end = self._reference.end
+
+    def posture(self) -> Sequence[float]:
+        """Where the reference begins."""
+        return self._reference.at(-math.inf)[0]
 
     def start(self, time: float) -> None:
         """See the base."""

@@ -22,6 +22,9 @@ Joints = list[float]
 class Reference:
     """Joint positions and velocities over time; a subclass overrides what it needs."""
 
+    end = math.inf
+    """When the motion has come to rest, after its start [s]; infinite: not known."""
+
     def start(self, time: float) -> None:
         """The motion begins [s]."""
 
@@ -75,6 +78,7 @@ class JointPoints(Reference):
     def __init__(self, times: Sequence[float], rows: Sequence[Joints]) -> None:
         self._times, self._rows, self._zero, self._next = times, rows, math.inf, 1
         self._still = [0.0] * len(rows[0])
+        self.end = times[-1]
 
     def start(self, time: float) -> None:
         """See the base."""
@@ -155,6 +159,7 @@ class Rows(Reference):
         self._still, self._piece = [0.0] * len(rows[0]), -1
         self._cubics: list[tuple[float, float, float, float]] = []
         self._zero = math.inf
+        self.end = math.inf if more else (len(rows) - 1) * interval
 
     def start(self, time: float) -> None:
         """See the base."""
@@ -218,6 +223,7 @@ class HandReference(Reference):
         self._last = self._reached(lambda: self._solver.first(self._target))
         self._rows = Rows(KNOT, [self._last], self._next)
         _, end = self._program.span
+        self.end = motion.begin + end
         if math.isfinite(end):
             self._rows = Rows(KNOT, [self._last, *(self._next() for _ in range(math.ceil(end / KNOT)))])
 

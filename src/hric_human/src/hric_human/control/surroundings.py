@@ -145,6 +145,8 @@ class HumanControl:
 
     Attributes:
         person: the body as the controller knows it.
+        posture: where it is at the start, n floats [rad].
+        end: when the motion has come to rest, after its start [s]; infinite: not known.
         clipped: how often each joint came to its strength, by joint; while it stays there it counts once.
         at_strength: whether each joint is there in this cycle.
 
@@ -162,8 +164,8 @@ class HumanControl:
         cycle: float = CYCLE,
         where: str = "human.control",
     ) -> None:
-        settings, controller, parameters = _checked(content, tuple(body.joints), where)
-        side = _side(body, settings.side, where)
+        settings, controller, parameters = checked(content, tuple(body.joints), where)
+        side = hand_side(body, settings.side, where)
         weakest, strongest = strength(body)
         ranges = [joint.range for joint in body.joints.values()]
         self.person = Person(
@@ -187,6 +189,8 @@ class HumanControl:
         self._any_at_strength, self._running = False, False
         self._controller = controller()
         self._controller.init(self.person, parameters)
+        self.end, given = self._controller.end, self._controller.posture()
+        self.posture = list(self.person.rest) if given is None else self._as_list(given)
 
     def start(self, time: float) -> None:
         """The motion begins now [s]."""
@@ -262,8 +266,12 @@ RESTING = {"sh_flex": math.radians(20), "sh_abd": math.radians(15), "el_flex": m
 """Angles of the resting posture that are not zero in the body's own, by joint [rad]."""
 
 
-def _checked(content: Any, joints: tuple[str, ...], where: str) -> tuple[ControlSettings, type[HumanController], Any]:
-    """Settings, controller and its parameters. Raises ParameterError with all mistakes of the mapping."""
+def checked(content: Any, joints: tuple[str, ...], where: str) -> tuple[ControlSettings, type[HumanController], Any]:
+    """Settings, controller and its parameters of a mapping of ControlSettings.
+
+    Raises:
+        ParameterError: all mistakes of the mapping.
+    """
     mistakes = Mistakes()
     with mistakes.noted():
         settings = ControlSettings.of(content, where)
@@ -282,7 +290,17 @@ def _controller(name: Any, where: str) -> type[HumanController]:
         raise unknown("human controller", name, error.valid, f"{below(where)}type") from None
 
 
-def _side(body: Body, side: str, where: str) -> str:
+def hand_side(body: Body, side: str, where: str) -> str:
+    """Which hand follows and feels: "right" or "left".
+
+    Args:
+        body: whose.
+        side: of ControlSettings.
+        where: name of their mapping.
+
+    Raises:
+        ParameterError: the body has no such hand.
+    """
     sides = [one for one in ("right", "left") if f"{one}_hand" in body.segments]
     if side == "dominant":
         return body.subject.dominant_hand if body.subject.dominant_hand in sides else sides[0]

@@ -1,0 +1,141 @@
+"""Grips in a plant: when they close and open, and what they carry."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from hric_control.errors import CommandError
+from hric_control.geometry import FloatArray, Vector, homogeneous
+from hric_control.geometry.transforms import inverse
+from hric_control.plant import Articulated, Bushing, BushingLoad
+from hric_human.participant.settings import GripSettings
+
+Happened = Callable[[str, str, float, str], None]
+"""Takes kind, name, value [N] and text of an event."""
+LOOK = 10
+"""Cycles between two looks at whether palm and handle are near (project default, unconfirmed)."""
+NOTHING = BushingLoad((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+
+
+class Grip:
+    """One grip. Its load is on the holder: what is held has the opposite one.
+
+    Args:
+        name: of it.
+        settings: its parameters.
+        plant: where both bodies are.
+        holder: full name of the body that holds.
+        palm: in axes of the holder's link [m].
+        happened: gets each event.
+
+    Attributes:
+        closed: whether it holds.
+        load: of the last step.
+    """
+
+    def __init__(
+        self, name: str, settings: GripSettings, plant: Articulated, holder: str, palm: Vector, happened: Happened
+    ) -> None:
+        self.name, self.settings, self.holder = name, settings, holder
+        self._plant, self._happened = plant, happened
+        self._T_palm = homogeneous(np.eye(3), palm)
+        self._T_handle = homogeneous(np.eye(3), settings.handle)
+        self.distance()  # refuses bodies that are not there
+        self.restart()
+
+    def restart(self) -> None:
+        """As before the first cycle; what it holds by then is let go."""
+        if self.name in self._plant.connections():
+            self._plant.disconnect(self.name)
+        self.closed, self.load = False, NOTHING
+        self._waits = not self.settings.close.by_service
+        self._due, self._slipped, self._slips, self._cycles = math.inf, 0.0, False, 0
+
+    def distance(self) -> float:
+        """Between palm and handle now [m]. Raises UnknownNameError."""
+        palm, handle = self._frames()
+        return float(np.linalg.norm(palm[:3, 3] - handle[:3, 3]))
+
+    def _frames(self) -> tuple[FloatArray, FloatArray]:
+        state = self._plant.link_state
+        return state(self.holder)[0] @ self._T_palm, state(self.settings.held)[0] @ self._T_handle
+
+    def step(self, time: float, since: float) -> None:
+        """Close or open where it is time to.
+
+        Args:
+            time: of the robot [s].
+            since: the motion's start [s]; 0 before it.
+        """
+        if self.closed:
+            self._carry(time, since)
+        elif self._waits and since >= self.settings.close.time:
+            if self._cycles % LOOK == 0 and self.distance() <= self.settings.close.distance:
+                self.close()
+            self._cycles += 1
+
+    def close(self) -> None:
+        """Hold from the next step on.
+
+        Raises:
+            CommandError: it holds already, or palm and handle are too far apart.
+        """
+        settings = self.settings
+        if self.closed:
+            raise CommandError(f"grip {self.name} holds {settings.held} already")
+        palm, handle = self._frames()
+        distance = float(np.linalg.norm(palm[:3, 3] - handle[:3, 3]))
+        if distance > settings.close.distance:
+            raise CommandError(
+                f"grip {self.name}: {self.holder} is {distance:.3f} m from the handle of {settings.held}; valid: up to "
+                f"{settings.close.distance:g} m"
+            )
+        # Relaxed as they are: a hand takes things as it meets them. The force acts at the handle: what is held may be
+        # thin, and would be shaken by a force that is held over a step if that had a lever.
+        T_holder_handle = inverse(palm @ inverse(self._T_palm)) @ handle
+        self._plant.connect(
+            self.name,
+            Bushing(
+                self.holder,
+                settings.held,
+                T_holder_handle,
+                self._T_handle,
+                settings.stiffness,
+                settings.damping,
+                settings.rotational_stiffness,
+                settings.rotational_damping,
+                settings.force_limit or math.inf,
+                settings.torque_limit or math.inf,
+            ),
+        )
+        self.closed, self._slipped, self._slips = True, 0.0, False
+        self._happened(
+            "closed", self.name, 0.0, f"{self.holder} holds {settings.held}, {distance:.3f} m from its handle"
+        )
+
+    def open(self, why: str) -> None:
+        """Let go.
+
+        Raises:
+            CommandError: it holds nothing.
+        """
+        if not self.closed:
+            raise CommandError(f"grip {self.name} holds nothing")
+        force = math.hypot(*self.load.force)
+        self._plant.disconnect(self.name)
+        self.closed, self._waits, self._due, self.load = False, False, math.inf, NOTHING
+        self._happened("released", self.name, force, f"{self.holder} lets {self.settings.held} go: {why}")
+
+    def _carry(self, time: float, since: float) -> None:
+        load = self.load = self._plant.bushing_load(self.name)
+        release, force, slips = self.settings.release, math.hypot(*load.force), load.slipped > self._slipped
+        if slips and not self._slips:
+            self._happened("slipped", self.name, force, f"{self.name} slips at {force:.1f} N")
+        self._slips, self._slipped = slips, load.slipped
+        if release.load is not None and force >= release.load and self._due == math.inf:
+            self._due = time + release.delay
+        if time >= self._due:
+            self.open(f"it carried {release.load:g} N {release.delay:g} s ago")
+        elif release.time is not None and since >= release.time:
+            self.open(f"{release.time:g} s have passed")

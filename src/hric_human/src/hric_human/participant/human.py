@@ -1,0 +1,200 @@
+"""The human in the robot's plant: `hric_human/Human`, a participant."""
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from functools import partial
+from typing import Any
+
+from std_srvs.srv import Trigger, TriggerResponse
+
+from hric_control import realtime
+from hric_control.errors import CommandError, HricError
+from hric_control.geometry import ORIGIN, Vector, homogeneous
+from hric_control.geometry.quaternions import inverse, rotated
+from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_control.node import Node
+from hric_control.plant import Articulated, Contact, Plant
+from hric_control.sim.participants import Participant
+from hric_human.body import describe, surfaces
+from hric_human.contact import RegionContact, RegionContacts
+from hric_human.control import HumanControl
+from hric_human.participant.grip import Grip
+from hric_human.participant.settings import HAND, HumanSettings
+from hric_human.participant.topics import Topics
+
+SERVICE_TIMEOUT = 5.0
+"""Longest wait of a service for the loop [s of wall time] (project default, unconfirmed)."""
+SIGHT_PERIOD = 0.01
+"""Between two looks at the robot [s] (project default, unconfirmed)."""
+
+
+class Human(Participant):
+    """He is there from the construction on, in the posture where his controller begins; his motion begins with the
+    service `hric/NAME/start`.
+
+    Raises:
+        HricError: a parameter that cannot be, or a plant whose models have no joints.
+    """
+
+    def __init__(self, name: str, plant: Plant, node: Node, config: Mapping[str, Any]) -> None:
+        where = f"{node.resolve('participants')}/{name}"
+        self._settings = settings = HumanSettings.of(config, where)
+        if not isinstance(plant, Articulated):
+            raise HricError(f"{where}: a human needs a plant whose models have joints; {type(plant).__name__} has none")
+        self._name, self._where, self._plant, self._node = name, where, plant, node
+        self._body = describe(settings.person)
+        self._root = settings.root(self._body)
+        self._message_cycles = max(1, round(1.0 / (settings.rate * plant.time_step)))
+        self._sight_cycles = max(1, round(SIGHT_PERIOD / plant.time_step))
+        self._control = self._new_control()
+        position, orientation = self._root
+        T_world_root = homogeneous(rotation_from_quaternion(orientation), position)
+        plant.spawn(name, self._body.urdf, T_world_root, fixed=True, surfaces=surfaces(self._body))
+        self._requests: deque[tuple[Future[str], Callable[[], object]]] = deque()
+        self._topics = Topics(node, name, self._control.person, self._root)
+        self._hand = f"{name}::{self._body.segments[f'{self._control.person.hand.side}_hand'].link}"
+        self._grips = [self._new_grip(grip) for grip in settings.grips]
+        self._feeling = [grip for grip in self._grips if settings.grips[grip.name].holder == HAND]
+        beside = f"{node.beside('hric')}/{name}"
+        calls: dict[str, Callable[[], object]] = {"start": self._start}
+        for grip in self._grips:
+            calls[f"grips/{grip.name}/close"] = grip.close
+            calls[f"grips/{grip.name}/open"] = partial(grip.open, "its service was called")
+        self._services = [node.service(f"{beside}/{path}", Trigger, self._served(act)) for path, act in calls.items()]
+        self._begin()
+
+    def _new_control(self) -> HumanControl:
+        settings, plant = self._settings, self._plant
+        x, y, z = plant.gravity
+        gravity = rotated(inverse(self._root.orientation), (x, y, z))
+        return HumanControl(
+            self._body, settings.control, settings.seed, self._root, gravity, plant.time_step, f"{self._where}.control"
+        )
+
+    def _new_grip(self, name: str) -> Grip:
+        settings, hand = self._settings.grips[name], self._control.person.hand
+        holder, palm = settings.holder, settings.palm
+        if holder == HAND:
+            holder = self._hand
+            x, y, z = (a + b for a, b in zip(palm, hand.p_link_hand, strict=True))
+            palm = x, y, z
+        return Grip(name, settings, self._plant, holder, palm, self._happened)
+
+    # -- the loop ------------------------------------------------------------------------------------------------------
+
+    def reset(self) -> None:
+        """He is as at the start, and waits for `start`."""
+        self._control = self._new_control()
+        for grip in self._grips:
+            grip.restart()
+        self._begin()
+
+    def _begin(self) -> None:
+        n = len(self._control.person.joints)
+        self._q, self._dq = [0.0] * n, [0.0] * n
+        self._called, self._zero, self._cycles, self._time = False, math.inf, 0, 0.0
+        self._end = self._control.end or math.inf  # one that only stays has no end
+        self._strained = self._control.at_strength
+        self._contacts, self._ended = RegionContacts(self._body, self._name), list[RegionContact]()
+        self._plant.set_joints(self._name, self._control.posture)
+
+    def act(self, time: float) -> None:
+        """Feel, decide, and drive the joints of the coming step."""
+        self._time = time
+        while self._requests:
+            self._serve(*self._requests.popleft())
+        if self._called:
+            self._begin_motion(time)
+        plant, q, dq = self._plant, self._q, self._dq
+        since = max(time - self._zero, 0.0)
+        if since >= self._end:
+            self._end = math.inf
+            self._happened("ended", self._name, 0.0, f"the motion has come to rest, {since:.3f} s after its start")
+        for grip in self._grips:
+            grip.step(time, since)
+        plant.read_joints(self._name, q, dq)
+        if self._settings.watches and self._cycles % self._sight_cycles == 0:
+            x, y, z = plant.link_state(self._settings.watches)[0][:3, 3].tolist()
+            self._control.see(time, (x, y, z))
+        contacts = plant.contacts()
+        self._ended += self._contacts.update(time, contacts)
+        tau = self._control.update(time, q, dq, self._felt(contacts))
+        plant.drive_joints(self._name, tau)
+        if self._control.at_strength is not self._strained:
+            self._note_strength()
+        if self._cycles % self._message_cycles == 0:
+            stamp = self.epoch + time
+            self._topics.publish(stamp, q[:], dq[:], tau, self._control, self._grips)
+            self._topics.publish_contacts(stamp, self.epoch, self._contacts.present.values(), self._ended)
+            self._ended = []
+        self._cycles += 1
+
+    def _begin_motion(self, time: float) -> None:
+        self._called, self._zero = False, time
+        self._control.start(time)
+        self._happened("started", self._name, 0.0, f"the motion begins at {time:.3f} s")
+
+    def _felt(self, contacts: Sequence[Contact]) -> Vector:
+        """Force of all that his hand holds or touches by a spring [N]."""
+        forces = [grip.load.force for grip in self._feeling if grip.closed]
+        for contact in contacts:
+            if contact.kind == "penalty" and self._hand in (contact.body_a, contact.body_b):
+                force = contact.force if contact.body_a == self._hand else -contact.force
+                a, b, c = contact.normal
+                forces.append((force * a, force * b, force * c))
+        if len(forces) < 2:
+            return forces[0] if forces else ORIGIN
+        x, y, z = map(sum, zip(*forces, strict=True))
+        return x, y, z
+
+    def _note_strength(self) -> None:
+        before, now, control = self._strained, self._control.at_strength, self._control
+        for joint, was, is_now in zip(control.person.joints, before, now, strict=True):
+            if is_now and not was:
+                text = f"{joint} is at its strength, for the {control.clipped[joint]}. time"
+                self._happened("strength", joint, float(control.clipped[joint]), text)
+        self._strained = now
+
+    def _happened(self, kind: str, name: str, value: float, text: str) -> None:
+        self._topics.event(self.epoch + self._time, kind, name, value, text)
+        if not self._node.publishes_inline:  # a headless run has it in its report
+            realtime.defer(self._node, partial(self._node.log_info, f"{self._name}: {text}"))
+
+    # -- services ------------------------------------------------------------------------------------------------------
+
+    def _start(self) -> None:
+        if self._called or self._zero < math.inf:
+            raise CommandError(f"{self._name} moves since {self._zero:.3f} s; a motion runs once, until a reset")
+        self._called = True
+
+    def _served(self, act: Callable[[], object]) -> Callable[[Any], Any]:
+        """Handler of a service that acts in the loop, between two cycles."""
+
+        def handler(_: Any) -> Any:
+            done: Future[str] = Future()
+            self._requests.append((done, act))
+            if self._node.publishes_inline:
+                self._serve(*self._requests.pop())
+            try:
+                return TriggerResponse(success=True, message=done.result(SERVICE_TIMEOUT))
+            except TimeoutError:
+                return TriggerResponse(success=False, message=f"the robot has not moved on for {SERVICE_TIMEOUT:g} s")
+            except HricError as error:
+                return TriggerResponse(success=False, message=str(error))
+
+        return handler
+
+    def _serve(self, done: "Future[str]", act: Callable[[], object]) -> None:
+        try:
+            act()
+            done.set_result(f"at {self._time:.3f} s")
+        except HricError as error:
+            done.set_exception(error)
+
+    def close(self) -> None:
+        """Take topics and services back."""
+        for service in self._services:
+            service.unregister()
+        self._topics.close()

@@ -1,0 +1,145 @@
+"""The parameters of a human in the robot's plant."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from hric_control.geometry import ORIGIN, Pose, Vector, from_rotation_vector
+from hric_control.parameters import (
+    Parameter,
+    Settings,
+    anything,
+    choice,
+    flag,
+    mapping,
+    number,
+    numbers,
+    schema_of,
+    section,
+    text,
+    unknown,
+    whole,
+)
+from hric_human.body import Body, Subject, load
+from hric_human.body.joints import joints
+from hric_human.body.subject import PARTS
+from hric_human.control.surroundings import checked
+
+SUBJECTS = Path(__file__).resolve().parents[3] / "config" / "subjects"
+"""Bodies that come with the package, by the names of their files."""
+HAND = "hand"
+"""Name of the holder that is the hand which follows and feels."""
+
+
+def _subject(value: Any, where: str, _: Sequence[str]) -> Subject:
+    if isinstance(value, Subject):
+        return value
+    if isinstance(value, Mapping):
+        return Subject.of(value, where)
+    if not isinstance(value, str) or not value:
+        raise ValueError
+    if value.endswith((".yaml", ".yml")) and Path(value).is_file():
+        return load(Path(value))
+    names = sorted(path.stem for path in SUBJECTS.glob("*.yaml"))
+    if value not in names:
+        raise unknown("subject", value, (*names, "the path of a YAML file"), where)
+    return load(SUBJECTS / f"{value}.yaml")
+
+
+def _subject_shape() -> dict[str, Any]:
+    return {"anyOf": [{"type": "string"}, schema_of(section(Subject))]}
+
+
+SUBJECT: Any = Parameter(
+    "subject",
+    "a name or path of a subject's file, or a mapping with its keys",
+    _subject,
+    "P50_male",
+    text="whose body: name of a file in `config/subjects`, path of one, or its keys",
+    shape=_subject_shape,
+)
+
+
+@dataclass(frozen=True)
+class CloseSettings(Settings):
+    """When a grip closes: from a time on, as soon as palm and handle are near."""
+
+    separator = "."
+    time: float = number(0.0, minimum=0.0, unit="s", text="after the motion's start; 0: from the first cycle on")
+    distance: float = number(0.05, above=0.0, unit="m", text="between palm and handle at the most")
+    by_service: bool = flag(False, text="closes only when the service asks for it")
+
+
+@dataclass(frozen=True)
+class ReleaseSettings(Settings):
+    """When a grip opens; by none of both: never by itself."""
+
+    separator = "."
+    time: float | None = number(None, minimum=0.0, unit="s", text="after the motion's start")
+    load: float | None = number(
+        None, above=0.0, unit="N", text="when it carries so much, the weight of what is held included"
+    )
+    delay: float = number(0.0, minimum=0.0, maximum=5.0, unit="s", text="from the load to the open hand")
+
+
+@dataclass(frozen=True)
+class GripSettings(Settings):
+    """A spring and a damper between what is held and what holds it, relaxed as they are when it closes."""
+
+    separator = "."
+    held: str = text(empty=False, text='body that is held: "link" of the robot or "model::link"')
+    holder: str = text(HAND, empty=False, text="body that holds it; hand: the one that follows and feels")
+    handle: Vector = numbers(3, ORIGIN, unit="m", text="where it is held, in axes of its link")
+    palm: Vector = numbers(
+        3, ORIGIN, unit="m", text="where it is held, in axes of the holder's link; of a hand from its centre of mass"
+    )
+    stiffness: float = number(1e4, above=0.0, maximum=1e6, unit="N/m", text="of the distance")
+    damping: float = number(100.0, minimum=0.0, unit="N s/m", text="of the distance")
+    rotational_stiffness: float = number(50.0, minimum=0.0, unit="N m/rad", text="of the rotation")
+    rotational_damping: float = number(0.25, minimum=0.0, unit="N m s/rad", text="of the rotation")
+    force_limit: float | None = number(None, above=0.0, unit="N", text="at which it slips; none: it does not")
+    torque_limit: float | None = number(
+        None, above=0.0, unit="N m", text="at which it slips in rotation; none: it does not"
+    )
+    close: CloseSettings = section(CloseSettings)
+    release: ReleaseSettings = section(ReleaseSettings)
+
+
+@dataclass(frozen=True)
+class HumanSettings(Settings):
+    """The human, where he is, what moves him and what he holds."""
+
+    separator = "."
+    subject: Subject = SUBJECT
+    parts: str | None = choice(*PARTS, default=None, text="what of his body is simulated; none: as his file says")
+    posture: str | None = choice("standing", "seated", default=None, text="none: as his file says")
+    position: tuple[float, float] = numbers(
+        2,
+        (0.95, 0.0),
+        unit="m",
+        text="x, y in the world of the middle between his hips, or of his shoulders where he is all arms",
+    )
+    heading: float = number(math.pi, unit="rad", text="where he looks, from x towards y")
+    floor: float = number(-0.75, unit="m", text="height of the floor that he stands on, in the world")
+    control: Any = anything({}, default_text="`{}`", text="what moves his joints: Control, below")
+    watches: str = text("", text="link of the robot that he sees, for motions that react to it; empty: none")
+    grips: Mapping[str, GripSettings] = mapping(section(GripSettings), {}, text="what is held, by name")
+    rate: float = number(200.0, above=0.0, maximum=1000.0, unit="Hz", text="of his topics")
+    seed: int = whole(0, minimum=0, text="of all that varies")
+
+    def check(self, where: str) -> None:
+        """Refuse what the controller would refuse of its parameters."""
+        checked(self.control, tuple(joint.name for joint in joints(self.person.chains)), f"{where}control")
+
+    @property
+    def person(self) -> Subject:
+        """The subject with `parts` and `posture` of here."""
+        changes = {name: value for name in ("parts", "posture") if (value := getattr(self, name)) is not None}
+        return replace(self.subject, **changes)
+
+    def root(self, body: Body) -> Pose:
+        """T_world_root of his body."""
+        x, y = self.position
+        return Pose((x, y, self.floor + body.base_height), from_rotation_vector((0.0, 0.0, self.heading)))

@@ -1,0 +1,149 @@
+"""What a human in the robot's plant publishes: messages from plain snapshots, sent outside the loop."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from hric_control import realtime
+from hric_control.geometry import Pose, stamped
+from hric_control.node import Node
+from hric_control.plant import BushingLoad
+from hric_control.robot_time import stamps
+from hric_human.contact import RegionContact
+from hric_human.control import HumanControl, Person
+from hric_human.participant.grip import Grip
+from hric_msgs.msg import HumanEvent, HumanGrip, JointTorque, RegionContacts
+from hric_msgs.msg import RegionContact as RegionContactMessage
+
+WORLD = "world"
+
+
+class Topics:
+    """Of one human.
+
+    Args:
+        node: a robot's private names; the topics are below `hric/NAME` beside it.
+        name: of the human, and of his frames: NAME/LINK.
+        person: his joints.
+        root: pose of his root link `human_base` in the world.
+    """
+
+    def __init__(self, node: Node, name: str, person: Person, root: Pose) -> None:
+        where = node.beside(f"hric/{name}")
+        self._person = person
+        self._states = realtime.publisher(node, f"{where}/joint_states", JointState, lossless=True)
+        self._torques = realtime.publisher(node, f"{where}/joint_torque", JointTorque, lossless=True)
+        self._grips = realtime.publisher(node, f"{where}/grip", HumanGrip, lossless=True)
+        self._contacts, self._touching = (
+            realtime.publisher(node, f"{where}/contacts", RegionContacts, lossless=True),
+            True,
+        )
+        self._events = realtime.publisher(node, f"{where}/events", HumanEvent, lossless=True)
+        self._static = node.advertise("/tf_static", TFMessage, latch=True)
+        placed = stamped.transform_stamped(stamped.header(node.now(), WORLD), f"{name}/human_base", root)
+        self._static.publish(TFMessage([placed]))
+
+    def close(self) -> None:
+        """Stop publishing."""
+        for publisher in (self._states, self._torques, self._grips, self._contacts, self._events, self._static):
+            publisher.unregister()
+
+    def publish(
+        self,
+        time: float,
+        q: Sequence[float],
+        dq: Sequence[float],
+        tau: Sequence[float],
+        control: HumanControl,
+        grips: Sequence[Grip],
+    ) -> None:
+        """The state of a cycle at a time of the run [s]; the lists are not changed later."""
+        if self._states.subscribers():
+            self._states.publish(_joint_state, time, self._person.joints, q, dq, tau)
+        if self._torques.subscribers():
+            clipped = list(control.clipped.values())
+            self._torques.publish(_joint_torque, time, self._person, tau, control.at_strength, clipped)
+        if self._grips.subscribers():
+            for grip in grips:
+                self._grips.publish(_grip, time, grip.name, grip.settings.held, grip.holder, grip.closed, grip.load)
+
+    def publish_contacts(
+        self, time: float, epoch: float, present: Iterable[RegionContact], ended: Iterable[RegionContact]
+    ) -> None:
+        """Those of a cycle, and those that have ended since the message before; and once that there are none.
+
+        Args:
+            time: of the stamp [s].
+            epoch: stamp of the robot time 0 [s].
+            present, ended: with robot times.
+        """
+        touching, over = [_contact(one, epoch) for one in present], [_contact(one, epoch) for one in ended]
+        if touching or over or self._touching:
+            self._touching = bool(touching)
+            self._contacts.publish(_contacts, time, touching, over)
+
+    def event(self, time: float, kind: str, name: str, value: float, text: str) -> None:
+        """Something happened at a time of the run [s]."""
+        self._events.publish(_event, time, kind, name, value, text)
+
+
+def _joint_state(
+    time: float, names: Sequence[str], q: Sequence[float], dq: Sequence[float], tau: Sequence[float]
+) -> Any:
+    message = JointState()
+    message.header.stamp, message.name = stamps.to_time(time), names
+    message.position, message.velocity, message.effort = q, dq, tau
+    return message
+
+
+def _joint_torque(
+    time: float, person: Person, tau: Sequence[float], at_strength: list[bool], clipped: list[int]
+) -> Any:
+    message = JointTorque()
+    message.header.stamp, message.name = stamps.to_time(time), person.joints
+    message.torque, message.at_strength, message.clipped = tau, at_strength, clipped
+    message.strength_share = [
+        value / (high if value > 0.0 else low)
+        for value, low, high in zip(tau, person.weakest, person.strongest, strict=True)
+    ]
+    return message
+
+
+def _grip(time: float, name: str, held: str, holder: str, closed: bool, load: BushingLoad) -> Any:
+    message = HumanGrip(name=name, held=held, holder=holder, closed=closed)
+    message.header.stamp, message.header.frame_id = stamps.to_time(time), WORLD
+    force, torque, point = message.wrench.force, message.wrench.torque, message.point
+    force.x, force.y, force.z = load.force
+    torque.x, torque.y, torque.z = load.torque
+    point.x, point.y, point.z = load.point
+    message.stretch, message.slipped, message.turned = load.stretch, load.slipped, load.turned
+    return message
+
+
+def _event(time: float, kind: str, name: str, value: float, text: str) -> Any:
+    message = HumanEvent(kind=kind, name=name, value=value, text=text)
+    message.header.stamp = stamps.to_time(time)
+    return message
+
+
+def _contact(contact: RegionContact, epoch: float) -> Any:
+    """A snapshot, since the contact goes on."""
+    message = RegionContactMessage()
+    message.regions = [region.name for region in contact.regions]
+    message.dominant = any(region.dominant for region in contact.regions)
+    message.link, message.other, message.kind = contact.link, contact.other, contact.kind
+    message.begin, message.duration = epoch + contact.begin, contact.duration
+    message.peak_time = math.nan if contact.peak_time is None else epoch + contact.peak_time
+    for name in ("force", "peak", "impulse", "area"):
+        value = getattr(contact, name)
+        setattr(message, name, math.nan if value is None else value)
+    return message
+
+
+def _contacts(time: float, touching: list[Any], ended: list[Any]) -> Any:
+    message = RegionContacts(touching=touching, ended=ended)
+    message.header.stamp, message.header.frame_id = stamps.to_time(time), WORLD
+    return message
