@@ -18,7 +18,7 @@ import roslaunch.pmon
 import yaml
 from bringup_end import end_nodes
 from bringup_master import DEFAULT, MasterError, call, choose
-from bringup_ready import PERIOD, block, namespace
+from bringup_ready import PERIOD, arm, block, namespace
 
 from hric_control.errors import FAILURE, HricError
 
@@ -66,7 +66,7 @@ def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
     """Say what starts."""
     experiment, controller = arguments["experiment"], arguments["controller"]
     task = f"experiment {experiment}" if experiment != "none" else f"controller {controller}"
-    what = f"{arguments['robot']} at {arguments['robot_ip']}" if arguments["env"] == "real" else arguments["simulator"]
+    what = arm(arguments) if arguments["env"] == "real" else arguments["simulator"]
     capture = "".join(f"   {name}: {arguments[name]}" for name in given.DEVICES if arguments[name] != "none")
     print(f"starting   env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}")
     print(f"ROS master: {master} ({'it runs already' if running else 'started here'})", flush=True)
@@ -161,7 +161,7 @@ def main(argv: list[str]) -> int:
             import hric_experiments.definition.experiment  # whose mistakes are one error, as all others
 
             hric_experiments.definition.experiment.load(arguments["experiment"])
-        if arguments["env"] == "real":
+        if arguments["env"] == "real" and arguments["robot_ip"] != given.EMULATED:
             # with all that the arm's driver is made of, which a simulated one need not wait for
             import franka_real.probe
 

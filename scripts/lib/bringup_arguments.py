@@ -42,7 +42,7 @@ class Choices:
     Attributes:
         controllers: instance names in controllers.yaml, and in the YAML files of packages that export controllers.
         experiments: names of the experiment files.
-        having: per section of an experiment file (`DEVICES`), those of them that have it.
+        having: per section of an experiment file (`DEVICES` and `HUMAN`), those of them that have it.
     """
 
     controllers: tuple[str, ...]
@@ -53,6 +53,10 @@ class Choices:
 SENSORS = ("emg", "force_plate")
 DEVICES = ("mocap", *SENSORS)
 """Sections of an experiment file and arguments of the same name."""
+HUMAN = "human"
+"""Section of an experiment file: who acts in the plant."""
+EMULATED = "emulated"
+"""In place of the address of an arm: one on this machine, which the bring-up starts."""
 BROADCASTERS = ("joint_state_controller", "franka_state_controller")
 """Controllers that only publish; bringup.launch always starts them."""
 BOOL = ("true", "false")
@@ -70,7 +74,7 @@ def choices() -> Choices:
     """Names of controllers and experiments that are found."""
     controllers = dict.fromkeys(name for path in controller_files() for name in instances(path.read_text()))
     experiments = sorted(EXPERIMENTS.glob("*.yaml"))
-    having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in DEVICES}
+    having = {name: tuple(path.stem for path in experiments if has_section(path, name)) for name in (*DEVICES, HUMAN)}
     return Choices(tuple(controllers), tuple(path.stem for path in experiments), having)
 
 
@@ -105,6 +109,7 @@ def help_text(arguments: Documented) -> str:
         "  scripts/bringup env:=sim",
         "  scripts/bringup env:=sim rviz:=false experiment:=pd_step kp:=200 kd:=100",
         "  scripts/bringup env:=real robot_ip:=172.16.0.2 experiment:=pd_step",
+        "  scripts/bringup env:=real robot_ip:=emulated experiment:=pd_step",
         "  scripts/bringup env:=sim experiment:=marker_tracking",
         "  scripts/bringup env:=sim experiment:=data_collection",
         "  scripts/bringup env:=sim experiment:=marker_tracking mocap:=motive mocap_server:=192.168.1.10",
@@ -153,6 +158,7 @@ def check(given: Mapping[str, str], valid_names: Iterable[str], known: Choices) 
     checks = _checks(known)
     _check_environment(given)
     checked = {name: checks[name](name, value) if name in checks else value for name, value in given.items()}
+    _check_human(checked, known)
     _check_mocap(checked, known)
     _check_sensors(checked, known)
     return checked
@@ -172,6 +178,8 @@ ONLY_SIMULATED = (
     "real_time_factor",
 )
 """Arguments that say something about the simulation."""
+ONLY_PACED = ("real_time_factor",)
+"""Those of them that an emulated arm, which lives in real time as the arm does, does not take."""
 ONLY_REAL = ("robot_ip", "robot")
 """Arguments that say something about the arm itself."""
 ONLY_RECORDED = ("subject", "notes", "split_size", "split_duration")
@@ -181,11 +189,17 @@ ONLY_RECORDED = ("subject", "notes", "split_size", "split_duration")
 def _check_environment(given: Mapping[str, str]) -> None:
     """Refuse what does not belong to the environment, rather than leave it without effect."""
     real = given.get("env") == "real"
+    emulated = given.get("robot_ip") == EMULATED
     foreign = [name for name in given if name in (ONLY_SIMULATED if real else ONLY_REAL)]
+    if real and emulated:
+        foreign = [name for name in foreign if name in ONLY_PACED]
     if foreign:
         raise ArgumentError(f"{', '.join(foreign)} can be given with env:={'sim' if real else 'real'} only")
     if real and "robot_ip" not in given:
-        raise ArgumentError("env:=real needs the address of the arm's control box, for example robot_ip:=172.16.0.2")
+        raise ArgumentError(
+            "env:=real needs the address of the arm's control box, for example robot_ip:=172.16.0.2, or "
+            "robot_ip:=emulated"
+        )
     if given.get("record", "").lower() == "false" and (unrecorded := [name for name in given if name in ONLY_RECORDED]):
         raise ArgumentError(
             f"{', '.join(unrecorded)} can be given with a recording only; valid: record:=true or record:=on_trigger"
@@ -209,11 +223,25 @@ def device(name: str, given: Mapping[str, str], known: Choices) -> str:
         given: checked arguments.
         known: names that exist in this workspace.
     """
-    value, experiment = given.get(name, "auto"), given.get("experiment", "none")
+    value = given.get(name, "auto")
     if value != "auto":
         return value
+    return "emulated" if _has(name, given, known) else "none"
+
+
+def _has(name: str, given: Mapping[str, str], known: Choices) -> bool:
+    """Whether the experiment has a section."""
+    experiment = given.get("experiment", "none")
     own_file = experiment.endswith((".yaml", ".yml")) and has_section(Path(experiment), name)
-    return "emulated" if own_file or experiment in known.having.get(name, ()) else "none"
+    return own_file or experiment in known.having.get(name, ())
+
+
+def _check_human(given: Mapping[str, str], known: Choices) -> None:
+    if given.get("env") == "real" and given["robot_ip"] != EMULATED and _has(HUMAN, given, known):
+        raise ArgumentError(
+            f"experiment:={given['experiment']} has a simulated human, who cannot be beside a real arm; valid: "
+            "robot_ip:=emulated, or env:=sim"
+        )
 
 
 def _unpaced(given: Mapping[str, str]) -> bool:

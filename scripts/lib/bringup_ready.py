@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from bringup_arguments import WORKSPACE
+from bringup_arguments import EMULATED, WORKSPACE
 from bringup_master import DEFAULT
 
 PERIOD = 0.2
@@ -45,13 +45,20 @@ def namespace(arguments: Mapping[str, str]) -> str:
     return "" if name in ("", "none") else f"/{name}"
 
 
+def arm(arguments: Mapping[str, str]) -> str:
+    """What is at `robot_ip`."""
+    if arguments["robot_ip"] == EMULATED:
+        return f"emulated {arguments['robot']} ({arguments['simulator']})"
+    return f"{arguments['robot']} at {arguments['robot_ip']}"
+
+
 def _records_at_once(arguments: Mapping[str, str]) -> bool:
     return arguments["record"] == "true" or (arguments["record"] == "auto" and arguments["experiment"] != "none")
 
 
 def _robot(arguments: Mapping[str, str]) -> str:
     if arguments["env"] == "real":
-        return f"{arguments['robot']} at {arguments['robot_ip']}"
+        return arm(arguments)
     factor = float(arguments["real_time_factor"])
     pace = "as fast as it can" if factor == 0.0 else "real time" if factor == 1.0 else f"{factor:g} times real time"
     return f"simulated Panda ({arguments['simulator']}, {pace})"

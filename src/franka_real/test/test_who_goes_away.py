@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -56,6 +57,20 @@ def test_who_accepts_a_connection_and_then_says_nothing_is_given_up_in_time() ->
         done = subprocess.run(command, capture_output=True, text=True, timeout=30.0)
     assert done.returncode == -signal.SIGKILL
     assert "has not responded for 0.5 s" in done.stderr
+
+
+def test_an_arm_that_refuses_the_connection_is_waited_for_as_long_as_asked() -> None:
+    ip = new_address()
+    with pytest.raises(HricError, match="refuses TCP port 1337"):
+        probe.wait(ip, 1.0, 0.3)
+    with socket.socket() as late:
+        late.bind((ip, probe.PORT))
+        starting = threading.Timer(0.5, late.listen)
+        starting.start()
+        probe.wait(ip, 1.0, 60.0)
+        starting.join()
+    with pytest.raises(HricError, match="neither an IP address nor a host name"):  # which no waiting changes
+        probe.wait("no such host", 1.0, 60.0)
 
 
 CLIENT = """

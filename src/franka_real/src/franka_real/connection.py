@@ -50,7 +50,7 @@ def open_connection(settings: Settings) -> Connection:
     Raises:
         HricError: nobody is there, the arm refuses, or its binding is missing.
     """
-    probe.check(settings.robot_ip, settings.probe_timeout)
+    probe.wait(settings.robot_ip, settings.probe_timeout, settings.wait_for_arm)
     backend = _backend(settings.robot)
     watchdog = None
     if settings.watchdog_timeout > 0.0:

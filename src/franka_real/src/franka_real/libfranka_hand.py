@@ -11,7 +11,7 @@ from typing import Any
 
 from franka_hw_interface.hand import HandMotion, HandOutcome
 from franka_real import probe
-from franka_real.settings import ROBOT_IP
+from franka_real.settings import ROBOT_IP, WAIT_FOR_ARM
 from hric_control.errors import FailureError
 from hric_control.node import Node
 from hric_control.parameters import Settings, choice
@@ -227,6 +227,7 @@ class HandSettings(Settings):
     """Parameters of the hand's node beside those of its actions."""
 
     robot_ip: str = ROBOT_IP
+    wait_for_arm: float = WAIT_FOR_ARM
     library: str = choice(
         "auto", *LIBRARIES, text="binding of libfranka (franka_real); `auto`: the first of them that is installed"
     )
@@ -239,6 +240,7 @@ def hand_of_node(node: Node) -> tuple[LibfrankaHand, Callable[[], None]]:
         HricError: no hand there, or no such library.
     """
     settings = HandSettings.read(node)
+    probe.wait(settings.robot_ip, PROBE_TIMEOUT, settings.wait_for_arm, PORT)
     hand = LibfrankaHand(connector(settings.robot_ip, settings.library), node.log_warn)
     node.log_info(f"connected to the hand at {settings.robot_ip}")
     return hand, hand.close

@@ -3,11 +3,38 @@ held."""
 
 import socket
 import threading
+import time
 
 from franka_real.backend import ConnectionLostError
 
 PORT = 1337
 """TCP port of the control interface; fixed in libfranka."""
+RETRY = 0.1
+"""Between two tries of an arm that refuses the connection [s]."""
+
+
+class RefusedError(ConnectionLostError):
+    """The machine is there, the control interface is not, or not yet."""
+
+
+def wait(address: str, timeout: float, patience: float, port: int = PORT) -> None:
+    """As `check`, but an arm that refuses the connection is tried again.
+
+    Args:
+        address, timeout, port: as of `check`.
+        patience: for how long [s of wall time]; 0: not at all.
+
+    Raises:
+        ConnectionLostError: as `check`.
+    """
+    deadline = time.monotonic() + patience
+    while True:
+        try:
+            return check(address, timeout, port)
+        except RefusedError:
+            if time.monotonic() >= deadline:
+                raise
+        time.sleep(RETRY)
 
 
 def check(address: str, timeout: float, port: int = PORT) -> None:
@@ -35,7 +62,8 @@ def check(address: str, timeout: float, port: int = PORT) -> None:
     thread.join(timeout + 0.1)
     failure = outcome[0] if outcome else TimeoutError()
     if failure is not None:
-        raise ConnectionLostError(f"no Franka arm at {address}: {_reason(failure, address, port, timeout)}")
+        kind = RefusedError if isinstance(failure, ConnectionRefusedError) else ConnectionLostError
+        raise kind(f"no Franka arm at {address}: {_reason(failure, address, port, timeout)}")
 
 
 def _reason(error: OSError, address: str, port: int, timeout: float) -> str:

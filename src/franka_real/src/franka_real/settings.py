@@ -15,6 +15,13 @@ from hric_control.parameters import choice, flag, number, package_yaml, text, wh
 ROBOT_IP: Any = text(
     valid="an address, e.g. 172.16.0.2,", empty=False, name="robot_ip", text="address of the control box"
 )
+WAIT_FOR_ARM: Any = number(
+    0.0,
+    minimum=0.0,
+    unit="s",
+    name="wait_for_arm",
+    text="how long a control box that refuses the connection, as one that starts does, is tried again",
+)
 
 
 def fr3_limits() -> RateLimits:
@@ -52,6 +59,7 @@ class Settings(Base):
     lock_memory: bool = flag(text="keep the process from being paged out")
     switch_interval: float = number(above=0.0, unit="s", text="how long another thread may keep the interpreter")
     probe_timeout: float = number(above=0.0, unit="s", text="how long the first connection may take")
+    wait_for_arm: float = WAIT_FOR_ARM
     watchdog_timeout: float = number(
         minimum=0.0, unit="s", text="silence of the loop after which the process is ended; 0: no watchdog"
     )

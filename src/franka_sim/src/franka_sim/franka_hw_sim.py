@@ -56,7 +56,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         """Read the parameters, build plant, model and box, put the arm at its start pose."""
         node = self._node = robot_hw_node
         self.description = root_node.search_param("robot_description")
-        given, realism = settings.read(node)
+        given, realism = settings.read(node, settings.ArmSettings)
         self.arm_id, self.q_start = given.arm_id, list(given.q_start)
         plant_config = realism.with_friction(given.plant, self.arm_id)
         self.model = settings.make_model(node, self.description, self.arm_id, plant_config)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 from franka_hw_interface.arm_parameters import ARM_ID, collision_config, read_arm_id
 from franka_hw_interface.arm_services import CollisionThresholds
@@ -40,8 +40,8 @@ class InternalImpedance(Settings):
 
 
 @dataclass(frozen=True)
-class ArmSettings(Settings):
-    """Parameters of the simulated arm."""
+class BoxSettings(Settings):
+    """Parameters of plant and control box, whoever commands them."""
 
     arm_id: str = ARM_ID
     plant_type: str = text("pybullet_ros_control/PyBulletPlant", text="plugin of base `hric_control::Plant`")
@@ -62,14 +62,35 @@ class ArmSettings(Settings):
         default_text="`[0, -pi/4, 0, -3pi/4, 0, pi/2, pi/4]`",
         text="start pose; outside a joint's range it is allowed and said",
     )
-    real_time_factor: float = REAL_TIME_FACTOR
-    enforce_limits: tuple[str, ...] = ENFORCE_LIMITS
     internal_impedance: InternalImpedance = section(InternalImpedance)
     reflexes: bool = flag(
         True,
         text="whether the arm protects itself; `false`: it limits what it can, and nothing but a number that is "
         "none ends a motion",
     )
+
+    def box(
+        self, plant: Mapping[str, Any], joint_names: Sequence[str], time_step: float, realism: Realism
+    ) -> BoxConfig:
+        """Parameters of the control box. It knows the plant's rotor inertia, and its friction as far as `realism`
+        says."""
+        return BoxConfig(
+            friction=realism.known_friction(plant, joint_names),
+            rotor_inertia=rotor_inertia(plant, joint_names),
+            time_step=time_step,
+            reflexes=self.reflexes,
+        )
+
+
+AnyBoxSettings = TypeVar("AnyBoxSettings", bound=BoxSettings)
+
+
+@dataclass(frozen=True)
+class ArmSettings(BoxSettings):
+    """Parameters of the simulated arm."""
+
+    real_time_factor: float = REAL_TIME_FACTOR
+    enforce_limits: tuple[str, ...] = ENFORCE_LIMITS
     rate_limiting: bool = flag(
         True,
         text="smooth joint positions and velocities to the limits of acceleration and jerk, as libfranka's loops do",
@@ -90,22 +111,15 @@ class ArmSettings(Settings):
     def box(
         self, plant: Mapping[str, Any], joint_names: Sequence[str], time_step: float, realism: Realism
     ) -> BoxConfig:
-        """Parameters of the control box. It knows the plant's rotor inertia, and its friction as far as `realism`
-        says."""
-        config = BoxConfig(
-            friction=realism.known_friction(plant, joint_names),
-            rotor_inertia=rotor_inertia(plant, joint_names),
-            time_step=time_step,
-            reflexes=self.reflexes,
-            settings_while_moving=self.settings_while_moving,
-        )
-        given = self.collision_config
+        """As of all arms, with what the simulated one alone takes."""
+        config, given = super().box(plant, joint_names, time_step, realism), self.collision_config
+        config = replace(config, settings_while_moving=self.settings_while_moving)
         return config if given is None else replace(config, collision_behavior=CollisionBehavior(*astuple(given)))
 
 
-def read(node: Node) -> tuple[ArmSettings, Realism]:
+def read(node: Node, kind: type[AnyBoxSettings]) -> tuple[AnyBoxSettings, Realism]:
     """The parameters, and how far the arm is from what its box believes. Raises ParameterError."""
-    settings = ArmSettings.read(node, [f"{read_arm_id(node)}_joint{i}" for i in range(1, 8)])
+    settings = kind.read(node, [f"{read_arm_id(node)}_joint{i}" for i in range(1, 8)])
     return settings, parse(settings.realism, node.resolve("realism"))
 
 

@@ -11,6 +11,8 @@ from franka_sim.realism import IDEAL
 from franka_sim.settings import Q_START
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
+MAX_LOST_PACKETS = 20
+"""Commands lost in a row that end a motion of the arm."""
 
 
 def yaml_value(text: str) -> Any:
@@ -117,7 +119,7 @@ def _add_care(made: argparse.ArgumentParser) -> None:
     add(
         "--max-lost-packets",
         type=int,
-        default=20,
+        default=MAX_LOST_PACKETS,
         metavar="N",
         help="commands lost in a row that end a motion; 0: any number (default: %(default)s)",
     )

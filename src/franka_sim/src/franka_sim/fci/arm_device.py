@@ -1,25 +1,32 @@
-"""The emulated arm behind the server: a plant and the control box, made of the command's arguments."""
+"""The emulated arm behind the server: a plant, who acts in it, and the control box."""
 
 import argparse
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from typing import Any
+from xml.etree import ElementTree
 
-from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_sim import sensors
 from franka_sim.box.compiled_arm import CompiledArm
-from franka_sim.box.config import BoxConfig
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import MotionCommand, MoveRequest, Outcome
+from franka_sim.fci.arguments import MAX_LOST_PACKETS
+from franka_sim.fci.clock import PERIOD
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.hand_service import Hand
 from franka_sim.fci.robots import Robot
 from franka_sim.fci.wire import StateCodec
 from franka_sim.gripper import Gripper
 from franka_sim.model_library import library_for
-from franka_sim.realism import parse
+from franka_sim.realism import Realism, parse
+from franka_sim.settings import BoxSettings, make_model, set_internal_impedance
 from hric_control import plugins
-from hric_control.errors import CommandError, HricError
+from hric_control.errors import CommandError, HricError, ParameterError
+from hric_control.local.node import LocalNode
+from hric_control.node import Node
 from hric_control.plant import Plant
+from hric_control.sim.participants import Participants
 
 MAX_LOAD, MAX_LOAD_DISTANCE, MAX_LOAD_INERTIA = 20.0, 1.0, 20.0
 """Of a payload that a client sets [kg], [m from the flange], [kg m^2]: project default, unconfirmed, far beyond the 3
@@ -31,6 +38,7 @@ class ArmDevice:
 
     Args:
         plant: the physics.
+        participants: who else acts in it.
         box: the control box.
         urdf: makes the arm's description as clients get it.
         model_library: the compiled model of protocol 5.
@@ -40,12 +48,14 @@ class ArmDevice:
 
     Attributes:
         state: of the box.
-        plant, box, hand: as given.
+        plant, participants, box, hand: as given.
+        on_cycle: called at the end of each cycle with robot time, before the state is sent.
     """
 
     def __init__(
         self,
         plant: Plant,
+        participants: Participants,
         box: ControlBox,
         urdf: Callable[[], str],
         model_library: bytes,
@@ -53,13 +63,14 @@ class ArmDevice:
         hand: Hand | None = None,
         read_state: sensors.ReadState | None = None,
     ) -> None:
-        self.plant, self.box, self.hand, self.state = plant, box, hand, box.state
+        self.plant, self.participants, self.box, self.hand, self.state = plant, participants, box, hand, box.state
+        self.on_cycle: Callable[[float], None] | None = None
         self._read_state = read_state or plant.read_state
         self._codec: StateCodec | None = None
         self.urdf, self.model_library = urdf, model_library
         self._q_start = list(q)
         self._q, self._dq, self._tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
-        self._period, self._cycles = plant.time_step, 0
+        self._period, self._cycles, self._time = plant.time_step, 0, 0.0
         # Requests of clients go to the box as they are.
         self.move: Callable[[MoveRequest], Outcome] = box.move
         self.stop_move, self.recover, self.take_finished = box.stop_move, box.recover, box.take_finished
@@ -73,9 +84,13 @@ class ArmDevice:
 
     def reset(self) -> None:
         """The arm at its start pose at rest, the world as at the start; time goes on."""
-        self.plant.reset(self._q_start)
+        self._reset_plant()
         self.box.reset(self._q_start)
         self._read()
+
+    def _reset_plant(self) -> None:
+        self.plant.reset(self._q_start)
+        self.participants.reset()
 
     def cycle(self, command: MotionCommand | None) -> None:
         """The torque for the command, one step of the plant, and what the box makes of the arm then.
@@ -83,15 +98,18 @@ class ArmDevice:
         Where the plant breaks down (diverges, or an effort no engine can stand), the motion ends in a reflex whose
         name the client gets, and the arm is put back to its start: a server goes on.
         """
-        self._cycles += 1
         try:
             self.plant.apply(self.box.write(command))
-            self.plant.step()
+            self.participants.step(self._time)
         except HricError as error:
             LOG.error("%s; the arm is put back to its start", error)
-            self.plant.reset(self._q_start)
+            self._reset_plant()
             self.box.break_down(self._q_start)
+        self._cycles += 1
+        self._time = self._cycles * self._period
         self._read()
+        if self.on_cycle is not None:
+            self.on_cycle(self._time)
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> Outcome:
         """Payload of the box, within bounds that keep its torques finite."""
@@ -104,7 +122,7 @@ class ArmDevice:
 
     def _read(self) -> None:
         self._read_state(self._q, self._dq, self._tau)
-        self.box.read(self._q, self._dq, self._tau, self._cycles * self._period)
+        self.box.read(self._q, self._dq, self._tau, self._time)
 
     def encode(self, codec: StateCodec, message_id: int) -> bytes:
         """The state as a datagram."""
@@ -117,31 +135,76 @@ class ArmDevice:
         self.plant.apply_wrench(link, force, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), duration)
 
     def close(self) -> None:
-        """Release the plant."""
+        """Release the plant, and who acts in it."""
+        self.participants.close()
         self.plant.close()
 
 
+def build_arm(
+    given: BoxSettings,
+    realism: Realism,
+    robot: Robot,
+    urdf_xml: str,
+    node: Node,
+    max_lost_packets: int | None = MAX_LOST_PACKETS,
+) -> ArmDevice:
+    """Plant, who acts in it, box, and hand where the description has one.
+
+    Args:
+        given: parameters.
+        realism: how far the arm is from what its box believes.
+        robot: which arm.
+        urdf_xml: the description.
+        node: of the robot's private names, for who acts in the plant.
+        max_lost_packets: in a row, that end a motion; None: any number.
+
+    Raises:
+        HricError: a parameter, a name or the description cannot be used.
+    """
+    arm_id = given.arm_id
+    plant_config = realism.with_friction(given.plant, arm_id)
+    model = make_model(node, urdf_xml, arm_id, plant_config)
+    names = model.joint_names
+    with ExitStack() as held:
+        plant = plugins.find(plugins.PLANT, given.plant_type)(realism.body(urdf_xml, arm_id), names, plant_config)
+        held.callback(plant.close)
+        if plant.time_step != PERIOD:
+            raise ParameterError(f"{node.resolve('plant/time_step')} is {plant.time_step}; valid: {PERIOD} [s]")
+        config = replace(
+            given.box(plant_config, names, PERIOD, realism), limits=robot.limits(), max_lost_packets=max_lost_packets
+        )
+        compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value)
+        box = ControlBox(model, compiled, config, lambda text: LOG.warning("%s", text))
+        set_internal_impedance(node, given.internal_impedance.stiffness, box.joint_impedance)
+        read_state = sensors.attach(plant, box, realism, plant_config.get("seed", 0))
+        participants = Participants(plant, node)
+        held.callback(participants.close)
+        library = library_for(urdf_xml, arm_id)
+        hand = Gripper() if _has_hand(urdf_xml, arm_id) else None
+        arm = ArmDevice(plant, participants, box, robot.served_urdf, library, given.q_start, hand, read_state)
+        held.pop_all()
+    return arm
+
+
+def _has_hand(urdf_xml: str, arm_id: str) -> bool:
+    return any(link.get("name") == f"{arm_id}_hand" for link in ElementTree.fromstring(urdf_xml).iterfind("link"))
+
+
 def make_arm(options: argparse.Namespace, robot: Robot) -> ArmDevice:
-    """Plant, box and hand. Raises HricError."""
-    arm_id = robot.arm_id
-    urdf_xml = robot.urdf(not options.no_hand, not options.no_collision)
-    realism = parse(options.realism, "--realism")
+    """Of the command's arguments. Raises HricError."""
     given = {name: getattr(options, name) for name in ("world", "gui", "friction") if getattr(options, name)}
-    plant_config: dict[str, Any] = {"rotor_inertia": options.rotor_inertia, **given}
+    plant_config: dict[str, Any] = {"rotor_inertia": options.rotor_inertia, "seed": options.seed, **given}
     if options.no_collision:
         plant_config |= {"collision": False, "self_collision": False}
-    plant_config = realism.with_friction(plant_config, arm_id)
-    model = KdlFrankaModel(urdf_xml, arm_id)
-    config = BoxConfig(
-        limits=robot.limits(),
-        friction=realism.known_friction(plant_config, model.joint_names),
-        rotor_inertia=(options.rotor_inertia,) * 7,
+    settings = BoxSettings(
+        arm_id=robot.arm_id,
+        plant_type=options.plant,
+        plant=plant_config,
+        realism=options.realism,
+        q_start=tuple(options.q_start),
         reflexes=not options.no_reflexes,
-        max_lost_packets=options.max_lost_packets or None,
+        where="--",
     )
-    compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value)
-    box = ControlBox(model, compiled, config, lambda text: LOG.warning("%s", text))
-    plant = plugins.find(plugins.PLANT, options.plant)(realism.body(urdf_xml, arm_id), model.joint_names, plant_config)
-    hand = None if options.no_hand else Gripper()
-    read_state = sensors.attach(plant, box, realism, options.seed)
-    return ArmDevice(plant, box, robot.served_urdf, library_for(urdf_xml, arm_id), options.q_start, hand, read_state)
+    urdf_xml = robot.urdf(not options.no_hand, not options.no_collision)
+    realism = parse(options.realism, "--realism")
+    return build_arm(settings, realism, robot, urdf_xml, LocalNode({}), options.max_lost_packets or None)

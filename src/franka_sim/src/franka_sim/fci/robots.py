@@ -22,6 +22,7 @@ class Robot:
         arm_id: prefix of joints and links.
         version: of the protocol that its control box speaks.
         urdf: the whole robot (argument: with hand, with collision shapes), for the plant and the box.
+        limited: a description of the Panda (and the prefix of its links) with the limits of this robot.
         served_urdf: the arm without a hand, as clients get it.
         limits: of the arm.
     """
@@ -29,6 +30,7 @@ class Robot:
     arm_id: str
     version: int
     urdf: Callable[[bool, bool], str]
+    limited: Callable[[str, str], str]
     served_urdf: Callable[[], str]
     limits: Callable[[], FrankaLimits]
 
@@ -49,30 +51,36 @@ def _joint(root: ElementTree.Element, name: str) -> ElementTree.Element:
     raise DescriptionError(f"the robot description has no joint {name}")
 
 
-def _fr3_tree(hand: bool, collision: bool) -> ElementTree.Element:
-    """The Panda's description with the names and limits of the FR3."""
-    root = ElementTree.fromstring(panda_description.load(arm_id="fr3", hand=hand, meshes=False, collision=collision))
+def fr3_limited(urdf_xml: str, arm_id: str) -> str:
+    """A description of the Panda with the limits of the FR3.
+
+    Args:
+        urdf_xml: the description.
+        arm_id: prefix of its joints.
+    """
+    root = ElementTree.fromstring(urdf_xml)
     values = read_config("fr3")
     for i in range(JOINTS):
-        joint = _joint(root, f"fr3_joint{i + 1}")
+        joint = _joint(root, f"{arm_id}_joint{i + 1}")
         limits = {name: str(values[name][i]) for name in ("lower", "upper", "velocity", "effort")}
         for element in joint.iterfind("limit"):
             element.attrib.update(limits)
         for element in joint.iterfind("safety_controller"):
             element.attrib.update(soft_lower_limit=limits["lower"], soft_upper_limit=limits["upper"])
-    return root
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def fr3_urdf(hand: bool = True, collision: bool = True) -> str:
     """The whole FR3 as pure URDF."""
-    return ElementTree.tostring(_fr3_tree(hand, collision), encoding="unicode")
+    urdf_xml = panda_description.load(arm_id="fr3", hand=hand, meshes=False, collision=collision)
+    return fr3_limited(urdf_xml, "fr3")
 
 
 def fr3_served_urdf() -> str:
     """What a client of protocol 10 needs: joints `joint1` to `joint7` with limits of the velocity that depend on the
     position, the flange `link8`, inertial parameters; no hand, as its mass comes with the state and its finger joints
     would be taken for joints of the arm."""
-    root = _fr3_tree(hand=False, collision=False)
+    root = ElementTree.fromstring(fr3_urdf(hand=False, collision=False))
     values = read_config("fr3")
     for i in range(JOINTS):
         limits = {name: str(values[name][i]) for name in ("velocity_offset", "deceleration_limit")}
@@ -95,7 +103,9 @@ def _panda_urdf(hand: bool, collision: bool) -> str:
 
 
 ROBOTS: Mapping[str, Robot] = {
-    "panda": Robot("panda", 5, _panda_urdf, lambda: _panda_urdf(False, False), franka_limits),
-    "fr3": Robot("fr3", 10, fr3_urdf, fr3_served_urdf, fr3_limits),
+    "panda": Robot(
+        "panda", 5, _panda_urdf, lambda urdf_xml, _: urdf_xml, lambda: _panda_urdf(False, False), franka_limits
+    ),
+    "fr3": Robot("fr3", 10, fr3_urdf, fr3_limited, fr3_served_urdf, fr3_limits),
 }
 """By name."""

@@ -1,0 +1,99 @@
+"""The node `emulated_arm`: an arm, its control box and its hand on the network, with who else acts in its plant."""
+
+import gc
+import ipaddress
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+from franka_sim.fci.arm_device import build_arm
+from franka_sim.fci.epoch import Epoch
+from franka_sim.fci.robots import ROBOTS
+from franka_sim.fci.server import FciServer
+from franka_sim.settings import BoxSettings, read
+from hric_control.parameters import choice, text
+from hric_control.processes import prefer_this_thread, quiet_collector
+from hric_control.robot_time.clock_pairs import TOPIC
+from hric_control.ros import RosNode, run
+from hric_control.ros.process import NodeApp
+from hric_msgs.msg import ClockPair
+
+PERIOD = 0.2
+"""Between two looks whether the server still runs [s of wall time]."""
+PATIENCE = 2.0
+"""How long its last cycle may take [s of wall time]."""
+
+
+@dataclass(frozen=True)
+class EmulatedArmSettings(BoxSettings):
+    """Parameters of the node; those of plant and box have the names that they have at the simulated arm's."""
+
+    ip: str = text(
+        "127.0.0.1",
+        valid="an IPv4 address of this machine, e.g. 127.0.0.2,",
+        made=lambda given: str(ipaddress.IPv4Address(given)),
+        text="where it listens, on libfranka's ports",
+    )
+    robot: str = choice("panda", "fr3", text="which arm; the description is the Panda's for both")
+
+
+class EmulatedArm(NodeApp):
+    """Serves from its construction on, in lock-step with its client at real time, with a hand where the description has
+    one. What is published from its plant has the stamps of the client's robot.
+
+    Raises:
+        HricError: a parameter, a name, the description or a port cannot be used.
+    """
+
+    period = PERIOD
+
+    def __init__(self, node: RosNode) -> None:
+        given, realism = read(node, EmulatedArmSettings)
+        robot = ROBOTS[given.robot]
+        description = robot.limited(node.search_param("robot_description"), given.arm_id)
+        self._arm = build_arm(given, realism, robot, description, node)
+        try:
+            self._server = FciServer(self._arm, given.ip, robot.version)
+        except BaseException:
+            self._arm.close()
+            raise
+        self._epoch = Epoch(node.now().to_sec())
+        self._arm.on_cycle = self._epoch.on_cycle
+        self._arm.participants.set_epoch(self._epoch.value)
+        self._pairs = node.subscribe(node.beside(TOPIC), ClockPair, self._on_pair, queue_size=0)
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._serve, name="control box", daemon=True)
+        self._thread.start()
+        node.log_info(f"an emulated {given.robot} listens at {given.ip}")
+
+    def _serve(self) -> None:
+        prefer_this_thread()
+        gc.collect()
+        gc.freeze()
+        try:
+            with quiet_collector():
+                self._server.run()
+        except BaseException as error:  # the main thread raises it
+            self._failure = error
+
+    def _on_pair(self, message: Any) -> None:
+        if self._epoch.on_pair(message.monotonic, message.run_time.to_sec()):
+            self._arm.participants.set_epoch(self._epoch.value)
+
+    def tick(self) -> None:
+        """Raises what ended the server."""
+        if self._failure is not None:
+            raise self._failure
+
+    def close(self) -> None:
+        """End."""
+        self._pairs.unregister()
+        self._server.stop()
+        self._thread.join(PATIENCE)
+        self._server.close()
+        self._arm.close()
+
+
+def main(text_of_help: str) -> int:
+    """Run the node; the exit code."""
+    return run("emulated_arm", text_of_help, EmulatedArm)
