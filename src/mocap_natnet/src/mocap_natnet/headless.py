@@ -1,6 +1,7 @@
 """The emulated Motive and the publisher in one process, without sockets: through the same encoder and decoder, the same
 for each seed."""
 
+import math
 from collections import deque
 
 from hric_control.errors import ParameterError
@@ -10,6 +11,8 @@ from mocap_natnet.node.publisher import MocapPublisher
 from mocap_natnet.server import Motive
 
 NS = 1_000_000_000
+STAMP = 1.0 / NS
+"""To how much the stamp of a message is the time that it means [s]."""
 
 
 class HeadlessMocap:
@@ -36,14 +39,20 @@ class HeadlessMocap:
         self._number = 0
         publisher.describe(self._codec.decode_model(self._codec.encode_model(motive.scene.model())))
 
-    def advance(self, time: float) -> None:
-        """Go on to a time of the run [s]."""
+    def advance(self, time: float, known: float = math.inf) -> None:
+        """Go on.
+
+        Args:
+            time: of the run [s].
+            known: up to then it is known where everything is [s]; frames of later exposures wait.
+        """
         motive, period = self._motive, self._motive.settings.period
-        while (exposed := self._begin + self._number * period) <= time:
+        while (exposed := self._begin + self._number * period) <= min(time, known + STAMP):
             delay = motive.delay(self._number)
             datagram = motive.datagram(motive.frame(self._number))
             if delay is not None and motive.live:
-                self._exposed.append((exposed + delay, exposed, datagram))
+                due = exposed + delay if known == math.inf else max(exposed + delay, time)
+                self._exposed.append((due, exposed, datagram))
             self._number += 1
         while self._exposed and self._exposed[0][0] <= time:
             due, exposed, datagram = self._exposed.popleft()

@@ -5,10 +5,12 @@ from mocap_natnet.server.motive import Motive
 from mocap_natnet.server.scene import Body, Faults, Plate, Scene
 from mocap_natnet.server.server import MotiveServer
 from mocap_natnet.server.settings import Settings
+from mocap_natnet.server.skeleton import Bone, Skeleton
 from mocap_natnet.server.sources import Sinusoid, Source, from_file
 
 __all__ = [
     "Body",
+    "Bone",
     "Faults",
     "Motive",
     "MotiveServer",
@@ -16,6 +18,7 @@ __all__ = [
     "Scene",
     "Settings",
     "Sinusoid",
+    "Skeleton",
     "Source",
     "Track",
     "from_file",

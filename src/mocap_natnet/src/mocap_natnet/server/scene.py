@@ -1,4 +1,4 @@
-"""What the emulated cameras see: rigid bodies with markers, force plates, and what goes wrong with them."""
+"""What the emulated cameras see: rigid bodies with markers, skeletons, force plates, and what goes wrong with them."""
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
@@ -12,7 +12,9 @@ from hric_control.geometry.poses import UP_AXES, Pose, from_z_up, pose_from_z_up
 from hric_control.geometry.quaternions import Vector, from_rotation_vector, product
 from hric_control.parameters import Parameter, Settings, listing, number, numbers, whole
 from mocap_natnet.codec import descriptions as d
+from mocap_natnet.codec import types as t
 from mocap_natnet.codec.types import OF_ASSET, POINT_CLOUD, TRACKED, Analog, Frame, Marker, MarkerSet, RigidBody, Suffix
+from mocap_natnet.server.skeleton import Skeleton
 from mocap_natnet.server.sources import Source
 
 TRIANGLE: tuple[Vector, ...] = ((0.06, -0.02, 0.0), (-0.04, -0.03, 0.0), (-0.02, 0.05, 0.0))
@@ -97,7 +99,7 @@ class Faults(Settings):
 
 @dataclass
 class Scene:
-    """Bodies and plates, as frames and as a description.
+    """Bodies, plates and skeletons, as frames and as a description.
 
     Args:
         bodies: with different names and ids.
@@ -105,6 +107,7 @@ class Scene:
         faults: what is wrong with what is seen.
         up: axis that points up in the stream, y or z.
         describe_plates: whether the description has the plates; some clients cannot read that.
+        skeletons: with names and ids that no body has.
     """
 
     bodies: tuple[Body, ...] = ()
@@ -112,21 +115,24 @@ class Scene:
     faults: Faults = field(default_factory=Faults)
     up: str = "y"
     describe_plates: bool = True
+    skeletons: tuple[Skeleton, ...] = ()
 
     def __post_init__(self) -> None:
         if self.up not in UP_AXES:
             raise ParameterError(f"the axis that points up is {self.up!r}; valid: {', '.join(UP_AXES)}")
+        assets: list[Body | Skeleton] = [*self.bodies, *self.skeletons]
         for what, keys in (
-            ("names", {body.name for body in self.bodies}),
-            ("streaming ids", {body.id for body in self.bodies}),
+            ("names", {asset.name for asset in assets}),
+            ("streaming ids", {asset.id for asset in assets}),
         ):
-            if len(keys) != len(self.bodies):
+            if len(keys) != len(assets):
                 raise ParameterError(
-                    f"two bodies share one of the {what}: "
-                    f"{', '.join(f'{body.name} ({body.id})' for body in self.bodies)}"
+                    f"two bodies share one of the {what}: {', '.join(f'{asset.name} ({asset.id})' for asset in assets)}"
                 )
         self._last: dict[str, Pose] = {}
-        self._blinks, self._noise = _Blinks(self.faults), _Noise(self.faults, self.bodies)
+        sizes = [6 + 3 * len(body.markers) for body in self.bodies]
+        sizes += [6 * len(skeleton.bones) + 3 * len(skeleton.markers) for skeleton in self.skeletons]
+        self._blinks, self._noise = _Blinks(self.faults), _Noise(self.faults, sizes)
 
     def frame(self, number: int, time: float, period: float, suffix: Suffix = NO_SUFFIX) -> Frame:
         """What is seen at the middle of an exposure.
@@ -137,8 +143,8 @@ class Scene:
             period: between frames [s]; the samples of a plate are spread over the one before `time`.
             suffix: of the frame.
         """
-        bodies, markers, sets = [], [], []
-        for body, noise in zip(self.bodies, self._noise.of(number), strict=True):
+        bodies, markers, sets, noises = list[RigidBody](), list[Marker](), list[MarkerSet](), self._noise.of(number)
+        for body, noise in zip(self.bodies, noises, strict=False):
             exact = body.source(time)
             pose = self._noisy(exact or Pose(), noise)
             away = self._hidden(body.name, time)
@@ -152,6 +158,12 @@ class Scene:
             streamed = pose_from_z_up(self.up, self._last.get(body.name, Pose()))
             error = self.faults.marker_noise
             bodies.append(RigidBody(body.id, streamed.position, streamed.orientation, error, 0 if hidden else TRACKED))
+        skeletons = []
+        for skeleton, noise in zip(self.skeletons, noises[len(self.bodies) :], strict=True):
+            bones, seen = self._skeleton(skeleton, noise, time)
+            skeletons.append(t.Skeleton(skeleton.id, tuple(bones)))
+            markers += seen
+            sets.append(MarkerSet(skeleton.name, tuple([marker.position for marker in seen])))
         positions = tuple([marker.position for marker in markers])
         plates = tuple([self._plate(plate, time, period) for plate in self.plates])
         return Frame(
@@ -159,7 +171,7 @@ class Scene:
             (*sets, MarkerSet("all", positions)),
             positions,
             tuple(bodies),
-            (),
+            tuple(skeletons),
             (),
             tuple(markers),
             plates,
@@ -173,18 +185,17 @@ class Scene:
         for body in self.bodies:
             names = tuple(f"Marker{index}" for index in range(1, len(body.markers) + 1))
             found.append(d.MarkerSetDescription(body.name, names))
-        found.append(
-            d.MarkerSetDescription(
-                "all",
-                tuple(f"{body.name}_{index}" for body in self.bodies for index in range(1, len(body.markers) + 1)),
-            )
-        )
+        found += [d.MarkerSetDescription(skeleton.name, skeleton.markers) for skeleton in self.skeletons]
+        labels = [f"{body.name}_{index}" for body in self.bodies for index in range(1, len(body.markers) + 1)]
+        labels += [f"{skeleton.name}_{name}" for skeleton in self.skeletons for name in skeleton.markers]
+        found.append(d.MarkerSetDescription("all", tuple(labels)))
         for body in self.bodies:
             markers = [
                 d.DescribedMarker(from_z_up(self.up, marker), 0, f"Marker{index}")
                 for index, marker in enumerate(body.markers, 1)
             ]
             found.append(d.RigidBodyDescription(body.name, body.id, markers=tuple(markers)))
+        found += [skeleton.described(self.up) for skeleton in self.skeletons]
         if self.describe_plates:
             found += [self._described(plate) for plate in self.plates]
         return d.Model(tuple(found))
@@ -204,15 +215,35 @@ class Scene:
         return Pose((x + size * noise[0], y + size * noise[1], z + size * noise[2]), orientation)
 
     def _markers(self, body: Body, pose: Pose, noise: Sequence[float], time: float) -> list[Marker]:
-        size, up, found = self.faults.marker_noise, self.up, list[Marker]()
         positions = [transformed(pose, marker) for marker in body.markers] if body.seen is None else body.seen(time)
+        return self._labelled(body.id, positions, noise[6:])
+
+    def _labelled(self, asset: int, positions: Sequence[Vector | None], noise: Sequence[float]) -> list[Marker]:
+        """Markers of a body or skeleton, those that are seen."""
+        size, up, found = self.faults.marker_noise, self.up, list[Marker]()
         for index, exact in enumerate(positions, 1):
             if exact is None:
                 continue
-            (x, y, z), (dx, dy, dz) = exact, noise[3 + 3 * index : 6 + 3 * index]
+            (x, y, z), (dx, dy, dz) = exact, noise[3 * index - 3 : 3 * index]
             position = from_z_up(up, (x + size * dx, y + size * dy, z + size * dz))
-            found.append(Marker(body.id << 16 | index, position, MARKER_SIZE, MARKER_FLAGS, size))
+            found.append(Marker(asset << 16 | index, position, MARKER_SIZE, MARKER_FLAGS, size))
         return found
+
+    def _skeleton(
+        self, skeleton: Skeleton, noise: Sequence[float], time: float
+    ) -> tuple[list[RigidBody], list[Marker]]:
+        """Its bones, in global coordinates, and its markers; both are hidden as a whole."""
+        poses, positions = skeleton.source(time)
+        hidden = self._hidden(skeleton.name, time)
+        bones = [
+            self._bone(skeleton.id << 16 | number, pose, noise[6 * number - 6 : 6 * number], hidden)
+            for number, pose in enumerate(poses, 1)
+        ]
+        return bones, [] if hidden else self._labelled(skeleton.id, positions, noise[6 * len(bones) :])
+
+    def _bone(self, number: int, exact: Pose, noise: Sequence[float], hidden: bool) -> RigidBody:
+        pose = pose_from_z_up(self.up, self._noisy(exact, noise))
+        return RigidBody(number, pose.position, pose.orientation, self.faults.marker_noise, 0 if hidden else TRACKED)
 
     def _plate(self, plate: Plate, time: float, period: float) -> Analog:
         times = [time - period * (plate.samples - 1 - index) / plate.samples for index in range(plate.samples)]
@@ -231,17 +262,17 @@ class Scene:
 
 
 class _Noise:
-    """Standard normal numbers of each body in each frame: three for its position, three for its orientation, three for
-    each marker. They do not depend on the order of calls."""
+    """Standard normal numbers of each body and skeleton in each frame: three for a position, three for an orientation,
+    three for each marker. They do not depend on the order of calls."""
 
-    def __init__(self, faults: Faults, bodies: Sequence[Body]) -> None:
-        self._seed, self._sizes = faults.seed, [6 + 3 * len(body.markers) for body in bodies]
+    def __init__(self, faults: Faults, sizes: Sequence[int]) -> None:
+        self._seed, self._sizes = faults.seed, sizes
         self._silent = not (faults.noise or faults.rotation_noise or faults.marker_noise)
         self._zeros = [[0.0] * size for size in self._sizes]
         self._block, self._rows = -1, list[list[list[float]]]()
 
     def of(self, number: int) -> list[list[float]]:
-        """By body."""
+        """By body, then by skeleton."""
         if self._silent:
             return self._zeros
         block, index = divmod(number, BLOCK)

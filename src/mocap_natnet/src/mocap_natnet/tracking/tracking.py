@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from hric_control.geometry import Pose, Vector, compose, normalized, transformed
 from hric_control.geometry.poses import pose_from_z_up, pose_z_up, z_up
-from mocap_natnet.codec.descriptions import Model, RigidBodyDescription, SkeletonDescription
+from mocap_natnet.codec.descriptions import MarkerSetDescription, Model, RigidBodyDescription, SkeletonDescription
 from mocap_natnet.codec.types import OCCLUDED, TRACKED, Frame, Marker, RigidBody
 from mocap_natnet.tracking.validity import PoseValidator
 
@@ -59,6 +59,7 @@ class Tracker:
     def __post_init__(self) -> None:
         self._described: dict[int, RigidBodyDescription] = {}
         self._bones: dict[tuple[int, int], str] = {}
+        self._skeleton_markers: dict[int, tuple[str, tuple[str, ...]]] = {}
         self._last: dict[int, Pose] = {}
         self._valid: dict[int, bool] = {}
         self._names: set[Hashable] = set()
@@ -68,7 +69,9 @@ class Tracker:
         """Take the names of the bodies."""
         self._described = model.bodies
         self._marker_names = {}
-        skeletons = (one for one in model.descriptions if isinstance(one, SkeletonDescription))
+        skeletons = [one for one in model.descriptions if isinstance(one, SkeletonDescription)]
+        sets = {one.name: one.markers for one in model.descriptions if isinstance(one, MarkerSetDescription)}
+        self._skeleton_markers = {one.id: (one.name, sets.get(one.name, ())) for one in skeletons}
         self._bones = {
             (skeleton.id, bone.id & 0xFFFF): f"{skeleton.name}/{bone.name}"
             for skeleton in skeletons
@@ -165,7 +168,8 @@ class Tracker:
         described = self._described.get(body)
         if described and 1 <= member <= len(described.markers):
             return f"{described.name}/{described.markers[member - 1].name or member}"
-        return ""
+        skeleton, names = self._skeleton_markers.get(body, ("", ()))
+        return f"{skeleton}/{names[member - 1]}" if described is None and 1 <= member <= len(names) else ""
 
 
 def _near(position: Vector) -> bool:

@@ -1,0 +1,69 @@
+"""A skeleton that the emulated cameras see: bones, and markers that are labelled by it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from hric_control.errors import ParameterError
+from hric_control.geometry.poses import Pose, from_z_up
+from hric_control.geometry.quaternions import Vector
+from mocap_natnet.codec import descriptions as d
+
+NO_BONE = 0
+"""Number of the parent of a bone that hangs on none; bones are numbered from 1 on."""
+
+
+@dataclass(frozen=True)
+class Bone:
+    """A bone.
+
+    Args:
+        name: in the description.
+        parent: name of the bone that it hangs on; "": none.
+        offset: of its origin in axes of the parent, z up [m].
+    """
+
+    name: str
+    parent: str = ""
+    offset: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Bones and markers.
+
+    Args:
+        name: in the description, also of its set of markers.
+        id: streaming id, 1 to 32767.
+        bones: each after its parent.
+        markers: their names.
+        source: time of the stream [s] -> poses of the bones and positions of the markers, z up.
+    """
+
+    name: str
+    id: int
+    bones: tuple[Bone, ...]
+    markers: tuple[str, ...]
+    source: Callable[[float], tuple[Sequence[Pose], Sequence[Vector]]]
+
+    def __post_init__(self) -> None:
+        known = [""]
+        for bone in self.bones:
+            if bone.parent not in known:
+                raise ParameterError(
+                    f"bone {bone.name!r} of {self.name} hangs on {bone.parent!r}; valid: a bone before it"
+                )
+            known.append(bone.name)
+
+    def described(self, up: str) -> d.SkeletonDescription:
+        """Its description; up: axis of the stream that points up."""
+        numbers = {bone.name: number for number, bone in enumerate(self.bones, 1)}
+        return d.SkeletonDescription(
+            self.name,
+            self.id,
+            tuple(
+                d.RigidBodyDescription(
+                    bone.name, numbers[bone.name], numbers.get(bone.parent, NO_BONE), from_z_up(up, bone.offset)
+                )
+                for bone in self.bones
+            ),
+        )
