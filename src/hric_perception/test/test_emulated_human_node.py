@@ -108,7 +108,7 @@ def test_a_wrong_parameter_ends_the_node_with_one_line(ros: str) -> None:
         output, _ = node.communicate(timeout=LIMIT)
     assert node.returncode == 2
     assert (
-        "no program 'walk' in /wrong_human/human; valid: c3d, minimum_jerk, reactive, sinusoid" in output
+        "no program 'walk' in /wrong_human/human; valid: body, c3d, minimum_jerk, reactive, sinusoid" in output
         and "Traceback" not in output
     )
     rospy.delete_param("/wrong_human")

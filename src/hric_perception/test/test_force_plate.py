@@ -124,7 +124,7 @@ def test_a_push_is_a_swell_at_its_point() -> None:
     load = read_load({"program": "push", "force": 80, "point": [0.1, -0.1], "period": 2})
     wrench = load(np.array([0.0, 1.0]))
     assert wrench[0] == pytest.approx(np.zeros(6)) and centre_of_pressure(wrench[1]) == pytest.approx((0.1, -0.1, 0.0))
-    with pytest.raises(HricError, match="no program 'jump' in load; valid: c3d, constant, contacts, push"):
+    with pytest.raises(HricError, match="no program 'jump' in load; valid: body, c3d, constant, contacts, push"):
         read_load({"program": "jump"})
 
 

@@ -19,11 +19,12 @@ from franka_msgs.msg import FrankaState
 from hric_control.limits import JointLimits
 from hric_control.robot_time import stamps
 from hric_control.testing import ros, roscore  # noqa: F401
-from hric_msgs.msg import MarkerTrackingState, SampleChunk
+from hric_msgs.msg import HumanGrip, MarkerTrackingState, RegionContact, RegionContacts, SampleChunk
 from hric_perception.chunk import Chunk, Layout, chunk_message
 from hric_perception.view import limit_markers
 from hric_perception.view.curves import WINDOW, History
 from hric_perception.view.decimation import MeanChunk, NewestJoints, Reaction
+from hric_perception.view.human_markers import CONTACT, HumanMarkers
 from hric_perception.view.limit_markers import Level, of_joint, walls
 
 pytestmark = pytest.mark.alone
@@ -35,6 +36,24 @@ URDF = """<robot name="arm"><link name="base"/><link name="one"/><link name="two
 <joint name="arm_finger" type="prismatic"><parent link="one"/><child link="two"/><axis xyz="1 0 0"/>
 <limit lower="0" upper="0.04" velocity="1" effort="1"/></joint>
 </robot>"""  # noqa: E501
+
+
+FOREARM = """<robot name="human"><link name="human_base"/><link name="r_elbow"><visual>
+<origin xyz="0 0 -0.1"/><geometry><cylinder radius="0.05" length="0.2"/></geometry></visual></link>
+<joint name="right_el_flex" type="fixed"><parent link="human_base"/><child link="r_elbow"/></joint></robot>"""
+
+
+def held(force: float, closed: bool = True) -> Any:
+    """hric_msgs/HumanGrip at (0.4, 0, 0.5) in the world, with a force upwards [N]."""
+    message = HumanGrip(name="guide", closed=closed)
+    message.header.frame_id, message.wrench.force.z = "world", force
+    message.point.x, message.point.z = 0.4, 0.5
+    return message
+
+
+def touch(force: float, link: str = "r_elbow", peak: float = math.nan) -> Any:
+    """hric_msgs/RegionContact at the forearm [N]."""
+    return RegionContact(regions=["lower arm, wrist"], link=link, force=force, peak=peak)
 
 
 @pytest.mark.parametrize(
@@ -68,6 +87,40 @@ def test_the_hand_of_a_ring_points_where_the_joint_has_turned_to() -> None:
     axis = np.cross(place.R.apply(first), place.R.apply(second))
     assert np.allclose(axis / np.linalg.norm(axis), [0.0, 1.0, 0.0], atol=1e-6)
     assert (straight.header.frame_id, straight.pose.position.z) == ("base", 0.3)
+
+
+def test_a_grip_force_begins_where_it_acts_and_goes_with_the_grip() -> None:
+    markers = HumanMarkers(FOREARM, "human")
+    markers.push_grip(held(3.0))
+    markers.push_grip(held(5.0))
+    arrow, words = markers.take().markers
+    tail, tip = arrow.points
+    assert (arrow.header.frame_id, arrow.type, words.text) == ("world", Marker.ARROW, "guide: 5.0 N")
+    assert np.allclose([tail.x, tail.y, tail.z, tip.x, tip.y, tip.z], [0.4, 0.0, 0.5, 0.4, 0.0, 0.6])
+    markers.push_grip(held(0.0, closed=False))
+    assert markers.take() is None
+
+
+def test_the_arrow_of_a_contact_ends_on_the_skin_of_its_link_and_is_longer_the_larger_the_force() -> None:
+    markers = HumanMarkers(FOREARM, "human")
+    markers.push_contacts(RegionContacts(touching=[touch(100.0)]))
+    arrow, words = markers.take().markers
+    tail, tip = arrow.points
+    assert (arrow.header.frame_id, words.text, words.color) == ("human/r_elbow", "lower arm, wrist: 100 N", CONTACT)
+    assert np.allclose([tip.x, tip.y, tip.z], [0.05, 0.0, -0.1]) and tail.x - tip.x == pytest.approx(0.2)
+    assert markers.take() is None, "each is shown once"
+
+
+def test_of_several_looks_the_largest_force_of_a_link_is_shown_and_a_rigid_contact_has_none() -> None:
+    markers = HumanMarkers(FOREARM, "human")
+    markers.push_contacts(RegionContacts(touching=[touch(math.nan), touch(40.0), touch(7.0, link="shoe")]))
+    markers.push_contacts(RegionContacts(ended=[touch(0.0, peak=153.0)]))
+    markers.push_contacts(RegionContacts(touching=[touch(math.nan)]))
+    assert [marker.text for marker in markers.take().markers] == ["", "lower arm, wrist: 153 N"]
+    markers.push_contacts(RegionContacts(touching=[touch(math.nan)]))
+    assert [(marker.type, marker.text) for marker in markers.take().markers] == [
+        (Marker.TEXT_VIEW_FACING, "lower arm, wrist: rigid")
+    ]
 
 
 def test_a_mean_of_chunks_is_one_sample_with_the_channels_and_units_of_the_source() -> None:
@@ -129,6 +182,8 @@ class Feed:
             "cartesian_pose_controller/state": MarkerTrackingState,
             "hric/perception/emg/envelope": SampleChunk,
             "hric/perception/force_plate/left/wrench": WrenchStamped,
+            "hric/human/grip": HumanGrip,
+            "hric/human/contacts": RegionContacts,
         }
         self._publishers = {topic: rospy.Publisher(f"/{topic}", kind, queue_size=10) for topic, kind in kinds.items()}
         self._stop = threading.Event()
@@ -145,6 +200,8 @@ class Feed:
             joints.name, joints.position, joints.velocity, joints.effort = ["arm_joint1"], [1.97], [0.0], [0.0]
             messages["franka_state_controller/F_ext"].wrench.force.x = 5.0
             messages["franka_state_controller/franka_states"].O_T_EE[12:15] = [0.5, 0.0, 0.01]
+            messages["hric/human/grip"] = held(5.0)
+            messages["hric/human/contacts"].touching = [touch(40.0)]
             messages["hric/perception/emg/envelope"] = chunk_message(
                 Chunk(layout, stamp.to_sec(), 2 * count, np.full((2, 1), 0.25))
             )
@@ -170,6 +227,7 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
     import rospy
 
     rospy.set_param("/robot_description", URDF)
+    rospy.set_param("/hric/human/robot_description", FOREARM)
     rospy.set_param(
         "/cartesian_pose_controller",
         {"workspace": {"lower": [-0.8, -0.8, 0.0], "upper": [0.8, 0.8, 1.2]}, "arm_id": "arm"},
@@ -182,6 +240,7 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
         "emg": SampleChunk,
         "force_plate/left/wrench": WrenchStamped,
         "limits": MarkerArray,
+        "human": MarkerArray,
     }
     subscribers = [
         rospy.Subscriber(
@@ -213,7 +272,7 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
         feed.close()
         for subscriber in subscribers:
             subscriber.unregister()
-        for name in ("/robot_description", "/cartesian_pose_controller", "/live_view"):
+        for name in ("/robot_description", "/hric/human/robot_description", "/cartesian_pose_controller", "/live_view"):
             rospy.delete_param(name)
     gaps = np.diff([message.header.stamp.to_sec() for message in heard["joints"]])
     assert np.all(gaps > 0.0) and np.median(gaps) >= 0.02, "fewer than come in"
@@ -223,6 +282,8 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
     assert {(marker.type, marker.header.frame_id) for marker in _marked(heard["limits"], "limits/ranges")} == {
         (Marker.LINE_LIST, "base")
     }
+    texts = {marker.text for array in heard["human"] for marker in array.markers if marker.text}
+    assert texts == {"guide: 5.0 N", "lower arm, wrist: 40 N"}
     wall = _marked(heard["limits"], "limits/workspace")[0]
     assert (wall.header.frame_id, wall.pose.position.z) == ("arm_link0", 0.0)
 

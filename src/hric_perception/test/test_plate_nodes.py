@@ -99,7 +99,7 @@ def test_over_natnet_the_plate_measures_what_presses_on_it_in_the_simulation_and
         (
             "emulated_plate",
             "_load:={program: fly}",
-            "no program 'fly' in /wrong/load; valid: c3d, constant, contacts, push",
+            "no program 'fly' in /wrong/load; valid: body, c3d, constant, contacts, push",
         ),
     ],
 )

@@ -46,6 +46,12 @@ class Track:
             while self._rows[0][0] < time - HISTORY:
                 self._rows.popleft()
 
+    @property
+    def last(self) -> float:
+        """Time of the last values [s]; before all times where there are none."""
+        with self._lock:
+            return self._rows[-1][0] if self._rows else -math.inf
+
     def at(self, times: FloatArray) -> FloatArray:
         """Shape (n, columns)."""
         with self._lock:

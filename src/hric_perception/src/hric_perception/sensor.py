@@ -10,6 +10,7 @@ from std_msgs.msg import Header
 from hric_control.node import Node
 from hric_control.parameters import number, whole
 from hric_control.robot_time.follower import RobotTime
+from hric_control.robot_time.stream_time import Clock
 from hric_control.ros import RosNode
 from hric_control.ros.process import NodeApp
 from hric_perception.chunk import Chunk
@@ -90,12 +91,14 @@ class EmulatedNode(NodeApp):
         replayed: trial that the sensor replays, if any.
 
     Attributes:
-        robot_time: by which it goes.
+        robot_time: the time of the run.
+        clock: by which it goes: the same, unless a subclass waits for what it measures.
     """
 
     def __init__(self, node: RosNode, replayed: Replayed | None) -> None:
         self._node, self._replayed = node, replayed
         self.robot_time, self._reporter = RobotTime(node), Reporter(node, "stream")
+        self.clock: Clock = self.robot_time
         self._sensor: EvenSensor | None = None
         self._source: Closable
 
@@ -106,6 +109,8 @@ class EmulatedNode(NodeApp):
         values = {} if sensor is None else {"samples sent": str(sensor.sent), "samples dropped": str(sensor.dropped)}
         if self.robot_time.standing:
             health = Health(WARN, "the run is paused or has not begun", values)
+        elif self.clock.now() is None:
+            health = Health(WARN, "nothing is known of the human in the robot's plant", values)
         elif replayed is not None and replayed.waits:
             health = Health(OK, f"streams; the trial begins with the emulated human, {START_TOPIC}", values)
         else:
@@ -127,7 +132,7 @@ class EmulatedNode(NodeApp):
             block: of wall time between sendings [s].
         """
         counts = SentCounts(self._node, source, "samples", sensor.rate)
-        emulator = Emulator(sensor, outlet, self.robot_time, block, self._node.log_error, counts.publish)
+        emulator = Emulator(sensor, outlet, self.clock, block, self._node.log_error, counts.publish)
         self._sensor, self._source = sensor, emulator
         emulator.start()
 

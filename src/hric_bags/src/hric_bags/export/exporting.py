@@ -194,6 +194,7 @@ class _Job:
             name, f"{name}.mot", lambda path: opensim_formats.write_loads(plates, self._frames, path, surface)
         )
         if body:
-            setup = opensim_formats.loads_setup(plates, body, f"{name}.mot")
+            bodies = {opensim_formats.plate_name(table): body for table in plates}
+            setup = opensim_formats.loads_setup(bodies, f"{name}.mot")
             self.output.write(name, f"{name}.xml", lambda path: path.write_text(setup))
         return True

@@ -188,7 +188,7 @@ def write_loads(tables: list[Table], frames: Frames, path: Path, surface: float 
 
 LOADS_XML = """<?xml version="1.0" encoding="UTF-8" ?>
 <OpenSimDocument Version="40500">
-  <ExternalLoads name="plates">
+  <ExternalLoads name="loads">
     <objects>
 {forces}
     </objects>
@@ -196,18 +196,23 @@ LOADS_XML = """<?xml version="1.0" encoding="UTF-8" ?>
   </ExternalLoads>
 </OpenSimDocument>
 """
-FORCE_XML = """      <ExternalForce name="{plate}">
+FORCE_XML = """      <ExternalForce name="{load}">
         <applied_to_body>{body}</applied_to_body>
         <force_expressed_in_body>ground</force_expressed_in_body>
         <point_expressed_in_body>ground</point_expressed_in_body>
-        <force_identifier>{plate}_force_v</force_identifier>
-        <point_identifier>{plate}_force_p</point_identifier>
-        <torque_identifier>{plate}_torque_</torque_identifier>
+        <force_identifier>{load}_force_v</force_identifier>
+        <point_identifier>{load}_force_p</point_identifier>
+        <torque_identifier>{load}_torque_</torque_identifier>
       </ExternalForce>"""
 
 
-def loads_setup(tables: list[Table], body: str, data: str) -> str:
-    """The set-up file that applies the loads of all plates to a body of a model."""
+def loads_setup(bodies: Mapping[str, str], data: str) -> str:
+    """The set-up file that applies loads to bodies of a model.
+
+    Args:
+        bodies: name of each load, as in the columns of the file, and the body that it acts on.
+        data: name of that file.
+    """
     return LOADS_XML.format(
-        forces="\n".join(FORCE_XML.format(plate=plate_name(table), body=body) for table in tables), data=data
+        forces="\n".join(FORCE_XML.format(load=load, body=body) for load, body in bodies.items()), data=data
     )

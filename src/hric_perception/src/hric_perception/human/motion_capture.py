@@ -1,5 +1,5 @@
-"""The emulated Motive that sees the hand, or the markers of a recorded trial: its settings and scene from a section of
-an experiment file. No ROS."""
+"""The emulated Motive that sees the hand, the markers of a recorded trial, or the human in the robot's plant: its
+settings and scene from a section of an experiment file."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,7 +11,9 @@ from hric_control.geometry.poses import PoseSettings, inverse
 from hric_control.parameters import Settings, choice, listing, mapping, names, number, numbers, text, variant, whole
 from hric_human.hand import Hand, Motion, Program, program_of
 from hric_human.hand.programs import PointToPoint, Sinusoid, TakeOver
+from hric_perception.human.simulated_body import SimulatedBody
 from hric_perception.replayed import TrialSettings
+from hric_perception.simulated import PROGRAM, person_of
 from mocap_natnet.client.settings import bitstream
 from mocap_natnet.codec.layout import Version
 from mocap_natnet.codec.packets import COMMAND_PORT, DATA_PORT
@@ -110,8 +112,8 @@ class Stream(Settings):
 
 
 @dataclass(frozen=True)
-class Captured(Motion):
-    """A program whose hand is a body that cameras see, with bodies at rest beside it."""
+class Marked(Settings):
+    """A hand that cameras see as a body, with bodies at rest beside it: that of the human in the robot's plant."""
 
     name: str = text("hand", figures=True)
     still: Mapping[str, Vector] = mapping(numbers(3, unit="m"), {})
@@ -124,6 +126,11 @@ class Captured(Motion):
             raise ParameterError(
                 f"{where}markers has {len(self.markers)} rows; valid: three markers or more make a body"
             )
+
+
+@dataclass(frozen=True)
+class Captured(Marked, Motion):
+    """The same, moved by a program."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +148,13 @@ class _TakeOver(Captured, TakeOver):
     pass
 
 
-PROGRAMS = {"sinusoid": _Sinusoid, "minimum_jerk": _PointToPoint, "reactive": _TakeOver, "c3d": RecordedHuman}
+PROGRAMS: dict[str, type[Settings]] = {
+    "sinusoid": _Sinusoid,
+    "minimum_jerk": _PointToPoint,
+    "reactive": _TakeOver,
+    "c3d": RecordedHuman,
+    PROGRAM: Marked,
+}
 HUMAN: Any = variant("program", PROGRAMS, "sinusoid", {})
 """The mapping `human`."""
 
@@ -154,14 +167,24 @@ class CapturedHuman:
         hand: moves.
         motive: sees it and the bodies at rest.
         name: of the hand's body.
+        body: of the human in the robot's plant, whose hand it is; None: it moves by itself.
     """
 
     hand: Hand
     motive: Motive
     name: str
+    body: SimulatedBody | None = None
 
 
-def see(human: Any, stream: Any, base_from_mocap: Any, seed: int, where: str = "") -> CapturedHuman:
+def see(
+    human: Any,
+    stream: Any,
+    base_from_mocap: Any,
+    seed: int,
+    where: str = "",
+    person: Any = None,
+    world_from_base: Any = None,
+) -> CapturedHuman:
     """Build all of it.
 
     Args:
@@ -171,27 +194,41 @@ def see(human: Any, stream: Any, base_from_mocap: Any, seed: int, where: str = "
             moves; None: the same frame.
         seed: of all that is random.
         where: name of what contains the mappings, for messages, e.g. "mocap.".
+        person: section `human` of the experiment, which the program `body` needs.
+        world_from_base: mapping `xyz`, `xyzw`: the pose of the base in the world, where he is; None: the same frame.
 
     Raises:
         HricError: a value that cannot be; names the key.
     """
-    person: Captured | RecordedHuman = HUMAN.checked(human, f"{where}human")
+    given: Marked | RecordedHuman = HUMAN.checked(human, f"{where}human")
     streaming = Stream.of(stream, f"{where}stream")
     T_base_mocap = PoseSettings.of(base_from_mocap, f"{where}base_from_mocap").pose
-    if isinstance(person, RecordedHuman):
-        recorded = person.recorded(T_base_mocap)
-        hand = Hand(recorded, person.begin)
+    T_mocap_base, simulated = inverse(T_base_mocap), None
+    if isinstance(given, RecordedHuman):
+        recorded = given.recorded(T_base_mocap)
+        hand = Hand(recorded, given.begin)
         bodies = recorded.seen(hand)
+    elif isinstance(given, Captured):
+        hand = Hand(program_of(given, seed), given.begin)
     else:
-        hand = Hand(program_of(person, seed), person.begin)
-        bodies = [Body(person.name, _in_mocap(inverse(T_base_mocap), hand), 1, person.markers or TRIANGLE)]
-    bodies += _still(person.still, inverse(T_base_mocap), len(bodies) + 1)
-    known = [body.name for body in bodies]
-    for _, _, body in streaming.occlusions:
+        T_base_world = inverse(PoseSettings.of(world_from_base, f"{where}world_from_base").pose)
+        hand = Hand(simulated := SimulatedBody(person_of(person, where), T_base_world))
+        hand.start(0.0)
+    if isinstance(given, Marked):
+        bodies = [Body(given.name, _in_mocap(T_mocap_base, hand), 1, given.markers or TRIANGLE)]
+    bodies += _still(given.still, T_mocap_base, len(bodies) + 1)
+    skeletons = () if simulated is None else (simulated.skeleton(len(bodies) + 1, T_mocap_base),)
+    scene = Scene(tuple(bodies), (), streaming.faults(seed), streaming.up_axis, skeletons=skeletons)
+    _check_occlusions(streaming, scene)
+    return CapturedHuman(hand, Motive(streaming.motive(seed), scene), given.name, simulated)
+
+
+def _check_occlusions(stream: Stream, scene: Scene) -> None:
+    """Raises ParameterError where one is of a body that is not there."""
+    known = [body.name for body in scene.bodies] + [skeleton.name for skeleton in scene.skeletons]
+    for _, _, body in stream.occlusions:
         if body and body not in known:
-            raise ParameterError(f"{streaming.prefix}occlusions names the body {body!r}; valid: {', '.join(known)}")
-    motive = Motive(streaming.motive(seed), Scene(tuple(bodies), (), streaming.faults(seed), streaming.up_axis))
-    return CapturedHuman(hand, motive, person.name)
+            raise ParameterError(f"{stream.prefix}occlusions names the body {body!r}; valid: {', '.join(known)}")
 
 
 def _in_mocap(T_mocap_base: Pose, source: Callable[[float], Pose]) -> Callable[[float], Pose]:

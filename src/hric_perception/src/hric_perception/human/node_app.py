@@ -14,6 +14,7 @@ from hric_control.geometry import stamped
 from hric_control.parameters import Settings, anything, text
 from hric_control.robot_time import stamps
 from hric_control.robot_time.follower import RobotTime
+from hric_control.robot_time.stream_time import Clock
 from hric_control.ros import RosNode, run
 from hric_control.ros.process import NodeApp
 from hric_perception.human.motion_capture import see
@@ -21,6 +22,7 @@ from hric_perception.human.truth import RATE, Truth
 from hric_perception.replayed import START_TOPIC
 from hric_perception.sensor import SEED
 from hric_perception.sent import SentCounts
+from hric_perception.simulated import HUMAN, PERSON, KnownTime, follow_events, follow_joints
 from mocap_natnet.client.settings import address
 from mocap_natnet.server import MotiveServer
 
@@ -38,6 +40,12 @@ class HumanSettings(Settings):
         None,
         default_text="identity",
         text="`xyz` [m], `xyzw`: pose of the mocap frame, turned to z up, in the base, as `natnet_client` has it",
+    )
+    person: Any = PERSON
+    world_from_base: Any = anything(
+        None,
+        default_text="identity",
+        text="`xyz` [m], `xyzw`: pose of the base in the world, in which `person` is",
     )
     base_frame: str = text("panda_link0", text="frame of `hric/human/hand`, in which the program moves")
     seed: int = SEED
@@ -59,11 +67,30 @@ class HumanNode(NodeApp):
 
     def __init__(self, node: RosNode) -> None:
         given = HumanSettings.read(node)
-        seen = see(given.human, given.stream, given.base_from_mocap, given.seed, f"{node.namespace}/")
+        seen = see(
+            given.human,
+            given.stream,
+            given.base_from_mocap,
+            given.seed,
+            f"{node.namespace}/",
+            given.person,
+            given.world_from_base,
+        )
         seen.motive.settings = settings = replace(seen.motive.settings, ip=given.ip)
-        self._hand, self._truth = seen.hand, Truth(node, seen.hand, given.base_frame)
+        self._hand, self._body, self._truth = seen.hand, seen.body, Truth(node, seen.hand, given.base_frame)
+        self._started = node.advertise(node.beside(START_TOPIC), Header, latch=True)
         self._robot_time = RobotTime(node)
-        self._server = MotiveServer(seen.motive, self._robot_time)
+        clock: Clock = self._robot_time
+        self._behind = 0.0
+        if (body := seen.body) is not None:
+            # A frame goes out when its latency is over and what it shows is known; its truth is known no earlier.
+            self._behind, states = settings.latency, body.states
+            clock = KnownTime(clock, lambda: states.known, self._behind)
+            follow_joints(node, states.add)
+            follow_events(node, self._on_event)
+        self._server = MotiveServer(seen.motive, clock)
+        if body is not None:
+            body.robot_time = self._server.robot_time
         self._counts = SentCounts(node, "", "frames", settings.rate)
         node.subscribe(
             node.beside(given.state_topic or "franka_state_controller/franka_states"),
@@ -71,15 +98,13 @@ class HumanNode(NodeApp):
             self._on_state,
             queue_size=1,
         )
-        self._started = node.advertise(node.beside(START_TOPIC), Header, latch=True)
         node.service("start", Trigger, self._on_start)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._publish_truth, name="truth", daemon=True)
         self._server.start()
         self._thread.start()
-        node.log_info(
-            f"{seen.name} streams at {settings.rate:g} Hz by {settings.transport} and waits for {node.resolve('start')}"
-        )
+        waits = f"waits for {node.resolve('start')}" if body is None else "is that of the human in the robot's plant"
+        node.log_info(f"{seen.name} streams at {settings.rate:g} Hz by {settings.transport} and {waits}")
 
     def tick(self) -> None:
         """Once a second.
@@ -103,10 +128,11 @@ class HumanNode(NodeApp):
             if began is None:
                 sleep(0.5 / RATE)
                 continue
-            self._truth.advance(time, began)
+            if time >= self._behind:
+                self._truth.advance(time - self._behind, began)
             latest, sent = self._server.progress
             self._counts.publish(latest + 1, sent, began + latest / self._server.motive.settings.rate)
-            sleep(max(self._server.wait(self._truth.next), MIN_SLEEP))
+            sleep(max(self._server.wait(self._truth.next + self._behind), MIN_SLEEP))
 
     def _on_state(self, message: Any) -> None:
         began = self._server.robot_time(0.0)
@@ -114,7 +140,16 @@ class HumanNode(NodeApp):
             x, y, z = message.O_T_EE[12:15]
             self._hand.see(message.header.stamp.to_sec() - began, (x, y, z))
 
+    def _on_event(self, time: float, kind: str) -> None:
+        """Of the human in the robot's plant."""
+        assert self._body is not None
+        self._body.happened(time, kind)
+        if kind == "started":
+            self._started.publish(stamped.header(stamps.to_time(time), ""))
+
     def _on_start(self, _: Any) -> Any:
+        if self._body is not None:
+            return TriggerResponse(success=True, message=f"the human in the plant begins with hric/{HUMAN}/start")
         began = self._server.robot_time(0.0)
         if began is None:
             return TriggerResponse(success=False, message="the time of the run is not known yet")

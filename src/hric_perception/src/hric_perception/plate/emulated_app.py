@@ -12,10 +12,21 @@ from hric_perception.chunk import Layout
 from hric_perception.emulation import EvenSensor, Faults
 from hric_perception.lsl import LslOutlet, source_name, use_session
 from hric_perception.plate.geometry import CHANNELS, UNITS, PlatePose
-from hric_perception.plate.loads import CONTACTS_DELAY, PROGRAM, Constant, ContactLoad, Contacts, Load, Push
+from hric_perception.plate.loads import (
+    CONTACTS_DELAY,
+    PROGRAM,
+    Body,
+    Constant,
+    ContactLoad,
+    Contacts,
+    FloorLoad,
+    Load,
+    Push,
+)
 from hric_perception.plate.natnet import PlateMotive, PlateStream
 from hric_perception.replayed import RecordedLoad
 from hric_perception.sensor import BLOCK, SEED, EmulatedNode, faults_of, follow_human
+from hric_perception.simulated import PERSON, KnownTime, follow_grips, follow_joints, person_of
 
 NAME = "emulated_plate"
 TRANSPORTS = ("lsl", "natnet")
@@ -30,6 +41,7 @@ class EmulatedPlateSettings(Settings):
     name: str = text(NAME, figures=True, text="of the LSL stream")
     rate: float = number(1000.0, minimum=10.0, maximum=20000.0, unit="Hz")
     load: Settings = PROGRAM
+    person: Any = PERSON
     pose: PlatePose = section(PlatePose)
     natnet: PlateStream = section(PlateStream)
     faults: Mapping[str, Any] = mapping(default={}, text="see below")
@@ -55,6 +67,8 @@ class EmulatedPlateNode(EmulatedNode):
         load: Load
         if replayed is not None:
             delay, load = follow_human(node, replayed), replayed.at
+        elif isinstance(program, Body):
+            delay, load = 0.0, self._followed(settings)
         else:
             delay = CONTACTS_DELAY if isinstance(program, Contacts) else 0.0
             load = self._made_load(node, program, settings.pose.pose)
@@ -65,7 +79,7 @@ class EmulatedPlateNode(EmulatedNode):
             stream = settings.natnet
             if stream.centre is None:
                 stream = replace(stream, centre=settings.pose.xyz)
-            self._source = PlateMotive(stream, settings.rate, load, faults, self.robot_time)
+            self._source = PlateMotive(stream, settings.rate, load, faults, self.clock)
         node.log_info(f"an emulated force plate at {settings.rate:g} Hz by {settings.transport}")
 
     def _send_lsl(self, settings: EmulatedPlateSettings, load: Load, faults: Faults) -> None:
@@ -74,6 +88,16 @@ class EmulatedPlateNode(EmulatedNode):
         layout = Layout(name, CHANNELS + ("time",) * code, UNITS + ("s",) * code, rate)
         sensor = EvenSensor(rate, len(CHANNELS), lambda first, times: load(times), faults)
         self._send(sensor, LslOutlet(layout, "Force", name), source_name("Force", name), settings.block)
+
+    def _followed(self, settings: EmulatedPlateSettings) -> Load:
+        """What the human in the robot's plant presses with. Its samples are sent when they are known."""
+        load = FloorLoad(person_of(settings.person, settings.prefix), settings.pose.pose)
+        follow_joints(self._node, load.add)
+        follow_grips(self._node, load.hold)
+        # Over NatNet a frame goes out its latency after its samples.
+        ahead = settings.natnet.latency if settings.transport == "natnet" else 0.0
+        self.clock = KnownTime(self.robot_time, lambda: load.known, ahead)
+        return load
 
     @staticmethod
     def _made_load(node: RosNode, program: Settings, pose: Pose) -> Load:

@@ -1,5 +1,6 @@
-"""What presses on an emulated force plate. No ROS."""
+"""What presses on an emulated force plate."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +9,12 @@ import numpy as np
 
 from hric_control.geometry import Pose, Vector
 from hric_control.geometry.quaternions import rotated
+from hric_control.geometry.transforms import rotation_from_quaternion
 from hric_control.parameters import Settings, number, numbers, text, variant
+from hric_human.body import describe
+from hric_human.control.whole_body import WholeBody, floor_wrench
+from hric_human.participant.settings import HumanSettings
+from hric_perception import simulated
 from hric_perception.chunk import FloatArray
 from hric_perception.plate.geometry import CHANNELS, wrench_at
 from hric_perception.replayed import RecordedLoad, Track
@@ -57,14 +63,19 @@ class Contacts(Settings):
     topic: str = text("sim/contacts", valid="a topic of gazebo_msgs/ContactsState", empty=False)
 
 
+@dataclass(frozen=True)
+class Body(Settings):
+    """The human in the robot's plant, who is on it."""
+
+
 PROGRAM: Any = variant(
     "program",
-    {"push": Push, "constant": Constant, "contacts": Contacts, "c3d": RecordedLoad},
+    {"push": Push, "constant": Constant, "contacts": Contacts, "c3d": RecordedLoad, simulated.PROGRAM: Body},
     "push",
     {},
     default_text="`{program: push}`",
     text="`push` (`force` [N], `point` [x, y] [m], `period` [s]), `constant` (`wrench` [N, N m]), "
-    '`contacts` (`body` of the world, `topic`), `c3d`: see "A recorded trial"',
+    '`contacts` (`body` of the world, `topic`), `c3d`: see "A recorded trial", `body`: see "The human in the plant"',
 )
 """The parameter `load`."""
 
@@ -109,3 +120,55 @@ class ContactLoad:
         (x, y, z), (qx, qy, qz, qw) = self._T.position, self._T.orientation
         back = (-qx, -qy, -qz, qw)
         return wrench_at(rotated(back, (point[0] - x, point[1] - y, point[2] - z)), rotated(back, force))
+
+
+class FloorLoad:
+    """What the human in the robot's plant presses on the floor with, computed from his motion and his grips; straight
+    lines between the instants of his messages. Accelerations are differences of the velocities of the message before
+    and the one after.
+
+    Args:
+        person: the section `human` of the experiment.
+        T_world_plate: the plate's frame: surface centre, z up.
+    """
+
+    def __init__(self, person: HumanSettings, T_world_plate: Pose) -> None:
+        body = describe(person.person)
+        self._whole, self._T_world_root = WholeBody(body), person.root(body)
+        self._R = rotation_from_quaternion(T_world_plate.orientation)
+        self._p = np.array(T_world_plate.position)
+        self._joints, self._rows = tuple(body.joints), deque[tuple[float, FloatArray, FloatArray]](maxlen=3)
+        self._floor = Track(len(CHANNELS))
+        self._grips = {name: Track(len(CHANNELS)) for name in person.grips}
+
+    @property
+    def known(self) -> float:
+        """Up to when it is known [s]; before all times where nothing is."""
+        return min(self._floor.last, *(track.last for track in self._grips.values()), np.inf)
+
+    def __call__(self, times: FloatArray) -> FloatArray:
+        """The load."""
+        total = sum((track.at(times) for track in self._grips.values()), self._floor.at(times))
+        force, torque = total[:, :3], total[:, 3:]
+        return np.hstack([force @ self._R, (torque - np.cross(self._p, force)) @ self._R])
+
+    def add(self, time: float, names: Sequence[str], q: Sequence[float], dq: Sequence[float]) -> None:
+        """One of his joint states, see `JointTrack.add`."""
+        simulated.check_joints(names, self._joints)
+        rows = self._rows
+        if rows and time < rows[-1][0]:
+            rows.clear()
+        elif rows and time == rows[-1][0]:
+            rows.pop()
+        rows.append((time, np.array(q), np.array(dq)))
+        if len(rows) == 3:
+            (before, _, dq_before), (at, q_at, dq_at), (after, _, dq_after) = rows
+            ddq = (dq_after - dq_before) / (after - before)
+            wrench = floor_wrench(self._whole, q_at.tolist(), dq_at.tolist(), ddq.tolist(), self._T_world_root)
+            self._floor.add(at, np.array(wrench))
+
+    def hold(self, held: simulated.Held) -> None:
+        """What one of his grips does to him."""
+        if held.name in self._grips:
+            torque = np.array(held.torque) + np.cross(held.point, held.force)
+            self._grips[held.name].add(held.time, np.concatenate([held.force, torque]))

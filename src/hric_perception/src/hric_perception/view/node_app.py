@@ -19,13 +19,16 @@ from hric_control.parameters import Settings, listing, number, text
 from hric_control.ros import RosNode, run
 from hric_control.ros.process import NodeApp
 from hric_control.urdf import read
-from hric_msgs.msg import SampleChunk
+from hric_msgs.msg import HumanGrip, RegionContacts, SampleChunk
 from hric_perception.plate.geometry import PLATE_ID
 from hric_perception.view import limit_markers
 from hric_perception.view.decimation import Keeper, MeanChunk, Newest, NewestJoints, Reaction
+from hric_perception.view.human_markers import HumanMarkers
 
 RINGS_PERIOD = 2.0
 """Rings are sent again so often, for an rviz that comes later [s]; project default, unconfirmed."""
+HUMAN = "human"
+"""Name of who is beside the robot: of his topics below `hric/`, and before the names of his frames."""
 FOLLOWERS = ("cartesian_pose_controller", "cartesian_pose_impedance_controller")
 """Controllers with a workspace."""
 RUNNING_TIMEOUT = 1.0
@@ -62,7 +65,7 @@ class LiveView(NodeApp):
         settings = ViewSettings.read(node)
         rate, limits_rate = settings.rate, settings.limits_rate
         self._root = RosNode()
-        self._relays: list[tuple[Keeper, Any]] = []
+        self._relays: list[tuple[Keeper | HumanMarkers, Any]] = []
         description = str(self._root.param(settings.robot_description))
         turning = [
             joint.name for joint in read(description).joints.values() if joint.type in ("revolute", "continuous")
@@ -74,6 +77,7 @@ class LiveView(NodeApp):
             self._relay(
                 f"hric/perception/force_plate/{plate}/wrench", f"force_plate/{plate}/wrench", WrenchStamped, Newest()
             )
+        self._mark_human()
         self._limits = _Limits(self._root, description, turning) if limits_rate else None
         self._stop = threading.Event()
         loops = [(rate, self._send)] + ([(limits_rate, self._limits.send)] if self._limits is not None else [])
@@ -90,6 +94,15 @@ class LiveView(NodeApp):
     def _relay(self, source: str, target: str, kind: type, keeper: Keeper) -> None:
         self._relays.append((keeper, self._root.advertise(f"hric/view/{target}", kind)))
         self._root.subscribe(source, kind, keeper.push, queue_size=100)
+
+    def _mark_human(self) -> None:
+        """What acts on who is beside the robot, where somebody is."""
+        if not self._root.has_param(f"hric/{HUMAN}/robot_description"):
+            return
+        markers = HumanMarkers(str(self._root.param(f"hric/{HUMAN}/robot_description")), HUMAN)
+        self._relays.append((markers, self._root.advertise(f"hric/view/{HUMAN}", MarkerArray)))
+        self._root.subscribe(f"hric/{HUMAN}/grip", HumanGrip, markers.push_grip, queue_size=100)
+        self._root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, markers.push_contacts, queue_size=100)
 
     def _run(self, rate: float, work: Callable[[], None]) -> None:
         while not self._stop.wait(1.0 / rate):

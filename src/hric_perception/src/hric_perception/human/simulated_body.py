@@ -1,0 +1,96 @@
+"""The human in the robot's plant before the cameras: the hand, the bones and the markers of his body. No ROS."""
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+
+from hric_control.geometry import Pose, Vector, compose
+from hric_human.body import describe
+from hric_human.body.segments import ROOT
+from hric_human.control.kinematics import HandChain
+from hric_human.control.surroundings import ControlSettings, hand_side
+from hric_human.control.whole_body import WholeBody
+from hric_human.hand import Program
+from hric_human.hand.program import DONE, MOVING, REST
+from hric_human.participant.settings import HumanSettings
+from hric_perception.simulated import JointTrack
+from mocap_natnet.server import Bone, Skeleton
+
+PHASES = {"started": MOVING, "ended": DONE}
+"""What begins with an event of that kind."""
+SKELETON = "body"
+"""Name in the description, and of what is published of it: not that of the human's own frames, `human/...`."""
+
+
+class SimulatedBody(Program):
+    """What he does, by the time of a stream.
+
+    Args:
+        person: the section `human` of the experiment.
+        T_base_world: pose of the world in the robot's base.
+
+    Attributes:
+        states: gets his joint states.
+        robot_time: time of the stream -> robot time [s]; None while that is not known.
+    """
+
+    def __init__(self, person: HumanSettings, T_base_world: Pose) -> None:
+        self._body = body = describe(person.person)
+        side = hand_side(body, ControlSettings.of(person.control, f"{person.prefix}control").side, person.prefix)
+        self._whole, self._hand = WholeBody(body), HandChain(body, side)
+        self._T_base_root = compose(T_base_world, person.root(body))
+        self.states = JointTrack(list(body.joints))
+        self.robot_time: Callable[[float], float | None] = _same
+        self._rest = [0.0] * len(body.joints)
+        self._changes: list[tuple[float, str]] = []
+
+    def pose(self, time: float) -> Pose:
+        """Of his hand in the base."""
+        return compose(self._T_base_root, self._hand.pose(self._q(time)))
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """See Program; `phase` says more."""
+        return 0.0, float("inf")
+
+    def phase(self, time: float) -> str:
+        """See Program."""
+        robot_time, changes = self.robot_time(time), self._changes
+        if robot_time is None:
+            return REST
+        done = bisect_right(changes, robot_time, key=lambda change: change[0])
+        return changes[done - 1][1] if done else REST
+
+    def happened(self, time: float, kind: str) -> None:
+        """An event of his at a robot time [s]."""
+        if kind in PHASES:
+            self._changes = [*(change for change in self._changes if change[0] <= time), (time, PHASES[kind])]
+
+    def skeleton(self, number: int, T_mocap_base: Pose) -> Skeleton:
+        """As the cameras see it: a bone for each segment, with the axes of its link.
+
+        Args:
+            number: its streaming id.
+            T_mocap_base: pose of the robot's base in the mocap frame, z up.
+        """
+        segments, T_mocap_root = list(self._body.segments.values()), compose(T_mocap_base, self._T_base_root)
+        names = {ROOT: "", **{segment.link: segment.name for segment in segments}}
+        bones = []
+        for segment in segments:
+            x, y, z = segment.p_parent_link.tolist()
+            bones.append(Bone(segment.name, names[segment.parent], (x, y, z)))
+
+        def source(time: float) -> tuple[Sequence[Pose], Sequence[Vector]]:
+            poses = self._whole.poses(self._q(time), T_mocap_root)
+            return [poses[segment.link] for segment in segments], list(self._whole.markers(poses).values())
+
+        return Skeleton(SKELETON, number, tuple(bones), tuple(self._body.markers), source)
+
+    def _q(self, time: float) -> Sequence[float]:
+        """Joint positions at a time of the stream [rad]."""
+        robot_time = self.robot_time(time)
+        found = None if robot_time is None else self.states.at(robot_time)
+        return self._rest if found is None else found
+
+
+def _same(time: float) -> float:
+    return time

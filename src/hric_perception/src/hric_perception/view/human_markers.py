@@ -1,0 +1,110 @@
+"""Forces on a simulated human as markers for rviz: what he holds pulls at his hand, what touches him at a region. No
+node."""
+
+import math
+import threading
+from typing import Any
+
+from geometry_msgs.msg import Point
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from hric_control.robot_time import stamps
+from hric_human.body.tips import tips
+
+PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
+"""Length of an arrow; that of a grip is as that of the force on the arm, those of contacts are of hundreds of newtons
+[m/N]."""
+SHAFT, HEAD, TEXT = 0.01, 0.025, 0.04
+"""Diameters of an arrow, height of letters [m]."""
+FORCE_MIN = 0.1
+"""A smaller force has no arrow [N]."""
+GRIP_LIFETIME, CONTACT_LIFETIME = 0.5, 1.0
+"""A marker vanishes so long after the last one [s]: a blow of milliseconds can be seen. The constants of this file are
+project defaults, unconfirmed."""
+GRIP, CONTACT = ColorRGBA(0.1, 0.35, 0.75, 1.0), ColorRGBA(0.8, 0.12, 0.1, 1.0)
+
+
+class HumanMarkers:
+    """Keeps what came about one human until somebody looks: the newest of each grip, the largest force of each contact.
+    From any thread.
+
+    Args:
+        description: URDF of his body.
+        name: before the names of his frames.
+    """
+
+    def __init__(self, description: str, name: str) -> None:
+        self._tips, self._name, self._lock = tips(description), name, threading.Lock()
+        self._grips: dict[str, Any] = {}
+        self._contacts: dict[str, tuple[float, str]] = {}
+        self._numbers: dict[str, int] = {}
+
+    def push_grip(self, message: Any) -> None:
+        """hric_msgs/HumanGrip came."""
+        with self._lock:
+            self._grips[message.name] = message
+
+    def push_contacts(self, message: Any) -> None:
+        """hric_msgs/RegionContacts came: forces of those that touch, peaks of those that have ended."""
+        with self._lock:
+            for contact in message.touching:
+                self._note(contact, contact.force)
+            for contact in message.ended:
+                self._note(contact, contact.peak)
+
+    def _note(self, contact: Any, force: float) -> None:
+        """NaN, a rigid contact, gives way to any force."""
+        before, _ = self._contacts.get(contact.link, (math.nan, ""))
+        if contact.link in self._tips and (math.isnan(before) or force > before):
+            self._contacts[contact.link] = (force, " / ".join(contact.regions) or contact.link)
+
+    def take(self) -> Any:
+        """visualization_msgs/MarkerArray of what came since the last call; None: nothing that is to be seen."""
+        with self._lock:
+            grips, self._grips = self._grips, {}
+            contacts, self._contacts = self._contacts, {}
+        markers = [marker for grip in grips.values() if grip.closed for marker in self._grip(grip)]
+        markers += [marker for link, found in contacts.items() for marker in self._contact(link, *found)]
+        return MarkerArray(markers) if markers else None
+
+    def _grip(self, grip: Any) -> list[Any]:
+        """Of the force on his hand, from where it acts."""
+        force, point, frame = grip.wrench.force, grip.point, grip.header.frame_id
+        size = math.hypot(force.x, force.y, force.z)
+        tip = Point(*(a + PER_NEWTON_GRIP * f for a, f in zip(_xyz(point), _xyz(force), strict=True)))
+        words = self._words("human/grips/words", grip.name, frame, tip, f"{grip.name}: {size:.1f} N", GRIP)
+        return [*self._arrow("human/grips", grip.name, frame, point, tip, size, GRIP), words]
+
+    def _contact(self, link: str, force: float, regions: str) -> list[Any]:
+        (point, outward), frame = self._tips[link], f"{self._name}/{link}"
+        length = PER_NEWTON_CONTACT * (0.0 if math.isnan(force) else force)
+        tail, tip = Point(*(point + length * outward)), Point(*point)
+        text = f"{regions}: rigid" if math.isnan(force) else f"{regions}: {force:.0f} N"
+        words = self._words("human/contacts/words", link, frame, tail, text, CONTACT)
+        return [*self._arrow("human/contacts", link, frame, tail, tip, force, CONTACT), words]
+
+    def _arrow(self, space: str, name: str, frame: str, tail: Any, tip: Any, force: float, colour: Any) -> list[Any]:
+        """Nothing for what has no force."""
+        if not force >= FORCE_MIN:
+            return []
+        marker = self._marker(space, name, frame, Marker.ARROW, colour)
+        marker.points, marker.scale.x, marker.scale.y = [tail, tip], SHAFT, HEAD
+        return [marker]
+
+    def _words(self, space: str, name: str, frame: str, at: Any, text: str, colour: Any) -> Any:
+        marker = self._marker(space, name, frame, Marker.TEXT_VIEW_FACING, colour)
+        marker.pose.position = Point(at.x, at.y, at.z + TEXT)
+        marker.scale.z, marker.text = TEXT, text
+        return marker
+
+    def _marker(self, space: str, name: str, frame: str, kind: int, colour: Any) -> Any:
+        number = self._numbers.setdefault(name, len(self._numbers))
+        marker = Marker(header=Header(frame_id=frame), ns=space, id=number, type=kind, frame_locked=True)
+        marker.pose.orientation.w, marker.color = 1.0, colour
+        marker.lifetime = stamps.to_duration(GRIP_LIFETIME if colour is GRIP else CONTACT_LIFETIME)
+        return marker
+
+
+def _xyz(vector: Any) -> tuple[float, float, float]:
+    return vector.x, vector.y, vector.z

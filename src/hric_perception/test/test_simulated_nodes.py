@@ -1,0 +1,130 @@
+"""The nodes `emulated_human` and `emulated_plate` as processes beside a human in a plant, of whom the messages come."""
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from geometry_msgs.msg import PoseStamped
+from moving_body import BODY, PERIOD, PERSON, Oracle, joint_state
+from sensor_msgs.msg import JointState
+from sensor_nodes import Nodes, TellsTime, TopicActivation, nodes, run, wait
+
+from hric_control.testing import free_port, ros, roscore
+from hric_msgs.msg import MocapData
+
+__all__ = ["nodes", "ros", "roscore", "run"]
+pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
+CLIENT = "../../mocap_natnet/nodes/natnet_client"
+PERSON_ARGUMENT = f"_person:={yaml.safe_dump(PERSON, default_flow_style=True, width=1000).strip()}"
+LATE = 0.03
+"""Of his messages [s]."""
+
+
+class Moves:
+    """Publishes his joint states, late, as if from a plant."""
+
+    def __init__(self, run: TellsTime) -> None:
+        import rospy
+
+        self._run, self._stop = run, threading.Event()
+        self._publisher = rospy.Publisher("/hric/human/joint_states", JointState, queue_size=100)
+        self._thread = threading.Thread(target=self._work, daemon=True)
+        self._thread.start()
+
+    def _work(self) -> None:
+        due = round(self._run.time / PERIOD)
+        while not self._stop.wait(PERIOD):
+            while due * PERIOD <= self._run.time - LATE:
+                self._publisher.publish(joint_state(due * PERIOD))
+                due += 1
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._publisher.unregister()
+
+
+@pytest.fixture
+def moves(run: TellsTime) -> Iterator[Moves]:
+    made = Moves(run)
+    yield made
+    made.close()
+
+
+def listen(topic: str, kind: type) -> list[Any]:
+    import rospy
+
+    seen: list[Any] = []
+    rospy.Subscriber(topic, kind, seen.append, queue_size=None)
+    return seen
+
+
+def test_the_client_sees_the_markers_where_they_were_at_the_stamps_of_the_frames(moves: Moves, nodes: Nodes) -> None:
+    frames, truth = listen("/hric/perception/mocap", MocapData), listen("/hric/human/hand", PoseStamped)
+    ports = {"command_port": free_port(), "data_port": free_port()}
+    stream = yaml.safe_dump({"transport": "unicast", "rate": 120, **ports}, default_flow_style=True).strip()
+    nodes.start("emulated_human", "_human:={program: body}", f"_stream:={stream}", PERSON_ARGUMENT)
+    client = [f"_{name}:={port}" for name, port in ports.items()]
+    nodes.start(CLIENT, "__name:=natnet_client", *client, "_local:=127.0.0.1", "_base_frame:=panda_link0")
+    wait(lambda: len(frames) > 240 and frames[-1].latency > 0.0 and len(truth) > 200)
+    oracle, hand = Oracle(), BODY.segments["right_hand"]
+    settled = [message for message in frames if message.latency > 0.0][-100:]
+    assert all(message.latency > LATE for message in settled), "nobody saw him before his message came"
+    for message in settled[::10]:
+        at = message.header.stamp.to_sec()
+        named = dict(zip(message.labelled_marker_names, message.labelled_markers, strict=True))
+        for name, marker in BODY.markers.items():
+            expected = oracle.point(at, marker.link, marker.p_link_marker)
+            p = named[f"body/{name}"]
+            # At up to 2 m/s a stamp that is wrong by 1 ms is 2 mm.
+            assert np.linalg.norm(np.array([p.x, p.y, p.z]) - expected) < 2e-3, name
+    for message in truth[-100::10]:
+        expected = oracle.point(message.header.stamp.to_sec(), hand.link, hand.mass.com)
+        p = message.pose.position
+        assert [p.x, p.y, p.z] == pytest.approx(expected.tolist(), abs=1e-6)
+
+
+def test_the_plate_sends_what_he_pressed_with_at_the_time_of_each_sample(moves: Moves, nodes: Nodes) -> None:
+    session = f"test_body_{os.getpid()}"
+    samples = TopicActivation("/hric/perception/force_plate/1/samples")
+    where = "_pose:={xyz: [0.9, 0.1, -0.75]}"
+    device = nodes.start(
+        "emulated_plate",
+        f"_session:={session}",
+        "_load:={program: body}",
+        PERSON_ARGUMENT,
+        where,
+        "_faults:={time_code: true}",
+    )
+    driver = nodes.start("force_plate", f"_lsl:={{session: {session}}}")
+    wait(lambda: samples.chunks and samples.end > samples.chunks[0].start + 2.5)
+    assert "Traceback" not in nodes.end(device) + nodes.end(driver)
+    samples.close()
+    rows = np.concatenate([chunk.data for chunk in samples.chunks])
+    numbers = np.rint(1000.0 * rows[:, -1])
+    assert (np.diff(numbers) == 1).all(), "what waits is not lost"
+    oracle, weight = Oracle(), (BODY.subject.mass - BODY.total_mass) * np.array([0.0, 0.0, -9.81])
+    p = np.array([0.9, 0.1, -0.75])
+    for row in rows[500::100]:
+        force, torque = oracle.pressed(float(row[-1]))
+        total = force + weight
+        moved = torque + np.cross(oracle.root.position, weight) - np.cross(p, total)
+        # Straight lines between messages: (w h)^2 / 8 of what changes, here of some 30 N.
+        assert row[:6] == pytest.approx([*total, *moved], abs=1e-2)
+
+
+def test_a_plate_that_measures_nobody_says_so_and_sends_nothing(run: TellsTime, nodes: Nodes) -> None:
+    process = nodes.start("emulated_plate", "__name:=wrong", "_load:={program: body}")
+    output = process.communicate(timeout=30)[0]
+    assert process.returncode == 2
+    assert "/wrong/person is not set, and {program: body} measures the human in the robot's plant" in output
+    waiting = nodes.start(
+        "emulated_plate", f"_session:=nobody_{os.getpid()}", "_load:={program: body}", PERSON_ARGUMENT
+    )
+    time.sleep(3.0)
+    assert "nothing is known of the human in the robot's plant" in nodes.end(waiting)
