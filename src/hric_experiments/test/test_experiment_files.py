@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from hric_control.errors import HricError, ParameterError
+from hric_control.urdf import read
 from hric_experiments import cli
 from hric_experiments.definition import experiment, overrides, parameters, study
 from hric_experiments.definition.experiment import ExperimentError
@@ -22,7 +23,11 @@ def load(name: str, *given: str) -> experiment.Experiment:
 
 
 def test_the_experiments_of_the_workspace_are_valid() -> None:
-    assert experiment.names() == ["data_collection", "marker_tracking", "pd_step", "thesis_step"]
+    names = [
+        *("contact", "data_collection", "guided_collection", "hand_guidance", "handover", "marker_tracking", "pd_step"),
+        "thesis_step",
+    ]
+    assert experiment.names() == names
     for name in ("pd_step", "thesis_step"):
         assert load(name).setpoints[0].positions == pytest.approx(
             [0, -math.pi / 4, 0, -3 * math.pi / 4, 0, math.pi / 2, math.pi / 4], abs=0
@@ -152,6 +157,13 @@ def test_the_motion_capture_of_an_experiment_can_be_changed_key_by_key() -> None
     assert parameters.mocap(load("pd_step")) == {}
 
 
+def test_the_description_of_who_is_beside_the_robot_is_that_of_his_section() -> None:
+    described = read(parameters.human_description(load("hand_guidance", "human.parts:=both_arms")))
+    assert described.root == "human_base" and {"r_wrist", "l_wrist"} <= set(described.links)
+    with pytest.raises(ExperimentError, match="pd_step: nobody is beside the robot; valid: a section 'human'"):
+        parameters.human_description(load("pd_step"))
+
+
 def test_a_known_place_of_the_cameras_reaches_both_nodes() -> None:
     base = {"xyz": [1.0, 0.0, 0.0], "xyzw": [0.0, 0.0, 0.0, 1.0]}
     described = parameters.mocap(load("marker_tracking", f"mocap.base_from_mocap:={base}", "arm_id:=left"))
@@ -165,7 +177,10 @@ def test_a_known_place_of_the_cameras_reaches_both_nodes() -> None:
     [
         ("noise:=-1", "mocap.stream.noise is -1; valid: a finite number from 0 to 1"),
         ("mocap.stream.fps:=1", "no parameter 'fps' in mocap.stream; valid: bitstream, command_port"),
-        ("mocap.human.program:=walk", "no program 'walk' in mocap.human; valid: c3d, minimum_jerk, reactive, sinusoid"),
+        (
+            "mocap.human.program:=walk",
+            "no program 'walk' in mocap.human; valid: body, c3d, minimum_jerk, reactive, sinusoid",
+        ),
         ("mocap.human:=3", "mocap.human is 3; valid: a mapping"),
         ("mocap.body:=head", "mocap.body is 'head'; valid: hand"),
         ("mocap.camera:=1", "'camera' is not one of base_from_mocap, body, human, stream"),
@@ -185,7 +200,7 @@ def test_an_experiment_without_motion_capture_says_so() -> None:
 
 def test_an_unknown_experiment_lists_those_that_exist() -> None:
     with pytest.raises(
-        HricError, match=r"no experiment 'pdstep'.*valid: data_collection, marker_tracking, pd_step, thesis_step"
+        HricError, match=r"no experiment 'pdstep'.*valid: contact, .*marker_tracking, pd_step, thesis_step"
     ):
         experiment.read("pdstep")
     with pytest.raises(HricError, match=r"no experiment file nowhere\.yaml"):

@@ -253,7 +253,7 @@ def test_end_effector_and_marker_leave_trails_and_the_plate_is_where_it_stands(s
     points = shown.evaluate(f"{robot}.trails.map(({{ role, object }}) => [role, object.geometry.drawRange.count])")
     assert {role for role, _ in points} == {"measured", "marker"} and all(count > 50 for _, count in points)
     (plate,) = shown.evaluate(
-        f"{robot}.plates.map((plate) => [plate.object.getWorldPosition(new THREE.Vector3()).toArray(), plate.arrow.visible])"  # noqa: E501
+        f"{robot}.plates.map((plate) => [plate.object.getWorldPosition(new THREE.Vector3()).toArray(), plate.arrow.object.visible])"  # noqa: E501
     )
     assert np.allclose(plate[0], [0.6, 0.0, 0.05], atol=1e-6) and plate[1] is True
 

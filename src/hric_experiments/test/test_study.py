@@ -107,7 +107,7 @@ def test_a_pair_without_bound_is_only_reported(tmp_path: Path) -> None:
         ({"compared": []}, ("forms.one.compared is []; valid: a list",)),
         ({"compared": [PAIR | {"at_most": -1}]}, ("forms.one.compared[0].at_most", "above 0")),
         ({"runs": {"a": "kp:=50"}}, ("forms.one.runs.a is 'kp:=50'; valid: a list",)),
-        ({"color": 1}, ("no parameter 'color' in forms.one", "valid: changes, compared, experiment, runs")),
+        ({"color": 1}, ("no parameter 'color' in forms.one", "valid: abscissa, changes, compared, experiment, runs")),
     ],
 )
 def test_a_mistake_in_a_study_is_named_with_its_place(change: dict[str, Any], told: tuple[str, ...]) -> None:

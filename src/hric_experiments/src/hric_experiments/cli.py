@@ -276,7 +276,9 @@ def describe(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(
         "rosrun hric_experiments describe", description="Print what an experiment puts on the parameter server."
     )
-    parser.add_argument("what", choices=["urdf", *DESCRIBED, *NODES], help="robot_description; parameters (YAML)")
+    parser.add_argument(
+        "what", choices=["urdf", "human_urdf", *DESCRIBED, *NODES], help="descriptions; parameters (YAML)"
+    )
     parser.add_argument(
         "experiment",
         nargs="?",
@@ -292,8 +294,9 @@ def describe(arguments: Sequence[str]) -> int:
     definition = experiment.load(given.experiment, given.overrides)
     from hric_experiments.definition import parameters
 
-    if given.what == "urdf":
-        print(parameters.description(definition.robot))
+    if given.what in ("urdf", "human_urdf"):
+        own = given.what == "urdf"
+        print(parameters.description(definition.robot) if own else parameters.human_description(definition))
         return 0
     if given.what in NODES:
         printed = (parameters.mocap(definition) | parameters.sensors(definition)).get(given.what, {})

@@ -2,6 +2,7 @@
 
 import contextlib
 import copy
+import math
 import signal
 import threading
 from collections.abc import Iterator, Sequence
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import TriggerRequest
 from tqdm import tqdm
 
 from franka_msgs.msg import FrankaState
@@ -25,6 +27,7 @@ from hric_experiments.definition.experiment import Experiment, Setpoint
 from hric_msgs.msg import ControlLog
 from hric_perception.human import CapturedHuman
 from hric_perception.human.truth import Truth
+from hric_perception.simulated import follow_events, follow_joints
 from mocap_natnet.headless import HeadlessMocap, robot_time
 from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.node.publisher import MocapPublisher
@@ -74,7 +77,8 @@ class Simulation:
         self.tree = _tree(self.definition, self.seed)
         node = self.node = LocalNode(self.tree)
         mocap = self.definition.mocap
-        human = None if mocap is None else HeadlessHuman(node, mocap.build(self.seed))
+        person = parameters.person(self.definition) if mocap is not None and mocap.measures_him else {}
+        human = None if mocap is None else HeadlessHuman(node, mocap.build(self.seed, person))
         self.app = RobotApp(node, node.child(parameters.ROBOT))
         try:
             self.limits, self.early = self._prepare()
@@ -82,7 +86,8 @@ class Simulation:
             self.app.shutdown()
             raise
         self.tree[parameters.ROBOT] = node.param(parameters.ROBOT)  # with what the plant chose
-        self._timeline = Timeline(node, self.definition.setpoints, human)
+        starts = [] if self.definition.human is None else [parameters.HUMAN_START]
+        self._timeline = Timeline(node, self.definition.setpoints, human, starts)
         self._log: list[Any] = []
         node.subscribe("control_log", ControlLog, self._log.append)
 
@@ -225,7 +230,8 @@ def _refuse_wires(definition: Experiment) -> None:
 class HeadlessHuman:
     """The emulated human, the Motive that sees him and its client, without sockets, with the same codec.
 
-    Moves with robot time; the program's time 0 is the first `advance`.
+    Moves with robot time; the program's time 0 is the first `advance`. Of the human in the plant, frames and truth come
+    as soon as his joints are known.
 
     Args:
         node: the robot's namespace, with the parameters of the motion capture's nodes.
@@ -236,11 +242,14 @@ class HeadlessHuman:
     """
 
     def __init__(self, node: LocalNode, seen: CapturedHuman) -> None:
-        self._hand, self._started = seen.hand, False
+        self._hand, self._body, self._started = seen.hand, seen.body, seen.body is not None
         publisher = MocapPublisher(node, Publishing.read(node.child(parameters.MOCAP_CLIENT)), robot_time)
         self._mocap = HeadlessMocap(seen.motive, publisher)
         self._truth = Truth(node, seen.hand, node.param(f"{parameters.EMULATED_HUMAN}/base_frame"))
         node.subscribe(STATE_TOPIC, FrankaState, self._on_state)
+        if self._body is not None:
+            follow_joints(node, self._body.states.add)
+            follow_events(node, self._body.happened)
 
     def _on_state(self, message: Any) -> None:
         x, y, z = message.O_T_EE[12:15]
@@ -251,8 +260,10 @@ class HeadlessHuman:
         if not self._started:
             self._started = True
             self._hand.start(time)
-        self._mocap.advance(time)
-        self._truth.advance(time)
+        known = math.inf if self._body is None else self._body.states.known
+        self._mocap.advance(time, known)
+        if known >= 0.0:
+            self._truth.advance(min(time, known))
 
 
 class Timeline:
@@ -266,12 +277,16 @@ class Timeline:
         node: the robot's namespace.
         setpoints: in order of time.
         human: before the motion capture; None: none.
+        starts: services that let others begin with the first setpoint.
 
     Attributes:
         bar: shows robot time; None: no bar.
     """
 
-    def __init__(self, node: LocalNode, setpoints: Sequence[Setpoint], human: HeadlessHuman | None) -> None:
+    def __init__(
+        self, node: LocalNode, setpoints: Sequence[Setpoint], human: HeadlessHuman | None, starts: Sequence[str]
+    ) -> None:
+        self._node, self._starts = node, list(starts)
         self._waiting = list(setpoints)
         self._publishers = {
             p.controller: node.advertise(f"{p.controller}/command", Float64MultiArray) for p in setpoints
@@ -284,6 +299,8 @@ class Timeline:
         if not self._started:
             self._started = True
             return
+        while self._starts:
+            self._node.call(self._starts.pop(), TriggerRequest())
         while self._waiting and now >= self._waiting[0].time - 1e-9:
             setpoint = self._waiting.pop(0)
             self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))

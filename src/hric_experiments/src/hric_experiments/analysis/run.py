@@ -9,16 +9,19 @@ from hric_bags import reader as bag_reader
 from hric_bags.parts import PartsReader
 from hric_bags.reader import Messages, RunRecord
 from hric_bags.run_folder import RunFolder
+from hric_control.plants import WindowlessConfig
 from hric_experiments.analysis import (
     collection,
     collection_record,
     contact_record,
     differences,
+    human,
     metrics,
     recordings,
     stability,
 )
 from hric_experiments.analysis import tracking_run as tracking_analysis
+from hric_experiments.analysis.human import Person
 from hric_experiments.analysis.tracking_run import Tracking
 from hric_experiments.definition.experiment import MetricsSpec
 from hric_experiments.report import text as report_text
@@ -62,18 +65,33 @@ def analyse(
         followed = tracking_analysis.analyse(folder, reader, run, record)
         step("metrics of motion, contacts and samples")
         result = _metrics(run, reader, record, tolerances)
+        person = human.analyse(reader, definition.get("human"), record)
+    result["human"] = None if person is None else person.values
     result["tracking"] = None if followed is None else followed.values
     result |= _compared(definition, run.get("parameters") or {}, result)
     files.write_json(folder.metrics_path, result)
     report = report_text.render(run, result)
     files.write_text(folder.path / "summary.txt", report)
-    if (definition.get("robot") or {}).get("plant_type") == OPENSIM:
-        from hric_bags.export import opensim_files
-
-        opensim_files.write(folder, run, record.log)
+    _export(folder, run, record, person)
     if figures:
-        _draw(folder, run, bag, record, followed, tolerances, step)
+        _draw(folder, run, bag, record, followed, person, tolerances, step)
     return {**result, "report": report}
+
+
+def _export(folder: RunFolder, run: Mapping[str, Any], record: RunRecord, person: Person | None) -> None:
+    """What OpenSim's own tools replay, of a run on it."""
+    definition = run.get("definition") or {}
+    if (definition.get("robot") or {}).get("plant_type") != OPENSIM:
+        return
+    from hric_bags.export import opensim_files
+
+    opensim_files.write(folder, run, record.log)
+    if person is not None:
+        from hric_experiments.analysis import human_opensim
+
+        plant = ((run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
+        gravity = tuple(plant.get("gravity") or WindowlessConfig().gravity)
+        human_opensim.write(folder.path, definition["human"], person.record, gravity)
 
 
 def _draw(
@@ -82,15 +100,17 @@ def _draw(
     bag: Path,
     record: RunRecord,
     followed: Tracking | None,
+    person: Person | None,
     tolerances: Sequence[float],
     step: Callable[[str], object],
 ) -> None:
     """The figures of a run and what its sensors measured, into its folder `figures`."""
-    from hric_experiments.report import drawing, run_figures, signal_figures
+    from hric_experiments.report import drawing, human_figures, run_figures, signal_figures
 
     step("reading what sensors measured")
     moves = metrics.moves(record, joint_orders(run))
     shown = run_figures.robot_figures(record, moves, run.get("limits") or {}, tolerances)
+    shown += human_figures.human_figures(person)
     shown += run_figures.tracking_figures(followed)
     shown += signal_figures.signal_figures(recordings.read(bag, record.robot_time, signals_only=True).signals)
     step(f"drawing {len(shown)} figures")

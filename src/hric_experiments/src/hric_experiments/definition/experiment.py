@@ -120,7 +120,8 @@ def _beside(name: str) -> Any:
     def convert(value: Any, where: str, joints: Sequence[str]) -> Any:
         from hric_experiments.definition.sections import SECTIONS
 
-        return section(SECTIONS[name]).convert(value, where, joints)
+        checked = section(SECTIONS[name]).convert(value, where, joints)
+        return dict(value or {}) if name in _KEPT else checked
 
     def shape() -> dict[str, Any]:
         from hric_experiments.definition.sections import SECTIONS
@@ -131,7 +132,9 @@ def _beside(name: str) -> Any:
     return Parameter("mapping", "a mapping", convert, None, text=text, shape=shape)
 
 
-_BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync")}
+_KEPT = ("human",)
+"""Sections that are kept as they are given: whoever they are for reads them himself."""
+_BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync", "human")}
 
 
 @dataclass(frozen=True)
@@ -158,6 +161,7 @@ class Experiment(Settings):
     emg: "EmgSection | None" = _BESIDE["emg"]
     force_plate: "PlateSection | None" = _BESIDE["force_plate"]
     sync: "SyncSection | None" = _BESIDE["sync"]
+    human: Mapping[str, Any] | None = _BESIDE["human"]
 
     @property
     def sensors(self) -> "list[EmgSection | PlateSection]":
@@ -170,7 +174,8 @@ class Experiment(Settings):
         return [*([] if self.mocap is None else [self.mocap]), *self.sensors]
 
     def check(self, where: str) -> None:
-        """Refuse setpoints and parameters of controllers that are not started, and setpoints after the end."""
+        """Refuse setpoints and parameters of controllers that are not started, setpoints after the end, and devices
+        that measure a human who is not there."""
         mistakes, valid = Mistakes(), f"not started; valid: {', '.join(self.controllers)}"
         for i, setpoint in enumerate(self.setpoints):
             with mistakes.noted():
@@ -183,6 +188,11 @@ class Experiment(Settings):
         with mistakes.noted():
             if others := sorted(set(self.parameters) - set(self.controllers)):
                 raise ParameterError(f"parameters for {', '.join(others)}, which is {valid}")
+        for key, measuring in (("mocap.human", self.mocap), ("force_plate.emulated.load", self.force_plate)):
+            with mistakes.noted():
+                if measuring is not None and measuring.measures_him and self.human is None:
+                    valid = "a section human, or another program"
+                    raise ParameterError(f"{key}.program is body, and nobody is in the robot's plant; valid: {valid}")
         mistakes.raise_all()
 
 

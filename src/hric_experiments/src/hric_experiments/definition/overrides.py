@@ -53,11 +53,17 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
 }
 """Short names for the keys that are changed most; {controller} is the controller of the first setpoint."""
 
-SENSORS = {"mocap": "motion capture", "emg": "EMG", "force_plate": "force plate", "sync": "synchroniser"}
+SENSORS = {
+    "mocap": "motion capture",
+    "emg": "EMG",
+    "force_plate": "force plate",
+    "sync": "synchroniser",
+    "human": "human",
+}
 """Groups that an experiment has or has not. The bring-up alone may add a sensor, by its `device`."""
 DOTTED = (
     "parameters.<controller>.<name>, robot.<key>, metrics.<key>, mocap.<key>, emg.<key>, force_plate.<key>, "
-    "sync.<key>, setpoints.<i>.<key>"
+    "sync.<key>, human.<key>, setpoints.<i>.<key>"
 )
 GROUPS = {"robot": RobotSpec, "metrics": MetricsSpec}
 VALUES = ("controllers", "description", "duration", "setpoints")

@@ -12,13 +12,19 @@ import yaml
 import panda_description
 from hric_control import plugins
 from hric_control.errors import HricError
+from hric_control.geometry import quaternion_from_rotation, transform_from_rpy
 from hric_control.plants import PHI, resources, sigmoid_parameters
 from hric_control.sim.robot_hw_sim import RobotHWSim
+from hric_control.trial.c3d import located
 from hric_experiments.definition.experiment import Experiment, ExperimentError, RobotSpec, Setpoint, package_path
 
 ROBOT = "robot"
 """Namespace of the robot's own parameters, below the robot's namespace."""
 
+HUMAN = "human"
+"""Name of who is beside the robot, and of his topics below `hric/`."""
+HUMAN_START = f"hric/{HUMAN}/start"
+"""Service that lets him begin."""
 MOCAP_CLIENT, EMULATED_HUMAN = "natnet_client", "emulated_human"
 """Names of the motion capture's nodes."""
 
@@ -38,6 +44,21 @@ def description(spec: RobotSpec) -> str:
             f"unknown key {', '.join('robot.description.' + key for key in unknown)}; valid: {', '.join(valid)}"
         )
     return str(panda_description.load(arm_id=spec.arm_id, robot_sim_type=spec.hw, **spec.description))
+
+
+def human_description(experiment: Experiment) -> str:
+    """URDF of the human beside the robot.
+
+    Raises:
+        HricError: nobody is there, or a parameter of his that cannot be.
+    """
+    if experiment.human is None:
+        raise ExperimentError(f"experiment {experiment.name}: nobody is beside the robot; valid: a section {HUMAN!r}")
+    # Only who is there is waited for.
+    from hric_human.body import describe
+    from hric_human.participant.settings import HumanSettings
+
+    return describe(HumanSettings.of(experiment.human, HUMAN).person).urdf
 
 
 def _description_of(address: str) -> str:
@@ -128,7 +149,16 @@ def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
         values["plant_type"] = spec.plant_type
     if spec.q_start is not None:
         values["q_start"] = dict(spec.q_start) if isinstance(spec.q_start, Mapping) else list(spec.q_start)
-    return values
+    return values | participants(experiment, seed)
+
+
+def participants(experiment: Experiment, seed: int) -> dict[str, Any]:
+    """Who acts in the robot's plant, as its parameter `participants`; empty where nobody does."""
+    if experiment.human is None:
+        return {}
+    return {
+        "participants": {HUMAN: {"type": "hric_human/Human", "seed": seed, **located(experiment.human, Path.cwd())}}
+    }
 
 
 def _realistic(spec: RobotSpec, plant: dict[str, Any]) -> dict[str, Any]:
@@ -173,13 +203,38 @@ def joint_limits(experiment: Experiment) -> dict[str, dict[str, Any]]:
 def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
     """Private parameters of the motion capture's nodes, by their names: the client, and the emulated human with his
     Motive. Empty without a section `mocap`."""
-    return {} if experiment.mocap is None else experiment.mocap.nodes(experiment.robot.arm_id, seed)
+    if experiment.mocap is None:
+        return {}
+    return experiment.mocap.nodes(experiment.robot.arm_id, seed, person(experiment))
+
+
+def person(experiment: Experiment) -> dict[str, Any]:
+    """What a device that measures the human in the plant knows of him: `person`, the section that describes him, and
+    `world_from_base`. Empty where nobody is there."""
+    if experiment.human is None:
+        return {}
+    xyz, rpy = (_three(experiment.robot.description, name) for name in ("xyz", "rpy"))
+    base = {"xyz": xyz, "xyzw": list(quaternion_from_rotation(transform_from_rpy(xyz, rpy)[:3, :3]))}
+    return {"person": dict(located(experiment.human, Path.cwd())), "world_from_base": base}
+
+
+def _three(description: Mapping[str, Any], name: str) -> list[float]:
+    """An argument of the robot's description: a list, or a text with spaces."""
+    given = description.get(name, [0.0, 0.0, 0.0])
+    try:
+        x, y, z = map(float, given.split() if isinstance(given, str) else given)
+    except (TypeError, ValueError):
+        raise ExperimentError(f"robot.description.{name} is {given!r}; valid: three numbers") from None
+    return [x, y, z]
 
 
 def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
     """Private parameters of the sensors' nodes, by their names: drivers, emulated devices, and the synchroniser of all
     that measures. Empty without one of the sections `emg`, `force_plate`, `sync`."""
     found = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed).items()}
+    plate = experiment.force_plate
+    if plate is not None and plate.measures_him:
+        found["emulated_plate"]["person"] = person(experiment)["person"]
     if experiment.sync is not None:
         found |= experiment.sync.nodes(_joints(experiment), [part.source for part in experiment.sources])
     return found

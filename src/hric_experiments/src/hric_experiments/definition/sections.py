@@ -1,4 +1,5 @@
-"""The sections of an experiment file for what runs beside the robot: `mocap`, `emg`, `force_plate` and `sync`.
+"""The sections of an experiment file for what runs beside the robot: `mocap`, `emg`, `force_plate`,
+`sync` and `human`.
 
 Each is declared once: files are read by it, parameters of nodes and sources of the synchroniser follow from it, and
 INTERFACE.md prints it. Mappings that a node reads itself are checked by the declarations of that node's package and
@@ -29,6 +30,7 @@ from hric_control.parameters import (
 )
 from hric_control.trial.c3d import located
 from hric_experiments.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
+from hric_human.participant.settings import HumanSettings
 from hric_perception.emg.envelope import Settings as EnvelopeSettings
 from hric_perception.emg.muscles import AMPLITUDE, Program, muscle_names
 from hric_perception.emg.muscles import PROGRAM as ACTIVATION
@@ -37,6 +39,7 @@ from hric_perception.lsl import LslSettings
 from hric_perception.plate import loads
 from hric_perception.plate.geometry import CHANNELS, PLATE_ID, PLATE_SIZE, PlatePose
 from hric_perception.replayed import RecordedEmg, RecordedLoad
+from hric_perception.simulated import measures_him
 from hric_perception.sync.messages import TOPIC, rate_topic
 from hric_perception.trigno.client import Settings as TrignoSettings
 from mocap_natnet.client import Settings as ClientSettings
@@ -89,26 +92,41 @@ class MocapSection(Settings):
 
     def check(self, where: str) -> None:
         """Refuse what the emulated human or Motive does not take, and a body that is not streamed."""
-        seen = self.build(0)
+        seen = self.build(0, {"person": {}} if self.measures_him else {})  # whose body it is changes no name here
         bodies = [body.name for body in seen.motive.scene.bodies]
         object.__setattr__(self, "body", self.body or seen.name)
         if self.body not in bodies:
             raise refused(f"{where}body", self.body, ", ".join(bodies))
 
-    def build(self, seed: int) -> "CapturedHuman":
-        """The emulated human and the Motive that sees him. Raises HricError."""
+    @property
+    def measures_him(self) -> bool:
+        """Whether it sees the human in the plant."""
+        return measures_him(self.human)
+
+    def build(self, seed: int, person: Mapping[str, Any]) -> "CapturedHuman":
+        """The emulated human and the Motive that sees him.
+
+        Args:
+            seed: of all that is random.
+            person: of `parameters.person`, needed where it sees the human in the plant.
+
+        Raises:
+            HricError: a value that cannot be.
+        """
         # Only a run with a human waits for this import.
         from hric_perception.human import see
 
-        return see(self.human, self.stream, self.base_from_mocap, seed, self.prefix)
+        return see(self.human, self.stream, self.base_from_mocap, seed, self.prefix, **person)
 
-    def nodes(self, arm_id: str, seed: int) -> dict[str, dict[str, Any]]:
-        """Private parameters of the client and of the emulated human, by the names of the nodes."""
+    def nodes(self, arm_id: str, seed: int, person: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+        """Private parameters of the client and of the emulated human, by the names of the nodes; person: see
+        `build`."""
         frame = {"base_frame": f"{arm_id}_link0"}
         base = {} if self.base_from_mocap is None else {"base_from_mocap": dict(self.base_from_mocap)}
         ports = {key: self.stream[key] for key in ("command_port", "data_port") if key in self.stream}
         client = {"body": self.body, "up_axis": self.stream.get("up_axis", "y"), **ports, **base}
         human = {"human": located(self.human, Path.cwd()), "stream": dict(self.stream), **base, **frame, "seed": seed}
+        human |= person if self.measures_him else {}
         return {MOCAP_CLIENT: client | (frame if base else {}), EMULATED_HUMAN: human}
 
     @property
@@ -288,6 +306,15 @@ class PlateSection(SensorSection):
     )
     calibration: tuple[tuple[float, ...], ...] | None = CALIBRATION
 
+    @property
+    def measures_him(self) -> bool:
+        """Whether the emulated device measures the human in the plant."""
+        return self.device == EMULATED and measures_him(self.emulated.get("load"))
+
+    def record(self) -> dict[str, Any]:
+        """See the base; a load that is not measured on anything is called computed."""
+        return super().record() | ({"computed": "load: from the simulated body's motion"} if self.measures_him else {})
+
     def check(self, where: str) -> None:
         """Refuse what the emulated device does not take."""
         load = EmulatedPlate.of(self.emulated, f"{where}emulated").load
@@ -357,5 +384,6 @@ SECTIONS: dict[str, type[Settings]] = {
     "emg": EmgSection,
     "force_plate": PlateSection,
     "sync": SyncSection,
+    "human": HumanSettings,
 }
 """What each section declares."""

@@ -1,5 +1,6 @@
 """Study files: one experiment run in several variants, and how far apart the runs may be."""
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +24,7 @@ forms:
 
 RENAMED = {"opensim_vs_pybullet": "engines"}
 """Names that studies had before."""
+_NUMERIC = re.compile(r"-?\d+(\.\d+)?")
 OVERRIDES: Any = listing(text(empty=False), default=(), different=True)
 
 
@@ -49,12 +51,17 @@ class Form(Settings):
     runs: Mapping[str, tuple[str, ...]] = mapping(
         OVERRIDES, text="name of each run and its own overrides, in the order in which they are run"
     )
+    abscissa: str = text(
+        "", text="what the names of the runs are, numbers then, with the unit; figures show values over it"
+    )
     compared: tuple[Pair, ...] = listing(
         section(Pair), range(1, 100), text="which runs are overlaid on each other; figures show the first pair"
     )
 
     def check(self, where: str) -> None:
-        """Refuse a pair that names no run."""
+        """Refuse a pair that names no run, and runs without a number where there is an abscissa."""
+        if self.abscissa and not all(map(_NUMERIC.fullmatch, self.runs)):
+            raise refused(f"{where}runs", ", ".join(self.runs), f"names that are numbers, of {self.abscissa}")
         for i, pair in enumerate(self.compared):
             if unknown := [name for name in pair.runs if name not in self.runs]:
                 raise refused(f"{where}compared[{i}].runs", ", ".join(unknown), f"two of {', '.join(self.runs)}")

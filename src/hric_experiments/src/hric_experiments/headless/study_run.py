@@ -16,7 +16,7 @@ from hric_control.errors import HricError
 from hric_control.local.node import LocalNode
 from hric_control.robot_app import RobotApp
 from hric_control.urdf import read
-from hric_experiments.analysis import stability, study_tracking
+from hric_experiments.analysis import stability, study_human, study_tracking
 from hric_experiments.analysis.compare import compare
 from hric_experiments.analysis.run import bag_of
 from hric_experiments.definition import parameters
@@ -134,6 +134,7 @@ def _run(result: Result, log: ControlRecord) -> dict[str, Any]:
         "stability": result.metrics["stability"]["verdict"],
         "law_times": law_times(log.time),
         "tracking": study_tracking.chosen(result.metrics),
+        "human": study_human.chosen(result.metrics),
     }
 
 
@@ -188,7 +189,8 @@ def _draw(
     )
     followed = study_tracking.figure({name: run.folder for name, run in runs.items()})
     shown = [*study_figures.motion(logs), study_figures.times({name: log.time for name, log in logs.items()})]
-    drawing.draw(folder, shown if followed is None else [*shown, followed], form.name)
+    shown += [one for one in (followed, study_human.figure(result["runs"], form.abscissa)) if one is not None]
+    drawing.draw(folder, shown, form.name)
     study_figures.draw_poses(folder, poses, form.name)
 
 
@@ -220,7 +222,17 @@ def render(result: Mapping[str, Any]) -> str:
                 f"  link frames at the start agree within {form['start_pose_difference_max']:.1e} (m, and entries of "
                 "the rotation)"
             )
-        parts.append("\n".join([*lines, *study_tracking.lines(form["runs"]), "", *_differences(form["compared"])]))
+        parts.append(
+            "\n".join(
+                [
+                    *lines,
+                    *study_tracking.lines(form["runs"]),
+                    *study_human.lines(form["runs"]),
+                    "",
+                    *_differences(form["compared"]),
+                ]
+            )
+        )
     return "\n\n".join(parts) + "\n"
 
 

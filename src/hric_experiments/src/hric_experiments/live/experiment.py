@@ -180,6 +180,8 @@ class LiveExperiment:
         real-time factor."""
         if self._human is not None:
             self._human.start()
+        if self.experiment.human is not None:
+            self._start_person()
         begin, wall = rospy.get_time(), time.monotonic()
         for setpoint in self.experiment.setpoints:
             self._sleep_until(begin + setpoint.time)
@@ -187,6 +189,14 @@ class LiveExperiment:
         self._sleep_until(begin + self.experiment.duration)
         end = rospy.get_time()
         return [float(begin), float(end)], float((end - begin) / max(time.monotonic() - wall, 1e-9))
+
+    def _start_person(self) -> None:
+        try:
+            response = rospy.ServiceProxy(parameters.HUMAN_START, Trigger)()
+        except rospy.ServiceException as error:
+            raise FailureError(f"nobody stands beside the robot: {error}") from error
+        if not response.success:
+            raise FailureError(f"the human does not begin: {response.message}")
 
     def _sleep_until(self, when: float) -> None:
         """Wait until robot time `when`; a paused simulation pauses the experiment, a robot that went away ends it."""

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_experiments.analysis import stability
+from hric_experiments.analysis import human, stability
 
 GOOD, BAD, PLAIN = "good", "bad", "plain"
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -39,6 +39,8 @@ def of_run(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> list[Finding]:
     found = _problems(run, metrics)
     if metrics.get("tracking"):
         found += _tracking(metrics["tracking"])
+    if metrics.get("human"):
+        found += _human(metrics["human"])
     if metrics["setpoints"]:
         found += _setpoints(metrics["setpoints"])
     if metrics.get("sources"):
@@ -52,6 +54,24 @@ def of_run(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> list[Finding]:
     if metrics["stability"]["verdict"] == stability.STABLE:
         found.append(Finding("Stability", stability.STABLE, "no joint chatters and nothing diverged", GOOD))
     return found
+
+
+def _human(found: Mapping[str, Any]) -> list[Finding]:
+    of_model = "estimate of a model"
+    result = [
+        Finding("Grip force", scaled(grip["force_max"], "N"), f"largest force of grip {name}, {of_model}")
+        for name, grip in found["grips"].items()
+        if grip["force_max"] is not None
+    ]
+    joint, peak = max(found["joints"].items(), key=lambda item: item[1]["share_max"])
+    share = f"{100 * peak['share_max']:.0f} %"
+    result.append(Finding("Share of strength", share, f"{joint}, the most loaded joint of the human, {of_model}"))
+    settling = found["settling"]
+    if settling is not None:
+        kind = GOOD if settling["verdict"] == human.SETTLES else BAD
+        text = f"grip force and hand speed within {human.SETTLING_TIME:g} s after the motion"
+        result.append(Finding("After the motion", settling["verdict"], text, kind))
+    return result
 
 
 def of_comparison(first: str, pairs: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Finding]:

@@ -5,6 +5,7 @@ import re
 RESULTS = "What was found"
 MOTION = "Motion"
 FORCES = "Forces and torques"
+HUMAN = "The human"
 TRACKING = "Motion capture and tracking"
 EMG = "EMG"
 PLATE = "Force plate"
@@ -12,7 +13,7 @@ SYNC = "Synchronisation"
 LIMITS = "Limits and stability"
 OTHER = "Other measurements"
 MADE = "How it was made"
-ORDER = (RESULTS, MOTION, FORCES, TRACKING, EMG, PLATE, SYNC, LIMITS, OTHER, MADE)
+ORDER = (RESULTS, MOTION, FORCES, HUMAN, TRACKING, EMG, PLATE, SYNC, LIMITS, OTHER, MADE)
 KNOWN = (
     (r"/emg/raw$", EMG, "Muscle activity", "EMG as the device sent it, one panel per muscle."),
     (r"/emg/envelope$", EMG, "Envelope of the muscle activity", "Rectified and low-pass filtered EMG."),

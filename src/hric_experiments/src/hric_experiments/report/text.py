@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hric_bags import text
-from hric_experiments.analysis import collection, contact_record, stability, tracking
+from hric_experiments.analysis import collection, contact_record, human, stability, tracking
 
 
 def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
@@ -21,9 +21,11 @@ def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     ]
     parts.append(_stability(metrics["stability"]))
     parts += [_move(move, metrics["joints"]) for move in metrics["setpoints"]]
+    if metrics.get("human"):
+        parts.append(human.render(metrics["human"]))
     if metrics.get("tracking"):
         parts.append(tracking.render(metrics["tracking"]))
-    elif not metrics["setpoints"]:
+    elif not metrics["setpoints"] and not metrics.get("human"):
         parts.append("no setpoint was recorded")
     if metrics.get("contacts"):
         parts.append(_contacts(metrics["contacts"]))

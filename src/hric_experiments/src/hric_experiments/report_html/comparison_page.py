@@ -12,7 +12,7 @@ from hric_experiments.analysis import run as analysis
 from hric_experiments.analysis.comparison import Comparison
 from hric_experiments.report import comparison_figures, headline, run_figures, sections
 from hric_experiments.report.figure import Curve, Figure, FloatArray, per_joint
-from hric_experiments.report_html import moving, run_page, tables
+from hric_experiments.report_html import beside, moving, run_page, tables
 from hric_experiments.report_html.page import Page, replay_rate
 from hric_experiments.report_html.run_data import RunData
 from hric_experiments.report_html.scene import Robot
@@ -73,7 +73,7 @@ def build(laid: Sequence[Laid], settings: Sequence[Mapping[str, Any]]) -> Page:
     """
     notes = ["Each run's own page shows its sensors, its limits and its parameters."]
     duration = max(float(np.ptp(one.time)) for one in laid)
-    rate = replay_rate(duration, sum(moving.width(one.data) for one in laid))
+    rate = replay_rate(duration, sum(moving.width(one.data) + beside.width(one.data) for one in laid))
     made = [_overview(laid)]
     if settings:
         rows = tuple(
@@ -89,7 +89,7 @@ def build(laid: Sequence[Laid], settings: Sequence[Mapping[str, Any]]) -> Page:
         findings=[*headline.of_comparison(laid[0].label, pairs), *_problems(laid)],
         figures=_figures(laid),
         tables=[*(table for one in laid[1:] for table in _difference_tables(laid[0].label, one)), _events(laid), *made],
-        robots=[_robot(one, k, rate, notes) for k, one in enumerate(laid) if one.data.description],
+        robots=[robot for k, one in enumerate(laid) if one.data.description for robot in _robots(one, k, rate, notes)],
         notes=notes,
     )
 
@@ -212,5 +212,8 @@ def _events(laid: Sequence[Laid]) -> Table:
     return Table("Events", head, rows, note, times=times, section=sections.LIMITS)
 
 
-def _robot(one: Laid, number_of_run: int, rate: float, notes: list[str]) -> Robot:
-    return moving.robot(one.data, rate, notes, label=one.label, role=f"s{number_of_run}", shift=-one.zero)
+def _robots(one: Laid, number_of_run: int, rate: float, notes: list[str]) -> list[Robot]:
+    """The robot of a run, and who is beside it."""
+    role, shift = f"s{number_of_run}", -one.zero
+    robot = moving.robot(one.data, rate, notes, label=one.label, role=role, shift=shift)
+    return [robot, *beside.human(one.data, rate, role=role, shift=shift)]

@@ -7,9 +7,10 @@ from typing import Any
 from hric_bags import reader as bag_reader
 from hric_bags.reader import BagError, RunRecord
 from hric_bags.run_folder import RunFolder
-from hric_experiments.analysis import metrics, recordings
+from hric_experiments.analysis import human_record, metrics, recordings
 from hric_experiments.analysis import run as analysis
 from hric_experiments.analysis import tracking_run as tracking_analysis
+from hric_experiments.analysis.human import Person
 from hric_experiments.analysis.recordings import Recordings
 from hric_experiments.analysis.tracking_run import Tracking
 
@@ -26,6 +27,7 @@ class RunData:
         followed: how a marker was followed; None: none was.
         found: what else is in the bag.
         description: URDF; "": the run folder has none.
+        person: the human beside the robot; None: nobody was there.
     """
 
     folder: RunFolder
@@ -35,6 +37,7 @@ class RunData:
     followed: Tracking | None
     found: Recordings
     description: str
+    person: Person | None = None
 
     @property
     def moves(self) -> list[metrics.Move]:
@@ -61,6 +64,7 @@ def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False
     except OSError as error:
         raise BagError(f"cannot read {folder.urdf_path.name} of {folder.path.name}: {error.strerror}") from error
     followed = tracking_analysis.analyse(folder, bag, run, record) if description else None
-    return RunData(
-        folder, run, values, record, followed, recordings.read(bag, record.robot_time, progress=progress), description
-    )
+    found = recordings.read(bag, record.robot_time, progress=progress)
+    beside = (run.get("definition") or {}).get("human") and human_record.read(bag, record.robot_time)
+    person = Person(beside, values.get("human") or {}) if beside else None
+    return RunData(folder, run, values, record, followed, found, description, person)

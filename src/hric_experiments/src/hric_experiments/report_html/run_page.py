@@ -6,8 +6,8 @@ from typing import Any
 from hric_bags.run_folder import COMPLETED
 from hric_experiments.analysis import contact_record, stability
 from hric_experiments.analysis.recordings import Event
-from hric_experiments.report import headline, run_figures, sections, signal_figures
-from hric_experiments.report_html import moving, tables
+from hric_experiments.report import headline, human_figures, run_figures, sections, signal_figures
+from hric_experiments.report_html import beside, moving, tables
 from hric_experiments.report_html.page import Page, replay_rate
 from hric_experiments.report_html.run_data import RunData
 
@@ -17,7 +17,7 @@ def build(data: RunData) -> Page:
     run, values = data.run, data.values
     notes: list[str] = []
     tolerances = sorted({float(value) for move in values["setpoints"] for value in move["settling_time_max"]})
-    span = data.record.log.time[-1] - data.record.log.time[0]
+    rate = replay_rate(data.record.log.time[-1] - data.record.log.time[0], moving.width(data) + beside.width(data))
     return Page(
         title=f"{run.get('experiment', 'run')}",
         subtitle=f"{data.folder.path.name}: {run.get('description', '')}",
@@ -25,11 +25,12 @@ def build(data: RunData) -> Page:
         findings=headline.of_run(run, values),
         figures=[
             *run_figures.robot_figures(data.record, data.moves, run.get("limits") or {}, tolerances),
+            *human_figures.human_figures(data.person),
             *run_figures.tracking_figures(data.followed),
             *signal_figures.signal_figures(data.found.signals),
         ],
         tables=_tables(data),
-        robots=[moving.robot(data, replay_rate(span, moving.width(data)), notes)] if data.description else [],
+        robots=[moving.robot(data, rate, notes), *beside.human(data, rate)] if data.description else [],
         notes=notes if data.description else ["The run folder has no robot.urdf: there is no replay."],
         name=data.folder.path.name,
     )

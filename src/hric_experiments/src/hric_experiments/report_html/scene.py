@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from hric_bags.reader import ControlRecord
 from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, quaternion_from_rotation
+from hric_control.geometry import FloatArray, Pose, quaternion_from_rotation
 from hric_control.plants import resources
 from hric_control.urdf import Joint, Shape, read
 from urdf_to_osim.mesh_files import UnreadableMeshError
@@ -63,9 +63,34 @@ class Plate:
     force: FloatArray
 
 
+@dataclass(frozen=True)
+class Arrow:
+    """A force over time.
+
+    Attributes:
+        name: for people.
+        colour: name of a role, or limit.
+        parent: the link in whose frame it is given; a name that is no link: the world's.
+        time: shape (n,) [s].
+        force: shape (n, 3) [N].
+        point: where it acts, shape (n, 3) [m].
+        per_newton: its length [m/N].
+        ends: whether it ends there; else it begins there.
+    """
+
+    name: str
+    colour: str
+    parent: str
+    time: FloatArray
+    force: FloatArray
+    point: FloatArray
+    per_newton: float
+    ends: bool
+
+
 @dataclass
 class Robot:
-    """A robot and its motion.
+    """A robot and its motion, or a human's body and his.
 
     Attributes:
         label: name of the run, where a page has several.
@@ -77,6 +102,8 @@ class Robot:
         role: colour where a page has several, as `Curve.role`; "": the description's.
         tip: link and point in its frame [m] that leave a trail; None: none.
         plates: beside it.
+        pose: of its root link in the world.
+        arrows: forces on it.
     """
 
     label: str
@@ -88,6 +115,8 @@ class Robot:
     role: str = ""
     tip: tuple[str, tuple[float, ...]] | None = None
     plates: list[Plate] = field(default_factory=list)
+    pose: Pose = field(default_factory=Pose)
+    arrows: list[Arrow] = field(default_factory=list)
 
 
 class Scene:
@@ -126,6 +155,8 @@ class Scene:
                 "position": self._blob.add(robot.position, "f4"),
                 "tracks": [self._track(track) for track in robot.tracks],
                 "plates": [self._plate(plate) for plate in robot.plates],
+                "pose": {"xyz": robot.pose.position, "quaternion": robot.pose.orientation},
+                "arrows": [self._arrow(arrow) for arrow in robot.arrows],
                 "tip": None if robot.tip is None else {"link": robot.tip[0], "xyz": robot.tip[1]},
             }
         )
@@ -148,6 +179,11 @@ class Scene:
     def _plate(self, plate: Plate) -> dict[str, Any]:
         words = {key: getattr(plate, key) for key in ("name", "parent", "xyz", "quaternion", "size")}
         return {**words, "time": self._blob.add(plate.time, "f8"), "force": self._blob.add(plate.force, "f4")}
+
+    def _arrow(self, arrow: Arrow) -> dict[str, Any]:
+        words = {key: getattr(arrow, key) for key in ("name", "colour", "parent", "ends")}
+        arrays = {"force": self._blob.add(arrow.force, "f4"), "point": self._blob.add(arrow.point, "f4")}
+        return {**words, "perNewton": arrow.per_newton, "time": self._blob.add(arrow.time, "f8"), **arrays}
 
     def _visuals(self, shape: Shape) -> list[dict[str, Any]]:
         """What is drawn of a shape: of a mesh one part per colour; its own colours go before the description's."""
@@ -226,10 +262,15 @@ def _joint(joint: Joint, columns: tuple[str, ...]) -> dict[str, Any]:
 def joint_track(log: ControlRecord, rate: float) -> tuple[FloatArray, FloatArray]:
     """Positions of the joints at most `rate` times per second, always with the first and the last: (n,) [s], (n, j)
     [rad, m]."""
-    span = float(log.time[-1] - log.time[0])
-    count = min(log.cycles, max(2, int(span * rate) + 1)) if log.cycles > 1 else 1
-    chosen = np.unique(np.linspace(0, log.cycles - 1, count).round().astype(np.int64))
+    chosen = instants(log.time, rate)
     return log.time[chosen], log.position[chosen]
+
+
+def instants(time: FloatArray, rate: float) -> npt.NDArray[np.int64]:
+    """At most `rate` indices per second of increasing times, shape (n,) [s], always with the first and the last."""
+    cycles, span = len(time), float(time[-1] - time[0])
+    count = min(cycles, max(2, int(span * rate) + 1)) if cycles > 1 else 1
+    return np.unique(np.linspace(0, cycles - 1, count).round().astype(np.int64))
 
 
 KINDS = {"f8": "<f8", "f4": "<f4", "u4": "<u4"}

@@ -99,7 +99,8 @@
       if (this.grid) this.scene.remove(this.grid);
       this.grid = new THREE.GridHelper(4, 16, report.colour("ground"), report.colour("ground")).rotateX(Math.PI / 2);
       this.scene.add(this.grid);
-      this.robots.forEach((robot, k) => robot.paint(this.robots.length > 1, k));
+      const roles = [...new Set(this.robots.map(({ role }) => role))]; // a human has that of his robot
+      for (const robot of this.robots) robot.paint(roles.length > 1, roles.indexOf(robot.role));
       this.ask();
     }
 

@@ -3,7 +3,7 @@
 {
   const LOST = 0.25; // a marker that was not seen for so long is not drawn [s]
   const TRAIL = 8, TRAIL_POINTS = 3000; // how long a trail is [s], and how many points that of a run has at most
-  const PER_NEWTON = 0.002, THICK = 0.02; // length of the arrow of a force [m/N]; of a plate, below its surface [m]
+  const PER_NEWTON = 0.002, THICK = 0.02; // length of the arrow of a plate's force [m/N]; of a plate, below its surface [m]
   const geometries = new Map();
 
   const meshGeometry = (number) => {
@@ -72,27 +72,46 @@
     }
   }
 
-  // The surface of a force plate, and what presses on it: an arrow that ends where it acts.
+  const UP = new THREE.Vector3(0, 1, 0), SHAFT = 0.005, HEAD = [0.013, 0.035]; // of an arrow: radius; radius and length [m]
+
+  // A force: an arrow that begins where it acts, or ends there. It is seen through what it acts on.
+  class Arrow {
+    constructor(spec) {
+      Object.assign(this, spec, { time: report.read(spec.time), force: report.read(spec.force), point: spec.point && report.read(spec.point) });
+      this.material = new THREE.MeshBasicMaterial({ depthTest: false, transparent: true });
+      this.shaft = new THREE.Mesh(new THREE.CylinderGeometry(SHAFT, SHAFT, 1, 12).translate(0, 0.5, 0), this.material);
+      this.head = new THREE.Mesh(new THREE.ConeGeometry(...HEAD, 16).translate(0, -HEAD[1] / 2, 0), this.material);
+      this.object = new THREE.Group().add(this.shaft, this.head);
+      this.object.name = spec.name || "";
+    }
+
+    show(t) {
+      const k = report.countUntil(this.time, t) - 1, force = new THREE.Vector3(), { object } = this;
+      if (k >= 0) force.fromArray(this.force, 3 * k);
+      const length = force.length() * this.perNewton;
+      object.visible = length > 0.005;
+      if (!object.visible) return;
+      if (this.point) object.position.fromArray(this.point, 3 * k); else object.position.set(0, 0, 0);
+      if (this.ends) object.position.addScaledVector(force, -this.perNewton);
+      object.quaternion.setFromUnitVectors(UP, force.normalize());
+      this.shaft.scale.y = Math.max(length - HEAD[1], 1e-4);
+      this.head.position.y = length;
+    }
+  }
+
+  // The surface of a force plate, and what presses on it.
   class Plate {
     constructor(spec) {
       this.object = place(new THREE.Group(), spec);
       this.object.name = spec.name;
       this.box = new THREE.Mesh(new THREE.BoxGeometry(spec.size[0], spec.size[1], THICK), new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.8 }));
       this.box.position.z = -THICK / 2;
-      this.arrow = new THREE.ArrowHelper(new THREE.Vector3(0, 0, -1), new THREE.Vector3(), 0.1, 0xb3261e, 0.03, 0.02);
-      this.object.add(this.box, this.arrow);
-      Object.assign(this, { time: report.read(spec.time), force: report.read(spec.force) });
+      this.arrow = new Arrow({ time: spec.time, force: spec.force, perNewton: PER_NEWTON, ends: true });
+      this.object.add(this.box, this.arrow.object);
     }
 
     show(t) {
-      const k = report.countUntil(this.time, t) - 1, force = new THREE.Vector3();
-      if (k >= 0) force.fromArray(this.force, 3 * k);
-      const length = force.length() * PER_NEWTON;
-      this.arrow.visible = length > 0.005;
-      if (!this.arrow.visible) return;
-      this.arrow.position.copy(force).multiplyScalar(-PER_NEWTON);
-      this.arrow.setDirection(force.normalize());
-      this.arrow.setLength(length, Math.min(0.03, 0.4 * length), 0.02);
+      this.arrow.show(t);
     }
   }
 
@@ -111,12 +130,14 @@
         roots.delete(joint.child);
         if (joint.column !== null) this.joints.push({ ...joint, child, axis: new THREE.Vector3().fromArray(joint.axis).normalize() });
       }
-      for (const name of roots) scene.add(this.links.get(name));
+      for (const name of roots) scene.add(place(this.links.get(name), spec.pose));
       const root = this.links.get([...roots][0]);
       this.tracks = spec.tracks.map((track) => new Track(track));
       for (const track of this.tracks) (this.links.get(track.parent) || root).add(track.object);
       this.plates = spec.plates.map((plate) => new Plate(plate));
       this.plates.forEach((plate, k) => (this.links.get(spec.plates[k].parent) || root).add(plate.object));
+      this.arrows = spec.arrows.map((arrow) => new Arrow(arrow));
+      for (const arrow of this.arrows) (this.links.get(arrow.parent) || scene).add(arrow.object);
       this.trails = [...this.trailOfTip(spec.tip, scene), ...this.trailsOfTracks()];
     }
 
@@ -170,7 +191,7 @@
         if (joint.type === "prismatic") joint.child.position.copy(joint.axis).multiplyScalar(q);
         else joint.child.quaternion.setFromAxisAngle(joint.axis, q);
       }
-      for (const moved of [...this.tracks, ...(this.plates || []), ...(this.trails || [])]) moved.show(t);
+      for (const moved of [...this.tracks, ...(this.plates || []), ...(this.arrows || []), ...(this.trails || [])]) moved.show(t);
     }
 
     // Robots of several runs are told apart by colour; the first is as it is, the others can be seen through.
@@ -184,8 +205,9 @@
       for (const trail of this.trails) trail.object.material.color.set(report.colour(several ? this.role : trail.role));
       for (const plate of this.plates) {
         plate.box.material.color.set(report.colour("plate"));
-        plate.arrow.setColor(report.colour("limit"));
+        plate.arrow.material.color.set(report.colour("limit"));
       }
+      for (const arrow of this.arrows) arrow.material.color.set(report.colour(arrow.colour));
     }
   }
 

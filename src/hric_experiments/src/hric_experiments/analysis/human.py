@@ -1,0 +1,245 @@
+"""What a run required of the human in it: grip, torque as share of strength, and how he moved. No ROS.
+
+All of it is of the simulated human: an estimate of a model, never a measurement of a person.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from hric_bags.parts import PartsReader
+from hric_bags.reader import FloatArray, RunRecord
+from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord, read
+from hric_human.body import describe
+from hric_human.control.kinematics import HandChain
+from hric_human.participant.settings import HumanSettings
+
+SETTLED, SETTLING_TIME = 0.05, 3.0
+"""Share of their peaks below which grip force and speed of the hand must have come, and the time for it after the
+motion's end [s] (the demand of this project on a stable guidance)."""
+SAMPLE = "between two people 2.28 s and 7.3 N in one published sample"
+"""Of handovers: the sample in KTH-RPL/handovers_dataset (MIT)."""
+SETTLES, UNSTABLE = "settles", "unstable"
+
+
+@dataclass(frozen=True)
+class Person:
+    """What a run has of a human.
+
+    Attributes:
+        record: from the bag.
+        values: the key `human` of metrics.json.
+    """
+
+    record: HumanRecord
+    values: dict[str, Any]
+
+
+def analyse(bag: PartsReader, section: Mapping[str, Any] | None, run: RunRecord) -> Person | None:
+    """What a run required of the human; None where nobody stood there.
+
+    Args:
+        bag: of the run.
+        section: `human` of the experiment; None: nobody.
+        run: the rest of the bag.
+    """
+    record = None if section is None else read(bag, run.robot_time)
+    return None if record is None or section is None else Person(record, metrics(record, section))
+
+
+def metrics(record: HumanRecord, section: Mapping[str, Any]) -> dict[str, Any]:
+    """For metrics.json.
+
+    Args:
+        record: from the bag.
+        section: `human` of the experiment, for the body.
+    """
+    hand = hand_positions(record, section)
+    velocity = np.gradient(hand, record.time, axis=0)
+    begin, end = moved(record.events, record.time)
+    return {
+        "subject": HumanSettings.of(section, "human").person.code,
+        "motion": [begin, end],
+        "grips": {name: _grip(grip, record.events) for name, grip in record.grips.items()},
+        "handovers": _handovers(record.grips.values()),
+        "joints": {name: _joint(record, index) for index, name in enumerate(record.joints)},
+        "strength_share_max": float(np.abs(record.share).max()),
+        "strength_share_mean": float(np.abs(record.share).max(axis=1).mean()),
+        "hand": _hand(record.time, hand, velocity, begin, end),
+        "settling": _settling(record, velocity, begin, end),
+        "contacts": [vars(contact) for contact in record.meetings],
+        "events": [vars(event) for event in record.events],
+    }
+
+
+def hand_positions(record: HumanRecord, section: Mapping[str, Any]) -> FloatArray:
+    """Of the dominant hand, or of the one that there is, in axes of his root link, shape (n, 3) [m]."""
+    body = describe(HumanSettings.of(section, "human").person)
+    sides = (body.subject.dominant_hand, "right", "left")
+    hand = HandChain(body, next(side for side in sides if f"{side}_hand" in body.segments))
+    return np.array([hand.pose(q).position for q in record.position.tolist()])
+
+
+def moved(events: Sequence[Event], time: FloatArray) -> tuple[float, float]:
+    """Begin and end of the motion; those of the record where nobody said [s]."""
+    begins = [event.time for event in events if event.kind == "started"]
+    ends = [event.time for event in events if event.kind == "ended"]
+    begin = begins[-1] if begins else float(time[0])
+    return begin, ends[-1] if ends and ends[-1] > begin else float(time[-1])
+
+
+def _grip(grip: GripRecord, events: Sequence[Event]) -> dict[str, Any]:
+    size, held = np.linalg.norm(grip.force, axis=1), grip.closed
+    own = [event for event in events if event.name == grip.name]
+    if not held.any():
+        return {"held": grip.held, "holder": grip.holder, "closed": 0.0, "force_max": None}
+    velocity = np.gradient(grip.point, grip.time, axis=0)
+    power = np.where(held, -np.einsum("ij,ij->i", grip.force, velocity), 0.0)
+    return {
+        "held": grip.held,
+        "holder": grip.holder,
+        "closed": float(held.mean() * (grip.time[-1] - grip.time[0])),
+        "force_max": float(size.max()),
+        "force_max_time": float(grip.time[size.argmax()]),
+        "force_mean": float(size[held].mean()),
+        "torque_max": float(np.linalg.norm(grip.torque, axis=1).max()),
+        "work": float(np.trapezoid(power, grip.time)),
+        "work_absolute": float(np.trapezoid(np.abs(power), grip.time)),
+        "slips": sum(event.kind == "slipped" for event in own),
+        "slipped": float(grip.slipped.max()),
+    }
+
+
+def _handovers(grips: Iterable[GripRecord]) -> list[dict[str, Any]]:
+    """Of each body that two grips held, one after the other: who gave it to whom, and how."""
+    first = {grip.name: float(grip.time[grip.closed][0]) for grip in grips if grip.closed.any()}
+    in_order = sorted((grip for grip in grips if grip.name in first), key=lambda grip: first[grip.name])
+    found = []
+    for giver, taker in combinations(in_order, 2):
+        if giver.held != taker.held:
+            continue
+        n = min(len(giver.time), len(taker.time))
+        both, none = giver.closed[:n] & taker.closed[:n], ~(giver.closed[:n] | taker.closed[:n])
+        force = np.linalg.norm(taker.force[:n], axis=1)[both]
+        found.append(
+            {
+                "object": giver.held,
+                "giver": giver.name,
+                "taker": taker.name,
+                "overlap": float(np.gradient(taker.time[:n])[both].sum()),
+                "force_max": float(force.max()) if both.any() else None,
+                "dropped": bool(none[taker.time[:n] > first[giver.name]].any()),
+            }
+        )
+    return found
+
+
+def _joint(record: HumanRecord, index: int) -> dict[str, Any]:
+    share = np.abs(record.share[:, index])
+    return {
+        "torque_max": float(np.abs(record.torque[:, index]).max()),
+        "share_max": float(share.max()),
+        "share_mean": float(share.mean()),
+        "clipped": record.clipped[record.joints[index]],
+    }
+
+
+def _hand(time: FloatArray, hand: FloatArray, velocity: FloatArray, begin: float, end: float) -> dict[str, Any]:
+    during = (time >= begin) & (time <= end)
+    speed = np.linalg.norm(velocity, axis=1)[during]
+    return {
+        "speed_max": float(speed.max()),
+        "path": float(np.trapezoid(speed, time[during])),
+        "smoothness": smoothness(time[during], velocity[during]),
+    }
+
+
+def smoothness(time: FloatArray, velocity: FloatArray) -> float | None:
+    """Log dimensionless jerk of a motion: -ln(T^3 / v_peak^2 int |d2v/dt2|^2 dt) (Balasubramanian et al., J.
+    NeuroEng. Rehabil. 12:112, 2015). The nearer to zero the smoother; one minimum-jerk reach has -5.32. None: it
+    rests.
+
+    Args:
+        time: shape (n,) [s].
+        velocity: shape (n, 3) [m/s].
+    """
+    peak = float(np.linalg.norm(velocity, axis=1).max())
+    if peak < 1e-6 or len(time) < 5:
+        return None
+    jerk = np.gradient(np.gradient(velocity, time, axis=0), time, axis=0)
+    area = float(np.trapezoid(np.einsum("ij,ij->i", jerk, jerk), time))
+    return -math.log((time[-1] - time[0]) ** 3 / peak**2 * area)
+
+
+def _settling(record: HumanRecord, velocity: FloatArray, begin: float, end: float) -> dict[str, Any] | None:
+    """How force and speed fade after the motion; None: the run ends too early to judge, or nothing was held."""
+    closed = [grip for grip in record.grips.values() if grip.closed.any()]
+    if not closed or record.time[-1] < end + SETTLING_TIME:
+        return None
+    speed = np.linalg.norm(velocity, axis=1)
+    curves = {"speed": (record.time, speed)}
+    curves |= {grip.name: (grip.time, np.linalg.norm(grip.force, axis=1)) for grip in closed}
+    found = {name: _faded(time, values, begin, end) for name, (time, values) in curves.items()}
+    fades = all(value is not None and value <= SETTLING_TIME for value in found.values())
+    return {"after": found, "verdict": SETTLES if fades else UNSTABLE}
+
+
+def _faded(time: FloatArray, values: FloatArray, begin: float, end: float) -> float | None:
+    """Time after the end from which values stay below their share of the motion's peak; None: they do not [s]."""
+    peak = float(values[(time >= begin) & (time <= end)].max())
+    above = time[(time > end) & (values > SETTLED * peak)]
+    if not len(above):
+        return 0.0
+    return None if above[-1] >= time[-1] else float(above[-1] - end)
+
+
+def render(found: Mapping[str, Any]) -> str:
+    """As text for the report; found: of `metrics`."""
+    lines = [
+        f"human {found['subject']} (a model's estimate): at most {100 * found['strength_share_max']:.0f} % of the "
+        f"strength of a joint, {100 * found['strength_share_mean']:.0f} % in the mean of the most loaded one"
+    ]
+    for name, grip in found["grips"].items():
+        if grip["force_max"] is None:
+            lines.append(f"- grip {name} never closed: {grip['holder']} did not come near {grip['held']}")
+            continue
+        lines.append(
+            f"- grip {name} of {grip['held']}: {grip['force_max']:.1f} N at most, {grip['force_mean']:.1f} N in the "
+            f"mean, work on it {grip['work']:+.2f} J ({grip['work_absolute']:.2f} J to and fro), slipped "
+            f"{1e3 * grip['slipped']:.1f} mm ({grip['slips']} times)"
+        )
+    lines += [_handover(one) for one in found["handovers"]]
+    lines += [_contact(one) for one in found["contacts"]]
+    hand, clipped = found["hand"], [name for name, joint in found["joints"].items() if joint["clipped"]]
+    smooth = "-" if hand["smoothness"] is None else f"{hand['smoothness']:.2f}"
+    lines.append(f"- hand: {hand['speed_max']:.2f} m/s at most, log dimensionless jerk {smooth}")
+    if clipped:
+        lines.append(f"- joints that came to their strength: {', '.join(clipped)}")
+    if found["settling"] is not None:
+        lines.append(f"- after the motion: {_settled(found['settling'])}")
+    return "\n".join(lines)
+
+
+def _handover(one: Mapping[str, Any]) -> str:
+    force = "-" if one["force_max"] is None else f"{one['force_max']:.1f} N"
+    end = "IT FELL" if one["dropped"] else "it did not fall"
+    return (
+        f"- {one['giver']} gives {one['object']} to {one['taker']}: both hold it for {one['overlap']:.2f} s, {force} "
+        f"of {one['taker']} at most then; {end} ({SAMPLE})"
+    )
+
+
+def _contact(one: Mapping[str, Any]) -> str:
+    where = f"{', '.join(one['regions']) or one['link']} met {one['other']} at {one['begin']:.3f} s"
+    if one["peak"] is None:
+        return f"- {where}, rigid: no force that could be called one on a person"
+    return f"- {where} for {one['duration']:.3f} s: {one['peak']:.1f} N at most, {one['impulse']:.2f} N s"
+
+
+def _settled(settling: Mapping[str, Any]) -> str:
+    parts = [f"{name} {'never' if t is None else f'{t:.2f} s'}" for name, t in settling["after"].items()]
+    return f"{settling['verdict']} (below {100 * SETTLED:.0f} % of the peak after: {', '.join(parts)})"

@@ -1,0 +1,224 @@
+"""What a simulated human did in a run, from the topics in its bag. No ROS."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_bags.parts import PartsReader
+from hric_bags.reader import FloatArray, opened, seconds
+
+GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
+EVENT_TYPE, CONTACTS_TYPE = "hric_msgs/msg/HumanEvent", "hric_msgs/msg/RegionContacts"
+
+
+@dataclass(frozen=True)
+class GripRecord:
+    """One grip over time.
+
+    Attributes:
+        name, held, holder: of it and of both bodies.
+        time: robot time, shape (n,) [s].
+        closed: whether it held, shape (n,).
+        force, torque: on the holder, world frame, shape (n, 3) [N], [N m].
+        point: where they act, world frame, shape (n, 3) [m].
+        slipped: since it was closed, shape (n,) [m].
+    """
+
+    name: str
+    held: str
+    holder: str
+    time: FloatArray
+    closed: npt.NDArray[np.bool_]
+    force: FloatArray
+    torque: FloatArray
+    point: FloatArray
+    slipped: FloatArray
+
+
+@dataclass(frozen=True)
+class ContactRecord:
+    """Force on one link over time.
+
+    Attributes:
+        link: of the human.
+        regions: of ISO/TS 15066 that it belongs to.
+        time: robot time, shape (n,) [s].
+        force: the largest that touches at an instant, or the peak of what has ended since the one before; 0: nothing
+            touches, or only without a force that would mean something; shape (n,) [N].
+    """
+
+    link: str
+    regions: tuple[str, ...]
+    time: FloatArray
+    force: FloatArray
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened. Attributes: see hric_msgs/HumanEvent; time: robot time [s]."""
+
+    time: float
+    kind: str
+    name: str
+    value: float
+    text: str
+
+
+@dataclass(frozen=True)
+class RegionForce:
+    """One contact of a region, from when they met until they parted or the run ended.
+
+    Attributes:
+        regions: of ISO/TS 15066 that the link belongs to.
+        link, other: of the human, and what touched it.
+        kind: "penalty", or "rigid": without a force.
+        begin: robot time [s].
+        duration: [s].
+        peak, peak_time, impulse: of the normal force; None: rigid [N], [s], [N s].
+    """
+
+    regions: tuple[str, ...]
+    link: str
+    other: str
+    kind: str
+    begin: float
+    duration: float
+    peak: float | None
+    peak_time: float | None
+    impulse: float | None
+
+
+@dataclass(frozen=True)
+class HumanRecord:
+    """Of one run.
+
+    Attributes:
+        joints: names.
+        time: robot time, shape (n,) [s].
+        position: of the joints, shape (n, j) [rad].
+        torque_time: of the rows of `torque`, shape (m,) [s].
+        torque: shape (m, j) [N m].
+        share: of the joint's strength, shape (m, j) [1].
+        clipped: how often each joint came to its strength.
+        grips: by name.
+        contacts: with a force, by link.
+        events: in order of time.
+        meetings: contacts with their begin and peak, in the order in which they ended.
+    """
+
+    joints: tuple[str, ...]
+    time: FloatArray
+    position: FloatArray
+    torque_time: FloatArray
+    torque: FloatArray
+    share: FloatArray
+    clipped: dict[str, int]
+    grips: dict[str, GripRecord] = field(default_factory=dict)
+    contacts: dict[str, ContactRecord] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+    meetings: list[RegionForce] = field(default_factory=list)
+
+
+def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> HumanRecord | None:
+    """What the bag has of a human; None: nothing, or only his events."""
+    found: dict[str, list[tuple[float, Any]]] = {
+        kind: [] for kind in (GRIP_TYPE, TORQUE_TYPE, EVENT_TYPE, CONTACTS_TYPE)
+    }
+    states: list[tuple[float, Any]] = []
+    with opened(bag) as reader:
+        torque_topics = {c.topic for c in reader.connections if c.msgtype == TORQUE_TYPE}
+        state_topics = {f"{topic.rpartition('/')[0]}/joint_states" for topic in torque_topics}
+        for connection, _, raw in reader.chosen(lambda c: c.msgtype in found or c.topic in state_topics):
+            message = reader.deserialize(raw, connection.msgtype)
+            rows = found.get(connection.msgtype, states)
+            rows.append((robot_time(seconds(message.header.stamp)), message))
+    if not states or not found[TORQUE_TYPE]:
+        return None
+    names, torques = tuple(states[0][1].name), found[TORQUE_TYPE]
+    time, position = _columns(states, "position")
+    torque_time, torque, share = _columns(torques, "torque", "strength_share")
+    return HumanRecord(
+        names,
+        time,
+        position,
+        torque_time,
+        torque,
+        share,
+        dict(zip(torques[-1][1].name, map(int, torques[-1][1].clipped), strict=True)),
+        _grips(found[GRIP_TYPE]),
+        _contacts(found[CONTACTS_TYPE], robot_time),
+        [Event(time, m.kind, m.name, float(m.value), m.text) for time, m in found[EVENT_TYPE]],
+        _meetings([message for _, message in found[CONTACTS_TYPE]], robot_time),
+    )
+
+
+def _meetings(messages: list[Any], robot_time: Callable[[float], float]) -> list[RegionForce]:
+    ended = [one for message in messages for one in message.ended]
+    return [_meeting(one, robot_time) for one in [*ended, *(messages[-1].touching if messages else ())]]
+
+
+def _meeting(one: Any, robot_time: Callable[[float], float]) -> RegionForce:
+    known = one.kind == "penalty"
+    return RegionForce(
+        tuple(one.regions),
+        one.link,
+        one.other,
+        one.kind,
+        robot_time(one.begin),
+        float(one.duration),
+        float(one.peak) if known else None,
+        robot_time(one.peak_time) if known else None,
+        float(one.impulse) if known else None,
+    )
+
+
+def _columns(rows: list[tuple[float, Any]], *fields: str) -> list[FloatArray]:
+    """Times, and the values of each field."""
+    values = [np.array([getattr(message, name) for _, message in rows], dtype=float) for name in fields]
+    return [np.array([time for time, _ in rows]), *values]
+
+
+def _grips(rows: list[tuple[float, Any]]) -> dict[str, GripRecord]:
+    by_name: dict[str, list[tuple[float, Any]]] = {}
+    for row in rows:
+        by_name.setdefault(row[1].name, []).append(row)
+    return {name: _grip(name, own) for name, own in by_name.items()}
+
+
+def _contacts(rows: list[tuple[float, Any]], robot_time: Callable[[float], float]) -> dict[str, ContactRecord]:
+    """Forces at the times of the messages, and at the one after it each contact's peak, which may lie between two."""
+    time, found = np.array([time for time, _ in rows]), dict[str, ContactRecord]()
+    for index, (_, message) in enumerate(rows):
+        forces = [(one, index, one.force) for one in message.touching]
+        for one in message.ended:
+            if one.kind == "penalty":
+                at = min(int(np.searchsorted(time, robot_time(one.peak_time))), index)
+                forces.append((one, at, one.peak))
+        for one, at, force in forces:
+            if force > 0.0:  # not of a rigid contact, which is NaN
+                new = ContactRecord(one.link, tuple(one.regions), time, np.zeros(len(time)))
+                kept = found.setdefault(one.link, new).force
+                kept[at] = max(kept[at], force)
+    return found
+
+
+def _grip(name: str, rows: list[tuple[float, Any]]) -> GripRecord:
+    def vectors(of: Callable[[Any], Any]) -> FloatArray:
+        return np.array([(v.x, v.y, v.z) for v in (of(message) for _, message in rows)])
+
+    time, closed, slipped = _columns(rows, "closed", "slipped")
+    return GripRecord(
+        name,
+        rows[0][1].held,
+        rows[0][1].holder,
+        time,
+        closed > 0.0,
+        vectors(lambda m: m.wrench.force),
+        vectors(lambda m: m.wrench.torque),
+        vectors(lambda m: m.point),
+        slipped,
+    )

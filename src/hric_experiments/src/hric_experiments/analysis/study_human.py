@@ -1,0 +1,69 @@
+"""What the runs of a study required of the human: a table, and figures over what the study varies. No ROS."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hric_bags import text as text_table
+from hric_experiments.analysis import human
+from hric_experiments.report import sections
+from hric_experiments.report.figure import Curve, Figure, Panel
+
+COLUMNS = {
+    "grip_force_max": ("grip force at most [N]", ".2f"),
+    "grip_work": ("work on what is held [J]", ".3f"),
+    "grip_work_absolute": ("to and fro [J]", ".3f"),
+    "path": ("way of the hand [m]", ".3f"),
+    "strength_share_max": ("share of a joint's strength at most [1]", ".3f"),
+    "smoothness": ("log dimensionless jerk [1]", ".2f"),
+}
+"""Heading and digits of each value."""
+
+
+def chosen(metrics: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Of a run's metrics those by which runs differ; None without a human."""
+    values = metrics.get("human")
+    if not values:
+        return None
+    grips = [grip for grip in values["grips"].values() if grip["force_max"] is not None]
+    return {
+        "grip_force_max": max((grip["force_max"] for grip in grips), default=None),
+        "grip_work": sum(grip["work"] for grip in grips) if grips else None,
+        "grip_work_absolute": sum(grip["work_absolute"] for grip in grips) if grips else None,
+        "path": values["hand"]["path"],
+        "strength_share_max": values["strength_share_max"],
+        "smoothness": values["hand"]["smoothness"],
+        "settling": None if values["settling"] is None else values["settling"]["verdict"],
+    }
+
+
+def lines(runs: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Table of these values, one line per run; empty without a human."""
+    cells = [["the human, a model's estimate", *(heading for heading, _ in COLUMNS.values()), "after the motion"]]
+    for name, run in runs.items():
+        if values := run.get("human"):
+            row = ["-" if values[key] is None else f"{values[key]:{form}}" for key, (_, form) in COLUMNS.items()]
+            cells.append([name, *row, values["settling"] or "not judged"])
+    return ["", *text_table.rows(cells)] if len(cells) > 1 else []
+
+
+def figure(runs: Mapping[str, Mapping[str, Any]], abscissa: str) -> Figure | None:
+    """`human`: each value over the numbers that the runs are called by; None without a human or an abscissa."""
+    found = sorted((float(name), run["human"]) for name, run in runs.items() if abscissa and run.get("human"))
+    if not found:
+        return None
+    at = np.array([x for x, _ in found])
+    panels = []
+    for key, (heading, _) in COLUMNS.items():
+        values = np.array([np.nan if one[key] is None else one[key] for _, one in found], dtype=float)
+        name, _, unit = heading.rpartition(" [")
+        panels.append(
+            Panel(name, (Curve("", "measured", at, values), Curve("", "samples", at, values)), unit=f"[{unit}")
+        )
+    unstable = [f"{x:g}" for x, one in found if one["settling"] == human.UNSTABLE]
+    caption = "Estimates of a model of the human." + f" Unstable after the motion: {', '.join(unstable)}." * bool(
+        unstable
+    )
+    made = Figure("human", "What it requires of the human", "", tuple(panels), abscissa=abscissa)
+    return made.about(sections.RESULTS, caption)

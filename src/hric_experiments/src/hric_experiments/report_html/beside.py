@@ -1,0 +1,61 @@
+"""The human beside the robot in the replay of a run: his body, what he holds, and what touches him."""
+
+import numpy as np
+
+from hric_experiments.analysis.human_record import ContactRecord, GripRecord
+from hric_experiments.report_html.run_data import RunData
+from hric_experiments.report_html.scene import Arrow, Robot, instants
+from hric_human.body import describe
+from hric_human.body.tips import Tip, tips
+from hric_human.participant.settings import HumanSettings
+
+PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
+"""Length of an arrow, as live: project defaults, unconfirmed [m/N]."""
+
+
+def width(data: RunData) -> int:
+    """Numbers per instant of his replay: joints with their time, and arrows with force, point and time."""
+    if data.person is None:
+        return 0
+    record = data.person.record
+    return len(record.joints) + 1 + 7 * (len(record.grips) + len(record.contacts))
+
+
+def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> list[Robot]:
+    """He, or nobody.
+
+    Args:
+        data: the run.
+        rate: at most so many instants per second.
+        role: colour where a page has several runs, that of his robot; "": of each region of his body its own.
+        shift: is added to all times [s].
+    """
+    if data.person is None:
+        return []
+    record = data.person.record
+    settings = HumanSettings.of(data.run["definition"]["human"], "human")
+    body = describe(settings.person)
+    shown, ends = instants(record.time, rate), tips(body.urdf)
+    arrows = [_grip(grip, rate, shift) for grip in record.grips.values()]
+    arrows += [_contact(one, ends[one.link], rate, shift) for one in record.contacts.values() if one.link in ends]
+    time, position = record.time[shown] + shift, record.position[shown]
+    return [
+        Robot("", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows),
+    ]
+
+
+def _grip(grip: GripRecord, rate: float, shift: float) -> Arrow:
+    shown = instants(grip.time, rate)
+    force = np.where(grip.closed[shown, None], grip.force[shown], 0.0)
+    name = f"force of {grip.held} on {grip.holder}"
+    return Arrow(name, "measured", "world", grip.time[shown] + shift, force, grip.point[shown], PER_NEWTON_GRIP, False)
+
+
+def _contact(contact: ContactRecord, tip: Tip, rate: float, shift: float) -> Arrow:
+    """The largest force between two instants, so that no blow is left out."""
+    first = instants(contact.time, rate)
+    force = np.maximum.reduceat(contact.force, first)
+    name = f"contact of {', '.join(contact.regions) or contact.link}"
+    point = np.tile(tip.point, (len(first), 1))
+    along = -force[:, None] * tip.outward
+    return Arrow(name, "limit", contact.link, contact.time[first] + shift, along, point, PER_NEWTON_CONTACT, True)

@@ -1,0 +1,193 @@
+"""What a run required of the human in it: from records with known results, and from a run."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import opensim
+import pytest
+from rosbags.highlevel import AnyReader
+
+from hric_bags.export.opensim_text import read_storage
+from hric_experiments.analysis import human, study_human
+from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord
+from hric_experiments.definition import experiment, study
+from hric_experiments.definition.experiment import ExperimentError
+from hric_experiments.headless import runner
+
+JOINTS = (
+    "right_sh_flex",
+    "right_sh_abd",
+    "right_sh_rot",
+    "right_el_flex",
+    "right_pro_sup",
+    "right_wr_flex",
+    "right_wr_dev",
+)
+TIME = np.arange(0.0, 8.0, 0.005)
+STARTED, ENDED = Event(0.5, "started", "human", 0.0, ""), Event(2.5, "ended", "human", 0.0, "")
+
+
+def grip(name: str = "guide", closed: tuple[float, float] = (0.0, 9.0), **changes: Any) -> GripRecord:
+    """One that carries nothing and rests."""
+    zeros, held = np.zeros((len(TIME), 3)), (closed[0] <= TIME) & (closed[1] > TIME)
+    made = GripRecord(name, "baton::link", f"{name}::palm", TIME, held, zeros, zeros, zeros, np.zeros(len(TIME)))
+    return replace(made, **changes)
+
+
+def record(
+    grips: Sequence[GripRecord] = (), position: Any = None, events: Sequence[Event] = (STARTED, ENDED)
+) -> HumanRecord:
+    zeros = np.zeros((len(TIME), 7))
+    q = zeros if position is None else position
+    clipped, by_name = dict.fromkeys(JOINTS, 0), {one.name: one for one in grips}
+    return HumanRecord(JOINTS, TIME, q, TIME, zeros, zeros, clipped, by_name, events=list(events))
+
+
+def pulse(height: float, begin: float, end: float) -> Any:
+    """Along x, shape (n, 3)."""
+    values = np.zeros((len(TIME), 3))
+    values[(begin <= TIME) & (end >= TIME), 0] = height
+    return values
+
+
+def test_one_minimum_jerk_reach_has_the_smoothness_of_its_closed_form() -> None:
+    """T^3 / v_peak^2 int jerk^2 = 720 / 1.875^2."""
+    u = np.linspace(0.0, 1.0, 4001)
+    speed = 30.0 * (u - u * u) ** 2 * 0.3 / 2.0
+    velocity = np.outer(speed, [0.6, 0.0, 0.8])
+    assert human.smoothness(2.0 * u, velocity) == pytest.approx(-math.log(720.0 / 1.875**2), abs=3e-3)
+
+
+def test_what_rests_has_no_smoothness() -> None:
+    assert human.smoothness(TIME, np.zeros((len(TIME), 3))) is None
+
+
+def test_work_on_what_is_held_is_force_times_way_with_the_sign_of_the_hand() -> None:
+    away = np.zeros((len(TIME), 3))
+    away[:, 0] = np.clip(0.1 * (TIME - 1.0), 0.0, 0.2)
+    found = human.metrics(record([grip(force=pulse(-5.0, 0.0, 9.0), point=away)]), {})["grips"]["guide"]
+    assert found["work"] == pytest.approx(5.0 * 0.2, rel=1e-6)
+    assert found["force_max"] == found["force_mean"] == pytest.approx(5.0)
+
+
+def test_a_grip_that_never_closes_has_no_force_and_the_report_says_why() -> None:
+    found = human.metrics(record([grip(closed=(9.0, 9.0))]), {})
+    assert found["grips"]["guide"]["force_max"] is None
+    assert "grip guide never closed" in human.render(found)
+
+
+@pytest.mark.parametrize(
+    ("until", "verdict", "after"),
+    [(3.5, human.SETTLES, 1.0), (6.0, human.UNSTABLE, 3.5), (9.0, human.UNSTABLE, None)],
+)
+def test_a_grip_that_pulls_longer_than_three_seconds_after_the_motion_is_unstable(
+    until: float, verdict: str, after: float | None
+) -> None:
+    found = human.metrics(record([grip(force=pulse(5.0, 1.0, until))]), {})["settling"]
+    assert found["verdict"] == verdict
+    assert found["after"]["guide"] == (None if after is None else pytest.approx(after, abs=0.011))
+
+
+def test_a_force_below_a_twentieth_of_the_peak_has_faded() -> None:
+    force = pulse(5.0, 1.0, 2.0) + pulse(0.24, 2.1, 9.0)
+    assert human.metrics(record([grip(force=force)]), {})["settling"]["verdict"] == human.SETTLES
+
+
+def test_a_run_that_ends_too_early_is_not_judged() -> None:
+    late = Event(6.0, "ended", "human", 0.0, "")
+    assert human.metrics(record([grip()], events=[STARTED, late]), {})["settling"] is None
+
+
+def test_a_handover_is_from_who_closed_first_and_lasts_while_both_hold() -> None:
+    giver, taker = (
+        grip("robot", (0.0, 4.0)),
+        grip("hand", (2.5, 9.0), force=pulse(6.0, 3.0, 3.5) + pulse(9.0, 5.0, 6.0)),
+    )
+    (found,) = human.metrics(record([taker, giver]), {})["handovers"]
+    assert (found["giver"], found["taker"], found["dropped"]) == ("robot", "hand", False)
+    assert found["overlap"] == pytest.approx(1.5, abs=0.006)
+    assert found["force_max"] == pytest.approx(6.0)
+
+
+def test_what_nobody_holds_in_between_has_fallen() -> None:
+    (found,) = human.metrics(record([grip("robot", (0.0, 2.0)), grip("hand", (3.0, 9.0))]), {})["handovers"]
+    assert found["dropped"] and found["overlap"] == 0.0
+
+
+@pytest.fixture(scope="module")
+def guided(tmp_path_factory: pytest.TempPathFactory) -> runner.Result:
+    overrides = ["simulator:=mujoco", "duration:=1.5"]
+    definition = experiment.load("hand_guidance", overrides)
+    return runner.run(definition, overrides, root=tmp_path_factory.mktemp("runs"), progress=False)
+
+
+def test_a_run_with_a_human_says_what_it_required_of_him(guided: runner.Result) -> None:
+    found = json.loads((guided.folder.path / "metrics.json").read_text())["human"]
+    assert found["subject"] == "P50M"
+    assert 0.5 < found["grips"]["guide"]["force_max"] < 10.0
+    assert 0.0 < found["strength_share_max"] < 0.5
+    assert "a model's estimate" in (guided.folder.path / "summary.txt").read_text()
+    assert {"grip.svg", "strength.svg", "human_joints.svg"} <= {
+        p.name for p in (guided.folder.path / "figures").iterdir()
+    }
+
+
+def test_runs_called_by_numbers_are_drawn_over_them(guided: runner.Result) -> None:
+    values = {"human": study_human.chosen(guided.metrics)}
+    figure = study_human.figure({"100": values, "50": values, "9": values}, "stiffness [N/m]")
+    assert figure is not None and figure.abscissa == "stiffness [N/m]"
+    assert all(panel.curves[0].time.tolist() == [9.0, 50.0, 100.0] for panel in figure.panels)
+
+
+def test_a_study_with_an_abscissa_refuses_runs_without_a_number() -> None:
+    raw = {
+        "description": "x",
+        "forms": {
+            "a": {
+                "experiment": "pd_step",
+                "abscissa": "gain",
+                "runs": {"1": [], "soft": []},
+                "compared": [{"runs": ["1", "soft"]}],
+            }
+        },
+    }
+    with pytest.raises(ExperimentError, match=r"forms.a.runs is '1, soft'; valid: names that are numbers, of gain"):
+        study.parse("mine", raw)
+
+
+def test_all_mistakes_of_a_human_are_one_error_before_anything_runs() -> None:
+    changes = ["human.parts:=tail", "human.control:={type: hric_human/None}", "human.grips:={guide: {}}"]
+    with pytest.raises(ExperimentError) as error:
+        experiment.load("hand_guidance", changes)
+    assert "human.parts is 'tail'" in str(error.value) and "grips.guide.held is not set" in str(error.value)
+
+
+def test_opensims_inverse_dynamics_of_the_files_of_a_run_is_the_torque_of_his_joints(tmp_path: Path) -> None:
+    overrides = ["simulator:=opensim", "duration:=1.8", "human.rate:=1000"]
+    folder = runner.run(
+        experiment.load("hand_guidance", overrides), overrides, root=tmp_path, progress=False, figures=False
+    ).folder.path
+    tool = opensim.InverseDynamicsTool()
+    tool.setModelFileName(str(folder / "human.osim"))
+    tool.setCoordinatesFileName(str(folder / "human.mot"))
+    tool.setExternalLoadsFileName(str(folder / "human_external_loads.xml"))
+    tool.setLowpassCutoffFrequency(-1.0)
+    tool.setStartTime(0.8)
+    tool.setEndTime(1.7)
+    tool.setResultsDir(str(tmp_path))
+    tool.setOutputGenForceFileName("torques.sto")
+    assert tool.run()
+    time, columns = read_storage(tmp_path / "torques.sto")
+    with AnyReader([next(folder.glob("*.bag"))]) as bag:
+        (connection,) = [c for c in bag.connections if c.topic == "/hric/human/joint_torque"]
+        messages = [bag.deserialize(raw, connection.msgtype) for _, _, raw in bag.messages(connections=[connection])]
+    at = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in messages])
+    for j, joint in enumerate(messages[0].name):
+        own = np.interp(time, at, [m.torque[j] for m in messages])
+        assert np.ptp(own) > 0.01
+        assert np.abs(columns[f"{joint}_moment"] - own).max() < 0.02, joint
