@@ -16,6 +16,7 @@ import pytest
 from _pytest.junitxml import xml_key
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: matrices of seven rows gain nothing from threads
+os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is loaded, by whichever test comes first: some draw
 ROOT = Path(__file__).parent
 MARKS_OF_A_FILE = re.compile(r"^pytestmark = (?:\[[^\]]*\]|.*)", re.MULTILINE)
 MASTERS = ("roscore", "start", "live", "pd_step")

@@ -23,6 +23,7 @@ from bringup_arguments import (  # noqa: E402
     split,
 )
 from bringup_master import MasterError, call, choose, free_port  # noqa: E402
+from bringup_ready import arm  # noqa: E402
 
 NAMES = (
     "env",
@@ -59,7 +60,7 @@ CONTROLLERS = ("joint_state_controller", "joint_pd_controller", "effort_joint_tr
 CHOICES = Choices(
     CONTROLLERS,
     ("marker_tracking", "pd_step", "thesis_step"),
-    {"mocap": ("marker_tracking",), "emg": ("data_collection",)},
+    {"mocap": ("marker_tracking",), "emg": ("data_collection",), "human": ("thesis_step",)},
 )
 
 
@@ -233,6 +234,33 @@ def test_the_arm_itself_is_asked_for_by_address_and_kind() -> None:
     for address in ("none", "172.16.0.2 ", "a b", "-x", "$(reboot)"):
         with pytest.raises(ArgumentError, match="not an address"):
             check({"env": "real", "robot_ip": address}, NAMES, CHOICES)
+
+
+def test_the_emulated_arm_takes_the_arguments_of_the_simulation_but_its_pace() -> None:
+    given = ("env:=real", "robot_ip:=emulated", "robot:=fr3", "simulator:=mujoco", "rotor_inertia:=0.2", "gui:=true")
+    assert checked(*given)["simulator"] == "mujoco"
+    with pytest.raises(ArgumentError, match="real_time_factor can be given with env:=sim only"):
+        checked(*given, "real_time_factor:=0.5")
+    with pytest.raises(ArgumentError, match="robot_ip can be given with env:=real only"):
+        checked("robot_ip:=emulated")
+
+
+def test_a_simulated_human_is_beside_an_arm_that_is_simulated_or_emulated_only(tmp_path: Path) -> None:
+    own = tmp_path / "own.yaml"
+    own.write_text("human: {subject: P50_male}\n")
+    for experiment in ("thesis_step", str(own)):
+        given = ("env:=real", f"experiment:={experiment}")
+        with pytest.raises(ArgumentError, match="cannot be beside a real arm; valid: robot_ip:=emulated, or env:=sim"):
+            checked(*given, "robot_ip:=172.16.0.2")
+        checked(*given, "robot_ip:=emulated")
+        checked(f"experiment:={experiment}")
+    assert {"hand_guidance", "handover"} <= set(choices().having["human"])
+
+
+def test_what_stands_at_an_address_is_said() -> None:
+    shown = {"robot": "fr3", "simulator": "mujoco"}
+    assert arm({**shown, "robot_ip": "172.16.0.2"}) == "fr3 at 172.16.0.2"
+    assert arm({**shown, "robot_ip": "emulated"}) == "emulated fr3 (mujoco)"
 
 
 def test_an_address_where_no_arm_is_is_told_before_anything_starts() -> None:

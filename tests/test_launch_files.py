@@ -12,6 +12,8 @@ import roslaunch.config
 import yaml
 from roslaunch.core import RLException
 
+from hric_control import urdf
+
 PACKAGE, FILE = "hric_bringup", "bringup.launch"
 
 
@@ -279,6 +281,27 @@ def test_those_who_look_on_get_limits_with_rviz_and_curves_when_asked_for_and_ne
     )
 
 
+def test_who_is_beside_the_arm_gets_a_description_and_frames_of_his_own_and_is_in_rviz() -> None:
+    config = loaded("experiment:=hand_guidance", "rviz:=true")
+    values = parameters(config)
+    body = urdf.read(str(values["/hric/human/robot_description"]))
+    assert body.root == "human_base" and "r_wrist" in body.links
+    (his,) = [node for node in config.nodes if node.name == "human_state_publisher"]
+    remapped = {name: f"hric/human/{name}" for name in ("robot_description", "joint_states")}
+    assert remapped.items() <= dict(his.remap_args).items()
+    assert values["/human_state_publisher/tf_prefix"] == "human"
+    (rviz,) = [node for node in config.nodes if node.name == "rviz"]
+    assert rviz.args.endswith("panda_and_human.rviz")
+
+
+def test_without_somebody_beside_the_arm_nothing_of_him_runs() -> None:
+    config = loaded("rviz:=true")
+    assert "/human_state_publisher" not in nodes(config)
+    assert not [name for name in parameters(config) if "hric/human" in name]
+    (rviz,) = [node for node in config.nodes if node.name == "rviz"]
+    assert rviz.args.endswith("panda.rviz")
+
+
 @pytest.mark.parametrize("arguments", [["env:=gazebo"], ["env:=real"]], ids=["no such environment", "no address"])
 def test_an_environment_that_cannot_be_brought_up_fails_loudly(arguments: list[str]) -> None:
     with pytest.raises(RLException):
@@ -299,6 +322,23 @@ def test_the_real_arm_gets_the_same_nodes_and_controllers_and_real_time() -> Non
     assert len(same) > 20
     assert {name: values[name] for name in same} == {name: others[name] for name in same}
     assert "hw:=franka_real/FrankaHW" in str(values["/recorder/overrides"])
+
+
+def test_the_emulated_arm_gets_the_plant_of_the_simulated_one_and_the_others_wait_for_it() -> None:
+    given = ("experiment:=hand_guidance", "simulator:=mujoco", "rotor_inertia:=0.2", "hand:=true", "ns:=left")
+    config, simulated = loaded("env:=real", "robot_ip:=emulated", "robot:=fr3", *given), loaded(*given)
+    assert nodes(config).items() >= {"/left/emulated_arm": "franka_sim/emulated_arm"}.items()
+    assert "/left/emulated_arm" in {node.namespace + node.name for node in config.nodes if node.required}
+    values, others = parameters(config), parameters(simulated)
+    arm = values["/left/emulated_arm"]
+    assert (arm["ip"], arm["robot"], arm["plant_type"]) == ("127.0.0.1", "fr3", "mujoco_ros_control/MujocoPlant")
+    assert {key: arm[key] for key in ("plant", "participants")} == {
+        key: others["/left/robot"][key] for key in ("plant", "participants")
+    }
+    assert (values["/left/robot"]["robot_ip"], values["/left/robot"]["wait_for_arm"]) == ("127.0.0.1", 30)
+    assert values["/left/franka_gripper/robot_ip"] == "127.0.0.1" and values["/left/franka_gripper/wait_for_arm"] == 30
+    description = str(others["/left/robot_description"]).replace("franka_sim/FrankaHWSim", "franka_real/FrankaHW")
+    assert values["/left/robot_description"] == description
 
 
 def test_a_wrong_value_stops_the_launch_with_the_reason() -> None:

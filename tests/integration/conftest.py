@@ -23,7 +23,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _is_on_the_shared_one(item: pytest.Item) -> bool:
     """Whether a test asks for `live` by an argument, or by a parameter with its name."""
     given = item.callspec.params.values() if hasattr(item, "callspec") else ()
-    return "live" in (*getattr(item, "fixturenames", ()), *given)
+    return "live" in [*getattr(item, "fixturenames", ()), *(value for value in given if isinstance(value, str))]
 
 
 @pytest.fixture

@@ -1,31 +1,56 @@
 """A camera beside a running arm: pictures at their rate, and a control loop that does not notice."""
 
 import re
+import signal
 import statistics
+import subprocess
+import threading
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from live_system import LiveSystem, wait_for
 
 pytestmark = [pytest.mark.alone, pytest.mark.live]
-SECONDS = 20.0
+UNCHANGED = 0.05
+"""Share of the deadlines missed without a camera by which those beside it may be more; what the machine does by itself
+is printed, and is no excuse."""
+WINDOW, PAIRS = 5.0, 10
+"""The camera draws for so long and rests for so long [s], so often: how many deadlines are missed without it changes by
+a factor of five within minutes on a shared machine."""
 
 
-def missed(system: LiveSystem) -> float:
-    """Deadlines that the control loop missed in a while [1/s]."""
+class Deadlines:
+    """How many the control loop has missed, as /diagnostics says once a second."""
 
-    def total() -> int:
-        # The loop and the controller manager send arrays of their own.
-        told = system.run("rostopic", "echo", "-n", "4", "/diagnostics").stdout
-        found = re.search(r'key: "missed deadlines"\s+value: "(\d+)"', told)
-        assert found is not None, told
-        return int(found[1])
+    def __init__(self, system: LiveSystem) -> None:
+        self._echo = subprocess.Popen(
+            ["rostopic", "echo", "/diagnostics"], env=system.environment, stdout=subprocess.PIPE, text=True
+        )
+        self.missed: list[int] = []
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
 
-    before, begun = total(), time.monotonic()
-    time.sleep(SECONDS)
-    return (total() - before) / (time.monotonic() - begun)
+    def _read(self) -> None:
+        assert self._echo.stdout is not None
+        named = False
+        for line in self._echo.stdout:
+            if named:
+                self.missed.append(int(re.sub(r"\D", "", line)))
+            named = 'key: "missed deadlines"' in line
+
+    def within(self, seconds: float) -> float:
+        """Rate of the next while [1/s]."""
+        before, begun = len(self.missed), time.monotonic()
+        wait_for(lambda: len(self.missed) > before + seconds, 4 * seconds, "diagnostics")
+        return (self.missed[-1] - self.missed[before]) / (time.monotonic() - begun)
+
+    def close(self) -> None:
+        self._echo.kill()
+        self._echo.wait()
+        self._thread.join()
 
 
 @pytest.mark.parametrize(("width", "height", "rate"), [(160, 120, 10.0), (320, 240, 3.0)])
@@ -35,19 +60,26 @@ def test_pictures_come_at_their_rate_and_the_loop_keeps_its_deadlines(
     system = LiveSystem(tmp_path, "env:=sim", "rviz:=false", "simulator:=mujoco")
     try:
         system.wait_running("joint_pd_controller")
-        alone = [missed(system)]
         words = [f"_rate:={rate}", f"_width:={width}", f"_height:={height}"]
-        with system.started("rosrun", "mujoco_ros_control", "camera", *words):
+        with system.started("rosrun", "mujoco_ros_control", "camera", *words) as camera:
             wait_for(lambda: "/camera/image_raw" in system.run("rostopic", "list").stdout, 30.0, "the camera's topics")
-            watched = [missed(system)]
             told = system.run("timeout", "10", "rostopic", "hz", "/camera/image_raw", timeout=20.0).stdout
-        alone.append(missed(system))
+            deadlines, beside, alone = Deadlines(system), [], []
+            for _ in range(PAIRS):
+                camera.send_signal(signal.SIGSTOP)
+                alone.append(deadlines.within(WINDOW))
+                camera.send_signal(signal.SIGCONT)
+                beside.append(deadlines.within(WINDOW))
+            deadlines.close()
     finally:
         system.close()
     reached = [float(line.split()[-1]) for line in told.splitlines() if line.startswith("average rate")][-1]
+    more = statistics.median(b - a for a, b in zip(alone, beside, strict=True))
+    unrest = statistics.median(abs(b - a) for a, b in pairwise(alone))
     what = f"camera {width} x {height}"
     figure(f"{what}: pictures", reached, "Hz")
-    figure(f"{what}: deadlines missed without it", statistics.fmean(alone), "1/s")
-    figure(f"{what}: deadlines missed beside it", watched[0], "1/s")
+    figure(f"{what}: deadlines missed without it", statistics.median(alone), "1/s")
+    figure(f"{what}: more of them beside it", more, "1/s")
+    figure(f"{what}: change from one while without it to the next", unrest, "1/s")
     assert reached >= 0.95 * rate
-    assert watched[0] <= max(alone) + 1.0
+    assert more <= UNCHANGED * statistics.median(alone) + 1.0

@@ -15,6 +15,8 @@ import rosservice
 import yaml
 from live_system import READY_TIMEOUT, ROOT, LiveSystem, wait_for
 
+from hric_experiments.definition import experiment, parameters
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from interface_pages import Row, pages, rows
 
@@ -86,11 +88,12 @@ def a_long_collection(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def sensors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
     """A data collection, and beside it what else these packages have: a synchroniser at one rate, the calibration, a
-    Motive that follows a link."""
+    Motive that follows a link, a view of a human, cameras before his body."""
     folder = tmp_path_factory.mktemp("sensors")
     (folder / "scene.yaml").write_text(
         "bodies: [{name: tool, motion: {type: link, link: panda_link8, frame: panda_link0}}]\n"
     )
+    (folder / "human.urdf").write_text(parameters.human_description(experiment.load("hand_guidance")))
     source = {"topic": "/joint_states", "type": "sensor_msgs/JointState", "signals": ["position[0]"]}
     plan = json.dumps({"rate": 10, "sources": [source]})
     with ExitStack() as stack:
@@ -100,7 +103,13 @@ def sensors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
         )  # fmt: skip
         stack.callback(system.close)
         system.wait_running("joint_pd_controller")
+        system.run("rosparam", "set", "/hric/human/robot_description", "--textfile", str(folder / "human.urdf"))
         for command in (
+            ("hric_perception", "live_view", "__name:=view_of_a_human"),
+            (
+                *("hric_perception", "emulated_human", "__name:=cameras_before_a_body", "_ip:=127.0.7.16"),
+                *("_human:={program: body}", "_person:={subject: P50_male}", "_stream:={transport: unicast}"),
+            ),
             ("hric_perception", "synchronizer", "__name:=single", f"_plan:={plan}"),
             ("mocap_natnet", "calibrate"),
             (

@@ -32,6 +32,13 @@ BAR = """<robot name="bar"><link name="post"/>
 </robot>"""
 INERTIA = 0.03 + 2.0 * 0.2**2
 """Of the bar about its axle [kg m^2]."""
+MASS = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+PADDLE = f"""<robot name="paddle"><link name="post"/><link name="arm">{MASS}</link>
+  <link name="blade">{MASS}
+    <collision><origin xyz="0.2 0 0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
+  <joint name="mount" type="fixed"><parent link="post"/><child link="arm"/></joint>
+  <joint name="axle" type="continuous"><parent link="arm"/><child link="blade"/><axis xyz="0 0 1"/></joint>
+</robot>"""
 BLOCK = """<robot name="block"><link name="body"><inertial><mass value="{mass}"/>
   <inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial>
   <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link></robot>"""
@@ -272,6 +279,17 @@ def test_a_weight_hangs_on_a_bushing_as_on_a_spring(beside):
     assert load.stretch == pytest.approx(2.0 * 9.81 / 5000.0, rel=1e-4)
 
 
+def test_two_bushings_on_one_link_share_its_weight(beside):
+    plant = beside(bar("prismatic", damping=100.0), name="weight")
+    for name, stiffness, x in (("one", 3000.0, -0.1), ("two", 1000.0, 0.3)):
+        plant.connect(name, Bushing("weight::post", "weight::bar", at(x, 0, 0), at(x, 0, 0), stiffness))
+    run(plant, 1500)
+    weight = 2.0 * 9.81
+    for name, share in (("one", 0.75), ("two", 0.25)):
+        assert plant.bushing_load(name).force == pytest.approx((0.0, 0.0, -share * weight), abs=1e-4)
+    assert joints(plant, "weight")[0][0] == pytest.approx(-weight / 4000.0, rel=1e-4)
+
+
 def test_a_torque_twists_a_bushing_as_a_spring(beside):
     plant = beside(bar(damping=2.0), name="wheel", **WEIGHTLESS)
     plant.connect("shaft", Bushing("wheel::post", "wheel::bar", np.eye(4), np.eye(4), 0.0, 0.0, 50.0))
@@ -364,6 +382,29 @@ def test_links_that_are_connected_do_not_touch_until_they_are_let_go(beside, con
     plant.disconnect("glue")
     run(plant, 1)
     assert {contact.kind for contact in plant.contacts()} == {contact}
+
+
+@pytest.mark.parametrize("contact", ["rigid", "penalty"])
+def test_what_is_around_the_robots_hand_and_connected_to_it_touches_nothing(make_plant, panda_urdf, contact):
+    """Hulls overlap by centimetres then."""
+    plant = make_plant(panda_urdf, q=READY, surfaces=[{"link": "glove::*", "contact": contact}], **WEIGHTLESS)
+    plant.set_brakes([True] * 7)
+    plant.spawn("glove", block(), plant.link_state("panda_hand")[0])
+    run(plant, 1)
+    touched = [{one.body_a, one.body_b} for one in plant.contacts()]
+    plant.connect("grip", Bushing("panda_hand", "glove::body", np.eye(4), np.eye(4)))
+    run(plant, 2)
+    assert {"glove::body", "panda::panda_hand"} in touched and plant.contacts() == []
+
+
+def test_what_hangs_on_a_connected_link_by_one_joint_does_not_touch_either(beside):
+    plant = beside(PADDLE, name="one", surfaces=[{"link": "two::*", "contact": "penalty"}], **WEIGHTLESS)
+    plant.spawn("two", block(), at(3.25, 0, 2))
+    run(plant, 1)
+    assert {contact.body_a for contact in plant.contacts()} == {"one::blade"}
+    plant.connect("glue", Bushing("one::post", "two::body", at(0.25, 0, 0), np.eye(4)))
+    run(plant, 10)
+    assert plant.contacts() == []
 
 
 # -- names and numbers of connections ----------------------------------------------------------------------------------

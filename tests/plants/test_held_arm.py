@@ -54,7 +54,7 @@ def guidance(engine, panda_urdf, duration):
     return np.array(rows)
 
 
-@pytest.mark.parametrize("engine", ["pybullet_ros_control/PyBulletPlant"])
+@pytest.mark.parametrize("engine", ["pybullet_ros_control/PyBulletPlant", "opensim_ros_control/OpenSimPlant"])
 def test_a_guided_robot_moves_as_on_the_engine_with_runge_kutta(panda_urdf, engine):
     reference = guidance("mujoco_ros_control/MujocoPlant", panda_urdf, 6.0)
     error = np.abs(guidance(engine, panda_urdf, 6.0) - reference).max(axis=0)

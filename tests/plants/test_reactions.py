@@ -5,10 +5,12 @@ import pinocchio
 import pytest
 
 import panda_description
+from hric_control.plant import Bushing
 
 OPENSIM, MUJOCO = "opensim_ros_control/OpenSimPlant", "mujoco_ros_control/MujocoPlant"
 POSE = [0.1, -0.5, 0.2, -2.0, 0.3, 1.5, 0.4]
 STILL = [0.0, 0.0, 0.0]
+HOOK = '<robot name="hook"><link name="body"/></robot>'
 
 
 @pytest.fixture(params=[OPENSIM, MUJOCO], ids=lambda name: name.rpartition("/")[2])
@@ -84,6 +86,25 @@ def test_a_wrench_on_the_hand_goes_through_all_joints(make_plant, panda_urdf):
     for reaction in plant.joint_reactions():
         assert np.array(reaction.force) == pytest.approx(-force, abs=1e-9)
         assert np.array(reaction.torque) == pytest.approx(-torque - np.cross(hand - reaction.position, force), abs=1e-9)
+
+
+def test_what_is_connected_to_the_hand_pulls_through_all_joints(make_plant, panda_urdf):
+    plant = make_plant(panda_urdf, q=POSE, gravity=STILL)
+    plant.set_brakes([True] * 7)
+    T_world_hook = plant.link_state("panda_hand")[0]
+    T_world_hook[:3, 3] += [0.01, -0.02, 0.005]
+    plant.spawn("hook", HOOK, T_world_hook, fixed=True)
+    T_hand_grip = np.eye(4)
+    T_hand_grip[:3, 3] = 0.1, 0.2, 0.3
+    plant.connect("string", Bushing("hook::body", "panda_hand", np.eye(4), T_hand_grip, 100.0, 0.0, 1.0, 0.0))
+    plant.apply([0.0] * 7)
+    plant.step()
+    load = plant.bushing_load("string")
+    force, torque, point = np.array(load.force), np.array(load.torque), np.array(load.point)
+    assert np.linalg.norm(force) > 30.0
+    for reaction in plant.joint_reactions():
+        assert np.array(reaction.force) == pytest.approx(force, abs=1e-9)
+        assert np.array(reaction.torque) == pytest.approx(torque + np.cross(point - reaction.position, force), abs=1e-9)
 
 
 def test_what_presses_on_the_hand_is_carried_by_the_first_joint(make_plant, panda_urdf, tmp_path):

@@ -12,7 +12,7 @@ from two_link import two_link_urdf
 import panda_description
 from hric_control import plugins
 from hric_control.errors import DescriptionError, HricError, UnknownNameError
-from hric_control.plant import Load
+from hric_control.plant import Load, Surface
 
 JOINTS = ["joint1", "joint2"]
 POSE = [0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.0]
@@ -195,6 +195,50 @@ def test_surfaces_are_given_per_link_of_objects_and_of_models_to_come(make_plant
     assert pair == {"ball1": "penalty", "stone": "rigid", "cube": "penalty"}
     peaks = {frozenset(names) for names in plant.take_contact_peaks()}
     assert peaks == {frozenset((name, "floor::link")) for name in ("ball1::shell", "cube::link")}
+
+
+def resting(plant, model):
+    """(kind, force per depth [N/m]) of the contact of a ball with the floor, after it came to rest."""
+    run(plant, 250)
+    (contact,) = (c for c in plant.contacts() if f"{model}::shell" in (c.body_a, c.body_b))
+    return contact.kind, contact.force / contact.depth if contact.kind == "penalty" else None
+
+
+def test_a_model_brings_surfaces_of_its_links_which_rules_go_over_and_nothing_takes_away(make_plant, tmp_path):
+    world = tmp_path / "world.yaml"
+    world.write_text("objects: [{name: floor, shape: box, size: [20, 20, 1], pose: {xyz: [0, 0, -0.5]}}]")
+    rules = [{"link": "ruled::shell", "contact": "rigid"}]
+    plant = make_plant(two_link_urdf(), JOINTS, world=str(world), surfaces=rules, q=[0.0, 0.0])
+    plant.set_brakes([True, True])
+    soft = {"shell": Surface(20000.0, 200.0)}
+    plant.spawn("soft", BALL, at(4, 0, 0.051), surfaces=soft)
+    plant.spawn("ruled", BALL, at(5, 0, 0.051), surfaces=soft)
+    plant.spawn("stone", BALL, at(6, 0, 0.051))
+    changes = [
+        lambda: None,
+        lambda: plant.reset([0.0, 0.0]),
+        lambda: plant.set_load(Load(1.0)),
+        lambda: plant.delete("stone"),
+    ]
+    for change in changes:
+        change()
+        assert resting(plant, "soft") == ("penalty", pytest.approx(20000.0, rel=0.01))
+        assert resting(plant, "ruled") == ("rigid", None)
+
+
+def test_a_surface_of_a_link_that_a_model_does_not_have_is_refused_and_the_world_is_as_before(make_plant):
+    plant = make_plant(two_link_urdf(), JOINTS)
+    with pytest.raises(UnknownNameError, match=r"no link 'core' in surfaces of model ball; valid: shell"):
+        plant.spawn("ball", BALL, at(3, 0, 1), surfaces={"core": Surface(20000.0)})
+    assert plant.model_names() == []
+    plant.spawn("ball", BALL, at(3, 0, 1))
+
+
+@pytest.mark.parametrize("pose", [np.eye(3), np.full((4, 4), np.nan)])
+def test_a_model_is_not_spawned_at_what_is_no_pose(make_plant, pose):
+    plant = make_plant(two_link_urdf(), JOINTS)
+    with pytest.raises(HricError, match="model ball: its pose must be a finite 4 x 4 transform"):
+        plant.spawn("ball", BALL, pose)
 
 
 def test_a_link_of_the_robot_with_a_spring_meets_a_rigid_object_by_it(make_plant, panda_urdf, tmp_path):

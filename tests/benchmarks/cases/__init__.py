@@ -65,6 +65,23 @@ def _cycles() -> dict[str, Case]:
     return found
 
 
+BESIDE = {
+    "alone": "RobotHWSim with rotors",
+    "arm": "and a human arm with its law beside it",
+    "grip": "and a human hand that grips it",
+}
+"""Who is beside the robot."""
+
+
+def _humans() -> dict[str, Case]:
+    found = {}
+    for engine in TIMED:
+        for beside, text in BESIDE.items():
+            given = {"robot": "rotors", "simulator": engine, "rotor_inertia": 0.1, "beside": beside}
+            found[f"human/{engine}/{beside}"] = Case(f"{text}, on {engine}", "cycle", ("arms", "cycle"), given)
+    return found
+
+
 def _runs() -> dict[str, Case]:
     found = {}
     for engine in ("pybullet", "mujoco"):
@@ -101,6 +118,8 @@ CASES: dict[str, Case] = {
     "plain/pybullet": Case("a PD law in a plain loop on PyBullet", "cycle", ("arms", "plain_pybullet"), {}),
     "plain/mujoco": Case("a PD law in a plain loop on MuJoCo", "cycle", ("arms", "plain_mujoco"), {}),
     **_cycles(),
+    **_humans(),
+    "human/law": Case("the human's law, and nothing else", "cycle", ("arms", "human_law"), {}),
     **_runs(),
     "live/unpaced": Case("a cycle with ROS and recording", "cycle", ("runs", "live"), {}, 1, several=True),
     **_fci(),

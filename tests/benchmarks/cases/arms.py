@@ -13,11 +13,14 @@ from std_msgs.msg import Float64MultiArray
 import panda_description
 from cases import Block
 from hric_control import plugins
+from hric_control.geometry import Pose, from_rotation_vector
 from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.processes import quiet_collector
 from hric_control.urdf import read
 from hric_experiments.definition.overrides import SIMULATORS
+from hric_human.body import Subject, describe
+from hric_human.control import HumanControl
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 SETPOINT = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
@@ -155,9 +158,12 @@ class WholeCycle:
         robot_hw: type of the robot.
         simulator: pybullet, opensim or mujoco.
         plant: parameters.
+        participants: who acts in the plant, too.
     """
 
-    def __init__(self, robot_hw: str, simulator: str, plant: dict[str, Any]) -> None:
+    def __init__(
+        self, robot_hw: str, simulator: str, plant: dict[str, Any], participants: dict[str, Any] | None = None
+    ) -> None:
         law = {
             "type": "hric_controllers/JointPDController",
             "joints": JOINTS,
@@ -173,6 +179,7 @@ class WholeCycle:
             "real_time_factor": 0.0,
             "plant_type": SIMULATORS[simulator],
             "plant": plant,
+            "participants": participants or {},
         }
         limits = panda_description.joint_limit_parameters("panda")
         parts = {"robot_description": arm_urdf(), "joint_pd_controller": law, "robot": robot, "joint_limits": limits}
@@ -199,12 +206,42 @@ class WholeCycle:
         return True
 
 
+HELD = [0.42, 0.0, 0.55]
+"""Before the flange, where a hand holds it [m]."""
+REFERENCE = {"program": "sinusoid", "centre": HELD, "amplitude": [0.0, 0.02, 0.0], "cycles": 25}
+
+
+def human(beside: str) -> dict[str, Any]:
+    """Who acts in the plant; beside: of `cases.BESIDE`."""
+    if beside == "alone":
+        return {}
+    grips = {"guide": {"held": "panda_link8", "handle": [0.08, -0.08, 0.04]}} if beside == "grip" else {}
+    control = {"parameters": {"reference": REFERENCE}}
+    return {"human": {"type": "hric_human/Human", "position": [0.85, -0.2], "control": control, "grips": grips}}
+
+
 @contextmanager
-def cycle(robot: str, simulator: str, **plant: Any) -> Iterator[Block]:
-    """The whole cycle; robot: of `cases.ROBOTS`."""
+def human_law() -> Iterator[Block]:
+    """Senses, impedance about a moving hand, and strength."""
+    body = describe(Subject(code="P50M", mass=78.2, height=1.759, sex="male", parts="right_arm"))
+    root = Pose((0.85, -0.2, 0.7), from_rotation_vector((0.0, 0.0, np.pi)))
+    law = HumanControl(body, {"parameters": {"reference": REFERENCE}}, 0, root)
+    law.start(0.0)
+    q, dq = law.posture, [0.0] * 7
+
+    def run(n: int) -> None:
+        for k in range(n):
+            law.update(1e-3 * k, q, dq)
+
+    yield timed(run)
+
+
+@contextmanager
+def cycle(robot: str, simulator: str, beside: str = "alone", **plant: Any) -> Iterator[Block]:
+    """The whole cycle; robot: of `cases.ROBOTS`, beside: of `cases.BESIDE`."""
     if plant.get("friction") == "identified":
         plant["friction_parameters"] = panda_description.friction_parameters()
-    whole = WholeCycle(FRANKA if robot == "franka" else GENERIC, simulator, plant)
+    whole = WholeCycle(FRANKA if robot == "franka" else GENERIC, simulator, plant, human(beside))
     with quiet_collector():  # as `RobotApp` runs it
         yield timed(whole.run, 100 if simulator == "opensim" else BLOCK)
     whole.hw.shutdown()

@@ -1,0 +1,123 @@
+"""A simulated human beside the arm: behind libfranka and the emulated control box he leads it as in the simulation."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import yaml
+from live_system import ROOT, LiveSystem
+from rosbags.highlevel import AnyReader
+
+import panda_description
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.model import Frame
+from hric_bags.reader import seconds
+
+pytestmark = [pytest.mark.alone, pytest.mark.live]
+
+Start = Callable[..., LiveSystem]
+Figure = Callable[[str, float, str], None]
+FloatArray = npt.NDArray[np.float64]
+HUMAN = "/hric/human"
+EXPERIMENT = ROOT / "src/hric_experiments/config/experiments/hand_guidance.yaml"
+HANDLE = [0.113, 0.0, 0.04, 1.0]
+"""Where he holds the robot's hand, in its axes [m]."""
+CYCLE = 1e-3
+"""A grip's message has the load of the step before [s]."""
+FAST = 0.02
+"""Of the handle: above it, where it is says when [m/s]."""
+MOTION = 3.0
+"""What both runs cover of his motion, on a busy machine too [s of the arm's time]."""
+
+
+@dataclass
+class Led:
+    """What a bag has: the arm's joints by the arm's time, and the grip.
+
+    Attributes:
+        time, stamp, q: of each cycle: the arm's time (n,) [s], the run's (n,) [s], joint positions (n, 7) [rad].
+        start: when he begins, in the arm's time [s].
+        grip_stamp, point, force, closed: of each message about the grip: (m,) [s], (m, 3) [m], (m, 3) [N], (m,).
+    """
+
+    time: FloatArray
+    stamp: FloatArray
+    q: FloatArray
+    start: float
+    grip_stamp: FloatArray
+    point: FloatArray
+    force: FloatArray
+    closed: npt.NDArray[np.bool_]
+
+
+def led(bag: Path) -> Led:
+    """Read a bag."""
+    messages: dict[str, list[Any]] = {"/control_log": [], f"{HUMAN}/grip": [], f"{HUMAN}/events": []}
+    with AnyReader([bag]) as reader:
+        for connection, _, raw in reader.messages([item for item in reader.connections if item.topic in messages]):
+            messages[connection.topic].append(reader.deserialize(raw, connection.msgtype))
+    log, grips, events = messages.values()
+    time = np.concatenate([message.time for message in log])
+    stamp = np.concatenate([seconds(message.header.stamp) + message.time - message.time[0] for message in log])
+    (started,) = (seconds(event.header.stamp) for event in events if event.kind == "started")
+    return Led(
+        time,
+        stamp,
+        np.concatenate([message.position.reshape(-1, 7) for message in log]),
+        float(np.interp(started, stamp, time)),
+        np.array([seconds(message.header.stamp) for message in grips]),
+        np.array([[message.point.x, message.point.y, message.point.z] for message in grips]),
+        np.array([[getattr(message.wrench.force, axis) for axis in "xyz"] for message in grips]),
+        np.array([message.closed for message in grips]),
+    )
+
+
+def lateness(run: Led) -> FloatArray:
+    """By how much the arm was where the grip is said to be later than the message's stamp, while it moves [s]."""
+    model = KdlFrankaModel(panda_description.load(), "panda")
+    c = np.sqrt(0.5)
+    p_flange_handle = np.array([[c, c, 0, 0], [-c, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) @ HANDLE
+    point = np.array([(np.asarray(model.pose(Frame.FLANGE, list(q))) @ p_flange_handle)[:3] for q in run.q])
+    velocity = np.gradient(point, run.time, axis=0)
+    within = run.closed & (run.grip_stamp > run.stamp[0]) & (run.grip_stamp < run.stamp[-1])
+    rows = np.searchsorted(run.stamp, run.grip_stamp[within])
+    v, off = velocity[rows], run.point[within] - point[rows]
+    fast = np.linalg.norm(v, axis=1) > FAST
+    shift: FloatArray = (off * v).sum(axis=1)[fast] / (v * v).sum(axis=1)[fast]
+    return run.stamp[rows][fast] + shift - run.grip_stamp[within][fast]
+
+
+def test_through_libfranka_the_human_leads_the_arm_as_in_the_simulation_and_his_stamps_are_the_arms(
+    start: Start, tmp_path: Path, figure: Figure
+) -> None:
+    content = yaml.safe_load(EXPERIMENT.read_text()) | {"duration": 4.5}
+    (tmp_path / "led.yaml").write_text(yaml.safe_dump(content))
+    runs = []
+    for environment in (["env:=sim", "real_time_factor:=0.5"], ["env:=real", "robot_ip:=emulated"]):
+        system = start(*environment, "simulator:=mujoco", "rviz:=false", f"experiment:={tmp_path / 'led.yaml'}")
+        assert system.wait(180.0) == 0, system.output
+        assert system.processes() == {} and "Traceback" not in system.output, system.output
+        folder = system.run_folder
+        assert yaml.safe_load((folder / "run.yaml").read_text())["status"] == "completed"
+        assert "grip guide of panda_hand" in (folder / "summary.txt").read_text()
+        runs.append(led(next(folder.glob("*.bag"))))
+    simulated, behind = runs
+    assert behind.closed.any() and np.linalg.norm(behind.force[behind.closed], axis=1).max() > 1.0
+
+    # The sensors of his own are noisy, and libfranka's filter and limiter change the torques by little.
+    grid = np.arange(0.0, MOTION, 0.01)
+    q, others = (
+        np.array([np.interp(run.start + grid, run.time, row) for row in run.q.T]) for run in (behind, simulated)
+    )
+    difference = float(np.abs(q - others).max())
+    figure("hand guidance, through libfranka beside the simulation: joints", 1e3 * difference, "mrad")
+    assert np.ptp(others, axis=1).max() > 0.05 and difference < 1e-3
+
+    shift = float(np.median(lateness(behind)) + CYCLE)
+    figure("hand guidance, through libfranka: the human's stamps beside the arm's", 1e3 * shift, "ms")
+    assert abs(float(np.median(lateness(simulated))) + CYCLE) < 1e-4, "so it is measured"
+    assert abs(shift) < 2e-3
