@@ -140,14 +140,30 @@ def _log_as_it_was() -> Iterator[None]:
     logger.propagate, logger.level, logger.handlers[:] = kept
 
 
+@contextmanager
+def _parameters_as_they_were(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Parameters that nodes and command lines leave on the shared master would be those of a node of the same name in
+    a test that follows."""
+    if "roscore" not in request.fixturenames:
+        yield
+        return
+    import rosgraph
+
+    master = rosgraph.Master("/tests", request.getfixturevalue("roscore"))
+    kept = set(master.getParamNames())
+    yield
+    for name in set(master.getParamNames()) - kept:
+        master.deleteParam(name)
+
+
 @pytest.fixture(autouse=True)
-def _log_as_before_the_test() -> Iterator[None]:
-    with _log_as_it_was():
+def _as_before_the_test(request: pytest.FixtureRequest) -> Iterator[None]:
+    with _log_as_it_was(), _parameters_as_they_were(request):
         yield
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _log_as_before_the_file() -> Iterator[None]:
+def _as_before_the_file(request: pytest.FixtureRequest) -> Iterator[None]:
     """A fixture of the whole file may hold a node, too."""
-    with _log_as_it_was():
+    with _log_as_it_was(), _parameters_as_they_were(request):
         yield

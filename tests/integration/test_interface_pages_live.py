@@ -15,8 +15,6 @@ import rosservice
 import yaml
 from live_system import READY_TIMEOUT, ROOT, LiveSystem, wait_for
 
-from hric_experiments.definition import experiment, parameters
-
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from interface_pages import Row, pages, rows
 
@@ -26,7 +24,7 @@ STANDARD_SERVICES = ("/get_loggers", "/set_logger_level", "/tf2_frames")
 ACTION_PARTS = ("/goal", "/cancel", "/status", "/feedback", "/result")
 NOT_OF_THE_SYSTEM = ("/integration_tests", "/rosout", "/rostopic", "/recorder_", "/spawner_", "/unspawner_")
 """Beginnings of the names of this process and of short-lived tools."""
-SENSORS = {"hric_perception", "mocap_natnet"}
+SENSORS = {"hric_human", "hric_perception", "mocap_natnet"}
 """Packages that the default bring-up does not start."""
 OTHER_NAMES = {"<body>/ground_pose"}
 """Topics of `natnet_client` under the names of another driver, of which it publishes one set at a time
@@ -75,10 +73,15 @@ class Graph:
 
 
 def a_long_collection(folder: Path) -> Path:
-    """The data collection, with the sources that hear something: activation from a topic, and the load from
-    contacts."""
+    """The data collection, with the sources that hear something: activation from a topic, the load from contacts, and
+    cameras that see a human of the robot's plant."""
     content = yaml.safe_load(EXPERIMENT.read_text()) | {"duration": 3600.0, "setpoints": []}
     content["emg"]["emulated"]["activation"] = {"program": "topic"}
+    content["human"] = {
+        "position": [0.9, -0.4],
+        "grips": {"guide": {"held": "panda_hand", "close": {"by_service": True}}},
+    }
+    content["mocap"]["human"] = {"program": "body"}
     content["force_plate"]["emulated"]["load"] = {"program": "contacts", "body": "plate"}
     path = folder / "long_collection.yaml"
     path.write_text(yaml.safe_dump(content))
@@ -88,12 +91,11 @@ def a_long_collection(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def sensors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
     """A data collection, and beside it what else these packages have: a synchroniser at one rate, the calibration, a
-    Motive that follows a link, a view of a human, cameras before his body."""
+    Motive that follows a link."""
     folder = tmp_path_factory.mktemp("sensors")
     (folder / "scene.yaml").write_text(
         "bodies: [{name: tool, motion: {type: link, link: panda_link8, frame: panda_link0}}]\n"
     )
-    (folder / "human.urdf").write_text(parameters.human_description(experiment.load("hand_guidance")))
     source = {"topic": "/joint_states", "type": "sensor_msgs/JointState", "signals": ["position[0]"]}
     plan = json.dumps({"rate": 10, "sources": [source]})
     with ExitStack() as stack:
@@ -103,13 +105,7 @@ def sensors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
         )  # fmt: skip
         stack.callback(system.close)
         system.wait_running("joint_pd_controller")
-        system.run("rosparam", "set", "/hric/human/robot_description", "--textfile", str(folder / "human.urdf"))
         for command in (
-            ("hric_perception", "live_view", "__name:=view_of_a_human"),
-            (
-                *("hric_perception", "emulated_human", "__name:=cameras_before_a_body", "_ip:=127.0.7.16"),
-                *("_human:={program: body}", "_person:={subject: P50_male}", "_stream:={transport: unicast}"),
-            ),
             ("hric_perception", "synchronizer", "__name:=single", f"_plan:={plan}"),
             ("mocap_natnet", "calibrate"),
             (

@@ -32,7 +32,6 @@ LIMIT = 30.0
 
 @contextmanager
 def running(*arguments):
-    import rospy
 
     process = subprocess.Popen(
         [sys.executable, str(NODE), *arguments],
@@ -50,7 +49,6 @@ def running(*arguments):
         except subprocess.TimeoutExpired:
             process.kill()
             process.communicate()
-        rospy.delete_param("/real")
 
 
 def client(name, kind):

@@ -68,7 +68,6 @@ class Node:
 
 @pytest.fixture
 def node(ros: Any) -> Iterator[Callable[..., Node]]:
-    import rospy
 
     made: list[Node] = []
 
@@ -79,7 +78,6 @@ def node(ros: Any) -> Iterator[Callable[..., Node]]:
     yield start
     for one in made:
         one.close()
-    rospy.delete_param("/cell")
 
 
 @pytest.mark.parametrize(("robot", "version"), [("panda", 5), ("fr3", 10)])

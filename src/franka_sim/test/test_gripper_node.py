@@ -57,15 +57,12 @@ class Node:
 
 @pytest.fixture
 def node(ros):
-    import rospy
 
     node = Node()
     yield node
     if node.process.poll() is None:
         node.process.kill()
         node.process.communicate()
-    if rospy.has_param("/grip"):  # ended at once, it has set none
-        rospy.delete_param("/grip")
 
 
 def sent(client, goal):
@@ -156,11 +153,8 @@ def test_it_ends_on_ctrl_c_without_a_traceback(node, action):
 
 
 def test_a_bad_parameter_ends_it_with_one_clear_line(ros):
-    import rospy
-
     node = Node("_publish_rate:=-1")
     output, _ = node.process.communicate(timeout=LIMIT)
-    rospy.delete_param("/grip")
     assert node.process.returncode == 2
     assert "/grip/franka_gripper/publish_rate is -1; valid: a finite number above 0" in output
     assert "Traceback" not in output

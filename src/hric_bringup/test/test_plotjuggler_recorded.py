@@ -100,7 +100,6 @@ def arm(ros: str, tracking: RunFolder) -> Iterator[Player]:  # noqa: F811
     yield player
     player.close()
     clock.close()
-    rospy.delete_param("/robot_description")
 
 
 @pytest.mark.rostest

@@ -56,7 +56,6 @@ def start(ros, tmp_path):
         if process.poll() is None:
             process.kill()
         process.communicate()
-    rospy.delete_param("/toy")  # private parameters of a command line stay on the server
 
 
 @contextlib.contextmanager

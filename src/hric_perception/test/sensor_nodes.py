@@ -65,14 +65,12 @@ class Nodes:
 
     def __init__(self) -> None:
         self._running: list[subprocess.Popen[str]] = []
-        self._names: set[str] = set()
 
     def start(self, name: str, *arguments: str) -> subprocess.Popen[str]:
         process = subprocess.Popen(
             [sys.executable, str(NODES / name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
         self._running.append(process)
-        self._names.add(next((word[8:] for word in arguments if word.startswith("__name:=")), name))
         return process
 
     def end(self, process: subprocess.Popen[str]) -> str:
@@ -80,17 +78,12 @@ class Nodes:
         return process.communicate(timeout=LIMIT)[0]
 
     def close(self) -> None:
-        """End them, show what they said, and forget their parameters."""
-        import rospy
-
+        """End them and show what they said."""
         for process in self._running:
             if process.poll() is None:
                 process.kill()
             if process.stdout is not None and not process.stdout.closed:
                 print(process.args, process.communicate()[0])
-        for name in self._names:
-            if rospy.has_param(f"/{name}"):
-                rospy.delete_param(f"/{name}")
 
 
 @pytest.fixture

@@ -102,8 +102,6 @@ def at(truth: list[Any], when: float) -> float:
 
 
 def test_a_wrong_parameter_ends_the_node_with_one_line(ros: str) -> None:
-    import rospy
-
     with process(NODE, "__name:=wrong_human", "_human:={program: walk}") as node:
         output, _ = node.communicate(timeout=LIMIT)
     assert node.returncode == 2
@@ -111,7 +109,6 @@ def test_a_wrong_parameter_ends_the_node_with_one_line(ros: str) -> None:
         "no program 'walk' in /wrong_human/human; valid: body, c3d, minimum_jerk, reactive, sinusoid" in output
         and "Traceback" not in output
     )
-    rospy.delete_param("/wrong_human")
 
 
 def test_help_works_without_a_master() -> None:

@@ -272,8 +272,6 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
         feed.close()
         for subscriber in subscribers:
             subscriber.unregister()
-        for name in ("/robot_description", "/hric/human/robot_description", "/cartesian_pose_controller", "/live_view"):
-            rospy.delete_param(name)
     gaps = np.diff([message.header.stamp.to_sec() for message in heard["joints"]])
     assert np.all(gaps > 0.0) and np.median(gaps) >= 0.02, "fewer than come in"
     assert heard["arm_wrench"][0].wrench.force.x == -5.0 and list(heard["emg"][0].data) == [0.25]

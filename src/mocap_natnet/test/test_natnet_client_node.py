@@ -45,10 +45,6 @@ def ports() -> tuple[int, int]:
 
 @pytest.fixture
 def node(ros: str, ports: tuple[int, int]) -> Iterator[subprocess.Popen[str]]:
-    import rospy
-
-    if rospy.has_param("/natnet_client"):  # of another test under the same master
-        rospy.delete_param("/natnet_client")
     process = start(f"_command_port:={ports[0]}", f"_data_port:={ports[1]}", "_local:=127.0.0.1", "_take:=run_7")
     yield process
     if process.poll() is None:
@@ -108,13 +104,10 @@ def test_topics_diagnostics_and_services(node: subprocess.Popen[str], ports: tup
 
 
 def test_a_wrong_parameter_ends_the_node_with_one_line(ros: str) -> None:
-    import rospy
-
     process = start("__name:=wrong_client", "_up_axis:=x")
     output, _ = process.communicate(timeout=LIMIT)
     assert process.returncode == 2
     assert "/wrong_client/up_axis is 'x'; valid: y, z" in output and "Traceback" not in output
-    rospy.delete_param("/wrong_client")
 
 
 @pytest.mark.parametrize("name", ["natnet_client", "emulated_motive", "calibrate"])
