@@ -254,6 +254,9 @@ def test_the_hand_into_a_limp_body_gives_the_peak_of_both_reflected_masses(
         ended = meet(plant, contacts, 8 + math.ceil(math.pi * math.sqrt(expected.mu / human.stiffness) / STEP))
         plant.close()
         assert [(c.link, c.other, c.kind) for c in ended] == [(human.link, f"panda::{HAND}", "penalty")]
+        assert ended[0].begin_speed == pytest.approx(speed, rel=0.01)
+        assert ended[0].begin_normal == pytest.approx(NORMAL, abs=0.01)
+        assert ended[0].begin_point == pytest.approx(robot.touch, abs=2e-3)
         peak, impulse = by_library(robot, human, speed)
         errors = [
             100.0 * (x / y - 1.0)

@@ -240,3 +240,6 @@ def test_what_touches_him_is_published_by_region_until_it_has_parted(lab: Any, p
     # A fall of 0.1 m at the most onto 75 N/mm, v sqrt(mu k), mu no more than the ball's mass.
     assert 10.0 < first.peak < math.sqrt(2.0 * 9.81 * 0.15 * 0.2 * 75e3)
     assert not messages[-1].touching
+    seen = next(one for message in messages for one in message.touching)
+    assert [seen.begin_normal.x, seen.begin_normal.z] == pytest.approx([0.0, -1.0], abs=0.3)
+    assert seen.begin_point == first.begin_point and 0.5 < first.begin_speed < math.sqrt(2.0 * 9.81 * 0.15)

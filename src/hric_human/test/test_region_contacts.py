@@ -1,5 +1,7 @@
 """Contacts of a body by regions, of contacts that are written here; those of engines are in tests/plants."""
 
+from dataclasses import replace
+
 import pytest
 from bodies import body
 
@@ -50,6 +52,33 @@ def test_a_contact_has_its_peak_impulse_and_times_and_ends_once(touches: RegionC
     assert touches.update(0.004, []) == []
 
 
+def test_a_contact_is_where_it_was_last_and_remembers_where_how_and_how_fast_both_met(touches: RegionContacts) -> None:
+    met, later = (Contact(HAND, WRIST, (x, 0.0, 0.0), (0.0, x, 1.0), 1e-3, 5.0, closing=x) for x in (0.5, 0.25))
+    for k, contact in enumerate((met, later)):
+        touches.update(0.001 * k, [replace(contact, kind="penalty")])
+    found = touches.present[WRIST, HAND]
+    assert (found.begin_point, found.begin_normal, found.begin_speed) == ((0.5, 0.0, 0.0), (0.0, -0.5, -1.0), 0.5)
+    assert (found.point, found.normal) == ((0.25, 0.0, 0.0), (0.0, -0.25, -1.0))
+
+
+def test_the_normal_is_that_of_the_force_on_the_body_however_the_engine_names_the_two(touches: RegionContacts) -> None:
+    touches.update(0.0, [touch(WRIST, HAND, 1.0), touch("ball::link", WRIST, 1.0)])
+    found = [touches.present[WRIST, other].normal for other in (HAND, "ball::link")]
+    assert found == [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)]
+
+
+@pytest.mark.parametrize(("forces", "depths", "strongest"), [((3.0, 9.0), (2.0, 1.0), 1), ((0.0, 0.0), (2.0, 1.0), 0)])
+def test_of_several_points_the_one_with_the_largest_force_counts_else_the_deepest(
+    touches: RegionContacts, forces: tuple[float, float], depths: tuple[float, float], strongest: int
+) -> None:
+    points = [
+        replace(touch(HAND, WRIST, force, "rigid"), position=(float(k), 0.0, 0.0), depth=depth)
+        for k, (force, depth) in enumerate(zip(forces, depths, strict=True))
+    ]
+    touches.update(0.0, points)
+    assert touches.present[WRIST, HAND].point == (float(strongest), 0.0, 0.0)
+
+
 def test_who_meets_again_begins_a_new_contact(touches: RegionContacts) -> None:
     touches.update(0.0, [touch(HAND, WRIST, 10.0)])
     touches.update(0.001, [])
@@ -97,7 +126,7 @@ def test_a_peak_between_two_calls_counts_also_for_a_contact_that_has_parted(touc
 def test_what_met_and_parted_between_two_calls_ends_with_its_peak_alone(touches: RegionContacts) -> None:
     (ended,) = touches.update(0.01, [], {(HAND, WRIST): 25.0, (HAND, "table::link"): 3.0}, steps=10)
     assert (ended.link, ended.kind, ended.peak, ended.duration) == ("r_wrist", "penalty", 25.0, 0.0)
-    assert ended.force is None and ended.impulse is None
+    assert ended.force is None and ended.impulse is None and ended.point is None
     assert touches.present == {}
 
 

@@ -38,11 +38,6 @@ URDF = """<robot name="arm"><link name="base"/><link name="one"/><link name="two
 </robot>"""  # noqa: E501
 
 
-FOREARM = """<robot name="human"><link name="human_base"/><link name="r_elbow"><visual>
-<origin xyz="0 0 -0.1"/><geometry><cylinder radius="0.05" length="0.2"/></geometry></visual></link>
-<joint name="right_el_flex" type="fixed"><parent link="human_base"/><child link="r_elbow"/></joint></robot>"""
-
-
 def held(force: float, closed: bool = True) -> Any:
     """hric_msgs/HumanGrip at (0.4, 0, 0.5) in the world, with a force upwards [N]."""
     message = HumanGrip(name="guide", closed=closed)
@@ -52,8 +47,17 @@ def held(force: float, closed: bool = True) -> Any:
 
 
 def touch(force: float, link: str = "r_elbow", peak: float = math.nan) -> Any:
-    """hric_msgs/RegionContact at the forearm [N]."""
-    return RegionContact(regions=["lower arm, wrist"], link=link, force=force, peak=peak)
+    """hric_msgs/RegionContact at (0.3, 0, 0.5) of the forearm, which is pushed along -y [N]."""
+    message = RegionContact(regions=["lower arm, wrist"], link=link, force=force, peak=peak)
+    message.point.x, message.point.z, message.normal.y = 0.3, 0.5, -1.0
+    return message
+
+
+def touching(*contacts: Any, ended: tuple[Any, ...] = ()) -> Any:
+    """hric_msgs/RegionContacts."""
+    message = RegionContacts(touching=contacts, ended=ended)
+    message.header.frame_id = "world"
+    return message
 
 
 @pytest.mark.parametrize(
@@ -90,7 +94,7 @@ def test_the_hand_of_a_ring_points_where_the_joint_has_turned_to() -> None:
 
 
 def test_a_grip_force_begins_where_it_acts_and_goes_with_the_grip() -> None:
-    markers = HumanMarkers(FOREARM, "human")
+    markers = HumanMarkers()
     markers.push_grip(held(3.0))
     markers.push_grip(held(5.0))
     arrow, words = markers.take().markers
@@ -101,23 +105,24 @@ def test_a_grip_force_begins_where_it_acts_and_goes_with_the_grip() -> None:
     assert markers.take() is None
 
 
-def test_the_arrow_of_a_contact_ends_on_the_skin_of_its_link_and_is_longer_the_larger_the_force() -> None:
-    markers = HumanMarkers(FOREARM, "human")
-    markers.push_contacts(RegionContacts(touching=[touch(100.0)]))
+def test_the_arrow_of_a_contact_ends_where_it_acts_along_its_normal_and_is_longer_the_larger_the_force() -> None:
+    markers = HumanMarkers()
+    markers.push_contacts(touching(touch(100.0)))
     arrow, words = markers.take().markers
     tail, tip = arrow.points
-    assert (arrow.header.frame_id, words.text, words.color) == ("human/r_elbow", "lower arm, wrist: 100 N", CONTACT)
-    assert np.allclose([tip.x, tip.y, tip.z], [0.05, 0.0, -0.1]) and tail.x - tip.x == pytest.approx(0.2)
+    assert (arrow.header.frame_id, words.text, words.color) == ("world", "lower arm, wrist: 100 N", CONTACT)
+    assert np.allclose([tip.x, tip.y, tip.z, tail.x, tail.y, tail.z], [0.3, 0.0, 0.5, 0.3, 0.2, 0.5])
     assert markers.take() is None, "each is shown once"
 
 
 def test_of_several_looks_the_largest_force_of_a_link_is_shown_and_a_rigid_contact_has_none() -> None:
-    markers = HumanMarkers(FOREARM, "human")
-    markers.push_contacts(RegionContacts(touching=[touch(math.nan), touch(40.0), touch(7.0, link="shoe")]))
-    markers.push_contacts(RegionContacts(ended=[touch(0.0, peak=153.0)]))
-    markers.push_contacts(RegionContacts(touching=[touch(math.nan)]))
+    markers, nowhere = HumanMarkers(), touch(7.0, link="shoe")
+    nowhere.point.x = math.nan
+    markers.push_contacts(touching(touch(math.nan), touch(40.0), nowhere))
+    markers.push_contacts(touching(ended=(touch(0.0, peak=153.0),)))
+    markers.push_contacts(touching(touch(math.nan)))
     assert [marker.text for marker in markers.take().markers] == ["", "lower arm, wrist: 153 N"]
-    markers.push_contacts(RegionContacts(touching=[touch(math.nan)]))
+    markers.push_contacts(touching(touch(math.nan)))
     assert [(marker.type, marker.text) for marker in markers.take().markers] == [
         (Marker.TEXT_VIEW_FACING, "lower arm, wrist: rigid")
     ]
@@ -227,7 +232,7 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
     import rospy
 
     rospy.set_param("/robot_description", URDF)
-    rospy.set_param("/hric/human/robot_description", FOREARM)
+    rospy.set_param("/hric/human/robot_description", URDF)
     rospy.set_param(
         "/cartesian_pose_controller",
         {"workspace": {"lower": [-0.8, -0.8, 0.0], "upper": [0.8, 0.8, 1.2]}, "arm_id": "arm"},

@@ -103,6 +103,13 @@ class RunFolder:
         """Where the robot's description is or will be."""
         return self.path / "robot.urdf"
 
+    def description(self) -> str:
+        """URDF of the robot; "": the folder has none. Raises RunFolderError where it cannot be read."""
+        try:
+            return self.urdf_path.read_text() if self.urdf_path.is_file() else ""
+        except OSError as error:
+            raise RunFolderError(f"cannot read {self.urdf_path.name} of {self.path.name}: {error.strerror}") from error
+
     def write(self, data: dict[str, Any]) -> None:
         """Write run.yaml."""
         files.write_yaml(self.path / "run.yaml", data)

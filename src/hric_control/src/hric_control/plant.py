@@ -60,6 +60,8 @@ class Contact:
         kind: "penalty": of a spring, as a sensor would read it; "rigid": what stops the bodies within a step, an impact
             far above the elastic one.
         impulse: of the normal force over the step [N s]; that of a spring differs from step times `force`.
+        closing: speed along the normal at which both came towards each other as the step began [m/s]; None of rigid
+            contact, which engines report after they have stopped it.
     """
 
     body_a: str
@@ -70,6 +72,7 @@ class Contact:
     force: float
     kind: str = "rigid"
     impulse: float = 0.0
+    closing: float | None = None
 
 
 class JointReaction(NamedTuple):

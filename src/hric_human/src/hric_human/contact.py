@@ -7,6 +7,7 @@ of the engine is no force on a person: such a contact is a touch, without a forc
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from hric_control.geometry import Vector
 from hric_control.plant import Contact
 from hric_human.body.description import Body
 from hric_human.body.regions import Region
@@ -31,6 +32,11 @@ class RegionContact:
         peak_time: of the call with it; None of a touch [s].
         impulse: of the normal force; None of a touch [N s].
         area: None: a capsule meets others in a point or along a line, and engines report no area [m^2].
+        point: where they touch, in the last step with it: of several points that of the largest force, else the
+            deepest; world frame; None where the contact was between two calls [m].
+        normal: unit vector there along which the force on the body acts, world frame; None likewise.
+        begin_point, begin_normal: those of the first call with it.
+        begin_speed: along the normal at which both met; None of a touch, and where it is not known [m/s].
     """
 
     link: str
@@ -44,6 +50,11 @@ class RegionContact:
     peak_time: float | None = None
     impulse: float | None = None
     area: float | None = None
+    point: Vector | None = None
+    normal: Vector | None = None
+    begin_point: Vector | None = None
+    begin_normal: Vector | None = None
+    begin_speed: float | None = None
 
     @property
     def duration(self) -> float:
@@ -54,6 +65,13 @@ class RegionContact:
         """Keep the largest of the forces [N] and its time [s]."""
         if self.peak is None or peak > self.peak:
             self.peak, self.peak_time = peak, time
+
+    def locate(self, contact: Contact, towards: float) -> None:
+        """Be where a contact of the plant is; towards: 1 where its normal is that of the force on the body, else -1."""
+        x, y, z = contact.normal
+        self.point, self.normal = contact.position, (towards * x, towards * y, towards * z)
+        if self.begin_point is None:
+            self.begin_point, self.begin_normal, self.begin_speed = self.point, self.normal, contact.closing
 
 
 class RegionContacts:
@@ -90,14 +108,18 @@ class RegionContacts:
         if not (contacts or peaks or self.present):
             return []
         before, self.present = self.present, {}
+        strongest: dict[Pair, Contact] = {}
         for contact in contacts:
             for pair in self._pairs(contact.body_a, contact.body_b):
+                strongest[pair] = max(strongest.get(pair, contact), contact, key=_strength)
                 found = before.pop(pair, None) or self.present.get(pair) or self._new(pair, contact.kind, time)
                 self.present[pair], found.end = found, time
                 if contact.kind == "penalty":
                     found.force = contact.force
                     found.impulse = (found.impulse or 0.0) + steps * contact.impulse
                     found.reach(time, contact.force)
+        for pair, contact in strongest.items():
+            self.present[pair].locate(contact, 1.0 if contact.body_a == pair[0] else -1.0)
         for bodies, peak in peaks.items():
             for pair in self._pairs(*bodies):
                 found = self.present.get(pair) or before.setdefault(pair, self._new(pair, "penalty", time))
@@ -113,3 +135,8 @@ class RegionContacts:
     def _new(self, pair: Pair, kind: str, time: float) -> RegionContact:
         own, other = pair
         return RegionContact(own.removeprefix(self._model), self._regions[own], other, kind, time, time)
+
+
+def _strength(contact: Contact) -> tuple[float, float]:
+    """Of several points the one that counts has most of it."""
+    return contact.force, contact.depth

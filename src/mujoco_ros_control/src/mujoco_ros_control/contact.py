@@ -117,7 +117,7 @@ class PenaltyContact:
             act(scene, body, sign * force, np.zeros(3), position)
         at, direction = tuple(position.tolist()), tuple(normal.tolist())
         names = first.a.link, first.b.link
-        self.last.append(Contact(*names, at, direction, depth, done.reading, "penalty", self._step * done.mean))
+        self.last.append(Contact(*names, at, direction, depth, done.reading, "penalty", self._step * done.mean, speed))
 
     def _corners(self, near: _Near) -> list[faces.Corner]:
         poses = [self._scene.pose(self._scene.bodies[geom.body]) for geom in (near.a, near.b)]

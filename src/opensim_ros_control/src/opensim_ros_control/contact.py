@@ -47,6 +47,7 @@ class Point:
         key: of the same point in the step before.
         force: on a, held over the last step, shape (3,) [N].
         reading: what a sensor reads of it along the normal, where that is something else [N].
+        closing: speed of penalty contact as the step began [m/s].
     """
 
     a: str
@@ -60,6 +61,7 @@ class Point:
     key: tuple[object, ...]
     force: FloatArray
     reading: float | None = None
+    closing: float | None = None
 
     @property
     def normal_force(self) -> float:
@@ -88,7 +90,7 @@ def push_apart(
         done = springs.push(
             (point.a, point.b), depth, speed, measured, float(row @ response @ row), (stiffness, damping)
         )
-        point.reading, point.force = done.reading, np.zeros(3)
+        point.reading, point.closing, point.force = done.reading, speed, np.zeros(3)
         if done.mean > 0.0:
             point.force = done.mean * point.normal - friction_force(done.mean, friction, point.normal, point.J @ u)
             efforts += point.J.T @ point.force

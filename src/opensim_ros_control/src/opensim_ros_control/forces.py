@@ -186,6 +186,7 @@ class Forces:
                         force,
                         kind,
                         self._dt * mean,
+                        point.closing,
                     )
                 )
         return result

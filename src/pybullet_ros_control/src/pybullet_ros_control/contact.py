@@ -175,7 +175,9 @@ class PenaltyContact:
         force = (done.mean * normal - friction_force(done.mean, friction, normal, relative[0])).tolist()
         forces.apply(a.body, a.index, force, None, at)
         forces.apply(b.body, b.index, [-f for f in force], None, at)
-        self.last.append(Contact(name_a, name_b, at, direction, depth, done.reading, "penalty", step * done.mean))
+        self.last.append(
+            Contact(name_a, name_b, at, direction, depth, done.reading, "penalty", step * done.mean, speed)
+        )
 
     def _corners(self, a: _Link, b: _Link, point: tuple[Any, ...]) -> list[faces.Corner]:
         """Where the shapes meet that this closest point belongs to."""

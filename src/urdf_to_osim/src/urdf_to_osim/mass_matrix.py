@@ -28,18 +28,7 @@ def mass_matrix(robot: Robot, q: Mapping[str, float]) -> tuple[FloatArray, list[
         Matrix, shape (n, n) [kg m^2, kg m, kg], and the joint of each row: joints in order, planar ones with three rows
         (angle, x, y), floating ones with six (rotations, translations).
     """
-    T = {robot.root: np.eye(4)}
-    rows: list[str] = []
-    moving: dict[str, list[int]] = {robot.root: []}  # link -> rows of the joints that move it
-    twists: list[FloatArray] = []
-    for joint in robot.joints.values():
-        T_root_joint = T[joint.parent] @ joint.T_parent_joint
-        own = _twists(joint, T_root_joint)
-        moving[joint.child] = moving[joint.parent] + list(range(len(rows), len(rows) + own.shape[1]))
-        rows += [joint.name] * own.shape[1]
-        twists.append(own)
-        T[joint.child] = T_root_joint @ _motion(joint, q.get(joint.name, 0.0))
-    S = np.hstack([np.zeros((6, 0)), *twists])
+    T, moving, rows, S = _posed(robot, q)
     M, composite = (
         np.zeros((len(rows), len(rows))),
         {name: _inertia(link.mass, T[name]) for name, link in robot.links.items()},
@@ -52,6 +41,43 @@ def mass_matrix(robot: Robot, q: Mapping[str, float]) -> tuple[FloatArray, list[
             M[np.ix_(own_columns, columns)] = block.T
         composite[joint.parent] = composite[joint.parent] + composite[joint.child]
     return M, rows
+
+
+def point_jacobian(robot: Robot, q: Mapping[str, float], link: str, point: FloatArray) -> FloatArray:
+    """Velocity of a point that moves with a link for each speed, shape (3, n), the columns those of `mass_matrix`.
+
+    Args:
+        robot, q: as there.
+        link: of the description.
+        point: where it is now, in axes of the root link, shape (3,) [m].
+
+    Raises:
+        UnknownNameError: no such link.
+    """
+    robot.check_link(link)
+    _, moving, rows, S = _posed(robot, q)
+    J, columns = np.zeros((3, len(rows))), moving[link]
+    J[:, columns] = S[3:, columns] - skew(point) @ S[:3, columns]
+    return J
+
+
+def _posed(
+    robot: Robot, q: Mapping[str, float]
+) -> tuple[dict[str, FloatArray], dict[str, list[int]], list[str], FloatArray]:
+    """Poses of the links, the rows of the joints that move each, the joint of each row, and the twist of each, shape
+    (6, n)."""
+    T = {robot.root: np.eye(4)}
+    rows: list[str] = []
+    moving: dict[str, list[int]] = {robot.root: []}
+    twists: list[FloatArray] = []
+    for joint in robot.joints.values():
+        T_root_joint = T[joint.parent] @ joint.T_parent_joint
+        own = _twists(joint, T_root_joint)
+        moving[joint.child] = moving[joint.parent] + list(range(len(rows), len(rows) + own.shape[1]))
+        rows += [joint.name] * own.shape[1]
+        twists.append(own)
+        T[joint.child] = T_root_joint @ _motion(joint, q.get(joint.name, 0.0))
+    return T, moving, rows, np.hstack([np.zeros((6, 0)), *twists])
 
 
 def _twists(joint: Joint, T_root_joint: FloatArray) -> FloatArray:

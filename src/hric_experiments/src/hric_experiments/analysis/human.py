@@ -14,6 +14,7 @@ import numpy as np
 from hric_bags.parts import PartsReader
 from hric_bags.reader import FloatArray, RunRecord
 from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord, read
+from hric_experiments.analysis.impact import Impact, impacts
 from hric_human.body import describe
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HumanSettings
@@ -33,30 +34,38 @@ class Person:
     Attributes:
         record: from the bag.
         values: the key `human` of metrics.json.
+        impacts: contacts beside what is expected of them.
     """
 
     record: HumanRecord
     values: dict[str, Any]
+    impacts: tuple[Impact, ...] = ()
 
 
-def analyse(bag: PartsReader, section: Mapping[str, Any] | None, run: RunRecord) -> Person | None:
+def analyse(bag: PartsReader, run: Mapping[str, Any], description: str, record: RunRecord) -> Person | None:
     """What a run required of the human; None where nobody stood there.
 
     Args:
         bag: of the run.
-        section: `human` of the experiment; None: nobody.
-        run: the rest of the bag.
+        run: contents of run.yaml.
+        description: URDF of the robot; "": the run folder has none.
+        record: the rest of the bag.
     """
-    record = None if section is None else read(bag, run.robot_time)
-    return None if record is None or section is None else Person(record, metrics(record, section))
+    section = (run.get("definition") or {}).get("human")
+    found = None if section is None else read(bag, record.robot_time)
+    if found is None or section is None:
+        return None
+    met = impacts(run, description, record, found)
+    return Person(found, metrics(found, section, met), tuple(met))
 
 
-def metrics(record: HumanRecord, section: Mapping[str, Any]) -> dict[str, Any]:
+def metrics(record: HumanRecord, section: Mapping[str, Any], met: Sequence[Impact] = ()) -> dict[str, Any]:
     """For metrics.json.
 
     Args:
         record: from the bag.
         section: `human` of the experiment, for the body.
+        met: his contacts.
     """
     hand = hand_positions(record, section)
     velocity = np.gradient(hand, record.time, axis=0)
@@ -71,7 +80,7 @@ def metrics(record: HumanRecord, section: Mapping[str, Any]) -> dict[str, Any]:
         "strength_share_mean": float(np.abs(record.share).max(axis=1).mean()),
         "hand": _hand(record.time, hand, velocity, begin, end),
         "settling": _settling(record, velocity, begin, end),
-        "contacts": [vars(contact) for contact in record.meetings],
+        "contacts": [impact.values() for impact in met],
         "events": [vars(event) for event in record.events],
     }
 
@@ -213,7 +222,7 @@ def render(found: Mapping[str, Any]) -> str:
             f"{1e3 * grip['slipped']:.1f} mm ({grip['slips']} times)"
         )
     lines += [_handover(one) for one in found["handovers"]]
-    lines += [_contact(one) for one in found["contacts"]]
+    lines += _contacts(found["contacts"])
     hand, clipped = found["hand"], [name for name, joint in found["joints"].items() if joint["clipped"]]
     smooth = "-" if hand["smoothness"] is None else f"{hand['smoothness']:.2f}"
     lines.append(f"- hand: {hand['speed_max']:.2f} m/s at most, log dimensionless jerk {smooth}")
@@ -233,11 +242,55 @@ def _handover(one: Mapping[str, Any]) -> str:
     )
 
 
+def _contacts(contacts: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Of those who met more often the strongest contact, and the first one that presses."""
+    lines = []
+    for same in together(contacts):
+        hardest = strongest(same)
+        lines += [_contact(hardest), *_expected(hardest), *[_press(one) for one in same if one["press"]][:1]]
+        if len(same) > 1:
+            lines.append(f"  they met {len(same)} times, for {sum(one['duration'] for one in same):.3f} s together")
+    return lines
+
+
+def together(contacts: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
+    """Contacts of the same two bodies, in the order in which these came to their first end."""
+    found: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for one in contacts:
+        found.setdefault((one["link"], one["other"]), []).append(one)
+    return list(found.values())
+
+
+def strongest(same: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Of several contacts the one that should hit hardest by the closed form, else the one that did."""
+    return max(same, key=lambda one: ((one["transient"] or {}).get("peak", 0.0), one["peak"] or 0.0))
+
+
 def _contact(one: Mapping[str, Any]) -> str:
     where = f"{', '.join(one['regions']) or one['link']} met {one['other']} at {one['begin']:.3f} s"
     if one["peak"] is None:
         return f"- {where}, rigid: no force that could be called one on a person"
     return f"- {where} for {one['duration']:.3f} s: {one['peak']:.1f} N at most, {one['impulse']:.2f} N s"
+
+
+def _expected(one: Mapping[str, Any]) -> list[str]:
+    form = one["transient"]
+    if form is None:
+        return []
+    return [
+        f"  at {form['speed']:.3f} m/s with reflected masses of {form['robot_mass']:.2f} kg (robot with rotors) and "
+        f"{form['human_mass']:.2f} kg (human) on {1e-3 * form['stiffness']:.0f} N/mm",
+        f"  first peak {form['measured_peak']:.1f} N beside v sqrt(mu k) = {form['peak']:.1f} N: ratio "
+        f"{form['ratio']:.3f}; its half sine {form['duration']:.3f} s, {form['impulse']:.2f} N s",
+    ]
+
+
+def _press(one: Mapping[str, Any]) -> str:
+    press = one["press"]
+    return (
+        f"  pressed with {press['force']:.1f} N at {press['time']:.3f} s beside {press['balanced']:.1f} N that the "
+        f"commanded torque balances: ratio {press['ratio']:.3f}"
+    )
 
 
 def _settled(settling: Mapping[str, Any]) -> str:

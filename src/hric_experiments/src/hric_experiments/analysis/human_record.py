@@ -1,6 +1,7 @@
 """What a simulated human did in a run, from the topics in its bag. No ROS."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from hric_bags.parts import PartsReader
 from hric_bags.reader import FloatArray, opened, seconds
+from hric_control.geometry import Vector
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE, CONTACTS_TYPE = "hric_msgs/msg/HumanEvent", "hric_msgs/msg/RegionContacts"
@@ -49,12 +51,16 @@ class ContactRecord:
         time: robot time, shape (n,) [s].
         force: the largest that touches at an instant, or the peak of what has ended since the one before; 0: nothing
             touches, or only without a force that would mean something; shape (n,) [N].
+        point: where it acts, world frame, shape (n, 3) [m].
+        normal: unit vector along which it acts on the link, world frame, shape (n, 3).
     """
 
     link: str
     regions: tuple[str, ...]
     time: FloatArray
     force: FloatArray
+    point: FloatArray
+    normal: FloatArray
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,24 @@ class Event:
 
 
 @dataclass(frozen=True)
+class Course:
+    """A contact over time, at the instants of its messages.
+
+    Attributes:
+        time: robot time, shape (n,) [s].
+        force: shape (n,) [N].
+        reached: peak until then, of all cycles, shape (n,) [N].
+        point, normal: as of ContactRecord, shape (n, 3).
+    """
+
+    time: FloatArray
+    force: FloatArray
+    reached: FloatArray
+    point: FloatArray
+    normal: FloatArray
+
+
+@dataclass(frozen=True)
 class RegionForce:
     """One contact of a region, from when they met until they parted or the run ended.
 
@@ -79,6 +103,10 @@ class RegionForce:
         begin: robot time [s].
         duration: [s].
         peak, peak_time, impulse: of the normal force; None: rigid [N], [s], [N s].
+        point, normal: where they met, and the unit vector along which the force then acted on the human, world frame, 3
+            floats each [m]; None: not known.
+        speed: along the normal at which they met [m/s]; None: rigid, or not known.
+        course: empty of what was between two messages.
     """
 
     regions: tuple[str, ...]
@@ -90,6 +118,15 @@ class RegionForce:
     peak: float | None
     peak_time: float | None
     impulse: float | None
+    point: Vector | None
+    normal: Vector | None
+    speed: float | None
+    course: Course
+
+    @property
+    def end(self) -> float:
+        """Robot time [s]."""
+        return self.begin + self.duration
 
 
 @dataclass(frozen=True)
@@ -152,17 +189,23 @@ def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> Human
         _grips(found[GRIP_TYPE]),
         _contacts(found[CONTACTS_TYPE], robot_time),
         [Event(time, m.kind, m.name, float(m.value), m.text) for time, m in found[EVENT_TYPE]],
-        _meetings([message for _, message in found[CONTACTS_TYPE]], robot_time),
+        _meetings(found[CONTACTS_TYPE], robot_time),
     )
 
 
-def _meetings(messages: list[Any], robot_time: Callable[[float], float]) -> list[RegionForce]:
-    ended = [one for message in messages for one in message.ended]
-    return [_meeting(one, robot_time) for one in [*ended, *(messages[-1].touching if messages else ())]]
+def _meetings(rows: list[tuple[float, Any]], robot_time: Callable[[float], float]) -> list[RegionForce]:
+    courses: dict[tuple[str, str, float], list[tuple[float, Any]]] = {}
+    for time, message in rows:
+        for one in message.touching:
+            courses.setdefault((one.link, one.other, one.begin), []).append((time, one))
+    over = [*(one for _, message in rows for one in message.ended), *(rows[-1][1].touching if rows else ())]
+    return [_meeting(one, courses.get((one.link, one.other, one.begin), []), robot_time) for one in over]
 
 
-def _meeting(one: Any, robot_time: Callable[[float], float]) -> RegionForce:
+def _meeting(one: Any, seen: list[tuple[float, Any]], robot_time: Callable[[float], float]) -> RegionForce:
     known = one.kind == "penalty"
+    time, force, reached = _columns(seen, "force", "peak")
+    course = Course(time, force, reached, _vectors([m.point for _, m in seen]), _vectors([m.normal for _, m in seen]))
     return RegionForce(
         tuple(one.regions),
         one.link,
@@ -173,7 +216,20 @@ def _meeting(one: Any, robot_time: Callable[[float], float]) -> RegionForce:
         float(one.peak) if known else None,
         robot_time(one.peak_time) if known else None,
         float(one.impulse) if known else None,
+        _known(one.begin_point),
+        _known(one.begin_normal),
+        None if math.isnan(one.begin_speed) else float(one.begin_speed),
+        course,
     )
+
+
+def _known(v: Any) -> Vector | None:
+    return None if math.isnan(v.x) else (float(v.x), float(v.y), float(v.z))
+
+
+def _vectors(found: Sequence[Any]) -> FloatArray:
+    """Shape (n, 3)."""
+    return np.array([(v.x, v.y, v.z) for v in found]).reshape(-1, 3)
 
 
 def _columns(rows: list[tuple[float, Any]], *fields: str) -> list[FloatArray]:
@@ -192,6 +248,7 @@ def _grips(rows: list[tuple[float, Any]]) -> dict[str, GripRecord]:
 def _contacts(rows: list[tuple[float, Any]], robot_time: Callable[[float], float]) -> dict[str, ContactRecord]:
     """Forces at the times of the messages, and at the one after it each contact's peak, which may lie between two."""
     time, found = np.array([time for time, _ in rows]), dict[str, ContactRecord]()
+    n = len(time)
     for index, (_, message) in enumerate(rows):
         forces = [(one, index, one.force) for one in message.touching]
         for one in message.ended:
@@ -200,15 +257,16 @@ def _contacts(rows: list[tuple[float, Any]], robot_time: Callable[[float], float
                 forces.append((one, at, one.peak))
         for one, at, force in forces:
             if force > 0.0:  # not of a rigid contact, which is NaN
-                new = ContactRecord(one.link, tuple(one.regions), time, np.zeros(len(time)))
-                kept = found.setdefault(one.link, new).force
-                kept[at] = max(kept[at], force)
+                new = ContactRecord(one.link, tuple(one.regions), time, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))
+                kept = found.setdefault(one.link, new)
+                if force > kept.force[at]:
+                    kept.force[at], kept.point[at], kept.normal[at] = force, *_vectors([one.point, one.normal])
     return found
 
 
 def _grip(name: str, rows: list[tuple[float, Any]]) -> GripRecord:
     def vectors(of: Callable[[Any], Any]) -> FloatArray:
-        return np.array([(v.x, v.y, v.z) for v in (of(message) for _, message in rows)])
+        return _vectors([of(message) for _, message in rows])
 
     time, closed, slipped = _columns(rows, "closed", "slipped")
     return GripRecord(

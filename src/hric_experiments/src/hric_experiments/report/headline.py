@@ -66,12 +66,27 @@ def _human(found: Mapping[str, Any]) -> list[Finding]:
     joint, peak = max(found["joints"].items(), key=lambda item: item[1]["share_max"])
     share = f"{100 * peak['share_max']:.0f} %"
     result.append(Finding("Share of strength", share, f"{joint}, the most loaded joint of the human, {of_model}"))
+    result += [one for same in human.together(found["contacts"]) for one in _contact(same, of_model)]
     settling = found["settling"]
     if settling is not None:
         kind = GOOD if settling["verdict"] == human.SETTLES else BAD
         text = f"grip force and hand speed within {human.SETTLING_TIME:g} s after the motion"
         result.append(Finding("After the motion", settling["verdict"], text, kind))
     return result
+
+
+def _contact(same: Sequence[Mapping[str, Any]], of_model: str) -> list[Finding]:
+    """Of contacts of the same two bodies, beside what is expected of them."""
+    hardest, found = human.strongest(same), []
+    between = f"{', '.join(hardest['regions']) or hardest['link']} by {hardest['other']}"
+    if form := hardest["transient"]:
+        expected = f"{form['ratio']:.3f} of v sqrt(mu k) = {form['peak']:.1f} N at {form['speed']:.2f} m/s"
+        meaning = f"first peak, {between}: {expected}, {of_model}"
+        found.append(Finding("Blow", scaled(form["measured_peak"], "N"), meaning))
+    for press in [one["press"] for one in same if one["press"]][:1]:
+        meaning = f"{between}: {press['ratio']:.3f} of {press['balanced']:.1f} N that the commanded torque balances"
+        found.append(Finding("Pressed with", scaled(press["force"], "N"), meaning))
+    return found
 
 
 def of_comparison(first: str, pairs: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Finding]:

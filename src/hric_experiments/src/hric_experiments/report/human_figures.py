@@ -1,12 +1,19 @@
 """The figures of a simulated human: what he holds, and what his joints do."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from hric_experiments.analysis.human import Person
 from hric_experiments.analysis.human_record import HumanRecord
+from hric_experiments.analysis.impact import Impact, Press, Transient
 from hric_experiments.report import sections
 from hric_experiments.report.figure import Curve, Figure, Panel, per_joint
 
+BLOWS = 4
+"""Panels of contacts at most, the hardest blows by their closed form (project default, unconfirmed)."""
+SHOWN = 1.5
+"""How much of a blow is shown, in durations of its half sine."""
 ESTIMATE = "A model's estimate, not a measurement of a person."
 
 
@@ -19,6 +26,7 @@ def human_figures(person: Person | None) -> list[Figure]:
     if panels := [_grip_panel(name, record) for name, grip in record.grips.items() if grip.closed.any()]:
         forces = Figure("grip", "Grip force", "force on the hand [N]", tuple(panels), min_height=1.0)
         found.append(forces.about(sections.HUMAN, f"Force of what is held on what holds it. {ESTIMATE}"))
+    found += _contact_figures(person.impacts)
     share = Curve("of the strength", "measured", record.torque_time, record.share)
     strength = per_joint(
         "strength",
@@ -42,6 +50,52 @@ def human_figures(person: Person | None) -> list[Figure]:
         strength.about(sections.HUMAN, f"In the sense in which the torque acts. {ESTIMATE}"),
         angles.about(sections.HUMAN, "Joint angles of the simulated body."),
     ]
+
+
+def _contact_figures(impacts: Sequence[Impact]) -> list[Figure]:
+    """Of contacts by a spring, as far as something is expected of them."""
+    blows = sorted((i for i in impacts if i.transient), key=lambda i: -i.transient.peak if i.transient else 0.0)[:BLOWS]
+    found = []
+    if panels := [_blow_panel(impact, impact.transient) for impact in blows if impact.transient]:
+        text = (
+            "Force on the human from the first touch on, and the half sine of two reflected masses on the spring of "
+            f"the region, which has the first force that was recorded. {ESTIMATE}"
+        )
+        figure = Figure(
+            "blow", "Blow", "force [N]", tuple(panels), min_height=1.0, abscissa="after the first touch [ms]"
+        )
+        found.append(figure.about(sections.HUMAN, text))
+    if panels := [_press_panel(impact, impact.press) for impact in impacts if impact.press]:
+        text = f"Force of contacts that last, beside what the commanded torque balances along the normal. {ESTIMATE}"
+        figure = Figure("press", "Pressed contact", "force [N]", tuple(panels), min_height=1.0)
+        found.append(figure.about(sections.HUMAN, text))
+    return found
+
+
+def _blow_panel(impact: Impact, form: Transient) -> Panel:
+    course, met = impact.met.course, impact.met
+    shown = course.time <= met.begin + SHOWN * form.duration
+    time, force = course.time[shown] - course.time[0] + impact.late(), course.force[shown]
+    instants = np.linspace(0.0, form.duration, 101)
+    curves = (
+        Curve("half sine", "desired", 1e3 * instants, form.force(instants)),
+        Curve("simulated", "measured", 1e3 * time, force),
+    )
+    title = f"{_between(impact)}, {form.speed:.2f} m/s"
+    return Panel(title, curves, (("v sqrt(mu k)", form.peak),))
+
+
+def _press_panel(impact: Impact, press: Press) -> Panel:
+    curves = (
+        Curve("balanced by the commanded torque", "desired", press.time, press.balanced),
+        Curve("contact", "measured", press.time, press.force),
+    )
+    _, _, level = press.level()
+    return Panel(_between(impact), curves, (("balanced", level),))
+
+
+def _between(impact: Impact) -> str:
+    return f"{', '.join(impact.met.regions) or impact.met.link}: {impact.met.other}"
 
 
 def _grip_panel(name: str, record: HumanRecord) -> Panel:

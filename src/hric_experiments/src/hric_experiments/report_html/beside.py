@@ -6,7 +6,6 @@ from hric_experiments.analysis.human_record import ContactRecord, GripRecord
 from hric_experiments.report_html.run_data import RunData
 from hric_experiments.report_html.scene import Arrow, Robot, instants
 from hric_human.body import describe
-from hric_human.body.tips import Tip, tips
 from hric_human.participant.settings import HumanSettings
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
@@ -35,9 +34,9 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
     record = data.person.record
     settings = HumanSettings.of(data.run["definition"]["human"], "human")
     body = describe(settings.person)
-    shown, ends = instants(record.time, rate), tips(body.urdf)
+    shown = instants(record.time, rate)
     arrows = [_grip(grip, rate, shift) for grip in record.grips.values()]
-    arrows += [_contact(one, ends[one.link], rate, shift) for one in record.contacts.values() if one.link in ends]
+    arrows += [_contact(one, rate, shift) for one in record.contacts.values()]
     time, position = record.time[shown] + shift, record.position[shown]
     return [
         Robot("", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows),
@@ -51,11 +50,12 @@ def _grip(grip: GripRecord, rate: float, shift: float) -> Arrow:
     return Arrow(name, "measured", "world", grip.time[shown] + shift, force, grip.point[shown], PER_NEWTON_GRIP, False)
 
 
-def _contact(contact: ContactRecord, tip: Tip, rate: float, shift: float) -> Arrow:
-    """The largest force between two instants, so that no blow is left out."""
+def _contact(contact: ContactRecord, rate: float, shift: float) -> Arrow:
+    """The largest force between two instants, where it acts, so that no blow is left out."""
     first = instants(contact.time, rate)
-    force = np.maximum.reduceat(contact.force, first)
+    parts = np.split(np.arange(len(contact.time)), first[1:])
+    largest = [part[np.argmax(contact.force[part])] for part in parts]
     name = f"contact of {', '.join(contact.regions) or contact.link}"
-    point = np.tile(tip.point, (len(first), 1))
-    along = -force[:, None] * tip.outward
-    return Arrow(name, "limit", contact.link, contact.time[first] + shift, along, point, PER_NEWTON_CONTACT, True)
+    along = contact.force[largest, None] * contact.normal[largest]
+    time, point = contact.time[first] + shift, contact.point[largest]
+    return Arrow(name, "limit", "world", time, along, point, PER_NEWTON_CONTACT, True)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from hric_bags import reader as bag_reader
-from hric_bags.reader import BagError, RunRecord
+from hric_bags.reader import RunRecord
 from hric_bags.run_folder import RunFolder
-from hric_experiments.analysis import human_record, metrics, recordings
+from hric_experiments.analysis import human_record, impact, metrics, recordings
 from hric_experiments.analysis import run as analysis
 from hric_experiments.analysis import tracking_run as tracking_analysis
 from hric_experiments.analysis.human import Person
@@ -59,12 +59,10 @@ def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False
     run = folder.read()
     bag = analysis.bag_of(folder, run)
     record = bag_reader.read(bag)
-    try:
-        description = folder.urdf_path.read_text() if folder.urdf_path.is_file() else ""
-    except OSError as error:
-        raise BagError(f"cannot read {folder.urdf_path.name} of {folder.path.name}: {error.strerror}") from error
+    description = folder.description()
     followed = tracking_analysis.analyse(folder, bag, run, record) if description else None
     found = recordings.read(bag, record.robot_time, progress=progress)
     beside = (run.get("definition") or {}).get("human") and human_record.read(bag, record.robot_time)
-    person = Person(beside, values.get("human") or {}) if beside else None
+    met = tuple(impact.impacts(run, description, record, beside)) if beside else ()
+    person = Person(beside, values.get("human") or {}, met) if beside else None
     return RunData(folder, run, values, record, followed, found, description, person)

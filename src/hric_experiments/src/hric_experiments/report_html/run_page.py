@@ -64,6 +64,8 @@ def _tables(data: RunData) -> list[tables.Table]:
     if values.get("contacts"):
         cells, note = tuple(contact_record.cells(values["contacts"])), contact_record.note(values["contacts"])
         found.append(tables.Table("Contact forces", contact_record.HEAD, cells, note, section=sections.FORCES))
+    if data.person is not None and any(one["transient"] for one in data.person.values["contacts"]):
+        found.append(tables.blows_table(data.person.values["contacts"]))
     if values.get("tracking"):
         # Phases are among the events.
         tree = {key: value for key, value in values["tracking"].items() if key != "phases"}

@@ -62,6 +62,51 @@ def render(table: Table) -> str:
     return (f"<h3>{escape(table.title)}</h3>" if table.title else "") + content
 
 
+def blows_table(contacts: Sequence[Mapping[str, Any]]) -> Table:
+    """Contacts of a human beside the closed form; contacts: of `human` in metrics.json."""
+    head = (
+        "human",
+        "robot",
+        "at [s]",
+        "speed [m/s]",
+        "robot [kg]",
+        "human [kg]",
+        "spring [N/mm]",
+        "first peak [N]",
+        "v sqrt(mu k) [N]",
+        "ratio",
+        "lasts [s]",
+        "half sine [s]",
+        "impulse [N s]",
+        "2 mu v [N s]",
+    )
+    rows = [
+        (
+            ", ".join(one["regions"]) or one["link"],
+            one["other"],
+            f"{one['begin']:.3f}",
+            f"{form['speed']:.3f}",
+            f"{form['robot_mass']:.2f}",
+            f"{form['human_mass']:.2f}",
+            f"{1e-3 * form['stiffness']:.0f}",
+            f"{form['measured_peak']:.1f}",
+            f"{form['peak']:.1f}",
+            f"{form['ratio']:.3f}",
+            f"{one['duration']:.3f}",
+            f"{form['duration']:.3f}",
+            f"{one['impulse']:.2f}",
+            f"{form['impulse']:.2f}",
+        )
+        for one in contacts
+        if (form := one["transient"])
+    ]
+    note = (
+        "Reflected masses where they met, the robot's with its rotors. The closed form has no other force than the "
+        "spring's: a slow touch of a robot that pushes exceeds it."
+    )
+    return Table("Blows", head, tuple(rows), note, section=sections.HUMAN)
+
+
 def escape(text: object) -> str:
     """Text that no reader of HTML takes for a tag."""
     return html.escape(str(text))

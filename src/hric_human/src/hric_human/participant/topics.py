@@ -19,6 +19,8 @@ from hric_msgs.msg import HumanEvent, HumanGrip, JointTorque, RegionContacts
 from hric_msgs.msg import RegionContact as RegionContactMessage
 
 WORLD = "world"
+NOWHERE = (math.nan, math.nan, math.nan)
+"""Of a contact of which nobody knows where it was."""
 
 
 class Topics:
@@ -137,9 +139,12 @@ def _contact(contact: RegionContact, epoch: float) -> Any:
     message.link, message.other, message.kind = contact.link, contact.other, contact.kind
     message.begin, message.duration = epoch + contact.begin, contact.duration
     message.peak_time = math.nan if contact.peak_time is None else epoch + contact.peak_time
-    for name in ("force", "peak", "impulse", "area"):
+    for name in ("force", "peak", "impulse", "area", "begin_speed"):
         value = getattr(contact, name)
         setattr(message, name, math.nan if value is None else value)
+    for name in ("point", "normal", "begin_point", "begin_normal"):
+        vector = getattr(message, name)
+        vector.x, vector.y, vector.z = getattr(contact, name) or NOWHERE
     return message
 
 

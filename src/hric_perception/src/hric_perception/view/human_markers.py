@@ -10,7 +10,6 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from hric_control.robot_time import stamps
-from hric_human.body.tips import tips
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
 """Length of an arrow; that of a grip is as that of the force on the arm, those of contacts are of hundreds of newtons
@@ -27,17 +26,12 @@ GRIP, CONTACT = ColorRGBA(0.1, 0.35, 0.75, 1.0), ColorRGBA(0.8, 0.12, 0.1, 1.0)
 
 class HumanMarkers:
     """Keeps what came about one human until somebody looks: the newest of each grip, the largest force of each contact.
-    From any thread.
+    From any thread."""
 
-    Args:
-        description: URDF of his body.
-        name: before the names of his frames.
-    """
-
-    def __init__(self, description: str, name: str) -> None:
-        self._tips, self._name, self._lock = tips(description), name, threading.Lock()
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
         self._grips: dict[str, Any] = {}
-        self._contacts: dict[str, tuple[float, str]] = {}
+        self._contacts: dict[str, tuple[float, str, Any]] = {}
         self._numbers: dict[str, int] = {}
 
     def push_grip(self, message: Any) -> None:
@@ -48,16 +42,17 @@ class HumanMarkers:
     def push_contacts(self, message: Any) -> None:
         """hric_msgs/RegionContacts came: forces of those that touch, peaks of those that have ended."""
         with self._lock:
+            frame = message.header.frame_id
             for contact in message.touching:
-                self._note(contact, contact.force)
+                self._note(contact, contact.force, frame)
             for contact in message.ended:
-                self._note(contact, contact.peak)
+                self._note(contact, contact.peak, frame)
 
-    def _note(self, contact: Any, force: float) -> None:
-        """NaN, a rigid contact, gives way to any force."""
-        before, _ = self._contacts.get(contact.link, (math.nan, ""))
-        if contact.link in self._tips and (math.isnan(before) or force > before):
-            self._contacts[contact.link] = (force, " / ".join(contact.regions) or contact.link)
+    def _note(self, contact: Any, force: float, frame: str) -> None:
+        """NaN, a rigid contact, gives way to any force; what has no place cannot be shown."""
+        before = self._contacts[contact.link][0] if contact.link in self._contacts else math.nan
+        if not math.isnan(contact.point.x) and (math.isnan(before) or force > before):
+            self._contacts[contact.link] = force, frame, contact
 
     def take(self) -> Any:
         """visualization_msgs/MarkerArray of what came since the last call; None: nothing that is to be seen."""
@@ -76,10 +71,14 @@ class HumanMarkers:
         words = self._words("human/grips/words", grip.name, frame, tip, f"{grip.name}: {size:.1f} N", GRIP)
         return [*self._arrow("human/grips", grip.name, frame, point, tip, size, GRIP), words]
 
-    def _contact(self, link: str, force: float, regions: str) -> list[Any]:
-        (point, outward), frame = self._tips[link], f"{self._name}/{link}"
-        length = PER_NEWTON_CONTACT * (0.0 if math.isnan(force) else force)
-        tail, tip = Point(*(point + length * outward)), Point(*point)
+    def _contact(self, link: str, force: float, frame: str, contact: Any) -> list[Any]:
+        """Of the force on him, to where it acts: his body would hide what is beyond."""
+        length, regions = (
+            PER_NEWTON_CONTACT * (0.0 if math.isnan(force) else force),
+            " / ".join(contact.regions) or link,
+        )
+        tip, along = contact.point, _xyz(contact.normal)
+        tail = Point(*(a - length * n for a, n in zip(_xyz(tip), along, strict=True)))
         text = f"{regions}: rigid" if math.isnan(force) else f"{regions}: {force:.0f} N"
         words = self._words("human/contacts/words", link, frame, tail, text, CONTACT)
         return [*self._arrow("human/contacts", link, frame, tail, tip, force, CONTACT), words]

@@ -99,7 +99,7 @@ class LiveView(NodeApp):
         """What acts on who is beside the robot, where somebody is."""
         if not self._root.has_param(f"hric/{HUMAN}/robot_description"):
             return
-        markers = HumanMarkers(str(self._root.param(f"hric/{HUMAN}/robot_description")), HUMAN)
+        markers = HumanMarkers()
         self._relays.append((markers, self._root.advertise(f"hric/view/{HUMAN}", MarkerArray)))
         self._root.subscribe(f"hric/{HUMAN}/grip", HumanGrip, markers.push_grip, queue_size=100)
         self._root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, markers.push_contacts, queue_size=100)

@@ -1,0 +1,284 @@
+"""Contacts of a human by a spring beside a closed form, and beside what the commanded torque presses with. No ROS.
+
+Two masses that meet with a speed v on a spring k give half a sine: peak v sqrt(mu k), duration pi sqrt(mu/k), impulse
+2 mu v with 1/mu = 1/m_R + 1/m_H (ISO/TS 15066:2016, Annex A). The masses here are the reflected ones of the robot, with
+its rotors, and of the simulated body, 1 / (n' J (M + B)^-1 J' n) where they met and along the normal there, in place of
+the standard's. What else pushes while they touch, and that both turn, is left out.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hric_bags.reader import ControlRecord, FloatArray, RunRecord
+from hric_control import urdf
+from hric_control.errors import HricError
+from hric_control.geometry import homogeneous
+from hric_control.geometry.transforms import inverse, rotation_from_quaternion
+from hric_control.plant import Surface
+from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces
+from hric_experiments.analysis.human_record import HumanRecord, RegionForce
+from hric_human.body import describe, surfaces
+from hric_human.participant.settings import HumanSettings
+from urdf_to_osim.mass_matrix import mass_matrix, point_jacobian
+
+LASTING = 0.5
+"""A contact of this duration is a press, whose force the commanded torque balances [s] (unconfirmed: ISO/PAS 5672 cuts
+the quasi-static force there)."""
+SETTLED, MEAN = 2.0, 0.1
+"""When after the first touch a press is judged, or at its end, by the mean of the time before [s] (the demand of this
+project on a clamped contact; project default, unconfirmed)."""
+INSTANTS = 200
+"""Of a press at most, at which the torque is looked at (project default, unconfirmed)."""
+OWN_WEIGHT = ("franka_sim/FrankaHWSim", "franka_real/FrankaHW")
+"""Arms that carry their own weight beside what is commanded."""
+
+
+@dataclass(frozen=True)
+class Transient:
+    """The closed form of one meeting.
+
+    Attributes:
+        speed: at which they met along the normal [m/s].
+        robot_mass, human_mass: reflected [kg].
+        stiffness: of the pair [N/m].
+    """
+
+    speed: float
+    robot_mass: float
+    human_mass: float
+    stiffness: float
+
+    @property
+    def mass(self) -> float:
+        """mu [kg]."""
+        return 1.0 / (1.0 / self.robot_mass + 1.0 / self.human_mass)
+
+    @property
+    def peak(self) -> float:
+        """v sqrt(mu k) [N]."""
+        return self.speed * math.sqrt(self.mass * self.stiffness)
+
+    @property
+    def duration(self) -> float:
+        """pi sqrt(mu/k) [s]."""
+        return math.pi * math.sqrt(self.mass / self.stiffness)
+
+    @property
+    def impulse(self) -> float:
+        """2 mu v [N s]."""
+        return 2.0 * self.mass * self.speed
+
+    def force(self, time: FloatArray) -> FloatArray:
+        """Half a sine from the first touch on, shape (n,) [N]; time: since then, shape (n,) [s]."""
+        touching = (time >= 0.0) & (time <= self.duration)
+        return np.where(touching, self.peak * np.sin(math.pi * time / self.duration), 0.0)
+
+
+@dataclass(frozen=True)
+class Press:
+    """What the commanded torque balances during a contact that lasts.
+
+    Attributes:
+        time: robot time, shape (n,) [s].
+        force: by which the contact acts, shape (n,) [N].
+        balanced: along the normal, by the command, shape (n,) [N].
+    """
+
+    time: FloatArray
+    force: FloatArray
+    balanced: FloatArray
+
+    def level(self) -> tuple[float, float, float]:
+        """(robot time [s], force [N], balanced force [N]) when it is judged."""
+        end = min(self.time[0] + SETTLED, self.time[-1])
+        last = (self.time > end - MEAN) & (self.time <= end)
+        return float(end), float(self.force[last].mean()), float(self.balanced[last].mean())
+
+
+@dataclass(frozen=True)
+class Impact:
+    """One contact beside what is expected of it.
+
+    Attributes:
+        met: as recorded.
+        transient: None where it is rigid, damped, not of a link of the robot, or of another side than a spring.
+        press: None where it does not last, or the command is no torque.
+    """
+
+    met: RegionForce
+    transient: Transient | None
+    press: Press | None
+
+    @cached_property
+    def peak(self) -> float | None:
+        """Largest force until the closed form has both part, which is later than the first peak [N]; None: no form."""
+        if self.transient is None:
+            return None
+        course = self.met.course
+        after = np.flatnonzero(course.time >= self.met.begin + self.transient.duration)
+        return float(course.reached[after[0]]) if len(after) else self.met.peak
+
+    def late(self) -> float:
+        """By how much the first message with it is later than the begin of the half sine with that force [s]."""
+        form, force = self.transient, self.met.course.force
+        if form is None or not len(force):
+            return 0.0
+        return form.duration / math.pi * math.asin(min(float(force[0]) / form.peak, 1.0))
+
+    def values(self) -> dict[str, Any]:
+        """For metrics.json."""
+        met = self.met
+        found = {name: value for name, value in vars(met).items() if name not in ("course", "peak")}
+        return {**found, "peak": met.peak, "transient": self._transient(), "press": self._press()}
+
+    def _transient(self) -> dict[str, Any] | None:
+        form = self.transient
+        if form is None or self.peak is None:
+            return None
+        expected = {name: getattr(form, name) for name in ("mass", "peak", "duration", "impulse")}
+        return {**vars(form), **expected, "measured_peak": self.peak, "ratio": self.peak / form.peak}
+
+    def _press(self) -> dict[str, Any] | None:
+        if self.press is None:
+            return None
+        time, force, balanced = self.press.level()
+        return {"time": time, "force": force, "balanced": balanced, "ratio": force / balanced}
+
+
+class Mechanism:
+    """A description in the world, and how it gives way at a point.
+
+    Args:
+        tree: its description.
+        joints: that move; all others are held where they are at zero.
+        rotors: inertia of each at its joint [kg m^2].
+        T_world_root: pose of its root link, shape (4, 4).
+    """
+
+    def __init__(
+        self, tree: urdf.Robot, joints: Sequence[str], rotors: Sequence[float], T_world_root: FloatArray | None = None
+    ) -> None:
+        self.tree, self.joints, self._rotors = tree, tuple(joints), np.diag(rotors)
+        self._T_root_world = np.eye(4) if T_world_root is None else inverse(T_world_root)
+
+    def at(self, q: FloatArray, link: str, point: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+        """(J, (M + B)^-1) for a point of a link, world frame, shapes (3, n) and (n, n).
+
+        Args:
+            q: of the joints, shape (n,) [rad].
+            link: of the description.
+            point: in the world, 3 floats [m].
+        """
+        angles = dict(zip(self.joints, q.tolist(), strict=True))
+        R, p = self._T_root_world[:3, :3], self._T_root_world[:3, :3] @ point + self._T_root_world[:3, 3]
+        M, rows = mass_matrix(self.tree, angles)
+        chosen = [rows.index(name) for name in self.joints]
+        J = R.T @ point_jacobian(self.tree, angles, link, p)[:, chosen]
+        return J, np.asarray(np.linalg.inv(M[np.ix_(chosen, chosen)] + self._rotors))
+
+    def reflected_mass(self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float]) -> float:
+        """1 / (n' J (M + B)^-1 J' n) [kg]."""
+        J, inverse_mass = self.at(q, link, point)
+        row = np.array(normal) @ J
+        return float(1.0 / (row @ inverse_mass @ row))
+
+    def balanced(
+        self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float], tau: FloatArray
+    ) -> float:
+        """Force along a normal by which the point presses with efforts at rest: n' (J W J')^-1 J W tau with W = (M +
+        B)^-1, which is f where tau = J' f [N]."""
+        J, W = self.at(q, link, point)
+        return float(np.array(normal) @ np.linalg.solve(J @ W @ J.T, J @ W @ tau))
+
+
+class Beside:
+    """Robot and human of a run.
+
+    Args:
+        run: contents of run.yaml.
+        description: URDF of the robot.
+        log: its control log.
+        human: the record of the human.
+
+    Raises:
+        HricError: a description, a world file or a parameter that cannot be used any more.
+    """
+
+    def __init__(self, run: Mapping[str, Any], description: str, log: ControlRecord, human: HumanRecord) -> None:
+        definition, parameters = run.get("definition") or {}, (run.get("parameters") or {}).get("robot") or {}
+        known = ("rotor_inertia", "surfaces", "world", "contact_stiffness")
+        given = {name: value for name, value in (parameters.get("plant") or {}).items() if name in known}
+        config = PlantConfig.of(given, "plant/", log.joint_names)
+        self._log, self._record = log, human
+        settings = HumanSettings.of(definition["human"], "human")
+        body = describe(settings.person)
+        root = settings.root(body)
+        T_world_root = homogeneous(rotation_from_quaternion(root.orientation), root.position)
+        self._robot = Mechanism(urdf.read(description), log.joint_names, config.rotor_inertia)
+        self._human = Mechanism(urdf.read(body.urdf), human.joints, [0.0] * len(human.joints), T_world_root)
+        rules = Surfaces((*load_surfaces(config.world), *config.surfaces), config.contact_stiffness)
+        self._name = self._robot.tree.name
+        self._skin = rules.of_model("human", body.regions, Surface(), surfaces(body))
+        self._hull = rules.of_model(self._name, self._robot.tree.links, Surface())
+        self._torque = definition.get("robot", {}).get("hw") in OWN_WEIGHT
+
+    def impact(self, met: RegionForce) -> Impact:
+        """A contact with what is expected of it."""
+        model, _, link = met.other.rpartition("::")
+        if met.kind != "penalty" or model != self._name:
+            return Impact(met, None, None)
+        return Impact(met, self._transient(met, link), self._press(met, link))
+
+    def _transient(self, met: RegionForce, link: str) -> Transient | None:
+        law = combine(self._skin[met.link], self._hull[link])
+        if law is None or law[1] or met.point is None or met.normal is None or met.speed is None:
+            return None
+        log, record = self._log, self._record
+        q_robot, q_human = _at(met.begin, log.time, log.position), _at(met.begin, record.time, record.position)
+        return Transient(
+            met.speed,
+            self._robot.reflected_mass(q_robot, link, met.point, met.normal),
+            self._human.reflected_mass(q_human, met.link, met.point, met.normal),
+            law[0],
+        )
+
+    def _press(self, met: RegionForce, link: str) -> Press | None:
+        log, course = self._log, met.course
+        effort = log.by_effort is None or bool(log.by_effort.all())
+        if not self._torque or met.duration < LASTING or not effort or "effort" not in log.interfaces:
+            return None
+        chosen = np.unique(np.linspace(0, len(course.time) - 1, INSTANTS).round().astype(int))
+        time = course.time[chosen]
+        q, tau = _at(time, log.time, log.position), _at(time, log.time, log.command)
+        balanced = [
+            self._robot.balanced(q[i], link, course.point[k], course.normal[k], tau[i]) for i, k in enumerate(chosen)
+        ]
+        return Press(time, course.force[chosen], np.array(balanced))
+
+
+def _at(time: float | FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+    """Columns of values, shape (n, j), at a time, shape (j,), or at several, shape (m, j)."""
+    return np.array([np.interp(time, times, column) for column in values.T]).T
+
+
+def impacts(run: Mapping[str, Any], description: str, record: RunRecord, human: HumanRecord) -> list[Impact]:
+    """All contacts of a run, in the order in which they ended.
+
+    Args:
+        run: contents of run.yaml.
+        description: URDF of the robot; "": the run folder has none.
+        record: of the robot.
+        human: of the human.
+    """
+    if not any(met.kind == "penalty" for met in human.meetings) or not description:
+        return [Impact(met, None, None) for met in human.meetings]
+    try:
+        beside = Beside(run, description, record.log, human)
+    except HricError:  # a world file that has gone since: what was recorded is reported all the same
+        return [Impact(met, None, None) for met in human.meetings]
+    return [beside.impact(met) for met in human.meetings]
