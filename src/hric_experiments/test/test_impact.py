@@ -156,6 +156,8 @@ def test_what_is_expected_is_beside_what_was_found_in_text_headline_table_and_fi
     rising = simulated.time < 0.5e3 * found["human"]["contacts"][0]["transient"]["duration"]
     assert rising.sum() > 4  # of 13 ms; then both have turned
     assert np.abs(simulated.values - at)[rising].max() < 0.02 * peak
+    assert not figures["blow"].timed and figures["press"].timed
+    assert figures["blow"].horizontal_range(blow) == (0.0, simulated.time[-1])
     balanced, contact = press.curves
     assert contact.values[-50:] == pytest.approx(balanced.values[-50:], rel=0.05)
     rows = tables.blows_table(found["human"]["contacts"]).rows

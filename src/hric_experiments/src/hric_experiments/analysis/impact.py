@@ -107,7 +107,7 @@ class Impact:
     Attributes:
         met: as recorded.
         transient: None where it is rigid, damped, not of a link of the robot, or of another side than a spring.
-        press: None where it does not last, or the command is no torque.
+        press: None where it does not last, its messages are too few, or the command is no torque.
     """
 
     met: RegionForce
@@ -250,7 +250,9 @@ class Beside:
     def _press(self, met: RegionForce, link: str) -> Press | None:
         log, course = self._log, met.course
         effort = log.by_effort is None or bool(log.by_effort.all())
-        if not self._torque or met.duration < LASTING or not effort or "effort" not in log.interfaces:
+        if not self._torque or not effort or "effort" not in log.interfaces:
+            return None
+        if met.duration < LASTING or len(course.time) < met.duration / MEAN:
             return None
         chosen = np.unique(np.linspace(0, len(course.time) - 1, INSTANTS).round().astype(int))
         time = course.time[chosen]

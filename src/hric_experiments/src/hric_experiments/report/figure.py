@@ -98,8 +98,16 @@ class Figure:
         """The same figure with its part of the report and its caption."""
         return replace(self, section=section, caption=caption)
 
+    @property
+    def timed(self) -> bool:
+        """Whether its abscissa is the time of the run, or of runs that are compared."""
+        return not self.equal and self.abscissa.startswith("time")
+
     def horizontal_range(self, panel: Panel) -> tuple[float, float]:
-        """Ends of a panel's horizontal axis where all axes have one scale: as long as its vertical one."""
+        """Ends of a panel's horizontal axis that is no time: where all axes have one scale as long as its vertical
+        one, else that of all panels."""
+        if not self.equal:
+            return _extent(curve.time for each in self.panels for curve in each.curves)
         low, high = _extent(curve.time for curve in panel.curves)
         below, above = self.vertical_range(panel)
         middle, half = 0.5 * (low + high), 0.5 * (above - below)

@@ -10,8 +10,6 @@ from hric_experiments.analysis.impact import Impact, Press, Transient
 from hric_experiments.report import sections
 from hric_experiments.report.figure import Curve, Figure, Panel, per_joint
 
-BLOWS = 4
-"""Panels of contacts at most, the hardest blows by their closed form (project default, unconfirmed)."""
 SHOWN = 1.5
 """How much of a blow is shown, in durations of its half sine."""
 ESTIMATE = "A model's estimate, not a measurement of a person."
@@ -54,12 +52,21 @@ def human_figures(person: Person | None) -> list[Figure]:
 
 def _contact_figures(impacts: Sequence[Impact]) -> list[Figure]:
     """Of contacts by a spring, as far as something is expected of them."""
-    blows = sorted((i for i in impacts if i.transient), key=lambda i: -i.transient.peak if i.transient else 0.0)[:BLOWS]
+    hardest: dict[tuple[str, str], tuple[Impact, Transient]] = {}
+    for impact in impacts:
+        pair, form = (impact.met.link, impact.met.other), impact.transient
+        if (
+            form is not None
+            and len(impact.met.course.time)
+            and (pair not in hardest or form.peak > hardest[pair][1].peak)
+        ):
+            hardest[pair] = impact, form
     found = []
-    if panels := [_blow_panel(impact, impact.transient) for impact in blows if impact.transient]:
+    if panels := [_blow_panel(*one) for one in hardest.values()]:
         text = (
-            "Force on the human from the first touch on, and the half sine of two reflected masses on the spring of "
-            f"the region, which has the first force that was recorded. {ESTIMATE}"
+            "Force on the human from the first touch on, of each pair of bodies the hardest blow, and the half sine of "
+            "two reflected masses on the spring of the region, which has the first force that was recorded. "
+            f"{ESTIMATE}"
         )
         figure = Figure(
             "blow", "Blow", "force [N]", tuple(panels), min_height=1.0, abscissa="after the first touch [ms]"

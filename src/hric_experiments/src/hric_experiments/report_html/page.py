@@ -156,11 +156,11 @@ def _figure(figure: Figure, blob: Blob) -> dict[str, Any]:
             "abscissa": panel.abscissa or figure.abscissa,
             "range": figure.vertical_range(panel),
         }
-        if figure.equal:
+        if not figure.timed:
             shown["xrange"] = figure.horizontal_range(panel)
         panels.append({**shown, "curves": lines, "bounds": panel.bounds})
     words = {"key": figure.key, "title": figure.title, "caption": figure.caption, "columns": figure.columns}
-    looks = {"bands": figure.bands, "logarithmic": figure.logarithmic, "equal": figure.equal}
+    looks = {"bands": figure.bands, "logarithmic": figure.logarithmic, "equal": figure.equal, "timed": figure.timed}
     return {**words, **looks, "panels": panels}
 
 

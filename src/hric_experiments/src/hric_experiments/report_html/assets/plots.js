@@ -41,7 +41,7 @@
       this.makeLegend(section.querySelector(".legend"));
       section.querySelectorAll(".save button").forEach((button) => button.addEventListener("click", () => this.save(button.dataset.format, Number(button.dataset.width))));
       this.frame.style.minHeight = this.geometry().height + "px";
-      this.cursors = spec.equal ? [] : this.panels.map(() => {
+      this.cursors = !spec.timed ? [] : this.panels.map(() => {
         const line = this.frame.appendChild(document.createElement("div"));
         line.className = "cursor";
         return line;
@@ -106,7 +106,7 @@
         const role = report.data.roles[curve.role], width = Math.max(role.width, 0.1) * look.line;
         const drawn = role.width ? { mode: "lines", line: { color: report.colour(curve.role), width, dash: dash(role, width), simplify: false } } : { mode: "markers", marker: { color: report.colour(curve.role), size: 2.5 } };
         const axes = { xaxis: "x" + (k ? k + 1 : ""), yaxis: "y" + (k ? k + 1 : "") };
-        const points = this.spec.equal ? { x: curve.time, y: curve.values } : part(curve, range);
+        const points = !this.spec.timed ? { x: curve.time, y: curve.values } : part(curve, range);
         return { ...points, ...axes, ...drawn, type: "scatter", name: curve.name, opacity: role.opacity, visible: !this.hidden.has(curve.name) };
       }));
     }
@@ -121,7 +121,7 @@
       this.panels.forEach((panel, k) => {
         const number = k ? k + 1 : "", { x, y } = domain(k), common = { gridcolor: line, zerolinecolor: line, linecolor: text, showline: true, ticks: "outside", ticklen: 3, automargin: false };
         const title = (string) => ({ text: string, standoff: 4, font: { size: look.font } });
-        const lowest = k + columns >= this.panels.length, ends = this.spec.equal ? { range: panel.xrange } : { range: [...range], ...(k ? { matches: "x" } : {}) };
+        const lowest = k + columns >= this.panels.length, ends = !this.spec.timed ? { range: panel.xrange } : { range: [...range], ...(k ? { matches: "x" } : {}) };
         layout["xaxis" + number] = { ...common, ...ends, domain: x, anchor: "y" + number, nticks: Math.max(3, Math.round((x[1] - x[0]) * inner.width / 60)), showticklabels: lowest, ...(lowest ? { title: title(panel.abscissa) } : {}) };
         const vertical = this.spec.logarithmic ? { range: panel.range.map(Math.log10), type: "log", exponentformat: "power", dtick: 2 } : { range: panel.range };
         layout["yaxis" + number] = { ...common, ...vertical, domain: y, anchor: "x" + number, nticks: 6, ...(k % columns === 0 || panel.own ? { title: title(panel.unit) } : {}) };
@@ -149,7 +149,7 @@
       const settings = { displaylogo: false, displayModeBar: false, responsive: true, plotlyServerURL: "", doubleClick: false };
       const layout = { ...this.layout(shape, this.range), autosize: !report.paper, ...(report.paper ? { width: report.paper } : {}) };
       Plotly.react(this.graph, this.traces(shape.look, this.range), layout, settings);
-      if (!begun && !this.spec.equal) {
+      if (!begun && this.spec.timed) {
         this.graph.on("plotly_relayout", (change) => this.zoomed(change));
         this.graph.on("plotly_doubleclick", () => report.setRange([report.begin, report.end]));
         this.graph.on("plotly_click", (event) => report.setTime(event.points[0].x));
@@ -180,7 +180,7 @@
     }
 
     moveCursor() {
-      if (!this.drawn || this.spec.equal || !(this.inSight || report.paper)) return;
+      if (!this.drawn || !this.spec.timed || !(this.inSight || report.paper)) return;
       const { width, inner, margin, domain } = this.geometry(), at = (report.time - this.range[0]) / (this.range[1] - this.range[0]);
       const drawn = (report.paper ? width : this.frame.clientWidth) - margin.l - margin.r;
       this.cursors.forEach((line, k) => {
