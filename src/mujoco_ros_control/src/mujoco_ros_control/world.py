@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 
 from hric_control.errors import UnknownNameError
 from hric_control.geometry import MassProperties
-from hric_control.plant import Bushing
 from hric_control.plants import Model, Models, Surfaces, WorldObject
 from mujoco_ros_control.bushings import SceneBushings
 from mujoco_ros_control.contact import PenaltyContact
@@ -143,12 +142,6 @@ class World(Models):
             self.penalty.push()
         self.bushings.push()
 
-    def connect(self, name: str, bushing: Bushing) -> None:
-        """Hold two links together. Raises HricError."""
-        self.bushings.connect(name, bushing)
-        self.bushings.bind(self.scene)
-
-    def disconnect(self, name: str) -> None:
-        """Let go. Raises UnknownNameError."""
-        self.bushings.disconnect(name)
+    def bind_connected(self) -> None:
+        """Others are connected than before."""
         self.bushings.bind(self.scene)

@@ -5,27 +5,21 @@ from typing import Any
 
 import numpy as np
 
-from hric_control.errors import CommandError
 from hric_control.plant import (
-    Articulated,
-    Bushing,
-    BushingLoad,
     Contact,
-    DrivenPlant,
     FloatArray,
     JointReaction,
     Load,
-    Mode,
     ReactingPlant,
 )
-from hric_control.plants import Surface, Surfaces, load_masks, load_surfaces, load_world, payload
+from hric_control.plants import EnginePlant, Surface, Surfaces, load_masks, load_surfaces, load_world, payload
 from opensim_ros_control.robot import OpenSimConfig, Robot
 from opensim_ros_control.robot_model import RobotModel
 from opensim_ros_control.world import World
 from urdf_to_osim import transforms
 
 
-class OpenSimPlant(DrivenPlant, ReactingPlant, Articulated):
+class OpenSimPlant(EnginePlant, ReactingPlant):
     """See `hric_control.plant.Plant`.
 
     The robot's base is rotated in OpenSim's ground so that the world's z points along OpenSim's y, as its users have
@@ -37,6 +31,9 @@ class OpenSimPlant(DrivenPlant, ReactingPlant, Articulated):
         world: everything around it.
         T_ground_world: pose of the world in OpenSim's ground, shape (4, 4).
     """
+
+    robot: Robot
+    world: World
 
     def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, Any]) -> None:
         self.joint_names = tuple(joint_names)
@@ -103,24 +100,7 @@ class OpenSimPlant(DrivenPlant, ReactingPlant, Articulated):
         self.world.act()
         self.robot.step(self._values)
 
-    # -- modes, brakes, load -------------------------------------------------------------------------------------------
-
-    def set_modes(self, modes: Sequence[Mode]) -> None:
-        """What `apply` means for each joint: an effort, or the target of a stiff velocity or position drive within the
-        URDF's limits."""
-        self._check_length(modes, "modes")
-        self.robot.set_modes(modes)
-
-    def set_brakes(self, on: Sequence[bool]) -> None:
-        """Lock or free each joint."""
-        self._check_length(on, "brakes")
-        self.robot.set_brakes(on)
-
-    def _check_length(self, values: Sequence[object], what: str) -> None:
-        if len(values) != len(self.joint_names):
-            raise CommandError(
-                f"{what}: got {len(values)} values for {len(self.joint_names)} joints ({', '.join(self.joint_names)})"
-            )
+    # -- load ----------------------------------------------------------------------------------------------------------
 
     def set_load(self, load: Load | None, link: str | None = None) -> None:
         """Fix a payload to `link` (default: behind the last joint); it replaces the one before. The model is built
@@ -165,10 +145,6 @@ class OpenSimPlant(DrivenPlant, ReactingPlant, Articulated):
         """Largest force of each pair that met by a spring since the last call [N]."""
         return self.world.forces.springs.take_peaks()
 
-    def base_link(self, model: str) -> str:
-        """Name of a model's root link."""
-        return self.world.base_link(model)
-
     def _spawn(
         self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
     ) -> None:
@@ -187,37 +163,3 @@ class OpenSimPlant(DrivenPlant, ReactingPlant, Articulated):
         """(T_world_link shape (4, 4), twist at the link frame's origin in the world frame, linear then angular, shape
         (6,))."""
         return self.world.state(body)
-
-    # -- joints of models, and what holds links together ---------------------------------------------------------------
-
-    def model_joints(self, model: str) -> tuple[str, ...]:
-        """Names of the moving joints of a model."""
-        return tuple(self.world.joints_of(model).joints.names)
-
-    def read_joints(self, model: str, q: list[float], dq: list[float]) -> None:
-        """State of a model's joints at the measuring instant."""
-        self.world.joints_of(model).read(q, dq)
-
-    def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """Put a model's joints at q, dq, now and after each reset."""
-        self.world.put_joints(model, q, dq)
-
-    def drive_joints(self, model: str, tau: Sequence[float]) -> None:
-        """Efforts in a model's joints from the next step on."""
-        self.world.joints_of(model).drive(tau)
-
-    def connect(self, name: str, bushing: Bushing) -> None:
-        """Hold two bodies together from the next step on."""
-        self.world.connect(name, bushing)
-
-    def disconnect(self, name: str) -> None:
-        """Let go."""
-        self.world.disconnect(name)
-
-    def connections(self) -> list[str]:
-        """Names of what is connected."""
-        return list(self.world.bushings.laws)
-
-    def bushing_load(self, name: str) -> BushingLoad:
-        """What a bushing did in the last step."""
-        return self.world.bushings.load(name)

@@ -7,7 +7,7 @@ import opensim
 
 from hric_control.errors import UnknownNameError
 from hric_control.geometry import FloatArray, homogeneous
-from hric_control.plant import Bushing, JointReaction
+from hric_control.plant import JointReaction
 from hric_control.plants import Model, Models, Surfaces, WorldObject
 from hric_control.urdf import Robot as Description
 from opensim_ros_control import collision, shapes
@@ -229,17 +229,8 @@ class World(Models):
         self.joints_of(model).put(q, dq)
         self.forces.forget()
 
-    def connect(self, name: str, bushing: Bushing) -> None:
-        """Hold two links together. Raises HricError."""
-        self.bushings.connect(name, bushing)
-        self._bind_connected()
-
-    def disconnect(self, name: str) -> None:
-        """Let go. Raises UnknownNameError."""
-        self.bushings.disconnect(name)
-        self._bind_connected()
-
-    def _bind_connected(self) -> None:
+    def bind_connected(self) -> None:
+        """Others are connected than before."""
         self._bind_if_new()
         self.forces.look_at(self._collisions())
         self.bushings.bind(self.robot.engine, self._kinematics, self.frame)

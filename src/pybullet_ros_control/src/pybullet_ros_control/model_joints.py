@@ -6,6 +6,7 @@ import numpy as np
 import pybullet
 
 from hric_control import urdf
+from hric_control.errors import CommandError
 from hric_control.geometry import FloatArray
 from hric_control.plants import Losses, MovingJoints, PlantConfig, StopLaw
 from pybullet_ros_control.engine import Body, Engine
@@ -93,7 +94,7 @@ class ModelJoints:
         # The read-out goes half a step back, so the engine starts half a step ahead.
         for joint, x, v in zip(self._indices, *self._start, strict=True):
             pybullet.resetJointState(self.body.id, joint, x + self._half * v, v, physicsClientId=self._engine.client)
-        self.read()
+        self.refresh()
         self._stops.restart(self._start[0])
         self.dynamics.forget()
         self._held: Vector | None = None
@@ -121,7 +122,11 @@ class ModelJoints:
         q, first = [*self._base, *self.q], len(self._base)
         return np.array(self.dynamics.mobility(q)).reshape(len(q), -1)[first:, first:]
 
-    def read(self) -> None:
+    def read(self, q: list[float], dq: list[float]) -> None:
+        """Write the state at the measuring instant into the lists in place."""
+        q[:], dq[:] = self.at, self.dq
+
+    def refresh(self) -> None:
         """The state that a step has led to."""
         states = pybullet.getJointStates(self.body.id, self._indices, self._engine.client)
         self.q, self.dq, self.at, _, _ = self.dynamics.read(states, self.joints.zeros)
@@ -154,8 +159,32 @@ class FreeModelJoints(ModelJoints):
         left: list[float] = (np.array(tau) - damping * np.linalg.solve(system, self.dq)).tolist()
         return left
 
-    def read(self) -> None:
+    def refresh(self) -> None:
         """The state that a step has led to."""
         states = pybullet.getJointStates(self.body.id, self._indices, self._engine.client)
         self.q, self.dq = [state[0] for state in states], [state[1] for state in states]
         self.at = [x - self._half * v for x, v in zip(self.q, self.dq, strict=True)]
+
+
+class NoModelJoints:
+    """Those of a model of which no joint moves.
+
+    Attributes:
+        joints: none.
+    """
+
+    def __init__(self, model: str) -> None:
+        self.joints, self._model = MovingJoints([], [], model), model
+
+    def read(self, q: list[float], dq: list[float]) -> None:
+        """Empty both lists."""
+        q[:], dq[:] = (), ()
+
+    def put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
+        """Raises CommandError where there is a value."""
+        self.drive(q)
+
+    def drive(self, efforts: Sequence[float]) -> None:
+        """Raises CommandError where there is one."""
+        if len(efforts) > 0:
+            raise CommandError(f"got {len(efforts)} values for model {self._model}, of which no joint moves")

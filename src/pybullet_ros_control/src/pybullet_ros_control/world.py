@@ -1,8 +1,9 @@
 """Everything around the robot in one engine: the objects of the world file and the models spawned later."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TYPE_CHECKING
 
 import pybullet
 
@@ -14,8 +15,11 @@ from hric_control.urdf import Robot, read
 from pybullet_ros_control.contact import EngineLink, PenaltyContact, rigid_contacts
 from pybullet_ros_control.engine import Body, BodyState, Engine
 from pybullet_ros_control.external_forces import ExternalForces
-from pybullet_ros_control.model_joints import FreeModelJoints, ModelJoints
+from pybullet_ros_control.model_joints import FreeModelJoints, ModelJoints, NoModelJoints
 from pybullet_ros_control.urdf_model import EngineModel, prepare
+
+if TYPE_CHECKING:  # its own users
+    from pybullet_ros_control.bushings import EngineBushings
 
 _ROBOT_SURFACE = Surface()
 _GEOMETRY = {
@@ -40,6 +44,7 @@ class World:
         spawned: what loads each spawned model, again after the engine was emptied, and surfaces of its links.
         joints: of the models that have some.
         forces: that act on bodies from outside.
+        bushings: what holds links together; the plant adds it.
     """
 
     engine: Engine
@@ -50,6 +55,7 @@ class World:
     spawned: dict[str, tuple[Callable[[], Body], Mapping[str, Surface]]] = field(default_factory=dict)
     surfaces: dict[str, dict[str, Surface]] = field(default_factory=dict)
     joints: dict[str, ModelJoints] = field(default_factory=dict)
+    bushings: "EngineBushings" = field(init=False)
 
     def __post_init__(self) -> None:
         self._apart: set[tuple[str, str]] = set()
@@ -181,6 +187,22 @@ class World:
     def model_names(self) -> list[str]:
         """All bodies but the robot."""
         return [name for name in self.bodies if name != self._robot]
+
+    def joints_of(self, model: str) -> ModelJoints | NoModelJoints:
+        """Of a model beside the robot. Raises UnknownNameError."""
+        if model not in self.joints:
+            self.check_model(model)
+            return NoModelJoints(model)
+        return self.joints[model]
+
+    def put_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None) -> None:
+        """Joints of a model at q, dq. Raises UnknownNameError, CommandError."""
+        self.joints_of(model).put(q, dq)
+        self.penalty.forget()
+
+    def bind_connected(self) -> None:
+        """Others are connected than before."""
+        self.bushings.bind()
 
     def base_link(self, name: str) -> str:
         """Root link of a model. Raises UnknownNameError."""

@@ -7,6 +7,7 @@ from hric_control.plant import Surface
 from hric_control.plants.bushings import BushingLaw, Bushings, Motion, near_links
 from hric_control.plants.config import PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
+from hric_control.plants.engine_plant import EnginePlant
 from hric_control.plants.friction import PHI, Phi, sigmoid_parameters, sigmoid_torque
 from hric_control.plants.masks import load_masks, masked
 from hric_control.plants.models import Model, Models, model_of_object, model_of_urdf, payload
@@ -24,6 +25,7 @@ __all__ = [
     "Bushings",
     "DivergedError",
     "Divergence",
+    "EnginePlant",
     "Losses",
     "Model",
     "Models",
