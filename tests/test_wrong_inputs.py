@@ -26,6 +26,7 @@ FILES = {
     "notes.csv": "a,b\n1,2\n",
     "not.yaml": "robot: {hw: [\n",
     "list.yaml": "- 1\n",
+    "body.yaml": "code: S1\nmass: 400\nheight: 1.8\nsexx: male\n",
     "wrong.yaml": "robot: {hw: franka_sim/FrankaHWSim}\ncontrolers: []\ncontrollers: [a]\nduration: -1\n",
     "study.yaml": "description: x\nforms: {a: {experiment: pd_step, runs: {b: []}, compared: [{runs: [b, c]}]}}\n",
     "scene.yaml": "bodys: []\n",
@@ -61,6 +62,19 @@ TOOLS = [
     ("hric_experiments run pd_step simulator:=gazebo", r"'gazebo' .*valid: mujoco\w+/MujocoPlant, opensim"),
     ("hric_experiments run pd_step --seed -1", r"--seed is -1; valid: a whole number of 0 or more"),
     ("hric_experiments run pd_step --form soft", r"pd_step is no study.*studies: .*engines"),
+    (
+        "hric_experiments run contact human.subject:=body.yaml",
+        r"3 mistakes\n.*'sexx' in body\.yaml.*\n.*30 to 200 \[kg\]",
+    ),
+    ("hric_experiments run contact human.parts:=tail", r"human\.parts is 'tail'; valid: right_arm, left_arm"),
+    (
+        "hric_experiments run contact world:=wall.yaml",
+        r"plant/world: no file wall\.yaml; valid: a world file by its path",
+    ),
+    (
+        "hric_experiments run hand_guidance human.grips.guide.held:=hand",
+        r"no link 'hand' in .*/guide; valid: .*panda_hand",
+    ),
     ("hric_experiments run not.yaml", r"not\.yaml is not YAML: .*line 2, column 1"),
     ("hric_experiments run wrong.yaml", r"2 mistakes\n +no parameter 'controlers'; valid: controllers.*\n +duration"),
     ("hric_experiments run study.yaml", r"forms\.a\.compared\[0\]\.runs is 'c'; valid: two of b"),

@@ -214,8 +214,11 @@ def test_a_reset_puts_him_back_with_his_grip_and_he_waits_again(lab: Any, plant_
         ({"subject": "nobody"}, "no subject 'nobody' .*valid: .*P50_male"),
         ({"parts": "tail"}, "parts is 'tail'; valid: right_arm, "),
         ({"control": {"type": "lab/None"}}, "no human controller 'lab/None'"),
-        ({"control": moves([0.0, 5.0, 0.0, 0.0])}, "0.00 s after the motion's start .*reach"),
-        ({"grips": {"guide": {"held": "tail"}}}, "no link 'tail'"),
+        (
+            {"control": moves([0.0, 5.0, 0.0, 0.0])},
+            "human/control/parameters/reference: 0.00 s after the motion's start .*reach",
+        ),
+        ({"grips": {"guide": {"held": "tail"}}}, "no link 'tail' in .*human/grips/guide; valid: .*panda_hand"),
         ({"grips": {"guide": {}}}, "grips.guide.held is not set"),
         ({"rate": 0}, "rate is 0; valid: .*above 0"),
     ],
@@ -241,5 +244,10 @@ def test_what_touches_him_is_published_by_region_until_it_has_parted(lab: Any, p
     assert 10.0 < first.peak < math.sqrt(2.0 * 9.81 * 0.15 * 0.2 * 75e3)
     assert not messages[-1].touching
     seen = next(one for message in messages for one in message.touching)
-    assert [seen.begin_normal.x, seen.begin_normal.z] == pytest.approx([0.0, -1.0], abs=0.3)
-    assert seen.begin_point == first.begin_point and 0.5 < first.begin_speed < math.sqrt(2.0 * 9.81 * 0.15)
+    normal = seen.begin_normal
+    assert (seen.link, normal.z) == ("r_elbow", pytest.approx(-1.0, abs=1e-6)), (
+        "the ball falls on the forearm beside it"
+    )
+    assert seen.begin_speed == pytest.approx(9.81 * (seen.begin - 1e-3), rel=1e-3)
+    p, now, n = seen.begin_point, seen.point, seen.normal
+    assert [now.x, now.y, now.z] == pytest.approx([p.x, p.y, p.z], abs=5e-3) and n.z < -0.99

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from hric_control.errors import ParameterError
+from hric_control.errors import HricError, ParameterError, UnknownNameError
 from hric_control.geometry import FloatArray, transform_from_rpy
 from hric_control.node import REQUIRED
 from hric_control.parameters import Settings, choice, listing, number, numbers, read_yaml, refused, section, text
@@ -116,7 +116,12 @@ def _read(address: str) -> tuple[_World, Path]:
     """The world, and where relative addresses begin."""
     if not address:
         return _World(), Path()
-    path = resolve(address)
+    try:
+        path = resolve(address)
+    except UnknownNameError:
+        raise
+    except HricError as error:
+        raise ParameterError(f"plant/world: {error}; valid: a world file by its path or package://") from None
     return _World.of(read_yaml(path), f"{path}:"), path.parent
 
 

@@ -223,11 +223,12 @@ def render(found: Mapping[str, Any]) -> str:
         )
     lines += [_handover(one) for one in found["handovers"]]
     lines += _contacts(found["contacts"])
-    hand, clipped = found["hand"], [name for name, joint in found["joints"].items() if joint["clipped"]]
+    hand, clipped = found["hand"], {name: n for name, joint in found["joints"].items() if (n := joint["clipped"])}
     smooth = "-" if hand["smoothness"] is None else f"{hand['smoothness']:.2f}"
     lines.append(f"- hand: {hand['speed_max']:.2f} m/s at most, log dimensionless jerk {smooth}")
     if clipped:
-        lines.append(f"- joints that came to their strength: {', '.join(clipped)}")
+        counts = ", ".join(f"{name} ({n} times)" for name, n in clipped.items())
+        lines.append(f"- joints that came to their strength: {counts}")
     if found["settling"] is not None:
         lines.append(f"- after the motion: {_settled(found['settling'])}")
     return "\n".join(lines)

@@ -60,7 +60,7 @@ class Subject(Settings):
             for name in given:
                 if name not in valid:
                     with mistakes.noted():
-                        raise unknown(kind, name, valid, where.rstrip(": "))
+                        raise unknown(kind, name, valid, where.rstrip(":. "))
         mistakes.raise_all()
 
 

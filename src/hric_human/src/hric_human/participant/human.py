@@ -10,11 +10,12 @@ from typing import Any
 from std_srvs.srv import Trigger, TriggerResponse
 
 from hric_control import realtime
-from hric_control.errors import CommandError, HricError
+from hric_control.errors import CommandError, HricError, UnknownNameError
 from hric_control.geometry import ORIGIN, Vector, homogeneous
 from hric_control.geometry.quaternions import inverse, rotated
 from hric_control.geometry.transforms import rotation_from_quaternion
 from hric_control.node import Node
+from hric_control.parameters import below
 from hric_control.plant import Articulated, Contact, Plant
 from hric_control.sim.participants import Participant
 from hric_human.body import describe, surfaces
@@ -70,7 +71,13 @@ class Human(Participant):
         x, y, z = plant.gravity
         gravity = rotated(inverse(self._root.orientation), (x, y, z))
         return HumanControl(
-            self._body, settings.control, settings.seed, self._root, gravity, plant.time_step, f"{self._where}.control"
+            self._body,
+            settings.control,
+            settings.seed,
+            self._root,
+            gravity,
+            plant.time_step,
+            f"{below(self._where)}control",
         )
 
     def _new_grip(self, name: str) -> Grip:
@@ -80,7 +87,11 @@ class Human(Participant):
             holder = self._hand
             x, y, z = (a + b for a, b in zip(palm, hand.p_link_hand, strict=True))
             palm = x, y, z
-        return Grip(name, settings, self._plant, holder, palm, self._happened)
+        try:
+            return Grip(name, settings, self._plant, holder, palm, self._happened)
+        except UnknownNameError as error:
+            where = f"{below(self._where)}grips/{name}"
+            raise UnknownNameError(error.kind, error.name, error.valid, where) from None
 
     # -- the loop ------------------------------------------------------------------------------------------------------
 
