@@ -9,7 +9,6 @@ the standard's. What else pushes while they touch, and that both turn, is left o
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -32,8 +31,8 @@ the quasi-static force there)."""
 SETTLED, MEAN = 2.0, 0.1
 """When after the first touch a press is judged, or at its end, by the mean of the time before [s] (the demand of this
 project on a clamped contact; project default, unconfirmed)."""
-INSTANTS = 200
-"""Of a press at most, at which the torque is looked at (project default, unconfirmed)."""
+RATE = 50.0
+"""At which the torque of a press is looked at, at most (project default, unconfirmed) [Hz]."""
 OWN_WEIGHT = ("franka_sim/FrankaHWSim", "franka_real/FrankaHW")
 """Arms that carry their own weight beside what is commanded."""
 
@@ -106,7 +105,8 @@ class Impact:
 
     Attributes:
         met: as recorded.
-        transient: None where it is rigid, damped, not of a link of the robot, or of another side than a spring.
+        transient: None where it is rigid or damped, not of a link of the robot, or where nothing is known of how they
+            met or they did so without speed.
         press: None where it does not last, its messages are too few, or the command is no torque.
     """
 
@@ -114,7 +114,7 @@ class Impact:
     transient: Transient | None
     press: Press | None
 
-    @cached_property
+    @property
     def peak(self) -> float | None:
         """Largest force until the closed form has both part, which is later than the first peak [N]; None: no form."""
         if self.transient is None:
@@ -132,9 +132,8 @@ class Impact:
 
     def values(self) -> dict[str, Any]:
         """For metrics.json."""
-        met = self.met
-        found = {name: value for name, value in vars(met).items() if name not in ("course", "peak")}
-        return {**found, "peak": met.peak, "transient": self._transient(), "press": self._press()}
+        found = {name: value for name, value in vars(self.met).items() if name != "course"}
+        return {**found, "transient": self._transient(), "press": self._press()}
 
     def _transient(self) -> dict[str, Any] | None:
         form = self.transient
@@ -235,13 +234,13 @@ class Beside:
         return Impact(met, self._transient(met, link), self._press(met, link))
 
     def _transient(self, met: RegionForce, link: str) -> Transient | None:
-        law = combine(self._skin[met.link], self._hull[link])
-        if law is None or law[1] or met.point is None or met.normal is None or met.speed is None:
+        law, speed = combine(self._skin[met.link], self._hull[link]), met.speed or 0.0
+        if law is None or law[1] or met.point is None or met.normal is None or speed <= 0.0:
             return None
         log, record = self._log, self._record
         q_robot, q_human = _at(met.begin, log.time, log.position), _at(met.begin, record.time, record.position)
         return Transient(
-            met.speed,
+            speed,
             self._robot.reflected_mass(q_robot, link, met.point, met.normal),
             self._human.reflected_mass(q_human, met.link, met.point, met.normal),
             law[0],
@@ -254,7 +253,8 @@ class Beside:
             return None
         if met.duration < LASTING or len(course.time) < met.duration / MEAN:
             return None
-        chosen = np.unique(np.linspace(0, len(course.time) - 1, INSTANTS).round().astype(int))
+        count = math.ceil(met.duration * RATE)
+        chosen = np.unique(np.linspace(0, len(course.time) - 1, count).round().astype(int))
         time = course.time[chosen]
         q, tau = _at(time, log.time, log.position), _at(time, log.time, log.command)
         balanced = [
