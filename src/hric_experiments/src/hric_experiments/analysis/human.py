@@ -250,7 +250,9 @@ def _contacts(contacts: Sequence[Mapping[str, Any]]) -> list[str]:
         hardest = strongest(same)
         lines += [_contact(hardest), *_expected(hardest), *[_press(one) for one in same if one["press"]][:1]]
         if len(same) > 1:
-            lines.append(f"  they met {len(same)} times, for {sum(one['duration'] for one in same):.3f} s together")
+            peak, lasted = max(one["peak"] or 0.0 for one in same), sum(one["duration"] for one in same)
+            force = f", {peak:.1f} N at most" if peak else ""
+            lines.append(f"  they met {len(same)} times, for {lasted:.3f} s together{force}")
     return lines
 
 
