@@ -179,5 +179,5 @@ def test_a_model_in_the_memory_of_another_has_its_own_mass(make_plant):
         urdf = floating().replace('<mass value="2.0"/>', f'<mass value="{2.0 * scale}"/>')
         plant.spawn("free", urdf, SOMEWHERE)
         expected = np.linalg.inv(free_mass_matrix(urdf, [0.0, 0.0]))[6:, 6:]
-        assert np.abs(plant._world.joints["free"].mobility() - expected).max() < 1e-9 * np.abs(expected).max()
+        assert np.abs(plant.world.joints["free"].mobility() - expected).max() < 1e-9 * np.abs(expected).max()
         plant.delete("free")
