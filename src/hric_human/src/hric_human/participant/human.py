@@ -80,7 +80,10 @@ class Human(Participant):
             holder = self._hand
             x, y, z = (a + b for a, b in zip(palm, hand.p_link_hand, strict=True))
             palm = x, y, z
-        return Grip(name, settings, self._plant, holder, palm, self._happened)
+        try:
+            return Grip(name, settings, self._plant, holder, palm, self._happened)
+        except HricError as error:
+            raise HricError(f"{self._where}.grips.{name}: {error}") from error
 
     # -- the loop ------------------------------------------------------------------------------------------------------
 
