@@ -37,7 +37,7 @@ FILES = {
 SCRIPTS = [
     ("bringup envv:=real", r"no argument 'envv' \(did you mean env\?\); valid: .*simulator"),
     ("bringup env:=gazebo", r"env:=gazebo.*valid: sim, real"),
-    ("bringup experiment:=step", r"experiment:=step: .*valid: contact, .*pd_step, .*\.yaml"),
+    ("bringup experiment:=step", r"experiment:=step: .*valid: co_transport, .*pd_step, .*\.yaml"),
     ("bringup kp:=abc", r"kp:=abc is not a number or a list of 7 numbers"),
     ("replay", r"required: RUN"),
     ("replay nowhere", r"no run folder 'nowhere' .*newest in .*/runs: none"),
@@ -53,7 +53,7 @@ SCRIPTS = [
 
 TOOLS = [
     ("hric_experiments run", r"one experiment is needed; got none; valid: .*pd_step"),
-    ("hric_experiments run step_pd", r"no experiment 'step_pd' .*valid: contact, .*pd_step"),
+    ("hric_experiments run step_pd", r"no experiment 'step_pd' .*valid: co_transport, .*pd_step"),
     ("hric_experiments run pd_step kpp:=200", r"no override 'kpp' \(did you mean kp\?\); valid: .*kd, kp, limits"),
     ("hric_experiments run pd_step friction:=dry", r"'friction:=dry'; valid: none, coulomb, identified, or a YAML"),
     ("hric_experiments run pd_step duration:=-1", r"duration is -1; valid: a finite number above 0 \[s\]"),

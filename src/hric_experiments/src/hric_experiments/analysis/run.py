@@ -65,7 +65,7 @@ def analyse(
         followed = tracking_analysis.analyse(folder, reader, run, record)
         step("metrics of motion, contacts and samples")
         result = _metrics(run, reader, record, tolerances)
-        person = human.analyse(reader, definition.get("human"), record)
+        person = human.analyse(reader, definition, record)
     result["human"] = None if person is None else person.values
     result["tracking"] = None if followed is None else followed.values
     result |= _compared(definition, run.get("parameters") or {}, result)
