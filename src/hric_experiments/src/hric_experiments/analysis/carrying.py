@@ -28,6 +28,9 @@ ON_LINE = 1e-3
 """Farthest distance of a centre of mass from the line between both handles at which it is said to be on it, so that its
 motion follows from theirs [m] (project default, unconfirmed)."""
 
+EVEN = 0.02
+"""How far the mean step of samples is from their median at most, where none or few are missing (project default,
+unconfirmed)."""
 MIN_SAMPLES = 5
 """Samples that can be differentiated three times."""
 TAKEN = 0.5
@@ -133,7 +136,7 @@ def _carried(
     handles: Sequence[Sequence[float]],
     gravity: FloatArray,
 ) -> Carried:
-    time, force = a.time[during], -np.stack([a.force[during], b.force[during]])
+    time, force = _even(a.time[during]), -np.stack([a.force[during], b.force[during]])
     point = np.stack([a.point[during], b.point[during]])
     line = point[1] - point[0]
     length = np.linalg.norm(line, axis=1)
@@ -147,6 +150,15 @@ def _carried(
         return Carried(*found)
     weight = mass.mass * float(np.linalg.norm(gravity))
     return Carried(*found, weight, force @ up / weight, _excess(time, force, point, mass, handles, gravity))
+
+
+def _even(time: FloatArray) -> FloatArray:
+    """Times of samples that a fixed number of cycles lies between; as they are where more than a few are missing.
+    Behind an arm with a clock of its own stamps wander by milliseconds, of which two derivatives would make newtons."""
+    steps = np.diff(time)
+    if abs(float(steps.mean() / np.median(steps)) - 1.0) > EVEN:
+        return time
+    return np.linspace(time[0], time[-1], len(time))
 
 
 def _excess(
