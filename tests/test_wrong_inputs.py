@@ -61,6 +61,11 @@ TOOLS = [
     ("hric_experiments run pd_step simulator:=gazebo", r"'gazebo' .*valid: mujoco\w+/MujocoPlant, opensim"),
     ("hric_experiments run pd_step --seed -1", r"--seed is -1; valid: a whole number of 0 or more"),
     ("hric_experiments run pd_step --form soft", r"pd_step is no study.*studies: .*engines"),
+    (
+        "hric_experiments run co_transport human.grips.hand.held:=sofa::link",
+        r"grips\.hand: no model 'sofa'.*valid: board",
+    ),
+    ("hric_experiments run co_transport human.position:=[3,0]", r"1\.\d+ m from the right shoulder; valid: up to 0\.6"),
     ("hric_experiments run not.yaml", r"not\.yaml is not YAML: .*line 2, column 1"),
     ("hric_experiments run wrong.yaml", r"2 mistakes\n +no parameter 'controlers'; valid: controllers.*\n +duration"),
     ("hric_experiments run study.yaml", r"forms\.a\.compared\[0\]\.runs is 'c'; valid: two of b"),
