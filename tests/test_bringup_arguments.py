@@ -254,7 +254,7 @@ def test_a_simulated_human_is_beside_an_arm_that_is_simulated_or_emulated_only(t
             checked(*given, "robot_ip:=172.16.0.2")
         checked(*given, "robot_ip:=emulated")
         checked(f"experiment:={experiment}")
-    assert {"hand_guidance", "handover"} <= set(choices().having["human"])
+    assert {"co_transport", "hand_guidance", "handover"} <= set(choices().having["human"])
 
 
 def test_what_stands_at_an_address_is_said() -> None:

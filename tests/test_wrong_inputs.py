@@ -38,7 +38,7 @@ FILES = {
 SCRIPTS = [
     ("bringup envv:=real", r"no argument 'envv' \(did you mean env\?\); valid: .*simulator"),
     ("bringup env:=gazebo", r"env:=gazebo.*valid: sim, real"),
-    ("bringup experiment:=step", r"experiment:=step: .*valid: contact, .*pd_step, .*\.yaml"),
+    ("bringup experiment:=step", r"experiment:=step: .*valid: co_transport, .*pd_step, .*\.yaml"),
     ("bringup kp:=abc", r"kp:=abc is not a number or a list of 7 numbers"),
     ("replay", r"required: RUN"),
     ("replay nowhere", r"no run folder 'nowhere' .*newest in .*/runs: none"),
@@ -54,7 +54,7 @@ SCRIPTS = [
 
 TOOLS = [
     ("hric_experiments run", r"one experiment is needed; got none; valid: .*pd_step"),
-    ("hric_experiments run step_pd", r"no experiment 'step_pd' .*valid: contact, .*pd_step"),
+    ("hric_experiments run step_pd", r"no experiment 'step_pd' .*valid: co_transport, .*pd_step"),
     ("hric_experiments run pd_step kpp:=200", r"no override 'kpp' \(did you mean kp\?\); valid: .*kd, kp, limits"),
     ("hric_experiments run pd_step friction:=dry", r"'friction:=dry'; valid: none, coulomb, identified, or a YAML"),
     ("hric_experiments run pd_step duration:=-1", r"duration is -1; valid: a finite number above 0 \[s\]"),
@@ -75,6 +75,10 @@ TOOLS = [
         "hric_experiments run hand_guidance human.grips.guide.held:=hand",
         r"no link 'hand' in .*/guide; valid: .*panda_hand",
     ),
+        "hric_experiments run co_transport human.grips.hand.held:=sofa::link",
+        r"no model 'sofa'.*valid: board",
+    ),
+    ("hric_experiments run co_transport human.position:=[3,0]", r"1\.\d+ m from the right shoulder; valid: up to 0\.6"),
     ("hric_experiments run not.yaml", r"not\.yaml is not YAML: .*line 2, column 1"),
     ("hric_experiments run wrong.yaml", r"2 mistakes\n +no parameter 'controlers'; valid: controllers.*\n +duration"),
     ("hric_experiments run study.yaml", r"forms\.a\.compared\[0\]\.runs is 'c'; valid: two of b"),

@@ -24,7 +24,16 @@ def load(name: str, *given: str) -> experiment.Experiment:
 
 def test_the_experiments_of_the_workspace_are_valid() -> None:
     names = [
-        *("contact", "data_collection", "guided_collection", "hand_guidance", "handover", "marker_tracking", "pd_step"),
+        *(
+            "co_transport",
+            "contact",
+            "data_collection",
+            "guided_collection",
+            "hand_guidance",
+            "handover",
+            "marker_tracking",
+            "pd_step",
+        ),
         "thesis_step",
     ]
     assert experiment.names() == names
@@ -200,7 +209,7 @@ def test_an_experiment_without_motion_capture_says_so() -> None:
 
 def test_an_unknown_experiment_lists_those_that_exist() -> None:
     with pytest.raises(
-        HricError, match=r"no experiment 'pdstep'.*valid: contact, .*marker_tracking, pd_step, thesis_step"
+        HricError, match=r"no experiment 'pdstep'.*valid: co_transport, .*marker_tracking, pd_step, thesis_step"
     ):
         experiment.read("pdstep")
     with pytest.raises(HricError, match=r"no experiment file nowhere\.yaml"):

@@ -261,7 +261,7 @@ def test_an_unknown_experiment_is_one_line_with_the_valid_names(system: System) 
         assert code == 2 and "Traceback" not in output, output
         assert (
             "no experiment 'pdstep'" in output
-            and "valid: contact, data_collection, guided_collection, hand_guidance, handover, marker_tracking" in output
+            and "valid: co_transport, contact, data_collection, guided_collection, hand_guidance, handover, " in output
         )
 
 

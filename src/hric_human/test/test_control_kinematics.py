@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 from hric_control.geometry import Pose
 from hric_control.geometry.poses import difference
+from hric_control.urdf import read
 from hric_human.body import Body
 from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
 from hric_human.control.kinematics import HandChain, own_weight
@@ -49,6 +50,19 @@ def test_the_own_weight_is_that_of_an_independent_library(parts: str, gravity: t
         q = random_q(one, random)
         expected = pinocchio.computeGeneralizedGravity(oracle.model, oracle.data, oracle.q(q))[oracle.order]
         assert_allclose(weight(q.tolist()), expected, atol=1e-12)
+
+
+def test_a_load_in_the_hand_is_held_by_the_transposed_jacobian_of_its_weight() -> None:
+    one, random = body(parts="both_arms"), np.random.default_rng(5)
+    chain, mass, hand = HandChain(one, "left"), 2.5, one.segments["left_hand"].link
+    own, loaded = own_weight(one), own_weight(one, loads={hand: mass})
+    carried = read(one.urdf).links[hand].mass
+    assert carried is not None
+    for q in (random_q(one, random) for _ in range(20)):
+        posed = chain.posed(q)
+        expected = np.zeros(len(q))
+        expected[chain.joints] = np.array(posed.velocities(posed.point(carried.com.tolist())))[:, 2] * mass * 9.81
+        assert_allclose(np.subtract(loaded(q), own(q)), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("parts", ["right_arm", "left_arm", "upper_body"])

@@ -106,9 +106,18 @@ class Simulation:
         tap = node.tap(lambda topic, message, time: early.append((topic, copy.deepcopy(message), time)))
         for name in definition.controllers:
             app.manager.load(name)
+        self._set_load()
         app.manager.switch(list(definition.controllers), [], loop_running=False)
         tap.unregister()
         return limits, early
+
+    def _set_load(self) -> None:
+        request = parameters.load_request(self.definition.robot)
+        if request is None:
+            return
+        response = self.node.call(parameters.LOAD_SERVICE, request)
+        if not response.success:
+            raise HricError(f"robot.load: {response.error}")
 
     # -- running -------------------------------------------------------------------------------------------------------
 

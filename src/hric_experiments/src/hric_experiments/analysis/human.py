@@ -3,8 +3,7 @@
 All of it is of the simulated human: an estimate of a model, never a measurement of a person.
 """
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -13,8 +12,11 @@ import numpy as np
 
 from hric_bags.parts import PartsReader
 from hric_bags.reader import FloatArray, RunRecord
+from hric_experiments.analysis import carrying
+from hric_experiments.analysis.carrying import Carried, hands_over
 from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord, read
 from hric_experiments.analysis.impact import Impact, impacts
+from hric_experiments.analysis.metrics import smoothness
 from hric_human.body import describe
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HumanSettings
@@ -35,11 +37,13 @@ class Person:
         record: from the bag.
         values: the key `human` of metrics.json.
         impacts: contacts beside what is expected of them.
+        carried: bodies that two grips carried.
     """
 
     record: HumanRecord
     values: dict[str, Any]
     impacts: tuple[Impact, ...] = ()
+    carried: Sequence[Carried] = ()
 
 
 def analyse(bag: PartsReader, run: Mapping[str, Any], description: str, record: RunRecord) -> Person | None:
@@ -51,21 +55,31 @@ def analyse(bag: PartsReader, run: Mapping[str, Any], description: str, record: 
         description: URDF of the robot; "": the run folder has none.
         record: the rest of the bag.
     """
-    section = (run.get("definition") or {}).get("human")
+    definition = run.get("definition") or {}
+    section = definition.get("human")
     found = None if section is None else read(bag, record.robot_time)
     if found is None or section is None:
         return None
-    met = impacts(run, description, record, found)
-    return Person(found, metrics(found, section, met), tuple(met))
+    met, carried = impacts(run, description, record, found), carried_in(found, definition)
+    return Person(found, metrics(found, section, met, carried), tuple(met), carried)
 
 
-def metrics(record: HumanRecord, section: Mapping[str, Any], met: Sequence[Impact] = ()) -> dict[str, Any]:
+def carried_in(record: HumanRecord, definition: Mapping[str, Any]) -> list[Carried]:
+    """Bodies that two grips carried; definition: of the experiment."""
+    plant = (definition.get("robot") or {}).get("plant") or {}
+    return carrying.carried(record.grips.values(), definition.get("human") or {}, plant)
+
+
+def metrics(
+    record: HumanRecord, section: Mapping[str, Any], met: Sequence[Impact] = (), carried: Sequence[Carried] = ()
+) -> dict[str, Any]:
     """For metrics.json.
 
     Args:
         record: from the bag.
         section: `human` of the experiment, for the body.
         met: his contacts.
+        carried: bodies that two grips carried.
     """
     hand = hand_positions(record, section)
     velocity = np.gradient(hand, record.time, axis=0)
@@ -75,11 +89,12 @@ def metrics(record: HumanRecord, section: Mapping[str, Any], met: Sequence[Impac
         "motion": [begin, end],
         "grips": {name: _grip(grip, record.events) for name, grip in record.grips.items()},
         "handovers": _handovers(record.grips.values()),
+        "carried": [found for one in carried if (found := carrying.metrics(one, begin, end)) is not None],
         "joints": {name: _joint(record, index) for index, name in enumerate(record.joints)},
         "strength_share_max": float(np.abs(record.share).max()),
         "strength_share_mean": float(np.abs(record.share).max(axis=1).mean()),
         "hand": _hand(record.time, hand, velocity, begin, end),
-        "settling": _settling(record, velocity, begin, end),
+        "settling": _settling(record, velocity, begin, end, {end for one in carried for end in one.ends}),
         "contacts": [impact.values() for impact in met],
         "events": [vars(event) for event in record.events],
     }
@@ -106,8 +121,8 @@ def _grip(grip: GripRecord, events: Sequence[Event]) -> dict[str, Any]:
     own = [event for event in events if event.name == grip.name]
     if not held.any():
         return {"held": grip.held, "holder": grip.holder, "closed": 0.0, "force_max": None}
-    velocity = np.gradient(grip.point, grip.time, axis=0)
-    power = np.where(held, -np.einsum("ij,ij->i", grip.force, velocity), 0.0)
+    velocity = np.gradient(np.where(held[:, None], grip.point, np.nan), grip.time, axis=0)
+    power = np.nan_to_num(-np.einsum("ij,ij->i", grip.force, velocity))
     return {
         "held": grip.held,
         "holder": grip.holder,
@@ -129,7 +144,7 @@ def _handovers(grips: Iterable[GripRecord]) -> list[dict[str, Any]]:
     in_order = sorted((grip for grip in grips if grip.name in first), key=lambda grip: first[grip.name])
     found = []
     for giver, taker in combinations(in_order, 2):
-        if giver.held != taker.held:
+        if giver.held != taker.held or not hands_over(giver, taker):
             continue
         n = min(len(giver.time), len(taker.time))
         both, none = giver.closed[:n] & taker.closed[:n], ~(giver.closed[:n] | taker.closed[:n])
@@ -167,31 +182,21 @@ def _hand(time: FloatArray, hand: FloatArray, velocity: FloatArray, begin: float
     }
 
 
-def smoothness(time: FloatArray, velocity: FloatArray) -> float | None:
-    """Log dimensionless jerk of a motion: -ln(T^3 / v_peak^2 int |d2v/dt2|^2 dt) (Balasubramanian et al., J.
-    NeuroEng. Rehabil. 12:112, 2015). The nearer to zero the smoother; one minimum-jerk reach has -5.32. None: it
-    rests.
+def _settling(
+    record: HumanRecord, velocity: FloatArray, begin: float, end: float, carrying_ends: Collection[str]
+) -> dict[str, Any] | None:
+    """How force and speed fade after the motion; None: the run ends too early to judge, or nothing was held.
 
-    Args:
-        time: shape (n,) [s].
-        velocity: shape (n, 3) [m/s].
+    The force of a grip that carries fades to what it carries at the end: a weight does not go.
     """
-    peak = float(np.linalg.norm(velocity, axis=1).max())
-    if peak < 1e-6 or len(time) < 5:
-        return None
-    jerk = np.gradient(np.gradient(velocity, time, axis=0), time, axis=0)
-    area = float(np.trapezoid(np.einsum("ij,ij->i", jerk, jerk), time))
-    return -math.log((time[-1] - time[0]) ** 3 / peak**2 * area)
-
-
-def _settling(record: HumanRecord, velocity: FloatArray, begin: float, end: float) -> dict[str, Any] | None:
-    """How force and speed fade after the motion; None: the run ends too early to judge, or nothing was held."""
     closed = [grip for grip in record.grips.values() if grip.closed.any()]
     if not closed or record.time[-1] < end + SETTLING_TIME:
         return None
     speed = np.linalg.norm(velocity, axis=1)
     curves = {"speed": (record.time, speed)}
-    curves |= {grip.name: (grip.time, np.linalg.norm(grip.force, axis=1)) for grip in closed}
+    for grip in closed:
+        force = grip.force - grip.force[-1] if grip.name in carrying_ends else grip.force
+        curves[grip.name] = grip.time, np.linalg.norm(force, axis=1)
     found = {name: _faded(time, values, begin, end) for name, (time, values) in curves.items()}
     fades = all(value is not None and value <= SETTLING_TIME for value in found.values())
     return {"after": found, "verdict": SETTLES if fades else UNSTABLE}
@@ -222,6 +227,7 @@ def render(found: Mapping[str, Any]) -> str:
             f"{1e3 * grip['slipped']:.1f} mm ({grip['slips']} times)"
         )
     lines += [_handover(one) for one in found["handovers"]]
+    lines += [carrying.render(one) for one in found["carried"]]
     lines += _contacts(found["contacts"])
     hand, clipped = found["hand"], {name: n for name, joint in found["joints"].items() if (n := joint["clipped"])}
     smooth = "-" if hand["smoothness"] is None else f"{hand['smoothness']:.2f}"

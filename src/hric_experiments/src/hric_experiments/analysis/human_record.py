@@ -24,7 +24,7 @@ class GripRecord:
     Attributes:
         name, held, holder: of it and of both bodies.
         time: robot time, shape (n,) [s].
-        closed: whether it held, shape (n,).
+        closed: whether it held and has said where, which it does from its first step on, shape (n,).
         force, torque: on the holder, world frame, shape (n, 3) [N], [N m].
         point: where they act, world frame, shape (n, 3) [m].
         slipped: since it was closed, shape (n,) [m].
@@ -269,14 +269,15 @@ def _grip(name: str, rows: list[tuple[float, Any]]) -> GripRecord:
         return _vectors([of(message) for _, message in rows])
 
     time, closed, slipped = _columns(rows, "closed", "slipped")
+    point = vectors(lambda m: m.point)
     return GripRecord(
         name,
         rows[0][1].held,
         rows[0][1].holder,
         time,
-        closed > 0.0,
+        (closed > 0.0) & point.any(axis=1),
         vectors(lambda m: m.wrench.force),
         vectors(lambda m: m.wrench.torque),
-        vectors(lambda m: m.point),
+        point,
         slipped,
     )

@@ -10,6 +10,7 @@ from textwrap import indent
 from typing import TYPE_CHECKING, Any
 
 from hric_control.errors import HricError, ParameterError, UnknownNameError, message_about
+from hric_control.geometry import ORIGIN, Vector
 from hric_control.node import REQUIRED
 from hric_control.parameters import (
     Mistakes,
@@ -22,6 +23,7 @@ from hric_control.parameters import (
     listing,
     mapping,
     number,
+    numbers,
     read_yaml,
     section,
     text,
@@ -78,9 +80,23 @@ class Setpoint(Settings):
 
 
 @dataclass(frozen=True)
+class LoadSpec(Settings):
+    """The payload that `franka_control/set_load` gets."""
+
+    mass: float = number(
+        0.0,
+        minimum=0.0,
+        unit="kg",
+        text="of the payload that `franka_control/set_load` gets before the controllers start; 0: none",
+    )
+    com: Vector = numbers(3, ORIGIN, unit="m", text="its centre of mass in the flange frame")
+
+
+@dataclass(frozen=True)
 class RobotSpec(Settings):
     """The robot of an experiment."""
 
+    separator = "."
     hw: str = text(empty=False, text='plugin type of the RobotHW, e.g. "franka_sim/FrankaHWSim"')
     arm_id: str = text("panda", empty=False, text="prefix of joints and links")
     description: Mapping[str, Any] = mapping(default={}, text="arguments of `panda_description.load`")
@@ -91,6 +107,7 @@ class RobotSpec(Settings):
     plant_type: str = text("", text="plugin type of the plant; empty: the robot's default")
     plant: Mapping[str, Any] = mapping(default={}, text="parameters of the plant")
     parameters: Mapping[str, Any] = mapping(default={}, text="further private parameters of the RobotHW")
+    load: LoadSpec = section(LoadSpec)
 
 
 @dataclass(frozen=True)

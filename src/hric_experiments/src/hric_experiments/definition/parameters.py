@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 import panda_description
+from franka_msgs.srv import SetLoadRequest
 from hric_control import plugins
 from hric_control.errors import HricError
 from hric_control.geometry import quaternion_from_rotation, transform_from_rpy
@@ -25,6 +26,8 @@ HUMAN = "human"
 """Name of who is beside the robot, and of his topics below `hric/`."""
 HUMAN_START = f"hric/{HUMAN}/start"
 """Service that lets him begin."""
+LOAD_SERVICE = "franka_control/set_load"
+"""Service that sets the payload which a Franka holds."""
 MOCAP_CLIENT, EMULATED_HUMAN = "natnet_client", "emulated_human"
 """Names of the motion capture's nodes."""
 
@@ -150,6 +153,13 @@ def robot(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
     if spec.q_start is not None:
         values["q_start"] = dict(spec.q_start) if isinstance(spec.q_start, Mapping) else list(spec.q_start)
     return values | participants(experiment, seed)
+
+
+def load_request(spec: RobotSpec) -> Any:
+    """Request of `LOAD_SERVICE`, of a payload without inertia of its own; None: the experiment has none."""
+    if spec.load.mass == 0.0:
+        return None
+    return SetLoadRequest(mass=spec.load.mass, F_x_center_load=list(spec.load.com), load_inertia=[0.0] * 9)
 
 
 def participants(experiment: Experiment, seed: int) -> dict[str, Any]:

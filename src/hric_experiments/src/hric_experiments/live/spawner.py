@@ -7,6 +7,7 @@ from typing import Any
 import rospy
 
 from controller_manager_msgs.srv import ListControllers, LoadController, SwitchController, SwitchControllerRequest
+from franka_msgs.srv import SetLoad
 from hric_control.errors import FailureError
 from hric_control.manager.services import REFUSAL
 from hric_control.parameters import Settings, text
@@ -46,10 +47,24 @@ def start(definition: Experiment, timeout: float = READY_TIMEOUT) -> None:
     for name in definition.controllers:
         if name not in loaded and not _call("load_controller", LoadController, name=name).ok:
             raise SpawnError(f"controller {name} could not be loaded: {_reason()}")
+    _set_load(definition)
     waiting = [name for name in definition.controllers if loaded.get(name) != "running"]
     request = {"start_controllers": waiting, "stop_controllers": [], "strictness": SwitchControllerRequest.STRICT}
     if waiting and not _call("switch_controller", SwitchController, **request).ok:
         raise SpawnError(f"controllers {', '.join(waiting)} could not be started: {_reason()}")
+
+
+def _set_load(definition: Experiment) -> None:
+    """Set the payload of the experiment, which an arm takes only while nothing moves it."""
+    request = parameters.load_request(definition.robot)
+    if request is None:
+        return
+    try:
+        response = rospy.ServiceProxy(parameters.LOAD_SERVICE, SetLoad)(request)
+    except rospy.ServiceException as error:
+        raise SpawnError(f"{parameters.LOAD_SERVICE}: {error}") from error
+    if not response.success:
+        raise SpawnError(f"robot.load: {response.error}")
 
 
 def load_others(definition: Experiment) -> None:

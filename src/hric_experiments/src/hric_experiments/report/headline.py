@@ -63,6 +63,12 @@ def _human(found: Mapping[str, Any]) -> list[Finding]:
         for name, grip in found["grips"].items()
         if grip["force_max"] is not None
     ]
+    for one in found.get("carried", ()):
+        for name, share in (one["load_share"] or {}).items():
+            meaning = f"of the weight of {one['object']} on grip {name}, mean of the motion, {of_model}"
+            result.append(Finding("Load share", f"{100 * share['mean']:.1f} %", meaning))
+        meaning = f"what cancels of both forces on {one['object']}, at most, {of_model}"
+        result.append(Finding("Squeeze", scaled(max(one["squeeze_max"], one["stretch_max"]), "N"), meaning))
     joint, peak = max(found["joints"].items(), key=lambda item: item[1]["share_max"])
     share = f"{100 * peak['share_max']:.0f} %"
     result.append(Finding("Share of strength", share, f"{joint}, the most loaded joint of the human, {of_model}"))

@@ -1,10 +1,10 @@
-"""The human beside the robot in the replay of a run: his body, what he holds, and what touches him."""
+"""What is beside the robot in the replay of a run: the human, what he holds and what touches him, and the objects."""
 
 import numpy as np
 
 from hric_experiments.analysis.human_record import ContactRecord, GripRecord
 from hric_experiments.report_html.run_data import RunData
-from hric_experiments.report_html.scene import Arrow, Robot, instants
+from hric_experiments.report_html.scene import Arrow, Robot, Track, instants
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 
@@ -40,6 +40,22 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
     time, position = record.time[shown] + shift, record.position[shown]
     return [
         Robot("", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows),
+    ]
+
+
+def objects(data: RunData, *, role: str = "", shift: float = 0.0) -> list[Robot]:
+    """Of the world around the robot; arguments as of `human`."""
+    return [
+        Robot(
+            "",
+            one.description,
+            (),
+            one.time[:1] + shift,
+            np.zeros((1, 0)),
+            role=role,
+            motion=Track("frame", one.name, "world", one.time + shift, one.pose),
+        )
+        for one in data.objects
     ]
 
 

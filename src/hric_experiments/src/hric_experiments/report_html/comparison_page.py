@@ -216,4 +216,5 @@ def _robots(one: Laid, number_of_run: int, rate: float, notes: list[str]) -> lis
     """The robot of a run, and who is beside it."""
     role, shift = f"s{number_of_run}", -one.zero
     robot = moving.robot(one.data, rate, notes, label=one.label, role=role, shift=shift)
-    return [robot, *beside.human(one.data, rate, role=role, shift=shift)]
+    human = beside.human(one.data, rate, role=role, shift=shift)
+    return [robot, *human, *beside.objects(one.data, role=role, shift=shift)]

@@ -1,16 +1,17 @@
 """A run as its page needs it, read from its folder."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from hric_bags import reader as bag_reader
 from hric_bags.reader import RunRecord
 from hric_bags.run_folder import RunFolder
-from hric_experiments.analysis import human_record, impact, metrics, recordings
+from hric_experiments.analysis import human, human_record, impact, metrics, object_record, recordings
 from hric_experiments.analysis import run as analysis
 from hric_experiments.analysis import tracking_run as tracking_analysis
 from hric_experiments.analysis.human import Person
+from hric_experiments.analysis.object_record import ObjectRecord
 from hric_experiments.analysis.recordings import Recordings
 from hric_experiments.analysis.tracking_run import Tracking
 
@@ -28,6 +29,7 @@ class RunData:
         found: what else is in the bag.
         description: URDF; "": the run folder has none.
         person: the human beside the robot; None: nobody was there.
+        objects: of the world around them.
     """
 
     folder: RunFolder
@@ -38,6 +40,7 @@ class RunData:
     found: Recordings
     description: str
     person: Person | None = None
+    objects: Sequence[ObjectRecord] = ()
 
     @property
     def moves(self) -> list[metrics.Move]:
@@ -62,7 +65,12 @@ def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False
     description = folder.description()
     followed = tracking_analysis.analyse(folder, bag, run, record) if description else None
     found = recordings.read(bag, record.robot_time, progress=progress)
-    beside = (run.get("definition") or {}).get("human") and human_record.read(bag, record.robot_time)
-    met = tuple(impact.impacts(run, description, record, beside)) if beside else ()
-    person = Person(beside, values.get("human") or {}, met) if beside else None
-    return RunData(folder, run, values, record, followed, found, description, person)
+    definition = run.get("definition") or {}
+    beside = definition.get("human") and human_record.read(bag, record.robot_time)
+    person = None
+    if beside:
+        met = tuple(impact.impacts(run, description, record, beside))
+        person = Person(beside, values.get("human") or {}, met, human.carried_in(beside, definition))
+    plant = (definition.get("robot") or {}).get("plant") or {}
+    objects = object_record.read(bag, plant, record.robot_time)
+    return RunData(folder, run, values, record, followed, found, description, person, objects)

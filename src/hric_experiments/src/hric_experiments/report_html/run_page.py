@@ -10,6 +10,7 @@ from hric_experiments.report import headline, human_figures, run_figures, sectio
 from hric_experiments.report_html import beside, moving, tables
 from hric_experiments.report_html.page import Page, replay_rate
 from hric_experiments.report_html.run_data import RunData
+from hric_experiments.report_html.scene import Robot
 
 
 def build(data: RunData) -> Page:
@@ -30,10 +31,16 @@ def build(data: RunData) -> Page:
             *signal_figures.signal_figures(data.found.signals),
         ],
         tables=_tables(data),
-        robots=[moving.robot(data, rate, notes), *beside.human(data, rate)] if data.description else [],
+        robots=[moving.robot(data, rate, notes), *beside.human(data, rate), *beside.objects(data)]
+        if data.description
+        else [],
         notes=notes if data.description else ["The run folder has no robot.urdf: there is no replay."],
         name=data.folder.path.name,
     )
+
+
+def _robots(data: RunData, rate: float, notes: list[str]) -> list[Robot]:
+    return [moving.robot(data, rate, notes), *beside.human(data, rate), *beside.objects(data)]
 
 
 def verdicts(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -90,7 +90,7 @@ class Arrow:
 
 @dataclass
 class Robot:
-    """A robot and its motion, or a human's body and his.
+    """A robot and its motion, or a human's body and his, or an object and where it was.
 
     Attributes:
         label: name of the run, where a page has several.
@@ -104,6 +104,7 @@ class Robot:
         plates: beside it.
         pose: of its root link in the world.
         arrows: forces on it.
+        motion: a frame that its root link follows in the world; None: it is fixed there.
     """
 
     label: str
@@ -117,6 +118,7 @@ class Robot:
     plates: list[Plate] = field(default_factory=list)
     pose: Pose = field(default_factory=Pose)
     arrows: list[Arrow] = field(default_factory=list)
+    motion: Track | None = None
 
 
 class Scene:
@@ -157,6 +159,7 @@ class Scene:
                 "plates": [self._plate(plate) for plate in robot.plates],
                 "pose": {"xyz": robot.pose.position, "quaternion": robot.pose.orientation},
                 "arrows": [self._arrow(arrow) for arrow in robot.arrows],
+                "motion": None if robot.motion is None else self._track(robot.motion),
                 "tip": None if robot.tip is None else {"link": robot.tip[0], "xyz": robot.tip[1]},
             }
         )

@@ -40,6 +40,7 @@ class Person:
         side: of the hand that follows references and is felt.
         hand: its kinematics.
         own_weight: joint angles [rad] -> torque that holds the body [N m].
+        gravity: in axes of the root link [m/s^2].
         T_world_root: pose of the body's root link in the frame of hand references and forces.
         seed: of what varies.
         cycle: time between two updates [s].
@@ -55,6 +56,7 @@ class Person:
     side: str
     hand: HandChain
     own_weight: Torque
+    gravity: Vector
     T_world_root: Pose
     seed: int
     cycle: float

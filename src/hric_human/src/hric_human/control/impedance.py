@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from hric_control.geometry import Vector
 from hric_control.parameters import Settings, number, per_joint, variant
 from hric_human.control.controller import HumanController, Person, Senses
+from hric_human.control.kinematics import own_weight
 from hric_human.control.recorded import RECORDED
 from hric_human.control.references import REFERENCES, Reference, ReferenceSettings
 
@@ -73,13 +74,16 @@ class ImpedanceSettings(Settings):
         text="share of stiffness and damping that acts on the late senses; the rest is the muscles' own and acts at "
         "once (project default, unconfirmed)",
     )
+    load: float = number(
+        0.0, minimum=0.0, maximum=50.0, unit="kg", text="mass in his hand that he expects, and holds as his own weight"
+    )
 
 
 class ImpedanceArm(HumanController):
     """tau = K (q_ref - q) + D (dq_ref - dq) + g(q), with K = K_0 + k |g(q)| and D = 0.05 s K.
 
-    g: torque that holds the body's own weight, of the late senses. q and dq are the muscles' own, which act at once,
-    and a share `reflex` of the late ones. Without a delay both are the same.
+    g: torque that holds the body's own weight and the load that he expects, of the late senses. q and dq are the
+    muscles' own, which act at once, and a share `reflex` of the late ones. Without a delay both are the same.
     """
 
     settings = ImpedanceSettings
@@ -93,6 +97,9 @@ class ImpedanceArm(HumanController):
         self._lead = DAMPING if settings.damping is None else 0.0
         self._impedance = list(zip(stiffness, growth, settings.damping or [0.0] * len(rows), strict=True))
         self._reflex, self._weight = settings.reflex, person.own_weight
+        if settings.load > 0.0:
+            hand = person.body.segments[f"{person.side}_hand"].link
+            self._weight = own_weight(person.body, person.gravity, {hand: settings.load})
         self._reference: Reference = settings.reference.reference(person)
         self.end = self._reference.end
 

@@ -1,6 +1,6 @@
 """Kinematics and own weight of a body, on plain floats: no engine."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import itemgetter
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -128,7 +128,7 @@ class HandChain(LinkChain):
         return self.posed(q).origins[-len(ARM)]
 
 
-def own_weight(body: Body, gravity: Vector = GRAVITY) -> Torque:
+def own_weight(body: Body, gravity: Vector = GRAVITY, loads: Mapping[str, float] = {}) -> Torque:
     """Torque that holds a body against its own weight, as a function of its joint angles: n floats [rad] -> n floats
     [N m].
 
@@ -138,14 +138,15 @@ def own_weight(body: Body, gravity: Vector = GRAVITY) -> Torque:
     Args:
         body: whose.
         gravity: in axes of the root link [m/s^2].
+        loads: masses that are held in the centres of mass of links, by link [kg].
     """
-    names = list(body.joints)
+    names, urdf = list(body.joints), _loaded(body.urdf, loads)
     parents = {segment.parent for segment in body.segments.values()}
     counted: set[str] = set()
     parts: list[tuple[list[int], Torque]] = []
     for tip in (segment.link for segment in body.segments.values() if segment.link not in parents):
-        path = {joint.child for joint in read(body.urdf).path(ROOT, tip)}
-        chain = KdlChain(_with_mass(body.urdf, path - counted), ROOT, tip, gravity)
+        path = {joint.child for joint in read(urdf).path(ROOT, tip)}
+        chain = KdlChain(_with_mass(urdf, path - counted), ROOT, tip, gravity)
         parts.append(([names.index(name) for name in chain.joint_names], chain.gravity_list))
         counted |= path
     if len(parts) == 1:
@@ -164,6 +165,15 @@ def _summed(count: int, parts: list[tuple[list[int], Torque]]) -> Torque:
         return held
 
     return weight
+
+
+def _loaded(urdf: str, loads: Mapping[str, float]) -> str:
+    """The description with more mass in some links, where their own is."""
+    robot = ElementTree.fromstring(urdf)
+    for link in robot.iterfind("link"):
+        for mass in link.iterfind("inertial/mass"):
+            mass.set("value", repr(float(mass.attrib["value"]) + loads.get(link.attrib["name"], 0.0)))
+    return ElementTree.tostring(robot, encoding="unicode")
 
 
 def _with_mass(urdf: str, links: set[str]) -> str:

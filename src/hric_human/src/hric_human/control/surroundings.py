@@ -179,6 +179,7 @@ class HumanControl:
             side,
             HandChain(body, side),
             own_weight(body, gravity),
+            gravity,
             T_world_root,
             seed,
             cycle,

@@ -131,7 +131,8 @@
         if (joint.column !== null) this.joints.push({ ...joint, child, axis: new THREE.Vector3().fromArray(joint.axis).normalize() });
       }
       for (const name of roots) scene.add(place(this.links.get(name), spec.pose));
-      const root = this.links.get([...roots][0]);
+      const root = this.root = this.links.get([...roots][0]);
+      this.motion = spec.motion && new Track(spec.motion);
       this.tracks = spec.tracks.map((track) => new Track(track));
       for (const track of this.tracks) (this.links.get(track.parent) || root).add(track.object);
       this.plates = spec.plates.map((plate) => new Plate(plate));
@@ -190,6 +191,11 @@
         const q = joint.multiplier * value + joint.offset;
         if (joint.type === "prismatic") joint.child.position.copy(joint.axis).multiplyScalar(q);
         else joint.child.quaternion.setFromAxisAngle(joint.axis, q);
+      }
+      if (this.motion) {
+        this.motion.show(t);
+        this.root.position.copy(this.motion.object.position);
+        this.root.quaternion.copy(this.motion.object.quaternion);
       }
       for (const moved of [...this.tracks, ...(this.plates || []), ...(this.arrows || []), ...(this.trails || [])]) moved.show(t);
     }

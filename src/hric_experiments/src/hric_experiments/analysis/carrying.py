@@ -1,0 +1,238 @@
+"""What two grips did to a body that they carried together: how they shared its weight, and how they squeezed it. No
+ROS.
+
+The forces are those on the body, f_a at the grip frame p_a and f_b at p_b; u is the unit vector from p_a to p_b.
+Squeeze is what of both cancels along that line: min(f_a.u, -f_b.u) where both press, the same of the amounts and
+negative where both pull, 0 where one pushes and the other gives way. So the weight of a tilted body, and what
+accelerates it, is not counted. This is the interactive force of two partners in one dimension as Groten et al., RO-MAN
+2009, have it (recalled, unconfirmed), along the line between the hands.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_bags.reader import FloatArray
+from hric_control.geometry import MassProperties
+from hric_control.plants import WindowlessConfig
+from hric_experiments.analysis.human_record import GripRecord
+from hric_experiments.analysis.metrics import smoothness
+from hric_experiments.analysis.object_record import models
+from hric_human.participant.settings import HumanSettings
+
+ON_LINE = 1e-3
+"""Farthest distance of a centre of mass from the line between both handles at which it is said to be on it, so that its
+motion follows from theirs [m] (project default, unconfirmed)."""
+
+EVEN = 0.02
+"""How far the mean step of samples is from their median at most, where none or few are missing (project default,
+unconfirmed)."""
+MIN_SAMPLES = 5
+"""Samples that can be differentiated three times."""
+TAKEN = 0.5
+"""A grip is relaxed when it closes, so what it holds falls a little first: a body is carried from so long after both
+have closed [s] (project default, unconfirmed)."""
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A body while both hold it, from `TAKEN` on.
+
+    Attributes:
+        body: full name.
+        ends: names of both grips.
+        time: robot time, shape (n,) [s].
+        force: of each grip on the body, world frame, shape (2, n, 3) [N].
+        point: where each acts, shape (2, n, 3) [m].
+        squeeze: see above; negative: it is stretched, shape (n,) [N].
+        tilt: of the line between both points out of the horizontal, up towards the second, shape (n,) [rad].
+        weight: None: it is not known [N].
+        share: of the weight that each end carries, shape (2, n) [1]; None: no weight.
+        excess: what both forces have beyond m (a - g), NaN at both ends, shape (n, 3) [N]; None: no weight, or the
+            centre of mass is not on the line between both handles.
+    """
+
+    body: str
+    ends: tuple[str, str]
+    time: FloatArray
+    force: FloatArray
+    point: FloatArray
+    squeeze: FloatArray
+    tilt: FloatArray
+    weight: float | None = None
+    share: FloatArray | None = None
+    excess: FloatArray | None = None
+
+    @property
+    def centre(self) -> FloatArray:
+        """Middle between both points, shape (n, 3) [m]."""
+        return np.asarray(self.point.mean(axis=0))
+
+
+def masses(plant: Mapping[str, Any]) -> dict[str, MassProperties]:
+    """Of the free bodies of one link in the world of a plant, by "model::link"; none of a world that is not there any
+    more.
+
+    Args:
+        plant: its parameters.
+    """
+    return {
+        f"{model.name}::{name}": link.mass
+        for model in models(plant)
+        if not model.fixed and len(model.tree.links) == 1
+        for name, link in model.tree.links.items()
+        if link.mass is not None
+    }
+
+
+def carried(grips: Iterable[GripRecord], human: Mapping[str, Any], plant: Mapping[str, Any]) -> list[Carried]:
+    """Each body that two grips carried: both held it at once, and it was not handed over.
+
+    Args:
+        grips: of a run.
+        human: section of the experiment, for the handles.
+        plant: its parameters, for the body's mass and gravity.
+    """
+    known, found = None, []
+    for a, b in combinations(grips, 2):
+        both = a.closed[: len(b.time)] & b.closed[: len(a.time)]
+        if a.held != b.held or not both.any() or hands_over(a, b) or hands_over(b, a):
+            continue
+        known = masses(plant) if known is None else known
+        gravity = np.array(plant.get("gravity") or WindowlessConfig().gravity, dtype=float)
+        settings = HumanSettings.of(human, "human").grips
+        handles = [settings[one.name].handle for one in (a, b) if one.name in settings]
+        if (during := _first_run(a.time, both)) is not None:
+            found.append(_carried(a, b, during, known.get(a.held), handles, gravity))
+    return found
+
+
+def hands_over(giver: GripRecord, taker: GripRecord) -> bool:
+    """Whether a giver, who held first, let go before the taker did."""
+    if not (giver.closed.any() and taker.closed.any()):
+        return False
+    (given, taken), (left, over) = ([float(grip.time[grip.closed][k]) for grip in (giver, taker)] for k in (0, -1))
+    return given < taken and left < over
+
+
+def _first_run(time: FloatArray, both: npt.NDArray[np.bool_]) -> slice | None:
+    """From `TAKEN` after the first sample in which both hold to the last before one lets go; None: that is sooner."""
+    closed = int(np.argmax(both))
+    after = np.flatnonzero(~both[closed:])
+    begin = int(np.searchsorted(time, time[closed] + TAKEN))
+    end = closed + int(after[0]) if len(after) else len(both)
+    return slice(begin, end) if end - begin >= MIN_SAMPLES else None
+
+
+def _carried(
+    a: GripRecord,
+    b: GripRecord,
+    during: slice,
+    mass: MassProperties | None,
+    handles: Sequence[Sequence[float]],
+    gravity: FloatArray,
+) -> Carried:
+    time, force = _even(a.time[during]), -np.stack([a.force[during], b.force[during]])
+    point = np.stack([a.point[during], b.point[during]])
+    line = point[1] - point[0]
+    length = np.linalg.norm(line, axis=1)
+    along = line / length[:, None]
+    press = np.stack([np.einsum("ij,ij->i", force[0], along), -np.einsum("ij,ij->i", force[1], along)])
+    squeeze = np.clip(press.min(axis=0), 0.0, None) + np.clip(press.max(axis=0), None, 0.0)
+    up = -gravity / np.linalg.norm(gravity)
+    tilt = np.arcsin(np.clip(along @ up, -1.0, 1.0))
+    found = a.held, (a.name, b.name), time, force, point, squeeze, tilt
+    if mass is None:
+        return Carried(*found)
+    weight = mass.mass * float(np.linalg.norm(gravity))
+    return Carried(*found, weight, force @ up / weight, _excess(time, force, point, mass, handles, gravity))
+
+
+def _even(time: FloatArray) -> FloatArray:
+    """Times of samples that a fixed number of cycles lies between; as they are where more than a few are missing.
+    Behind an arm with a clock of its own stamps wander by milliseconds, of which two derivatives would make newtons."""
+    steps = np.diff(time)
+    if abs(float(steps.mean() / np.median(steps)) - 1.0) > EVEN:
+        return time
+    return np.linspace(time[0], time[-1], len(time))
+
+
+def _excess(
+    time: FloatArray,
+    force: FloatArray,
+    point: FloatArray,
+    mass: MassProperties,
+    handles: Sequence[Sequence[float]],
+    gravity: FloatArray,
+) -> FloatArray | None:
+    if len(handles) < 2:
+        return None
+    first, second = np.array(handles, dtype=float)
+    line, to_com = second - first, mass.com - first
+    share = float(to_com @ line / (line @ line))
+    if np.linalg.norm(to_com - share * line) > ON_LINE:
+        return None
+    com = (1.0 - share) * point[0] + share * point[1]
+    acceleration = np.gradient(np.gradient(com, time, axis=0), time, axis=0)
+    acceleration[:2] = acceleration[-2:] = np.nan  # one-sided differences are of first order
+    return np.asarray(force.sum(axis=0) - mass.mass * (acceleration - gravity))
+
+
+def metrics(one: Carried, begin: float, end: float) -> dict[str, Any] | None:
+    """For metrics.json; None: nobody moved it.
+
+    Args:
+        one: the body.
+        begin, end: of the human's motion [s].
+    """
+    during = (one.time >= begin) & (one.time <= end)
+    if during.sum() < MIN_SAMPLES:
+        return None
+    velocity = np.gradient(one.centre, one.time, axis=0)[during]
+    height = one.centre[during, 2]
+    excess = None if one.excess is None or one.weight is None else np.linalg.norm(one.excess, axis=1)[during]
+    return {
+        "object": one.body,
+        "weight": one.weight,
+        "time": float(one.time[-1] - one.time[0]),
+        "load_share": None
+        if one.share is None
+        else {name: _spread(share[during]) for name, share in zip(one.ends, one.share, strict=True)},
+        "squeeze_max": float(one.squeeze[during].max(initial=0.0)),
+        "stretch_max": float(-one.squeeze[during].min(initial=0.0)),
+        "squeeze_mean": float(one.squeeze[during].mean()),
+        "tilt_max": float(np.abs(one.tilt[during]).max()),
+        "path": float(np.trapezoid(np.linalg.norm(velocity, axis=1), one.time[during])),
+        "lift": float(height.max() - height.min()),
+        "smoothness": smoothness(one.time[during], velocity),
+        "excess_rms": None if excess is None else float(np.sqrt(np.nanmean(excess**2))),
+        "excess_max": None if excess is None else float(np.nanmax(excess)),
+    }
+
+
+def _spread(share: FloatArray) -> dict[str, float]:
+    return {"mean": float(share.mean()), "min": float(share.min()), "max": float(share.max())}
+
+
+def render(found: Mapping[str, Any]) -> str:
+    """As a line of the report; found: of `metrics`."""
+    if found["load_share"] is None:
+        shares = "its weight is not known"
+    else:
+        parts = [
+            f"{name} {100 * share['mean']:.1f} % ({100 * share['min']:.1f} to {100 * share['max']:.1f})"
+            for name, share in found["load_share"].items()
+        ]
+        shares = f"of its {found['weight']:.1f} N {', '.join(parts)}"
+    line = (
+        f"- both carry {found['object']} for {found['time']:.2f} s: {shares}; at most squeezed by "
+        f"{found['squeeze_max']:.1f} N, stretched by {found['stretch_max']:.1f} N, tilted by "
+        f"{np.rad2deg(found['tilt_max']):.1f} deg; lifted by {1e3 * found['lift']:.0f} mm, moved {found['path']:.2f} m"
+    )
+    if found["excess_rms"] is None:
+        return line
+    return f"{line}; its forces are m (a - g) within {found['excess_rms']:.3f} N RMS"

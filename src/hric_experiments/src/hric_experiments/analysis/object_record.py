@@ -1,0 +1,71 @@
+"""Where the objects of a world were in a run. No ROS."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hric_bags.parts import PartsReader
+from hric_bags.reader import FloatArray, opened
+from hric_control.errors import HricError
+from hric_control.plants import WindowlessConfig
+from hric_control.plants.models import Model, model_of_object
+from hric_control.plants.worlds import load_world
+
+STATES_TYPE = "gazebo_msgs/msg/ModelStates"
+
+
+@dataclass(frozen=True)
+class ObjectRecord:
+    """An object over time.
+
+    Attributes:
+        name: of its model.
+        description: URDF.
+        time: robot time, shape (n,) [s].
+        pose: of its root link in the world: position and quaternion x y z w, shape (n, 7) [m].
+    """
+
+    name: str
+    description: str
+    time: FloatArray
+    pose: FloatArray
+
+
+def models(plant: Mapping[str, Any]) -> list[Model]:
+    """The objects of the world of a plant; none of a world that is not there any more.
+
+    Args:
+        plant: its parameters.
+    """
+    try:
+        objects = load_world(str(plant.get("world") or ""), WindowlessConfig().contact_stiffness)
+        return [model_of_object(item) for item in objects]
+    except (HricError, OSError):
+        return []
+
+
+def read(bag: Path | PartsReader, plant: Mapping[str, Any], robot_time: Callable[[float], float]) -> list[ObjectRecord]:
+    """What the bag has of the objects of a world, planes left out. The messages have no stamp: live, their times are
+    those at which they came.
+
+    Args:
+        bag: of the run.
+        plant: its parameters.
+        robot_time: of a stamp [s].
+    """
+    known = {model.name: model for model in models(plant) if not model.planes}
+    found: dict[str, list[list[float]]] = {name: [] for name in known}
+    if not known:
+        return []
+    with opened(bag) as reader:
+        for connection, stamp, raw in reader.chosen(lambda c: c.msgtype == STATES_TYPE):
+            message, time = reader.deserialize(raw, connection.msgtype), robot_time(1e-9 * stamp)
+            for name, pose in zip(message.name, message.pose, strict=True):
+                if name in found:
+                    p, q = pose.position, pose.orientation
+                    found[name].append([time, p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+    rows = {name: np.array(own) for name, own in found.items() if own}
+    return [ObjectRecord(name, known[name].xml, own[:, 0], own[:, 1:]) for name, own in rows.items()]
