@@ -37,8 +37,8 @@ PREDICTED_POSITION, PREDICTED_ANGLE = 0.025, 0.05
 LOST_SPREAD = 1.0
 """That of a root or a joint that is lost [m], [rad]."""
 VELOCITY_TIME, COASTING_TIME = 0.04, 0.5
-"""Time constants of the filter of velocities, and of their decay in the prediction: what cannot be distinguished, such as
-two joints of a shoulder at 90 deg of abduction, does not drift [s]."""
+"""Time constants of the filter of velocities, and of their decay in the prediction: what cannot be distinguished, such
+as two joints of a shoulder at 90 deg of abduction, does not drift [s]."""
 BLIND = 4.0
 """A joint is not seen where the variance that markers and prediction leave is so many times as large as with all
 markers, and"""
