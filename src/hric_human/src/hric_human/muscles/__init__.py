@@ -1,0 +1,1 @@
+"""Muscles of a body, and what a task costs them."""
