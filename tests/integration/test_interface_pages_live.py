@@ -91,7 +91,7 @@ def a_long_collection(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def sensors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
     """A data collection, and beside it what else these packages have: a synchroniser at one rate, the calibration, a
-    Motive that follows a link."""
+    Motive that follows a link, the joints of a real person."""
     folder = tmp_path_factory.mktemp("sensors")
     (folder / "scene.yaml").write_text(
         "bodies: [{name: tool, motion: {type: link, link: panda_link8, frame: panda_link0}}]\n"
@@ -108,6 +108,7 @@ def sensors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
         for command in (
             ("hric_perception", "synchronizer", "__name:=single", f"_plan:={plan}"),
             ("mocap_natnet", "calibrate"),
+            ("hric_perception", "person"),
             (
                 "mocap_natnet",
                 "emulated_motive",

@@ -6,10 +6,11 @@ import pytest
 from bodies import NAMES, PARTS, body
 from numpy.testing import assert_allclose
 
+from hric_control.errors import HricError
 from hric_control.geometry import Pose, from_rotation_vector
 from hric_control.geometry.transforms import rotation_from_quaternion
 from hric_human.body import Body
-from hric_human.control.whole_body import WholeBody, floor_wrench
+from hric_human.control.whole_body import Load, WholeBody, floor_wrench
 
 ROOT = Pose((0.85, -0.2, 0.3), from_rotation_vector((0.0, 0.0, 2.5)))
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -22,7 +23,7 @@ class OnAFreeBase:
         self.model = pinocchio.buildModelFromXML(body.urdf, pinocchio.JointModelFreeFlyer())
         self.data = self.model.createData()
         joints = [self.model.joints[self.model.getJointId(name)] for name in body.joints]
-        self._q, self._v = [joint.idx_q for joint in joints], [joint.idx_v for joint in joints]
+        self._q, self.columns = [joint.idx_q for joint in joints], [joint.idx_v for joint in joints]
 
     def q(self, q: np.ndarray) -> np.ndarray:
         own = np.zeros(self.model.nq)
@@ -31,7 +32,7 @@ class OnAFreeBase:
 
     def v(self, values: np.ndarray) -> np.ndarray:
         own = np.zeros(self.model.nv)
-        own[self._v] = values
+        own[self.columns] = values
         return own
 
 
@@ -73,6 +74,41 @@ def test_the_floor_carries_what_inverse_dynamics_asks_of_a_free_base_and_the_res
         torque = -R @ tau[3:6] + np.cross(ROOT.position, force)
         found = floor_wrench(whole, q.tolist(), dq.tolist(), ddq.tolist(), ROOT)
         assert_allclose(found, [*force, *torque], rtol=1e-11, atol=1e-9)
+
+
+@pytest.mark.parametrize("parts", PARTS)
+def test_a_motion_with_loads_on_links_needs_what_an_independent_library_says(parts: str) -> None:
+    one = body(parts=parts)
+    whole, oracle, random = WholeBody(one), OnAFreeBase(one), np.random.default_rng(3)
+    links = [segment.link for segment in one.segments.values()][-2:]
+    loads = [Load(link, *random.uniform(-30.0, 30.0, (2, 4, 3)), random.uniform(-1.0, 1.0, (4, 3))) for link in links]
+    states = [random_state(one, random) for _ in range(4)]
+    q, dq, ddq = (np.array(rows) for rows in zip(*states, strict=True))
+    found = whole.inverse_dynamics(q, dq, ddq, ROOT, loads)
+    for t in range(4):
+        pinocchio.forwardKinematics(oracle.model, oracle.data, oracle.q(q[t]))
+        acting = pinocchio.StdVec_Force([pinocchio.Force.Zero() for _ in range(oracle.model.njoints)])
+        for load in loads:
+            joint = oracle.model.frames[oracle.model.getFrameId(load.link)].parentJoint
+            torque = load.torque[t] + np.cross(load.point[t], load.force[t])
+            acting[joint] += oracle.data.oMi[joint].actInv(pinocchio.Force(load.force[t], torque))
+        tau = pinocchio.rnea(oracle.model, oracle.data, oracle.q(q[t]), oracle.v(dq[t]), oracle.v(ddq[t]), acting)
+        assert_allclose(found.torque[t], tau[oracle.columns], rtol=1e-11, atol=1e-9)
+        for link, at in whole.index.items():
+            frame = oracle.model.frames[oracle.model.getFrameId(link)]
+            T = oracle.data.oMi[frame.parentJoint]
+            assert_allclose(found.rotation[t, at], T.rotation, atol=1e-12)
+            if whole.links[at].axis != (0.0, 0.0, 0.0):
+                force = oracle.data.f[frame.parentJoint]
+                assert_allclose(found.position[t, at], T.translation, atol=1e-12)
+                assert_allclose(found.force[t, at], T.rotation @ force.linear, rtol=1e-10, atol=1e-9)
+                assert_allclose(found.moment[t, at], T.rotation @ force.angular, rtol=1e-10, atol=1e-9)
+
+
+def test_a_load_on_a_link_that_is_not_there_is_refused_by_name() -> None:
+    whole, none = WholeBody(body(parts="right_arm")), np.zeros((1, 3))
+    with pytest.raises(HricError, match="'l_wrist', which the body has not; valid: r_shoulder"):
+        whole.inverse_dynamics(*np.zeros((3, 1, 7)), ROOT, [Load("l_wrist", none, none, none)])
 
 
 @pytest.mark.parametrize("name", NAMES)

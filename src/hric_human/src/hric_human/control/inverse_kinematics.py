@@ -46,13 +46,16 @@ class Solver:
     def __init__(self, lower: FloatArray, upper: FloatArray, rest: FloatArray) -> None:
         self.lower, self.upper, self.rest = lower, upper, rest
 
-    def solve(self, task: Task, guess: FloatArray, relaxation: float = RELAXATION) -> tuple[FloatArray, float]:
+    def solve(
+        self, task: Task, guess: FloatArray, relaxation: float = RELAXATION, stalled: float = STALLED
+    ) -> tuple[FloatArray, float]:
         """Steps until nothing is left, or no more steps help.
 
         Args:
             task: what is to become zero.
             guess: within the ranges, shape (n,) [rad].
             relaxation: share of the way to the resting posture in the first step.
+            stalled: steps that are smaller lead nowhere [rad].
 
         Returns:
             joint angles, shape (n,) [rad], and the norm of what is left.
@@ -67,7 +70,7 @@ class Solver:
             before, q = q, self._step(q, error, J, posture)
             error, J = task(q.tolist())
             left = math.sqrt(float(error @ error))
-            if float(np.abs(q - before).max()) < STALLED:
+            if float(np.abs(q - before).max()) < stalled:
                 break
         return q, left
 

@@ -10,15 +10,18 @@ from typing import Any
 import numpy as np
 
 from hric_control.errors import HricError, ParameterError
-from hric_control.geometry import FloatArray, Pose, Vector
+from hric_control.geometry import FloatArray, Pose
 from hric_control.geometry.poses import PoseSettings, inverse
 from hric_control.geometry.transforms import rotation_from_quaternion
 from hric_control.parameters import Mistakes, mapping, number, refused, section, text, unknown
 from hric_control.trial.c3d import read_trial, resolve
 from hric_human.control.controller import Person
 from hric_human.control.inverse_kinematics import Solver, Task
-from hric_human.control.kinematics import LinkChain
+from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody
 from hric_human.control.references import Reference, ReferenceSettings, Rows
+
+ROOT = Pose()
+"""Of the root link where markers are in its axes."""
 
 
 class MarkerSolver:
@@ -30,18 +33,8 @@ class MarkerSolver:
     """
 
     def __init__(self, person: Person, names: list[str]) -> None:
-        body, links = person.body, list[str]()
-        self._on: list[list[tuple[int, Vector]]] = []
-        for index, name in enumerate(names):
-            marker = body.markers[name]
-            if marker.link not in links:
-                links.append(marker.link)
-                self._on.append([])
-            x, y, z = marker.p_link_marker.tolist()
-            self._on[links.index(marker.link)].append((index, (x, y, z)))
-        self._chains = [LinkChain(body, link) for link in links]
+        self._marked = MarkedBody(person.body, names)
         self._solver = Solver(*(np.array(values) for values in (person.lower, person.upper, person.rest)))
-        self._shape = len(names), 3, len(person.joints)
 
     def solve(self, positions: FloatArray) -> tuple[list[list[float]], FloatArray]:
         """Joint angles per frame, each from those before; where nothing is seen they stay.
@@ -63,15 +56,8 @@ class MarkerSolver:
 
     def _task(self, target: FloatArray, seen: Any) -> Task:
         def task(q: list[float]) -> tuple[FloatArray, FloatArray]:
-            error, J = np.zeros(self._shape[:2]), np.zeros(self._shape)
-            for chain, markers in zip(self._chains, self._on, strict=True):
-                posed = chain.posed(q)
-                for index, p_link in markers:
-                    p = posed.point(p_link)
-                    error[index] = target[index] - p
-                    if chain.joints:
-                        J[index][:, chain.joints] = np.array(posed.velocities(p)).T
-            return error[seen].ravel(), J[seen].reshape(-1, self._shape[2])
+            p, J = self._marked.at(q, ROOT)
+            return (target - p)[seen].ravel(), J[seen, :, ROOT_MOTIONS:].reshape(-1, len(q))
 
         return task
 

@@ -1,10 +1,14 @@
-"""A whole body in the world, on plain floats: where its links and markers are, and what the floor carries."""
+"""A whole body in the world: where its links and markers are, what its motion needs, and what the floor carries."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
+from hric_control.errors import HricError
 from hric_control.geometry import IDENTITY, ORIGIN, FloatArray, Pose, Quaternion, Vector, transformed
-from hric_control.geometry.quaternions import cross, from_rotation_vector, inverse, product, rotated
+from hric_control.geometry.quaternions import cross, from_rotation_vector, product
+from hric_control.native import load
 from hric_control.urdf import read
 from hric_human.body import Body
 from hric_human.body.segments import ROOT
@@ -12,6 +16,40 @@ from hric_human.control.kinematics import GRAVITY
 
 Wrench = tuple[float, float, float, float, float, float]
 """Force [N], and torque about the origin of the axes in which it is [N m]."""
+_Tree = load("hric_newton_euler").Tree
+
+
+class Load(NamedTuple):
+    """What acts on a link from outside, at n instants, in axes of the world.
+
+    Attributes:
+        link: name.
+        force, torque: shape (n, 3) [N], [N m].
+        point: at which the force acts, shape (n, 3) [m].
+    """
+
+    link: str
+    force: FloatArray
+    torque: FloatArray
+    point: FloatArray
+
+
+class Needed(NamedTuple):
+    """What a motion needs, at n instants of a body of j joints and l links, in axes of the world.
+
+    Attributes:
+        torque: of the joints, shape (n, j) [N m].
+        force, moment: what the parent of each link does to it through their joint, the moment about the link's origin,
+            shape (n, l, 3) [N], [N m].
+        position: of the links' origins, shape (n, l, 3) [m].
+        rotation: of the links, shape (n, l, 3, 3).
+    """
+
+    torque: FloatArray
+    force: FloatArray
+    moment: FloatArray
+    position: FloatArray
+    rotation: FloatArray
 
 
 class _Link(NamedTuple):
@@ -36,6 +74,13 @@ class _Link(NamedTuple):
     inertia: tuple[Vector, Vector, Vector]
 
 
+def _row(link: _Link) -> list[float]:
+    """For the compiled module."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
+    joint = -1 if link.axis == ORIGIN else link.joint
+    return [link.parent, joint, *link.offset, *link.axis, link.mass, *link.com, xx, xy, xz, yy, yz, zz]
+
+
 class WholeBody:
     """All links of a body, from the root outwards, those between the joints of one segment included.
 
@@ -45,6 +90,7 @@ class WholeBody:
     Attributes:
         body: as given.
         links: see `_Link`.
+        index: of each link in them, by name.
     """
 
     def __init__(self, body: Body) -> None:
@@ -69,6 +115,42 @@ class WholeBody:
                 )
             )
             index[joint.child] = len(self.links) - 1
+        self.index = {link.name: at for at, link in enumerate(self.links)}
+        self._tree = _Tree(len(order), [_row(link) for link in self.links])
+
+    def inverse_dynamics(
+        self,
+        q: FloatArray,
+        dq: FloatArray,
+        ddq: FloatArray,
+        T_world_root: Pose,
+        loads: Sequence[Load] = (),
+        gravity: Vector = GRAVITY,
+    ) -> Needed:
+        """What a motion needs beside its loads, by Newton and Euler.
+
+        Args:
+            q, dq, ddq: joint positions, velocities, accelerations, shape (n, j) each [rad], [rad/s], [rad/s^2].
+            T_world_root: pose of the root link, which is at rest.
+            loads: on links.
+            gravity: in axes of the world [m/s^2].
+
+        Raises:
+            HricError: a load on a link that the body has not.
+        """
+        wrong = [one.link for one in loads if one.link not in self.index]
+        if wrong:
+            raise HricError(f"a load on {wrong[0]!r}, which the body has not; valid: {', '.join(self.index)}")
+        n, links = len(q), len(self.links)
+        acting = np.zeros((n, len(loads), 9))
+        for at, one in enumerate(loads):
+            acting[:, at] = np.hstack([one.force, one.torque, one.point])
+        given = [np.ascontiguousarray(values, np.float64) for values in (q, dq, ddq)]
+        force, moment, position = (np.empty((n, links, 3)) for _ in range(3))
+        needed = Needed(np.zeros((n, given[0].shape[1])), force, moment, position, np.empty((n, links, 3, 3)))
+        root = (*T_world_root.position, *T_world_root.orientation)
+        self._tree.solve(root, gravity, [self.index[one.link] for one in loads], *given, acting, *needed)
+        return needed
 
     def poses(self, q: Sequence[float], T_world_root: Pose) -> dict[str, Pose]:
         """Of all links in the world, by name; q: n floats [rad]."""
@@ -99,20 +181,6 @@ def _rotation(link: _Link, q: Sequence[float]) -> Quaternion:
     return from_rotation_vector((angle * a, angle * b, angle * c))
 
 
-class _Moving(NamedTuple):
-    """A link, in axes of the world: origin [m] and its acceleration [m/s^2], angular velocity [rad/s] and acceleration
-    [rad/s^2]."""
-
-    pose: Pose
-    acceleration: Vector
-    omega: Vector
-    alpha: Vector
-
-    def accelerated(self, r: Vector) -> Vector:
-        """Acceleration of the point of the link at r from its origin: a + alpha x r + omega x (omega x r)."""
-        return _sum(self.acceleration, cross(self.alpha, r), cross(self.omega, cross(self.omega, r)))
-
-
 def floor_wrench(
     whole: WholeBody,
     q: Sequence[float],
@@ -136,45 +204,15 @@ def floor_wrench(
     Returns:
         in axes of the world, about its origin.
     """
-    rest = whole.body.subject.mass - whole.body.total_mass
-    weight = _scaled(rest, gravity)
-    force, torque = weight, cross(T_world_root.position, weight)
-    found = [*[_Moving(Pose(), ORIGIN, ORIGIN, ORIGIN)] * len(whole.links), _Moving(T_world_root, *[ORIGIN] * 3)]
+    moved = whole.inverse_dynamics(np.array([q]), np.array([dq]), np.array([ddq]), T_world_root, (), gravity)
+    rest = _scaled(whole.body.subject.mass - whole.body.total_mass, gravity)
+    force, torque = rest, cross(T_world_root.position, rest)
     for at, link in enumerate(whole.links):
-        moving = found[at] = _behind(found[link.parent], link, q, dq, ddq)
-        orientation = moving.pose.orientation
-        com = rotated(orientation, link.com)
-        pressed = _scaled(link.mass, _sum(gravity, _scaled(-1.0, moving.accelerated(com))))
-        p = _sum(moving.pose.position, com)
-        force = _sum(force, pressed)
-        torque = _sum(torque, cross(p, pressed), _scaled(-1.0, _spin(link, moving)))
+        if link.parent < 0:
+            pressed = _scaled(-1.0, _vector(moved.force[0, at]))
+            torque = _sum(torque, cross(_vector(moved.position[0, at]), pressed), _vector(-moved.moment[0, at]))
+            force = _sum(force, pressed)
     return *force, *torque
-
-
-def _behind(parent: _Moving, link: _Link, q: Sequence[float], dq: Sequence[float], ddq: Sequence[float]) -> _Moving:
-    """A link behind its joint."""
-    orientation, omega = parent.pose.orientation, parent.omega
-    r, axis = rotated(orientation, link.offset), rotated(orientation, link.axis)
-    rate = _scaled(dq[link.joint], axis)
-    return _Moving(
-        Pose(_sum(parent.pose.position, r), product(orientation, _rotation(link, q))),
-        parent.accelerated(r),
-        _sum(omega, rate),
-        _sum(parent.alpha, _scaled(ddq[link.joint], axis), cross(omega, rate)),
-    )
-
-
-def _spin(link: _Link, moving: _Moving) -> Vector:
-    """Rate of the angular momentum about the centre of mass, in axes of the world: I alpha + omega x I omega."""
-    orientation = moving.pose.orientation
-    back = inverse(orientation)
-    omega, alpha = rotated(back, moving.omega), rotated(back, moving.alpha)
-    return rotated(orientation, _sum(_times(link.inertia, alpha), cross(omega, _times(link.inertia, omega))))
-
-
-def _times(rows: tuple[Vector, Vector, Vector], v: Vector) -> Vector:
-    x, y, z = (a * v[0] + b * v[1] + c * v[2] for a, b, c in rows)
-    return x, y, z
 
 
 def _scaled(factor: float, v: Vector) -> Vector:

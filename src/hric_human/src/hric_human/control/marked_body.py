@@ -1,0 +1,75 @@
+"""Where the markers of a body are, and how they move with its root and its joints: one walk over all links."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hric_control.geometry import FloatArray, Pose, Vector, transformed
+from hric_control.geometry.quaternions import rotated
+from hric_human.body import Body
+from hric_human.control.whole_body import WholeBody
+
+ROOT_MOTIONS = 6
+"""Columns of a Jacobian before those of the joints: translation and rotation of the root link."""
+
+
+class MarkedBody:
+    """Kinematics of markers.
+
+    Args:
+        body: whose.
+        names: of its markers, in the order of all arrays.
+
+    Attributes:
+        body, names: as given.
+    """
+
+    def __init__(self, body: Body, names: Sequence[str]) -> None:
+        self.body, self.names = body, tuple(names)
+        self._whole = WholeBody(body)
+        links = self._whole.links
+        self._moving = [(link.name, link.axis, link.joint) for link in links if any(link.axis)]
+        self._on: list[tuple[str, Vector]] = []
+        self._moved = np.zeros((len(names), len(self._moving), 1))
+        index = {link.name: at for at, link in enumerate(links)}
+        columns = {name: column for column, (name, _, _) in enumerate(self._moving)}
+        for row, name in enumerate(names):
+            marker = body.markers[name]
+            x, y, z = marker.p_link_marker.tolist()
+            self._on.append((marker.link, (x, y, z)))
+            at = index.get(marker.link, -1)
+            while at >= 0:
+                if links[at].name in columns:
+                    self._moved[row, columns[links[at].name]] = 1.0
+                at = links[at].parent
+        self._joints = [ROOT_MOTIONS + joint for _, _, joint in self._moving]
+
+    def at(self, q: Sequence[float], T_world_root: Pose) -> tuple[FloatArray, FloatArray]:
+        """Positions of the markers, and their Jacobian.
+
+        Args:
+            q: of all joints, n floats [rad].
+            T_world_root: pose of the root link.
+
+        Returns:
+            shape (m, 3) in axes of the world [m]; shape (m, 3, 6 + n): with translation and rotation of the root link
+            along the axes of the world, the latter about its origin, and with the joints [m/m], [m/rad].
+        """
+        poses = self._whole.poses(q, T_world_root)
+        p = np.array([transformed(poses[link], p_link) for link, p_link in self._on])
+        # A joint's axis is the same in its link before and behind it.
+        axes = np.array([rotated(poses[name].orientation, axis) for name, axis, _ in self._moving])
+        origins = np.array([poses[name].position for name, _, _ in self._moving])
+        J = np.zeros((len(p), 3, ROOT_MOTIONS + len(q)))
+        J[:, :, :3] = np.eye(3)
+        J[:, :, 3:ROOT_MOTIONS] = _turned(np.eye(3), p[:, None] - np.array(T_world_root.position)).transpose(0, 2, 1)
+        turned = self._moved * _turned(axes, p[:, None] - origins)
+        J[:, :, self._joints] = turned.transpose(0, 2, 1)
+        return p, J
+
+
+def _turned(axes: FloatArray, r: FloatArray) -> FloatArray:
+    """axis x r of each axis (k, 3) and each point (m, k or 1, 3), shape (m, k, 3)."""
+    a, b, c = axes.T
+    x, y, z = r[..., 0], r[..., 1], r[..., 2]
+    return np.stack((b * z - c * y, c * x - a * z, a * y - b * x), axis=-1)

@@ -1,0 +1,180 @@
+"""The built-in anatomy: 34 lines of action on shoulder, elbow and forearm, from das4_v4.osim.
+
+Lengths are those with the girdle of the shoulder rhythm; moment arms at the shoulder are about the glenohumeral joint
+with the girdle held, as on a specimen: the torque that a muscle gives between thorax and arm goes partly through
+muscles of the girdle, which are not here.
+"""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from hric_control.geometry import FloatArray
+from hric_control.geometry.transforms import rotation_about
+from hric_human.muscles.anatomy import CENTRES, Anatomy, FitError, Muscle
+from hric_human.muscles.fitting.fit import fit_error, fit_muscle, rounded
+from hric_human.muscles.fitting.girdle import Girdle, angles_yzx, angles_yzy
+from hric_human.muscles.fitting.groups import GROUPS, Group
+from hric_human.muscles.fitting.mend import mended
+from hric_human.muscles.fitting.sample import R_LINK_OPENSIM, Paths, Samples, poses
+from hric_human.muscles.polynomial import Polynomial
+
+RANGE = {
+    "sh_flex": (-10.0, 110.0),
+    "sh_abd": (-5.0, 75.0),
+    "sh_rot": (-50.0, 70.0),
+    "el_flex": (5.0, 130.0),
+    "pro_sup": (-60.0, 60.0),
+}
+"""Of the fit, by joint [deg]. Beyond +65 deg of pronation the biceps of the file turns over."""
+JOINTS = tuple(RANGE)
+LOWER = tuple(math.radians(low) for low, _ in RANGE.values())
+UPPER = tuple(math.radians(high) for _, high in RANGE.values())
+NOTICE = (
+    "MIT License, Copyright (c) 2020 Aberdeen Biomechanics & Biomedical Engineering: LICENSE.delft. Fitted from "
+    "das4_v4.osim of the Dynamic Arm Simulator (github.com/AbdnBiomechEng/arm-model), made by Dimitra Blana after the "
+    "Delft shoulder and elbow model (Blana et al., J. Biomech. 41:1714, 2008) with measurements of Klein Breteler et "
+    "al., J. Biomech. 32:1191, 1999. Cite Chadwick et al., IEEE Trans. Biomed. Eng. 61:1947, 2014."
+)
+"""Licence and credits of the model, which its anatomy has with it."""
+SAMPLES, UNSEEN = 1536, 384
+"""Poses of the fit and of its test."""
+FIBRES = (0.45, 1.55)
+"""Range of an element's fibres per optimal length beyond which the file's lengths are identified again [1]."""
+LINE_FIBRES = (0.42, 1.42)
+"""The same for lines, whose polynomials differ from the paths'; project default."""
+MEAN_FIBRE, FIBRE_SPAN = 0.95, 0.9
+"""Mean and greatest range of one identified again, per optimal length [1]; project default, unconfirmed."""
+_X, _Y, _Z = np.eye(3)
+STEP = 1e-4
+"""Of the differences that moment arms are [rad]."""
+_COORDINATES = ("SC_y", "SC_z", "SC_x", "AC_y", "AC_z", "AC_x", "GH_y", "GH_z", "GH_yy", "EL_x", "PS_y")
+_UPPER_ARM = ("humerus_1", "humerus_2", "humerus_r")
+_FOREARM = ("ulna_r", "radius_r")
+_ARM = (*_UPPER_ARM, *_FOREARM)
+
+
+def _humerus(q: FloatArray) -> FloatArray:
+    """Its rotation in the thorax, shape (3, 3)."""
+    return rotation_about(_X, q[0]) @ rotation_about(_Z, q[1]) @ rotation_about(_Y, q[2])
+
+
+class DelftArm:
+    """The mended model with its girdle following the arm.
+
+    Attributes:
+        paths: its muscles' paths.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.paths = Paths(mended(path))
+        self._girdle = Girdle()
+        self._humerus, self._forearm = self.paths.numbers(_ARM), self.paths.numbers(_FOREARM)
+
+    def put(self, q: FloatArray, girdle: FloatArray | None = None) -> None:
+        """Angles of JOINTS, shape (5,) [rad]; with the girdle where it is at others, of the same shape."""
+        R_thorax_humerus = _humerus(q)
+        leading = R_thorax_humerus if girdle is None else _humerus(girdle)
+        R_thorax_clavicle, R_thorax_scapula = self._girdle.rotations(-leading[:, 1])
+        angles = (
+            *angles_yzx(R_thorax_clavicle),
+            *angles_yzx(R_thorax_clavicle.T @ R_thorax_scapula),
+            *angles_yzy(R_thorax_scapula.T @ R_thorax_humerus),
+            q[3],
+            q[4] + 0.5 * math.pi,
+        )
+        self.paths.put(dict(zip(_COORDINATES, angles, strict=True)))
+
+    def sample(self, q: FloatArray) -> Samples:
+        """At poses, shape (N, 5) [rad]."""
+        at = [self._at(pose) for pose in q]
+        length, arms, *pulls = (np.array(values) for values in zip(*at, strict=True))
+        return Samples(q, length, arms, dict(zip(CENTRES, pulls, strict=True)))
+
+    def _at(self, pose: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Lengths, moment arms and pulls across shoulder and elbow."""
+        slopes = []
+        for step in STEP * np.eye(len(JOINTS)):
+            self.put(pose + step, girdle=pose)
+            longer = self.paths.lengths()
+            self.put(pose - step, girdle=pose)
+            slopes.append((longer - self.paths.lengths()) / (2.0 * STEP))
+        self.put(pose)
+        lines, (R_ground_humerus, _) = self.paths.lines(), self.paths.frame("humerus_r")
+        shoulder = lines.pull(self._humerus) @ R_LINK_OPENSIM.T
+        elbow = lines.pull(self._forearm) @ R_ground_humerus @ R_LINK_OPENSIM.T
+        return self.paths.lengths(), -np.array(slopes).T, shoulder, elbow
+
+    def reference(self) -> dict[str, float]:
+        """Lengths of the segments, as a subject's are named [m]."""
+        self.put(np.zeros(len(JOINTS)))
+        shoulder, elbow, wrist = self.paths.centres(("gh1", "hu", "radiocarpal"))
+        return {
+            "upper_arm": rounded(float(np.linalg.norm(elbow - shoulder))),
+            "forearm": rounded(float(np.linalg.norm(wrist - elbow))),
+        }
+
+
+def fit(path: Path) -> Anatomy:
+    """The anatomy of das4_v4.osim.
+
+    Raises:
+        HricError: it is not that file.
+    """
+    arm = DelftArm(path)
+    elements = arm.sample(poses(LOWER, UPPER, SAMPLES + UNSEEN))
+    forces, optimal, slack = _identified(arm.paths, elements.length[:SAMPLES])
+    shares = forces * [[name in group.elements for name in arm.paths.names] for group in GROUPS]
+    total = shares.sum(axis=1)
+    weights = shares / total[:, None]
+    lines = elements.joined(weights)
+    seen, unseen = lines.part(slice(None, SAMPLES)), lines.part(slice(SAMPLES, None))
+    muscles, errors = dict[str, Muscle](), dict[str, FitError]()
+    for k, group in enumerate(GROUPS):
+        numbers = float(total[k]), float(weights[k] @ optimal), float(weights[k] @ slack)
+        if group.arm:
+            muscles[group.name], errors[group.name] = _constant(group, *numbers), FitError(0.0, 0.0, 0.0, {})
+        else:
+            muscles[group.name] = _usable(fit_muscle(seen, k, JOINTS, group.name, *numbers), seen)
+            errors[group.name] = fit_error(unseen, k, JOINTS, muscles[group.name])
+    return Anatomy("delft", JOINTS, LOWER, UPPER, muscles, arm.reference(), NOTICE, errors)
+
+
+def _constant(group: Group, force: float, optimal: float, slack: float) -> Muscle:
+    """A line about pro_sup alone."""
+    length = Polynomial(("pro_sup",), 1, (rounded(slack + MEAN_FIBRE * optimal), -group.arm))
+    return Muscle(group.name, rounded(force), rounded(optimal), rounded(slack), length, {})
+
+
+def _usable(muscle: Muscle, samples: Samples) -> Muscle:
+    """With fibres that stay within LINE_FIBRES, about the middle of their range."""
+    values = muscle.length.values(samples.q[:, [JOINTS.index(name) for name in muscle.length.joints]])
+    ends = np.array([values.min(), values.max()])
+    optimal, slack = _within(LINE_FIBRES, ends, muscle.optimal_length, muscle.slack_length)
+    return replace(muscle, optimal_length=rounded(optimal), slack_length=rounded(slack))
+
+
+def _identified(paths: Paths, length: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Force along the line [N], optimal length of the fibres [m] and length of the tendon [m] of elements, where
+    `length`, shape (poses, elements) [m], leaves fibres within FIBRES those of the file; all heads of the triceps have
+    the same insertion now, and the mean of the range as optimal length."""
+    muscles = [paths.model.getMuscles().get(name) for name in paths.names]
+    pennation = np.array([muscle.getPennationAngleAtOptimalFiberLength() for muscle in muscles])
+    forces = np.array([muscle.getMaxIsometricForce() for muscle in muscles]) * np.cos(pennation)
+    optimal = np.array([muscle.getOptimalFiberLength() for muscle in muscles])
+    slack = np.array([muscle.getTendonSlackLength() for muscle in muscles])
+    optimal, slack = np.transpose([_within(FIBRES, *of) for of in zip(length.T, optimal, slack, strict=True)])
+    triceps = np.array([name.startswith("tric_") for name in paths.names])
+    return forces, optimal, np.where(triceps, length.mean(axis=0) - optimal, slack)
+
+
+def _within(bounds: tuple[float, float], length: FloatArray, optimal: float, slack: float) -> tuple[float, float]:
+    """Optimal length of fibres and length of the tendon [m], identified again where fibres leave bounds at lengths of
+    shape (poses,) [m]."""
+    shortest, longest = float(length.min()), float(length.max())
+    if bounds[0] * optimal <= shortest - slack and longest - slack <= bounds[1] * optimal:
+        return optimal, slack
+    optimal = max(optimal, (longest - shortest) / FIBRE_SPAN)
+    return optimal, max(0.0, float(length.mean()) - MEAN_FIBRE * optimal)

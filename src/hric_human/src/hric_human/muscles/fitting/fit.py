@@ -1,0 +1,81 @@
+"""Polynomials through samples of paths, by least squares."""
+
+import numpy as np
+
+from hric_control.geometry import FloatArray
+from hric_human.muscles.anatomy import FitError, Muscle
+from hric_human.muscles.fitting.sample import Samples
+from hric_human.muscles.polynomial import Polynomial, monomials, slopes
+
+ORDERS, FEW_JOINTS = (5, 4), 3
+"""Of the length about up to FEW_JOINTS joints, and about more; a pull's is one less."""
+NO_ARM, NO_PULL = 1e-4, 1e-6
+"""A muscle whose moment arm about a joint, or pull across it, is never larger does not act on it [m], [1]."""
+LENGTH_WEIGHT = 0.3
+"""Of a length's error [m] against that of a slope [m/rad]. With a girdle that is held for the slopes and moves for the
+lengths no polynomial has both; project default."""
+
+
+def fit_muscle(
+    samples: Samples, k: int, joints: tuple[str, ...], name: str, force: float, optimal: float, slack: float
+) -> Muscle:
+    """Muscle k of samples.
+
+    Args:
+        joints: of the samples.
+        name, force, optimal, slack: as `Muscle` has them.
+    """
+    length = _length(samples, k, joints)
+    crossed = [centre for centre, pull in samples.pulls.items() if np.abs(pull[:, k]).max() > NO_PULL]
+    pulls = {centre: _pull(samples, k, centre, joints, length.joints) for centre in crossed}
+    return Muscle(name, rounded(force), rounded(optimal), rounded(slack), length, pulls)
+
+
+def fit_error(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FitError:
+    """Of muscle k at samples that its fit did not see."""
+    acts = [joints.index(name) for name in muscle.length.joints]
+    q = samples.q[:, acts]
+    arms = -muscle.length.gradients(q) - samples.arms[:, k, acts]
+    worst = {}
+    for centre, parts in muscle.pulls.items():
+        missed = np.stack([part.values(q) for part in parts], axis=1) - samples.pulls[centre][:, k]
+        worst[centre] = rounded(float(np.linalg.norm(missed, axis=1).max()))
+    length = _rms(muscle.length.values(q) - samples.length[:, k])
+    return FitError(rounded(length), rounded(_rms(arms)), rounded(float(np.abs(arms).max(initial=0.0))), worst)
+
+
+def _length(samples: Samples, k: int, joints: tuple[str, ...]) -> Polynomial:
+    """Whose slopes are moment arms with the opposite sign."""
+    acts = np.flatnonzero(np.abs(samples.arms[:, k]).max(axis=0) > NO_ARM)
+    order = ORDERS[len(acts) > FEW_JOINTS]
+    q = samples.q[:, acts]
+    rows = [LENGTH_WEIGHT * monomials(q, order), *slopes(q, order)]
+    values = [LENGTH_WEIGHT * samples.length[:, k], *(-samples.arms[:, k, acts].T)]
+    solution = _solve(np.concatenate(rows), np.concatenate(values))
+    return Polynomial(tuple(joints[i] for i in acts), order, solution)
+
+
+def _pull(
+    samples: Samples, k: int, centre: str, joints: tuple[str, ...], of: tuple[str, ...]
+) -> tuple[Polynomial, Polynomial, Polynomial]:
+    """Of the angles of some joints."""
+    order = ORDERS[len(of) > FEW_JOINTS] - 1
+    terms = monomials(samples.q[:, [joints.index(name) for name in of]], order)
+    x, y, z = (Polynomial(of, order, _solve(terms, part)) for part in samples.pulls[centre][:, k].T)
+    return x, y, z
+
+
+def rounded(value: float) -> float:
+    """To 12 digits, so that the file of a repeated fit has no other last ones."""
+    return float(f"{value:.11e}")
+
+
+def _solve(terms: FloatArray, values: FloatArray) -> tuple[float, ...]:
+    """Least squares."""
+    scale = np.linalg.norm(terms, axis=0)
+    solution, *_ = np.linalg.lstsq(terms / scale, values)
+    return tuple(map(rounded, solution / scale))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

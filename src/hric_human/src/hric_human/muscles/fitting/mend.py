@@ -1,0 +1,58 @@
+"""The Delft arm of the Dynamic Arm Simulator's das4_v4.osim, with its defects mended.
+
+What is wrong in the file, and what is done about it: see docs/concepts/muscle_anatomy.md. Only elements of the
+Delft shoulder and elbow model are kept; those of hand and wrist come from another source and are left out.
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from xml.etree import ElementTree
+
+import opensim
+
+from hric_control.errors import HricError
+from hric_human.muscles.fitting.groups import GROUPS
+
+TRICEPS_INSERTION = (-0.0127, -0.0422, 0.0027)
+"""On the ulna, behind the elbow's cylinder [m]: the published ones lie inside it, where OpenSim's paths do not wrap.
+Project default: gives moment arms of 18 to 20 mm, as published."""
+MOVED = ("tric_long_1", "tric_long_2", *(f"tric_{head}_{k}" for head in ("med", "lat") for k in range(1, 6)))
+"""Elements whose insertion lies in the cylinder."""
+
+
+def mended(path: Path) -> Any:
+    """The model, an opensim.Model with the elements of GROUPS alone.
+
+    Raises:
+        HricError: it cannot be read, or elements are missing.
+    """
+    try:
+        tree = ElementTree.parse(path)
+    except (OSError, ElementTree.ParseError) as error:
+        raise HricError(f"no OpenSim model in {path}: {error}") from error
+    forces = tree.find(".//ForceSet/objects")
+    kept = {element for group in GROUPS for element in group.elements}
+    missing = sorted(kept.difference(force.get("name", "") for force in forces or ()))
+    if forces is None or missing:
+        raise HricError(f"{path} is not das4_v4.osim: it has no {', '.join(missing)}")
+    for force in list(forces):
+        if force.get("name") not in kept:
+            forces.remove(force)
+        elif force.get("name") in MOVED:
+            _insert(force)
+    for probes in tree.iter("ProbeSet"):
+        probes.clear()
+    with TemporaryDirectory() as folder:
+        changed = Path(folder) / "mended.osim"
+        tree.write(changed)
+        opensim.Logger.setLevelString("error")
+        return opensim.Model(str(changed))
+
+
+def _insert(force: ElementTree.Element) -> None:
+    """Move the point on the ulna."""
+    for point in force.iter("PathPoint"):
+        socket, location = point.find("socket_parent_frame"), point.find("location")
+        if socket is not None and location is not None and str(socket.text).endswith("ulna_r"):
+            location.text = " ".join(map(repr, TRICEPS_INSERTION))

@@ -1,0 +1,136 @@
+"""What a model's paths are at poses: lengths, moment arms and pulls of its muscles."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import opensim
+from scipy.stats import qmc
+
+from hric_control.geometry import FloatArray
+from hric_human.muscles.polynomial import IntArray
+
+R_LINK_OPENSIM = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""From x right, y up, z back to x forward, y left, z up."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Of K muscles at N poses of m joints.
+
+    Attributes:
+        q: shape (N, m) [rad].
+        length: shape (N, K) [m].
+        arms: moment arms, shape (N, K, m) [m].
+        pulls: by joint centre, force on what lies distal per force of the muscle, in axes of the proximal link, shape
+            (N, K, 3) [1].
+    """
+
+    q: FloatArray
+    length: FloatArray
+    arms: FloatArray
+    pulls: Mapping[str, FloatArray]
+
+    def part(self, rows: slice) -> "Samples":
+        """Some of the poses."""
+        pulls = {centre: pull[rows] for centre, pull in self.pulls.items()}
+        return Samples(self.q[rows], self.length[rows], self.arms[rows], pulls)
+
+    def joined(self, weights: FloatArray) -> "Samples":
+        """Of lines that are weighted means of muscles: weights of shape (lines, K), whose rows add up to 1."""
+        pulls = {centre: np.einsum("gk,nkx->ngx", weights, pull) for centre, pull in self.pulls.items()}
+        return Samples(self.q, self.length @ weights.T, np.einsum("gk,nkm->ngm", weights, self.arms), pulls)
+
+
+def poses(lower: Sequence[float], upper: Sequence[float], count: int) -> FloatArray:
+    """The first of Sobol's sequence within a range, shape (count, joints)."""
+    points = qmc.Sobol(len(lower), scramble=False).random_base2(max(1, (count - 1).bit_length()))[:count]
+    return np.array(lower + points * np.subtract(upper, lower))
+
+
+class Paths:
+    """The paths of a model's muscles in one state.
+
+    Attributes:
+        model, state: of OpenSim.
+        names: of the muscles, K of them.
+    """
+
+    def __init__(self, model: Any) -> None:
+        self.model, self.state = model, model.initSystem()
+        muscles, bodies = model.getMuscles(), model.getBodySet()
+        self.names = [muscles.get(i).getName() for i in range(muscles.getSize())]
+        self._paths = [opensim.GeometryPath.safeDownCast(muscles.get(name).getPath()) for name in self.names]
+        self._bodies = {bodies.get(i).getName(): (i, bodies.get(i)) for i in range(bodies.getSize())}
+        coordinates = model.getCoordinateSet()
+        self.coordinates = {name: coordinates.get(name) for name in map(str, _names(coordinates))}
+
+    def put(self, angles: Mapping[str, float]) -> None:
+        """Coordinates by name [rad]."""
+        for name, angle in angles.items():
+            self.coordinates[name].setValue(self.state, angle, False)
+        self.model.realizePosition(self.state)
+
+    def lengths(self) -> FloatArray:
+        """Shape (K,) [m]."""
+        return np.array([path.getLength(self.state) for path in self._paths])
+
+    def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
+        """Rotation of shape (3, 3) and origin [m] of a body in the ground."""
+        transform = self._bodies[body][1].getTransformInGround(self.state)
+        return _matrix(transform.R()), transform.p().to_numpy()
+
+    def centres(self, joints: Sequence[str]) -> list[FloatArray]:
+        """Where joints are in the ground, each of shape (3,) [m]."""
+        of = [self.model.getJointSet().get(name).getParentFrame() for name in joints]
+        return [frame.getPositionInGround(self.state).to_numpy() for frame in of]
+
+    def lines(self) -> "Lines":
+        """The forces that the paths put on bodies."""
+        muscle, body, forces = [], [], []
+        for k, path in enumerate(self._paths):
+            given = opensim.ArrayPointForceDirection()
+            path.getPointForceDirections(self.state, given)
+            for i in range(given.getSize()):
+                one = given.get(i)
+                name = one.frame().findBaseFrame().getName()
+                muscle.append(k)
+                body.append(self._bodies[name][0] if name in self._bodies else -1)
+                forces.append(one.direction().to_numpy())
+        return Lines(len(self._paths), np.array(muscle), np.array(body), np.array(forces))
+
+    def numbers(self, bodies: Sequence[str]) -> IntArray:
+        """Of bodies, as `Lines` counts them."""
+        return np.array([self._bodies[name][0] for name in bodies])
+
+
+def _matrix(rotation: Any) -> FloatArray:
+    return np.reshape([rotation.get(i, j) for i in range(3) for j in range(3)], (3, 3))
+
+
+def _names(coordinates: Any) -> list[str]:
+    return [coordinates.get(i).getName() for i in range(coordinates.getSize())]
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Forces on bodies per force of a muscle.
+
+    Attributes:
+        muscles: how many there are.
+        muscle, body: number of each force, shape (n,).
+        force: in the ground, shape (n, 3) [1].
+    """
+
+    muscles: int
+    muscle: IntArray
+    body: IntArray
+    force: FloatArray
+
+    def pull(self, distal: IntArray) -> FloatArray:
+        """Force of each muscle on some bodies, in the ground, shape (muscles, 3) [1]."""
+        on = np.isin(self.body, distal)
+        total = np.zeros((self.muscles, 3))
+        np.add.at(total, self.muscle[on], self.force[on])
+        return total

@@ -1,0 +1,70 @@
+"""Polynomials of joint angles: the length of a muscle, its gradient, and its pull."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_control.geometry import FloatArray
+
+IntArray = npt.NDArray[np.int64]
+
+
+@cache
+def exponents(variables: int, order: int) -> IntArray:
+    """Of all monomials up to an order, shape (terms, variables), the last variable's counting fastest: the order of
+    OpenSim's MultivariatePolynomialFunction."""
+    return np.array(list(_exponents(variables, order)), dtype=np.int64).reshape(-1, variables)
+
+
+def _exponents(variables: int, order: int) -> Iterator[tuple[int, ...]]:
+    if variables == 0:
+        yield ()
+        return
+    for first in range(order + 1):
+        for rest in _exponents(variables - 1, order - first):
+            yield (first, *rest)
+
+
+def monomials(q: FloatArray, order: int) -> FloatArray:
+    """All up to an order, shape (samples, terms), of angles of shape (samples, variables)."""
+    return _products(q, exponents(q.shape[1], order))
+
+
+def slopes(q: FloatArray, order: int) -> FloatArray:
+    """Derivatives of `monomials` by each variable, shape (variables, samples, terms)."""
+    power = exponents(q.shape[1], order)
+    units = np.eye(q.shape[1], dtype=np.int64)
+    return np.array([power[:, i] * _products(q, np.maximum(power - unit, 0)) for i, unit in enumerate(units)])
+
+
+def _products(q: FloatArray, power: IntArray) -> FloatArray:
+    made = np.ones((len(q), len(power)))
+    for values, of in zip(q.T, power.T, strict=True):
+        made *= (values[:, None] ** np.arange(power.max(initial=0) + 1))[:, of]
+    return made
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """sum_t c_t prod_i q_i^e_ti, with the exponents e of `exponents`.
+
+    Attributes:
+        joints: whose angles it takes, names without a side.
+        order: highest sum of exponents of a term.
+        coefficients: in the unit of the value per power of rad.
+    """
+
+    joints: tuple[str, ...]
+    order: int
+    coefficients: tuple[float, ...]
+
+    def values(self, q: FloatArray) -> FloatArray:
+        """At angles of its joints, shape (samples, joints) [rad]: shape (samples,)."""
+        return np.asarray(monomials(q, self.order) @ np.array(self.coefficients))
+
+    def gradients(self, q: FloatArray) -> FloatArray:
+        """At angles of its joints, shape (samples, joints) [rad]: shape (samples, joints)."""
+        return np.asarray(slopes(q, self.order) @ np.array(self.coefficients)).T

@@ -1,0 +1,487 @@
+/* Least squares of activations that give a joint torque: what static_optimization.py explains.
+
+   The dual of the task has a closed form: activation i is b_i . x, kept within its bounds, where b_i is the torque of
+   muscle i at full activation and x has one number per joint; x minimises a convex function that is quadratic between
+   the places where a muscle reaches a bound, and whose gradient is torque given minus torque wanted. Newton's step with
+   an exact search along it ends after a few steps. A small distance from the last x is added to the function (proximal
+   point), so that every step exists, also where all muscles of a joint are at their bounds; it is moved along until it
+   has no effect. Where the torque is out of reach the residual goes to the shortest one, and x to infinity along it. */
+#include "hric_control/python_numbers.h"
+
+#include <float.h>
+#include <math.h>
+
+/* Weight of the distance from the last x, in units of the strongest muscle's torque: at first; times what at each move,
+   unless the torque is out of reach; and at last, which is the smallest pivot too. */
+#define DISTANCE 1e-6
+#define NEARER 0.1
+#define SMALLEST 1e-12
+#define ROUNDING 1e-13   /* of sums over all muscles, relative */
+#define SAME 1e-9        /* of activations */
+#define ON_FACE 1e-7     /* cosine up to which a muscle pulls neither with nor against what is missing */
+#define INDEPENDENT 1e-9 /* share of a vector that must be new to the others before it */
+
+enum { STEPS = 200, SEARCHES = 60, MOVES = 60, REFINEMENTS = 3, JOINTS = 32 };
+
+/* A task, in units of the strongest muscle's torque. Muscles that are settled have their bound in `activation`. */
+typedef struct {
+    int k, m;
+    double size;                     /* of all that is summed: torque wanted, and all muscles together */
+    double distance;                 /* weight of the distance from the centre */
+    double *b, *low, *wanted;        /* (k, m), (k), (m): wanted of the muscles that are not settled */
+    double *activation, *x, *centre; /* (k), (m), (m) */
+    double *gradient, *step, *H;     /* (m), (m), (m, m) */
+    double *along, *at;              /* (k): b . step, b . x */
+    unsigned char *settled;          /* (k) */
+} Task;
+
+static size_t row(const Task *t) { return sizeof(double) * (size_t)t->m; }
+
+static double dot(const double *a, const double *b, int n)
+{
+    double sum = 0.0;
+    for (int i = 0; i < n; i++)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+static double within(double value, double low) { return value < low ? low : value > 1.0 ? 1.0 : value; }
+
+static int is_free(const Task *t, int i, double value) { return !t->settled[i] && value > t->low[i] && value < 1.0; }
+
+/* Lower triangle of a positive H in place, H = L L^T. A pivot that is no larger than `least` becomes infinite, so that
+   its unknown becomes 0 (a joint that nobody moves); 0 where there is one. */
+static int factor(double *H, int m, double least)
+{
+    int regular = 1;
+    for (int i = 0; i < m; i++)
+        for (int j = 0; j <= i; j++) {
+            const double left = H[i * m + j] - dot(H + i * m, H + j * m, j);
+            if (i != j)
+                H[i * m + j] = left / H[j * m + j];
+            else if (left > least)
+                H[i * m + i] = sqrt(left);
+            else {
+                H[i * m + i] = INFINITY;
+                regular = 0;
+            }
+        }
+    return regular;
+}
+
+static void back_substitute(const double *L, int m, double *v)
+{
+    for (int i = 0; i < m; i++)
+        v[i] = (v[i] - dot(L + i * m, v, i)) / L[i * m + i];
+    for (int i = m - 1; i >= 0; i--) {
+        for (int j = i + 1; j < m; j++)
+            v[i] -= L[j * m + i] * v[j];
+        v[i] /= L[i * m + i];
+    }
+}
+
+/* Sum of b b^T over the muscles between their bounds, lower triangle. */
+static void curvature(Task *t, double distance)
+{
+    memset(t->H, 0, sizeof(double) * (size_t)(t->m * t->m));
+    for (int i = 0; i < t->k; i++) {
+        const double *b = t->b + i * t->m;
+        if (is_free(t, i, t->at[i]))
+            for (int r = 0; r < t->m; r++)
+                for (int c = 0; c <= r; c++)
+                    t->H[r * t->m + c] += b[r] * b[c];
+    }
+    for (int r = 0; r < t->m; r++)
+        t->H[r * t->m + r] += distance;
+}
+
+/* Torque given by the activations of those that are not settled, less what is wanted of them. */
+static void excess(const Task *t, const double *activation, double *out)
+{
+    for (int r = 0; r < t->m; r++)
+        out[r] = -t->wanted[r];
+    for (int i = 0; i < t->k; i++)
+        if (!t->settled[i])
+            for (int r = 0; r < t->m; r++)
+                out[r] += activation[i] * t->b[i * t->m + r];
+}
+
+/* ---- a step ---- */
+
+static void evaluate(Task *t)
+{
+    for (int i = 0; i < t->k; i++)
+        if (!t->settled[i]) {
+            t->at[i] = dot(t->b + i * t->m, t->x, t->m);
+            t->activation[i] = within(t->at[i], t->low[i]);
+        }
+    excess(t, t->activation, t->gradient);
+    for (int r = 0; r < t->m; r++)
+        t->gradient[r] += t->distance * (t->x[r] - t->centre[r]);
+}
+
+/* Derivative of the function along the step, at this share of it; *slope is the second one. */
+static double derivative(const Task *t, double share, double constant, double distance, double *slope)
+{
+    double sum = constant + share * distance;
+    *slope = distance;
+    for (int i = 0; i < t->k; i++) {
+        const double value = t->at[i] + share * t->along[i];
+        if (t->settled[i])
+            continue;
+        sum += t->along[i] * within(value, t->low[i]);
+        if (is_free(t, i, value))
+            *slope += t->along[i] * t->along[i];
+    }
+    return sum;
+}
+
+/* Share of the step at which the function is least along it: a root of a rising, piecewise linear function. */
+static double search(Task *t)
+{
+    double constant = -dot(t->wanted, t->step, t->m), slope, low = 0.0, high = INFINITY, share = 1.0;
+    const double distance = t->distance * dot(t->step, t->step, t->m), first = dot(t->gradient, t->step, t->m);
+    for (int r = 0; r < t->m; r++)
+        constant += t->distance * (t->x[r] - t->centre[r]) * t->step[r];
+    for (int i = 0; i < t->k; i++)
+        t->along[i] = t->settled[i] ? 0.0 : dot(t->b + i * t->m, t->step, t->m);
+    for (int n = 0; n < SEARCHES; n++) {
+        const double value = derivative(t, share, constant, distance, &slope);
+        if (fabs(value) <= 1e-12 * fabs(first))
+            break;
+        if (value < 0.0)
+            low = share;
+        else
+            high = share;
+        share -= value / slope;
+        if (!(share > low && share < high))
+            share = 0.5 * (low + high);
+    }
+    return share;
+}
+
+/* Minimise the function; number of steps. */
+static int minimise(Task *t)
+{
+    int steps = 0;
+    for (evaluate(t); steps < STEPS; steps++, evaluate(t)) {
+        const double before = sqrt(dot(t->x, t->x, t->m)), noise = (ROUNDING + DBL_EPSILON * before) * t->size;
+        if (dot(t->gradient, t->gradient, t->m) <= noise * noise)
+            break;
+        curvature(t, t->distance);
+        factor(t->H, t->m, 0.0);
+        for (int r = 0; r < t->m; r++)
+            t->step[r] = -t->gradient[r];
+        back_substitute(t->H, t->m, t->step);
+        const double share = search(t);
+        for (int r = 0; r < t->m; r++)
+            t->x[r] += share * t->step[r];
+    }
+    return steps;
+}
+
+/* ---- the end ---- */
+
+/* What is wanted of the muscles that are between their bounds, less what they give at x. */
+static void left_to_free(const Task *t, const double *x, double *out)
+{
+    memcpy(out, t->wanted, row(t));
+    for (int i = 0; i < t->k; i++) {
+        const double *b = t->b + i * t->m;
+        const double value = is_free(t, i, t->at[i]) ? dot(b, x, t->m) : t->activation[i];
+        for (int r = 0; !t->settled[i] && r < t->m; r++)
+            out[r] -= value * b[r];
+    }
+}
+
+/* Whether x leaves all muscles where they are, between their bounds or at one of them. */
+static int same_muscles(const Task *t, const double *x)
+{
+    for (int i = 0; i < t->k; i++) {
+        const double value = dot(t->b + i * t->m, x, t->m), kept = within(value, t->low[i]);
+        const double error = kept - (is_free(t, i, t->at[i]) ? value : t->activation[i]);
+        if (!t->settled[i] && fabs(error) > 10.0 * ROUNDING)
+            return 0;
+    }
+    return 1;
+}
+
+/* Whether x leaves the activations as they are, but for rounding. */
+static int same_activations(const Task *t, const double *x)
+{
+    for (int i = 0; i < t->k; i++)
+        if (is_free(t, i, t->at[i]) && fabs(within(dot(t->b + i * t->m, x, t->m), t->low[i]) - t->activation[i]) > SAME)
+            return 0;
+    return 1;
+}
+
+/* Solve for x with the muscles that are between their bounds now: the result is then the same from any start. 0 where
+   others would be between theirs, or where those do not fix x, unless they give what is wanted already. */
+static int settle(Task *t, int given)
+{
+    double x[JOINTS], left[JOINTS];
+    memset(x, 0, row(t));
+    curvature(t, 0.0);
+    const int regular = factor(t->H, t->m, SMALLEST);
+    if (!regular && !given)
+        return 0;
+    for (int n = 0; n < REFINEMENTS; n++) {
+        left_to_free(t, x, left);
+        back_substitute(t->H, t->m, left);
+        for (int r = 0; r < t->m; r++)
+            x[r] += left[r];
+    }
+    left_to_free(t, x, left);
+    if (!(sqrt(dot(left, left, t->m)) <= 10.0 * ROUNDING * t->size))
+        return 0;
+    if (given ? !same_activations(t, x) : !same_muscles(t, x))
+        return 0;
+    for (int i = 0; i < t->k; i++)
+        if (is_free(t, i, t->at[i]))
+            t->activation[i] = within(dot(t->b + i * t->m, x, t->m), t->low[i]);
+    if (regular)
+        memcpy(t->x, x, row(t));
+    return 1;
+}
+
+/* Whether no activation within the bounds gives what is wanted: along what is missing all of them together give less.
+ */
+static int out_of_reach(const Task *t, const double *missing)
+{
+    double most = 0.0;
+    for (int i = 0; i < t->k; i++) {
+        const double pull = dot(t->b + i * t->m, missing, t->m);
+        most += t->settled[i] ? 0.0 : pull > 0.0 ? pull : t->low[i] * pull;
+    }
+    const double length = sqrt(dot(missing, missing, t->m));
+    return dot(t->wanted, missing, t->m) - most > 10.0 * ROUNDING * t->size * length;
+}
+
+/* Whether all who pull along what is missing are at their bounds: then nothing can be nearer. */
+static int is_nearest(const Task *t, const double *missing)
+{
+    const double length = sqrt(dot(missing, missing, t->m));
+    for (int i = 0; i < t->k; i++) {
+        const double *b = t->b + i * t->m, pull = dot(b, missing, t->m);
+        if (!t->settled[i] && fabs(pull) > ON_FACE * sqrt(dot(b, b, t->m)) * length
+            && t->activation[i] != (pull > 0.0 ? 1.0 : t->low[i]))
+            return 0;
+    }
+    return 1;
+}
+
+/* Take from v its parts along the rows of an orthonormal basis. */
+static void reduce(const double *basis, int rows, int m, double *v)
+{
+    for (int twice = 0; twice < 2; twice++)
+        for (int n = 0; n < rows; n++) {
+            const double part = dot(basis + n * m, v, m);
+            for (int r = 0; r < m; r++)
+                v[r] -= part * basis[n * m + r];
+        }
+}
+
+/* Nearest to a torque out of reach is the face of what can be reached that looks towards it: those who pull along what
+   is missing are at their bounds there, and stay. Wanted of the others is the nearest that they span; what is left is
+   added to the shortfall. Number of the others. */
+static int go_to_face(Task *t, const double *missing, double *shortfall)
+{
+    double basis[JOINTS * JOINTS], left[JOINTS];
+    const double length = sqrt(dot(missing, missing, t->m));
+    int rows = 0, others = 0;
+    for (int i = 0; i < t->k; i++) {
+        double *b = t->b + i * t->m, pull = dot(b, missing, t->m), strength = sqrt(dot(b, b, t->m));
+        if (t->settled[i])
+            continue;
+        if (fabs(pull) > ON_FACE * strength * length) {
+            t->settled[i] = 1;
+            t->activation[i] = pull > 0.0 ? 1.0 : t->low[i];
+            for (int r = 0; r < t->m; r++)
+                t->wanted[r] -= t->activation[i] * b[r];
+            continue;
+        }
+        others++;
+        memcpy(left, b, row(t));
+        reduce(basis, rows, t->m, left);
+        const double fresh = sqrt(dot(left, left, t->m));
+        if (rows < t->m && fresh > INDEPENDENT * strength && strength > 0.0) {
+            for (int r = 0; r < t->m; r++)
+                basis[rows * t->m + r] = left[r] / fresh;
+            rows++;
+        }
+    }
+    memcpy(left, t->wanted, row(t));
+    reduce(basis, rows, t->m, left);
+    for (int r = 0; r < t->m; r++) {
+        shortfall[r] += left[r];
+        t->wanted[r] -= left[r];
+    }
+    return others;
+}
+
+/* Torque wanted that the activations of those who are not settled do not give; its length. */
+static double miss(const Task *t, double *missing)
+{
+    excess(t, t->activation, missing);
+    for (int r = 0; r < t->m; r++)
+        missing[r] = -missing[r];
+    return sqrt(dot(missing, missing, t->m));
+}
+
+/* Begin at no torque: so what follows is the same from any start. */
+static void restart(Task *t)
+{
+    memset(t->x, 0, row(t));
+    t->distance = DISTANCE;
+}
+
+/* Activations of those who are not settled: 1 where they give what is wanted, but for rounding, 0 where nobody can, and
+   then what is missing is the shortest. */
+static int reach(Task *t, double *missing, int *steps)
+{
+    double before[JOINTS];
+    int beyond = 0;
+    t->distance = DISTANCE;
+    memset(missing, 0, row(t));
+    for (int n = 0; n < MOVES; n++) {
+        memcpy(t->centre, t->x, row(t));
+        memcpy(before, missing, row(t));
+        *steps += minimise(t);
+        if (!beyond && settle(t, 0))
+            return 1;
+        const double length = miss(t, missing);
+        if (length <= ROUNDING * t->size) {
+            settle(t, 1);
+            return 1;
+        }
+        if (!beyond && out_of_reach(t, missing)) {
+            beyond = 1;
+            restart(t);
+        } else if (!beyond)
+            t->distance = fmax(SMALLEST, NEARER * t->distance);
+        else {
+            for (int r = 0; r < t->m; r++)
+                before[r] -= missing[r];
+            if (sqrt(dot(before, before, t->m)) <= 0.1 * ON_FACE * length && is_nearest(t, missing))
+                return 0;
+        }
+    }
+    return !beyond;
+}
+
+/* The whole task; x is left for the next start. */
+static int solve_task(Task *t, double *x, double *shortfall)
+{
+    double missing[JOINTS];
+    int steps = 0;
+    memset(shortfall, 0, row(t));
+    memcpy(t->x, x, row(t));
+    for (int face = 0; face <= t->m && !reach(t, missing, &steps); face++) {
+        restart(t);
+        if (go_to_face(t, missing, shortfall) == 0)
+            break;
+    }
+    memcpy(x, t->x, row(t));
+    for (int i = 0; i < t->k; i++) {
+        double *a = t->activation + i;
+        *a = *a - t->low[i] < ROUNDING ? t->low[i] : 1.0 - *a < ROUNDING ? 1.0 : *a;
+    }
+    return steps;
+}
+
+/* ---- Python ---- */
+
+enum { ARMS, GAIN, LEAST, TORQUE, START, ACTIVATION, SHORTFALL, ARRAYS };
+
+/* Torque of all muscles at full activation, in units of the strongest one, which is returned; 0 where none has any, NaN
+   where a number is not finite. */
+static double scale(Task *t, const double *arms, const double *gain)
+{
+    double strongest = 0.0, finite = 0.0;
+    for (int i = 0; i < t->k; i++) {
+        for (int r = 0; r < t->m; r++)
+            t->b[i * t->m + r] = gain[i] * arms[i * t->m + r];
+        const double square = dot(t->b + i * t->m, t->b + i * t->m, t->m);
+        strongest = square > strongest ? square : strongest;
+        finite += 0.0 * (square + t->low[i]);
+    }
+    strongest = sqrt(strongest) + finite;
+    for (int n = 0; strongest > 0.0 && n < t->k * t->m; n++)
+        t->b[n] /= strongest;
+    return strongest;
+}
+
+static PyObject *solved(int k, int m, double *const *array)
+{
+    const size_t K = (size_t)k, M = (size_t)m;
+    double *memory = PyMem_Malloc(sizeof(double) * (K * M + 2 * K + 5 * M + M * M) + K);
+    if (memory == NULL)
+        return PyErr_NoMemory();
+    Task t = {.k = k, .m = m, .low = array[LEAST], .activation = array[ACTIVATION], .b = memory};
+    t.along = t.b + K * M, t.at = t.along + K, t.wanted = t.at + K, t.x = t.wanted + M, t.centre = t.x + M;
+    t.gradient = t.centre + M, t.step = t.gradient + M, t.H = t.step + M;
+    t.settled = memset(t.H + M * M, 0, K);
+    const double unit = scale(&t, array[ARMS], array[GAIN]), by = unit > 0.0 ? unit : 1.0;
+    double finite = unit;
+    for (int r = 0; r < m; r++) {
+        t.wanted[r] = array[TORQUE][r] / by;
+        array[START][r] *= by;
+        finite += 0.0 * (t.wanted[r] + array[START][r]);
+    }
+    PyObject *steps = NULL;
+    if (isfinite(finite)) {
+        t.size = sqrt(dot(t.wanted, t.wanted, m));
+        for (int i = 0; i < k; i++)
+            t.size += sqrt(dot(t.b + i * m, t.b + i * m, m));
+        if (t.size == 0.0)
+            t.size = 1.0;
+        steps = PyLong_FromLong(solve_task(&t, array[START], array[SHORTFALL]));
+        for (int r = 0; r < m; r++) {
+            array[START][r] /= by;
+            array[SHORTFALL][r] *= by;
+        }
+    } else
+        PyErr_SetString(PyExc_ValueError, "a number is not finite");
+    PyMem_Free(memory);
+    return steps;
+}
+
+FUNCTION(solve)
+{
+    if (!expect(count, ARRAYS, "solve(arms, gain, least, torque, start, activation, shortfall)"))
+        return NULL;
+    Py_buffer view[ARRAYS];
+    double *array[ARRAYS];
+    int taken = 0;
+    for (; taken < ARRAYS; taken++) {
+        const int flags = taken < START ? PyBUF_C_CONTIGUOUS : PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE;
+        if (PyObject_GetBuffer(given[taken], view + taken, flags) < 0)
+            break;
+        array[taken] = view[taken].buf;
+    }
+    PyObject *steps = NULL;
+    if (taken == ARRAYS) {
+        const Py_ssize_t size = sizeof(double), k = view[GAIN].len / size, m = view[TORQUE].len / size;
+        const Py_ssize_t length[ARRAYS] = {k * m, k, k, m, m, k, m};
+        int fits = k > 0 && m > 0 && m <= JOINTS;
+        for (int i = 0; i < ARRAYS; i++)
+            fits = fits && view[i].len == size * length[i];
+        if (fits)
+            steps = solved((int)k, (int)m, array);
+        else
+            PyErr_SetString(PyExc_ValueError, "the arrays do not fit together");
+    }
+    while (taken > 0)
+        PyBuffer_Release(view + --taken);
+    return steps;
+}
+
+static PyMethodDef methods[] = {
+    METHOD(solve, "(arms, gain, least, torque, start, activation, shortfall): arrays of float64, the last three are "
+                  "written; number of steps"),
+    {0},
+};
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "hric_static_optimization", NULL, -1, methods, NULL, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit_hric_static_optimization(void) { return PyModule_Create(&definition); }

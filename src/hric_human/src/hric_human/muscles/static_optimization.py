@@ -1,0 +1,112 @@
+"""Which activations give a joint torque: those with the least sum of squares.
+
+    min sum a_i^2   with   sum_i arms_i gain_i a_i = torque,   minimum_i <= a_i <= 1
+
+Crowninshield & Brand, J. Biomech. 14:793, 1981, with activations in place of stresses, as OpenSim's StaticOptimization
+has it with its exponent of 2. The task is strictly convex: its solution is one. It is found through its dual, in C
+(`static_optimization.c`): a_i is b_i . x kept within its bounds, with b_i = gain_i arms_i, and x, one number per
+joint, minimises a convex function that is quadratic between kinks: Newton's step with a search along it. Starting from
+the last solution saves steps and does not change the result.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray
+from hric_control.native import load
+
+MINIMUM = 0.01
+"""Activation [1]: OpenSim's, of its muscles and its StaticOptimization tool alike."""
+
+_solve: Callable[..., int]
+_solve = load("hric_static_optimization").solve
+
+
+class Solution(NamedTuple):
+    """Activations for a joint torque.
+
+    Attributes:
+        activation: shape (k,) [1].
+        shortfall: of the torque, what no activation within the bounds can give; the shortest, and zero where the torque
+            can be given, shape (m,) [N m].
+        iterations: steps of Newton's method.
+    """
+
+    activation: FloatArray
+    shortfall: FloatArray
+    iterations: int
+
+
+class StaticOptimization:
+    """Shares joint torques among muscles. Not for two threads at once.
+
+    Args:
+        muscles: their number k, ideal actuators included.
+        joints: their number m.
+        minimum: of all activations [1].
+
+    Raises:
+        HricError: no muscle, no or too many joints, or a minimum activation that is not from 0 to below 1.
+    """
+
+    def __init__(self, muscles: int, joints: int, minimum: float = MINIMUM) -> None:
+        if muscles < 1 or not 1 <= joints <= 32 or not 0.0 <= minimum < 1.0:
+            raise HricError(
+                f"static optimisation of {muscles} muscles on {joints} joints with activations from {minimum}: valid "
+                "are 1 and more muscles on 1 to 32 joints, and a minimum activation from 0 to below 1"
+            )
+        self._shapes = ((muscles, joints), (muscles,), (muscles,), (joints,))
+        self._lower = np.full(muscles, float(minimum))
+        self._start = np.zeros(joints)
+
+    def solve(
+        self,
+        arms: FloatArray,
+        gain: FloatArray,
+        torque: Sequence[float] | FloatArray,
+        co_contraction: FloatArray | None = None,
+    ) -> Solution:
+        """Activations for a torque; of one that is out of reach, those for the nearest that is not.
+
+        Args:
+            arms: moment arms [m], of an ideal actuator +1 or -1, shape (k, m).
+            gain: force per activation [N], of an ideal actuator torque [N m], shape (k,).
+            torque: what activation shall give, the passive part left out, shape (m,) [N m].
+            co_contraction: added to the minimum activation of each muscle, from 0 to 1, shape (k,) [1]. The others make
+                up for it: the torque remains as requested.
+
+        Raises:
+            HricError: a wrong shape, a number that is not finite, or a co-contraction not from 0 to 1.
+        """
+        lower = self._lower if co_contraction is None else self._raised(co_contraction)
+        given = [np.ascontiguousarray(values, np.float64) for values in (arms, gain, lower, torque)]
+        activation, shortfall = np.empty(len(self._lower)), np.empty(len(self._start))
+        if tuple(array.shape for array in given) != self._shapes:
+            raise HricError(f"static optimisation: {_shapes(given)}; valid: {_NAMES} of shapes {self._shapes}")
+        try:
+            iterations = _solve(*given, self._start, activation, shortfall)
+        except ValueError as error:
+            raise HricError(f"static optimisation: {_not_finite(given)} not finite") from error
+        return Solution(activation, shortfall, iterations)
+
+    def _raised(self, co_contraction: FloatArray) -> FloatArray:
+        added = np.asarray(co_contraction, np.float64)
+        if not bool(np.all((added >= 0.0) & (added <= 1.0))):
+            raise HricError(f"static optimisation: co-contraction {added.tolist()}; valid: from 0 to 1")
+        raised: FloatArray = np.minimum(self._lower + added, 1.0)
+        return raised
+
+
+_NAMES = ("arms", "gain", "minimum activation", "torque")
+
+
+def _shapes(given: list[FloatArray]) -> str:
+    return ", ".join(f"{name} {array.shape}" for name, array in zip(_NAMES, given, strict=True))
+
+
+def _not_finite(given: list[FloatArray]) -> str:
+    names = [name for name, array in zip(_NAMES, given, strict=True) if not np.isfinite(array).all()]
+    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'}"

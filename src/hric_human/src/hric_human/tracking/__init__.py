@@ -1,0 +1,13 @@
+"""A real person: from the markers that cameras see to the joints of his body. No ROS.
+
+    tracker = PersonTracker(body, list(body.markers))
+    estimate = tracker.update(time, positions)         # each frame, NaN where a marker is not seen
+    estimate.q, estimate.states, estimate.residual
+
+`calibration` fits body and markers to him in a still pose.
+"""
+
+from hric_human.tracking.calibration import Calibration, StillPose, calibrate
+from hric_human.tracking.tracker import BRIDGED, LOST, MEASURED, Estimate, PersonTracker
+
+__all__ = ["BRIDGED", "LOST", "MEASURED", "Calibration", "Estimate", "PersonTracker", "StillPose", "calibrate"]

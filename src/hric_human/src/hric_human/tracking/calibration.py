@@ -1,0 +1,247 @@
+"""Lengths of a person's segments, and where his markers are on them, from one still pose.
+
+His joints are about as the pose says, with a body about as the tables have it and markers about where the set wants
+them; the still pose says where markers are. The most likely root, joint angles and lengths are those of least squares,
+each weighed by how far it may be off; each marker then is on its segment where it was seen.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from hric_control.errors import CommandError
+from hric_control.geometry import FloatArray, Vector, transformed
+from hric_control.geometry.poses import inverse
+from hric_control.parameters import Settings, mapping, number, numbers, read_yaml, section, unknown
+from hric_human.body import Body, Subject, describe
+from hric_human.body.segments import Builder
+from hric_human.control.inverse_kinematics import Solver
+from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody
+from hric_human.control.whole_body import WholeBody
+from hric_human.tracking.tracker import PersonTracker, moved
+
+DURATION = 1.0
+"""Of the still pose [s]. The constants of this file are project defaults, unconfirmed."""
+MAX_SWAY = 0.01
+"""A marker that was farther from its mean has moved [m]."""
+MIN_SHARE = 0.9
+"""Of the frames that a marker must be in [1]."""
+POSE_SPREAD, MARKER_SPREAD, LENGTH_SPREAD = 0.09, 0.01, 0.05
+"""Standard deviations of joints from the pose [rad], of markers from their places [m], and of lengths from those of the
+subject's height, as a share of them [1]."""
+MAX_LENGTH_CHANGE = 0.2
+"""Of the logarithm of a length [1]."""
+MAX_OFFSET = 0.06
+"""A marker that is farther from its place is another one [m]."""
+STEP = 1e-3
+"""Share of a length by which it is changed to see what that does [1]."""
+SETTLED = 1e-4
+"""Steps of the solver that are smaller end it [rad], [m], [1]."""
+
+
+@dataclass(frozen=True)
+class Calibration(Settings):
+    """A body that was fitted to somebody, as a YAML file has it."""
+
+    separator = "."
+    subject: Subject = section(Subject, text="with the lengths that were found")
+    markers: Mapping[str, Vector] = mapping(numbers(3, unit="m"), text="where each is, in axes of its link")
+    residual: float = number(
+        minimum=0.0, unit="m", text="root mean square distance of the markers from the places that the set has them at"
+    )
+
+    def check(self, where: str) -> None:
+        """Refuse markers that the body does not have."""
+        known = describe(self.subject).markers
+        for name in self.markers:
+            if name not in known:
+                raise unknown("marker", name, known, f"{where}markers")
+
+    @classmethod
+    def load(cls, path: Path) -> "Calibration":
+        """Of a file that `save` wrote. Raises ParameterError."""
+        return cls.of(read_yaml(path), f"{path.name}:")
+
+    def save(self, path: Path) -> None:
+        """Write it as YAML. Raises CommandError where that cannot be."""
+        values = asdict(self)
+        values["markers"] = {name: [round(value, 6) for value in p] for name, p in self.markers.items()}
+        values["subject"]["lengths"] = {name: round(length, 5) for name, length in self.subject.lengths.items()}
+        values["residual"] = round(self.residual, 6)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(yaml.safe_dump(values, sort_keys=False))
+        except OSError as error:
+            raise CommandError(f"the calibration cannot be written: {error}") from error
+
+    @property
+    def body(self) -> Body:
+        """The body, with the markers where they are."""
+        body = describe(self.subject)
+        markers = {
+            name: replace(marker, p_link_marker=np.array(self.markers.get(name, marker.p_link_marker)))
+            for name, marker in body.markers.items()
+        }
+        return replace(body, markers=markers)
+
+
+class StillPose:
+    """Collects the frames of a still pose.
+
+    Args:
+        names: of the markers.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._frames: list[FloatArray] = []
+        self._began: float | None = None
+
+    def add(self, time: float, positions: FloatArray) -> bool:
+        """Take a frame, see `PersonTracker.update`; whether these are enough."""
+        if self._began is None or time < self._began:
+            self._began, self._frames = time, []
+        self._frames.append(positions)
+        return time - self._began >= DURATION
+
+    def mean(self) -> FloatArray:
+        """Of each marker, shape (m, 3) [m].
+
+        Raises:
+            CommandError: he moved, or markers are missing; says which.
+        """
+        frames = np.array(self._frames)
+        seen = np.isfinite(frames).all(axis=2)
+        shares = seen.mean(axis=0)
+        missing = [
+            f"{name} ({share:.0%})" for name, share in zip(self._names, shares, strict=True) if share < MIN_SHARE
+        ]
+        if missing:
+            raise CommandError(
+                f"markers are missing: {', '.join(missing)} of the frames; valid: at least {MIN_SHARE:.0%} each"
+            )
+        mean: FloatArray = np.nanmean(frames, axis=0)
+        sway = np.nanmax(np.linalg.norm(frames - mean, axis=2), axis=0)
+        swayed = zip(self._names, sway, strict=True)
+        if moving := [f"{name} {1e3 * far:.0f} mm" for name, far in swayed if far > MAX_SWAY]:
+            raise CommandError(
+                f"he has moved: {', '.join(moving)} from the mean; valid: up to {1e3 * MAX_SWAY:.0f} mm in "
+                f"{DURATION:g} s"
+            )
+        return mean
+
+
+def calibrate(subject: Subject, names: Sequence[str], positions: FloatArray, pose: Mapping[str, float]) -> Calibration:
+    """Fit a body to somebody who is still.
+
+    Args:
+        subject: whose height and mass are his; lengths that it has measured are fitted no less than the others.
+        names: of his markers.
+        positions: of them, shape (m, 3) [m].
+        pose: angles of joints that are not zero in the pose that he takes, by joint [rad].
+
+    Raises:
+        CommandError: a marker is not where it belongs; says which.
+        ParameterError: a joint that the body does not have.
+    """
+    fit = _Fit(subject, names, positions, pose)
+    fitted = fit.fit()
+    body = describe(fitted)
+    poses = WholeBody(body).poses(fit.q.tolist(), fit.root)
+    p_link, offsets = dict[str, Vector](), dict[str, float]()
+    for name, position in zip(names, positions.tolist(), strict=True):
+        marker = body.markers[name]
+        p_link[name] = transformed(inverse(poses[marker.link]), position)
+        offsets[name] = float(np.linalg.norm(np.array(p_link[name]) - marker.p_link_marker))
+    refuse_far(offsets, MAX_OFFSET)
+    residual = float(np.sqrt(np.mean(np.square(list(offsets.values())))))
+    return Calibration(subject=fitted, markers=p_link, residual=residual)
+
+
+class _Fit:
+    """Least squares of root, joints and logarithms of lengths.
+
+    Args: see `calibrate`.
+    """
+
+    def __init__(
+        self, subject: Subject, names: Sequence[str], positions: FloatArray, pose: Mapping[str, float]
+    ) -> None:
+        self._subject, self._names, self._positions = subject, tuple(names), positions
+        body = describe(subject)
+        for joint in pose:
+            if joint not in body.joints:
+                raise unknown("joint", joint, body.joints, "pose")
+        self._pose = np.array([pose.get(joint, 0.0) for joint in body.joints])
+        low, high = np.array([joint.range for joint in body.joints.values()]).T
+        self._low, self._high = np.minimum(low, self._pose), np.maximum(high, self._pose)
+        self._first = Builder(subject).lengths
+        tracker = PersonTracker(body, names)
+        self.root = tracker.root_from_trunk(positions, np.ones(len(names), bool), self._pose)
+        self.q, self._changes = self._pose, np.zeros(len(self._first))
+
+    def fit(self) -> Subject:
+        """The subject with the lengths that fit best; `q` and `root` are his.
+
+        Raises:
+            CommandError: markers are nowhere near the body.
+        """
+        self._step(np.zeros((len(self._names), 3, 0)))
+        self._check()
+        for _ in range(2):  # again with what lengths do in the posture that was found
+            p = self._at(self._changes)
+            steps = STEP * np.eye(len(self._changes))
+            self._step(np.stack([(self._at(self._changes + step) - p) / STEP for step in steps], axis=2))
+        return self._with(self._changes)
+
+    def _check(self) -> None:
+        distances = np.linalg.norm(self._positions - self._at(self._changes), axis=1)
+        refuse_far(dict(zip(self._names, distances.tolist(), strict=True)), 2.0 * MAX_OFFSET)
+
+    def _step(self, by_length: FloatArray) -> None:
+        """Least squares; by_length: how markers move with the logarithms of lengths, shape (m, 3, lengths or 0) [m]."""
+        n, count = ROOT_MOTIONS + len(self.q), by_length.shape[2]
+        first, root = self._changes, self.root
+        spread = np.concatenate([np.full(n - ROOT_MOTIONS, POSE_SPREAD), np.full(count, LENGTH_SPREAD)])
+        prior = np.hstack([np.zeros((len(spread), ROOT_MOTIONS)), np.diag(1.0 / spread)])
+        marked = self._marked(first)
+
+        def task(x: list[float]) -> tuple[FloatArray, FloatArray]:
+            p, J = marked.at(x[ROOT_MOTIONS:n], moved(root, x[:ROOT_MOTIONS]))
+            p = p + by_length @ (np.array(x[n:]) - first[:count])
+            off = np.concatenate([self._pose, np.zeros(count)]) - x[ROOT_MOTIONS:]
+            error = np.concatenate([(self._positions - p).ravel() / MARKER_SPREAD, off / spread])
+            return error, np.vstack([np.concatenate([J, by_length], axis=2).reshape(-1, len(x)) / MARKER_SPREAD, prior])
+
+        free, change = np.full(ROOT_MOTIONS, np.inf), np.full(count, MAX_LENGTH_CHANGE)
+        solver = Solver(np.r_[-free, self._low, -change], np.r_[free, self._high, change], np.zeros(n + count))
+        x, _ = solver.solve(task, np.r_[np.zeros(ROOT_MOTIONS), self.q, first[:count]], 0.0, SETTLED)
+        self.root, self.q = moved(root, x[:ROOT_MOTIONS]), x[ROOT_MOTIONS:n]
+        if count:
+            self._changes = x[n:]
+
+    def _at(self, changes: FloatArray) -> FloatArray:
+        """Where the markers are now, shape (m, 3) [m]."""
+        return self._marked(changes).at(self.q.tolist(), self.root)[0]
+
+    def _marked(self, changes: FloatArray) -> MarkedBody:
+        return MarkedBody(describe(self._with(changes)), self._names)
+
+    def _with(self, changes: FloatArray) -> Subject:
+        """The subject, whose lengths are exp(change) times as long."""
+        if not changes.any():
+            return self._subject
+        lengths = dict(zip(self._first, (np.array(list(self._first.values())) * np.exp(changes)).tolist(), strict=True))
+        return replace(self._subject, lengths=lengths)
+
+
+def refuse_far(offsets: Mapping[str, float], limit: float) -> None:
+    """Raises CommandError where a marker is farther from its place than the limit [m]; offsets: by marker [m]."""
+    if far := [f"{name} {1e3 * offset:.0f} mm" for name, offset in offsets.items() if offset > limit]:
+        raise CommandError(
+            f"markers are not where they belong: {', '.join(far)} off; valid: up to {1e3 * MAX_OFFSET:.0f} mm, on "
+            "somebody who takes the pose, whose markers have their own names"
+        )

@@ -1,0 +1,282 @@
+"""Joints and root of a person by inverse kinematics of his markers, frame after frame.
+
+Each frame is a weighted least-squares problem: markers where they are seen, and the prediction of the frame before,
+weak enough to change nothing that markers say. What they do not say goes on as predicted for a moment: bridged, and
+flagged; then it is lost, and no longer given.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_control.errors import ParameterError
+from hric_control.geometry import FloatArray, Pose, from_rotation_vector, quaternion_from_rotation
+from hric_control.geometry.poses import difference
+from hric_control.geometry.quaternions import product
+from hric_human.body import Body
+from hric_human.body.segments import ROOT, SIDES, side_of
+from hric_human.control.inverse_kinematics import Solver, Task
+from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody
+from hric_human.control.surroundings import resting_posture
+
+Mask = npt.NDArray[np.bool_]
+MEASURED, BRIDGED, LOST = "measured", "bridged", "lost"
+"""States of the root and of joints."""
+BRIDGE = 0.2
+"""How long what no marker shows goes on as predicted [s]. The constants of this file are project defaults,
+unconfirmed."""
+STAMP = 1e-6
+"""Differences of times that are smaller are rounding [s]."""
+MARKER_NOISE = 1e-3
+"""Standard deviation of a marker, that weighs it against the prediction [m]."""
+PREDICTED_POSITION, PREDICTED_ANGLE = 0.025, 0.05
+"""Standard deviations of the prediction of the next frame [m], [rad]: so wide that markers decide."""
+LOST_SPREAD = 1.0
+"""That of a root or a joint that is lost [m], [rad]."""
+VELOCITY_TIME, COASTING_TIME = 0.04, 0.5
+"""Time constants of the filter of velocities, and of their decay in the prediction: what cannot be distinguished, such
+as two joints of a shoulder at 90 deg of abduction, does not drift [s]."""
+BLIND = 4.0
+"""A joint is not seen where the variance that markers and prediction leave is so many times as large as with all
+markers, and"""
+KNOWN_SHARE = 0.25
+"""more than this share of the prediction's [1]."""
+FAR = 0.1
+"""A marker that is farther from where the body has it is another one, or none [m]."""
+MAX_MISLABELLED = 3
+"""Of the markers of a frame."""
+GOOD = 0.005
+"""Root mean square distance at which a first posture is taken without trying others [m]."""
+SETTLED, FIRST_SETTLED = 2e-3, 1e-6
+"""Steps of the solver that are smaller end it [rad], [m]."""
+TRUNK = (ROOT, "waist", "torso")
+"""Links whose markers find the root at the beginning."""
+GUESSES = 12
+"""First postures that are tried at the most, from a fixed seed."""
+
+
+class Estimate(NamedTuple):
+    """What is known of him at a frame.
+
+    Attributes:
+        time: of the frame [s].
+        root: pose of his root link in the frame of the markers.
+        q, dq: of all joints, n floats each [rad], [rad/s]; those of lost joints mean nothing.
+        root_state: MEASURED, BRIDGED or LOST.
+        states: likewise of each joint.
+        residual: root mean square distance of the markers from where the body has them [m]; NaN without any.
+        missing: names of markers that are not seen, or are FAR from where they can be.
+    """
+
+    time: float
+    root: Pose
+    q: list[float]
+    dq: list[float]
+    root_state: str
+    states: list[str]
+    residual: float
+    missing: tuple[str, ...]
+
+
+class _Posture(NamedTuple):
+    """A first posture; distances of the markers [m], their Jacobian."""
+
+    residual: float
+    root: Pose
+    q: FloatArray
+    distances: FloatArray
+    J: FloatArray
+
+
+class PersonTracker:
+    """Follows one person. One thread calls it.
+
+    Args:
+        body: his, with a trunk, whose root is free.
+        names: of its markers that he has on, the order of positions.
+
+    Raises:
+        ParameterError: a marker that the body does not have, or fewer than three of them on the trunk.
+    """
+
+    def __init__(self, body: Body, names: Sequence[str]) -> None:
+        if unknown := [name for name in names if name not in body.markers]:
+            raise ParameterError(f"no markers {', '.join(unknown)} on the body; valid: {', '.join(body.markers)}")
+        self._trunk = [row for row, name in enumerate(names) if body.markers[name].link in TRUNK]
+        if len(self._trunk) < 3 or "torso" not in body.segments:
+            raise ParameterError(
+                f"{len(self._trunk)} markers are on the trunk of the body ({body.subject.parts}), whose pose they have "
+                "to show; valid: three or more, on a subject with parts upper_body or whole_body"
+            )
+        self.body, self.names = body, tuple(names)
+        self._marked = MarkedBody(body, names)
+        low, high = np.array([joint.range for joint in body.joints.values()]).T
+        free = np.full(ROOT_MOTIONS, np.inf)
+        self._rest = np.array(resting_posture(body))
+        still = np.concatenate([np.zeros(ROOT_MOTIONS), self._rest])
+        self._solver = Solver(np.concatenate([-free, low]), np.concatenate([free, high]), still)
+        position, angle = np.full(3, PREDICTED_POSITION), np.full(3 + len(low), PREDICTED_ANGLE)
+        self._spread = np.concatenate([position, angle])
+        self._of_side = {
+            side: (
+                np.array([side_of(body.markers[name].link) == side for name in names]),
+                np.array([side_of(name) == side for name in body.joints]),
+            )
+            for side in SIDES
+        }
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what came before."""
+        n = len(self._rest)
+        self._last: tuple[float, Pose, FloatArray] | None = None
+        self._v, self._measured_at = np.zeros(ROOT_MOTIONS + n), np.full(ROOT_MOTIONS + n, -math.inf)
+
+    def update(self, time: float, positions: FloatArray) -> Estimate | None:
+        """Take a frame.
+
+        Args:
+            time: of the frame [s]; one that is not after the last one begins again.
+            positions: of the markers, shape (m, 3) [m]; NaN: not seen.
+
+        Returns:
+            None where he is not found yet, or no longer: too few markers of his trunk, or markers that no posture of
+            the body fits.
+        """
+        seen: Mask = np.array(np.isfinite(positions).all(axis=1))
+        if self._last is not None and time <= self._last[0]:
+            self.restart()
+        if self._last is None:
+            return self._first(time, positions, seen)
+        since, root, q = self._last
+        dt = time - since
+        lost = time - self._measured_at > BRIDGE + STAMP
+        coasted = np.where(lost, 0.0, self._v * math.exp(-dt / COASTING_TIME))
+        guess = np.concatenate([np.zeros(ROOT_MOTIONS), q + dt * coasted[ROOT_MOTIONS:]])
+        guess = guess.clip(self._solver.lower, self._solver.upper)
+        root = moved(root, dt * coasted[:ROOT_MOTIONS])
+        spread = np.where(lost, LOST_SPREAD, self._spread)
+        x, seen, residual = self._fitted(positions, seen, root, guess, spread)
+        if residual > FAR:  # not of NaN
+            self.restart()
+            return None
+        return self._taken(time, dt, coasted, moved(root, x[:ROOT_MOTIONS]), x[ROOT_MOTIONS:], seen, residual)
+
+    def _fitted(
+        self, positions: FloatArray, seen: Mask, root: Pose, guess: FloatArray, spread: FloatArray
+    ) -> tuple[FloatArray, Mask, float]:
+        """Root motion from `root` and joints, markers that count, and their root mean square distance [m]."""
+        for _ in range(1 + MAX_MISLABELLED):
+            x, _ = self._solver.solve(self._task(positions, seen, root, guess, spread), guess, 0.0, SETTLED)
+            distances = np.linalg.norm(positions - self._p, axis=1)
+            worst = int(np.argmax(np.where(seen, distances, 0.0)))
+            if not seen[worst] or distances[worst] <= FAR:
+                break
+            seen = seen & (np.arange(len(seen)) != worst)
+        return x, seen, float(np.sqrt(np.mean(distances[seen] ** 2))) if seen.any() else math.nan
+
+    def _task(self, positions: FloatArray, seen: Mask, root: Pose, guess: FloatArray, spread: FloatArray) -> Task:
+        """Markers by their noise, and the distance from the prediction by its spread."""
+        prior = np.diag(1.0 / spread)
+
+        def task(x: list[float]) -> tuple[FloatArray, FloatArray]:
+            # Kept, since the solver's last call is at its solution.
+            p, J = self._p, self._J = self._marked.at(x[ROOT_MOTIONS:], moved(root, x[:ROOT_MOTIONS]))
+            error = np.concatenate([(positions - p)[seen].ravel() / MARKER_NOISE, (guess - x) / spread])
+            return error, np.vstack([J[seen].reshape(-1, len(x)) / MARKER_NOISE, prior])
+
+        return task
+
+    def _taken(
+        self,
+        time: float,
+        dt: float,
+        coasted: FloatArray,
+        root: Pose,
+        q: FloatArray,
+        seen: Mask,
+        residual: float,
+    ) -> Estimate:
+        """The new state, as an estimate."""
+        assert self._last is not None
+        _, before, q_before = self._last
+        shown = self._shown(seen)
+        moved = np.concatenate([difference(root, before), q - q_before]) / dt
+        steady = shown & (time - dt - self._measured_at < 0.5 * dt)  # not where a joint has just come back
+        self._v = np.where(steady, coasted + (1.0 - math.exp(-dt / VELOCITY_TIME)) * (moved - coasted), coasted)
+        self._measured_at[shown] = time
+        self._last = (time, root, q)
+        return self._estimate(seen, residual)
+
+    def _shown(self, seen: Mask) -> Mask:
+        """Which motions of root and joints markers show, shape (6 + n,): by the variances that least squares leave."""
+        if seen.all():
+            return np.ones(len(self._spread), dtype=bool)
+        variances = [self._variances(rows) for rows in (seen, np.ones(len(seen), dtype=bool))]
+        shown: Mask = (variances[0] < BLIND * variances[1]) | (variances[0] < KNOWN_SHARE * self._spread**2)
+        return shown
+
+    def _variances(self, rows: Mask) -> FloatArray:
+        J = self._J[rows].reshape(-1, len(self._spread)) / MARKER_NOISE
+        return np.asarray(np.diag(np.linalg.inv(J.T @ J + np.diag(self._spread**-2.0))))
+
+    def _estimate(self, seen: Mask, residual: float) -> Estimate:
+        assert self._last is not None
+        time, root, q = self._last
+        age = time - self._measured_at
+        states = np.where(age <= 0.0, MEASURED, np.where(age <= BRIDGE + STAMP, BRIDGED, LOST)).tolist()
+        of_root = next(state for state in (LOST, BRIDGED, MEASURED) if state in (*states[:ROOT_MOTIONS], MEASURED))
+        missing = tuple(name for name, here in zip(self.names, seen, strict=True) if not here)
+        dq = self._v[ROOT_MOTIONS:].tolist()
+        return Estimate(time, root, q.tolist(), dq, of_root, states[ROOT_MOTIONS:], residual, missing)
+
+    # -- the beginning -------------------------------------------------------------------------------------------------
+
+    def _first(self, time: float, positions: FloatArray, seen: Mask) -> Estimate | None:
+        """Somebody of whom nothing is known yet."""
+        if sum(seen[self._trunk]) < 3:
+            return None
+        random, best = np.random.default_rng(0), self._settled(positions, seen, self._rest)
+        for _ in range(GUESSES):
+            if best.residual < GOOD:
+                break
+            # The limb that fits worst is put elsewhere.
+            side = max(SIDES, key=lambda one: best.distances[self._of_side[one][0] & seen].max(initial=0.0))
+            q = random.uniform(self._solver.lower[ROOT_MOTIONS:], self._solver.upper[ROOT_MOTIONS:])
+            other = self._settled(positions, seen, np.where(self._of_side[side][1], q, best.q))
+            best = min(best, other, key=lambda one: one.residual)
+        if best.residual > FAR:
+            return None
+        self._last, self._J = (time, best.root, best.q), best.J
+        self._measured_at[self._shown(seen)] = time
+        return self._estimate(seen, best.residual)
+
+    def _settled(self, positions: FloatArray, seen: Mask, q: FloatArray) -> "_Posture":
+        """The posture near q that fits best."""
+        root, free = self.root_from_trunk(positions, seen, q), np.full(len(self._spread), LOST_SPREAD)
+        for _ in range(2):  # again about the root that was found, since its rotation was taken as small
+            guess = np.concatenate([np.zeros(ROOT_MOTIONS), q])
+            x, _ = self._solver.solve(self._task(positions, seen, root, guess, free), guess, 0.0, FIRST_SETTLED)
+            root, q = moved(root, x[:ROOT_MOTIONS]), x[ROOT_MOTIONS:]
+        distances = np.linalg.norm(positions - self._p, axis=1)
+        return _Posture(float(np.sqrt(np.mean(distances[seen] ** 2))), root, q, distances, self._J)
+
+    def root_from_trunk(self, positions: FloatArray, seen: Mask, q: FloatArray) -> Pose:
+        """Pose of the root that brings the markers of an upright trunk nearest to where they are (Kabsch 1976)."""
+        rows = [row for row in self._trunk if seen[row]]
+        there, body = positions[rows], self._marked.at(q.tolist(), Pose())[0][rows]
+        U, _, Vt = np.linalg.svd((there - there.mean(axis=0)).T @ (body - body.mean(axis=0)))
+        R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+        x, y, z = (there.mean(axis=0) - R @ body.mean(axis=0)).tolist()
+        return Pose((x, y, z), quaternion_from_rotation(R))
+
+
+def moved(root: Pose, motion: Sequence[float] | FloatArray) -> Pose:
+    """After a translation [m] and a rotation vector [rad] along the axes of the world, 6 numbers; see
+    `poses.difference`."""
+    dx, dy, dz, *rotation = (float(value) for value in motion)
+    x, y, z = root.position
+    return Pose((x + dx, y + dy, z + dz), product(from_rotation_vector(rotation), root.orientation))

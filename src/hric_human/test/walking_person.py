@@ -1,0 +1,75 @@
+"""Somebody who moves his whole upper body in a laboratory, with markers on him, as pinocchio has him."""
+
+import numpy as np
+import pinocchio
+
+from hric_human.body import Body
+
+RATE = 120.0
+
+
+class Mover:
+    """A body whose root and joints swing, away from the singularity of the shoulder.
+
+    Args:
+        body: his, as it really is.
+        speed: of the swings, a factor [1].
+        seed: of phases and rates.
+    """
+
+    def __init__(self, body: Body, speed: float = 1.0, seed: int = 1) -> None:
+        self.body, self._random = body, np.random.default_rng(seed)
+        self.model = pinocchio.buildModelFromXML(body.urdf, pinocchio.JointModelFreeFlyer())
+        self.data = self.model.createData()
+        low, high = np.array([joint.range for joint in body.joints.values()]).T
+        high = np.minimum(high, np.radians(75))
+        self._middle, self._swing = 0.5 * (low + high), 0.4 * (high - low)
+        self._phase = self._random.uniform(0, 2 * np.pi, len(low))
+        self._rate = speed * self._random.uniform(0.5, 1.5, len(low))
+        joints = [self.model.joints[self.model.getJointId(name)] for name in body.joints]
+        self._q, self._v = [joint.idx_q for joint in joints], [joint.idx_v for joint in joints]
+
+    def joints(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Positions, velocities and accelerations, n each [rad]."""
+        w, a = self._rate, self._swing
+        phase = w * time + self._phase
+        return self._middle + a * np.sin(phase), a * w * np.cos(phase), -a * w * w * np.sin(phase)
+
+    def root(self, time: float) -> pinocchio.SE3:
+        """He sways and turns."""
+        x, y = 0.05 * np.sin(1.3 * time), 0.05 * np.sin(0.9 * time)
+        turn = pinocchio.exp3(np.array([x, y, 2.5 + 0.3 * np.sin(time)]))
+        return pinocchio.SE3(turn, np.array([0.8 + 0.1 * np.sin(0.8 * time), -0.3 + 0.05 * np.sin(time), 0.95]))
+
+    def place(self, time: float, joints: np.ndarray | None = None) -> None:
+        """Put the model where he is; joints: in place of those that swing [rad]."""
+        q = np.zeros(self.model.nq)
+        q[:7] = pinocchio.SE3ToXYZQUAT(self.root(time))
+        q[self._q] = self.joints(time)[0] if joints is None else joints
+        pinocchio.framesForwardKinematics(self.model, self.data, q)
+
+    def point(self, link: str, p_link: np.ndarray) -> np.ndarray:
+        """Where a point of a link is now [m]."""
+        return np.asarray(self.data.oMf[self.model.getFrameId(link)].act(p_link))
+
+    def markers(
+        self, time: float, offsets: dict[str, np.ndarray] | None = None, joints: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Where his markers are, shape (m, 3) [m].
+
+        Args:
+            time: [s].
+            offsets: how far each is from where the body has it, in axes of its link [m].
+            joints: see `place`.
+        """
+        self.place(time, joints)
+        return np.array([
+            self.point(marker.link, marker.p_link_marker + (offsets or {}).get(name, 0.0))
+            for name, marker in self.body.markers.items()
+        ])  # fmt: skip
+
+    def hand(self, time: float, side: str = "right") -> np.ndarray:
+        """Where the centre of mass of a hand is [m]."""
+        self.place(time)
+        hand = self.body.segments[f"{side}_hand"]
+        return self.point(hand.link, hand.mass.com)

@@ -1,0 +1,99 @@
+"""Between messages and what `hric_human.tracking` takes and gives. No node."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from hric_control.geometry import IDENTITY, FloatArray, Pose, stamped
+from hric_human.body import Body
+from hric_human.body.segments import ROOT
+from hric_human.control.whole_body import WholeBody
+from hric_human.tracking import LOST, Estimate
+from hric_msgs.msg import PersonTracking
+
+PERSON = "person"
+"""Name of his topics below `hric/` and of his frames: not those of the human in the robot's plant."""
+_NOWHERE = Pose((math.nan, math.nan, math.nan), IDENTITY)
+
+
+class MarkerRows:
+    """Finds his markers in frames.
+
+    Args:
+        names: of the markers, the order of the rows.
+        labels: name in the stream by marker, where it has another one.
+        asset: whose markers count; "": any.
+    """
+
+    def __init__(self, names: Sequence[str], labels: Mapping[str, str], asset: str) -> None:
+        self._rows = {labels.get(name, name): row for row, name in enumerate(names)}
+        self._count, self._asset = len(names), asset
+
+    def positions(self, message: Any) -> FloatArray:
+        """Of a hric_msgs/MocapData, shape (m, 3) [m]; NaN: not seen."""
+        found = np.full((self._count, 3), np.nan)
+        for label, point in zip(message.labelled_marker_names, message.labelled_markers, strict=True):
+            asset, _, name = label.rpartition("/")
+            row = self._rows.get(name)
+            if row is not None and (not self._asset or asset == self._asset):
+                found[row] = point.x, point.y, point.z
+        return found
+
+
+class Messages:
+    """Of one body.
+
+    Args:
+        body: whose joints are estimated.
+        calibrated: whether it was fitted to him.
+    """
+
+    def __init__(self, body: Body, calibrated: bool) -> None:
+        self._joints, self._calibrated, self._whole = list(body.joints), calibrated, WholeBody(body)
+        self._needed = self._joints_of_links(body)
+
+    @staticmethod
+    def _joints_of_links(body: Body) -> dict[str, list[int]]:
+        """Joints between the root and each segment's link, as rows."""
+        by_link: dict[str, list[int]] = {ROOT: []}
+        for segment in body.segments.values():
+            own = [row for row, joint in enumerate(body.joints.values()) if joint.link == segment.link]
+            by_link[segment.link] = by_link[segment.parent] + own
+        return by_link
+
+    def joint_states(self, head: Any, one: Estimate) -> Any:
+        """sensor_msgs/JointState of the joints that are not lost."""
+        known = [row for row, state in enumerate(one.states) if state != LOST]
+        message = JointState(header=head, name=[self._joints[row] for row in known])
+        message.position, message.velocity = [one.q[row] for row in known], [one.dq[row] for row in known]
+        return message
+
+    def tracking(self, head: Any, one: Estimate, dropped: int) -> Any:
+        """hric_msgs/PersonTracking."""
+        root = _NOWHERE if one.root_state == LOST else one.root
+        return PersonTracking(
+            header=head,
+            calibrated=self._calibrated,
+            root=stamped.pose_message(root),
+            root_state=one.root_state,
+            name=self._joints,
+            state=one.states,
+            residual=one.residual,
+            missing=one.missing,
+            dropped=dropped,
+        )
+
+    def frames(self, head: Any, one: Estimate) -> Any:
+        """tf2_msgs/TFMessage: `person/LINK` of the links that are not lost, all in the frame of the markers."""
+        if one.root_state == LOST:
+            return TFMessage()
+        poses = self._whole.poses(one.q, one.root)
+        return TFMessage([
+            stamped.transform_stamped(head, f"{PERSON}/{link}", poses[link])
+            for link, rows in self._needed.items()
+            if all(one.states[row] != LOST for row in rows)
+        ])  # fmt: skip

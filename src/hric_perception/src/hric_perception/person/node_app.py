@@ -1,0 +1,204 @@
+"""The node `person`: joints of a real person from the markers of motion capture."""
+
+import threading
+import time
+from typing import Any, NamedTuple
+
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger, TriggerResponse
+from tf2_msgs.msg import TFMessage
+
+from hric_control.errors import CommandError, HricError
+from hric_control.geometry import FloatArray
+from hric_control.realtime import LatestValue
+from hric_control.ros import RosNode, run
+from hric_control.ros.process import NodeApp
+from hric_human.body import Body
+from hric_human.tracking import LOST, Estimate, PersonTracker, StillPose, calibrate
+from hric_msgs.msg import MocapData, PersonTracking
+from hric_perception.person.frames import PERSON, MarkerRows, Messages
+from hric_perception.person.settings import PersonSettings
+from hric_perception.sensor import Reporter
+from hric_perception.stream import ERROR, OK, START, WARN, Health
+
+FRAMES = "hric/perception/mocap"
+TF_RATE = 30.0
+"""Of his frames, which are for those who look on [Hz of the stamps]. The constants of this file are project defaults,
+unconfirmed."""
+PATIENCE = 5.0
+"""A calibration waits so long for the next frame [s of wall time]."""
+WAIT = 0.1
+"""Between looks at whether the node ends [s]."""
+
+
+class _Known(NamedTuple):
+    """Of one body."""
+
+    tracker: PersonTracker
+    messages: Messages
+
+    @classmethod
+    def of(cls, body: Body, calibrated: bool, names: tuple[str, ...]) -> "_Known":
+        return cls(PersonTracker(body, names), Messages(body, calibrated))
+
+
+class PersonNode(NodeApp):
+    """Publishes from its construction on. Frames that come while one is worked on give way to the newest.
+
+    Args:
+        node: private node.
+
+    Raises:
+        HricError: a parameter or the calibration's file is not valid.
+    """
+
+    def __init__(self, node: RosNode) -> None:
+        self._node, self._settings = node, PersonSettings.read(node)
+        self._names = self._settings.worn
+        body, calibrated = self._settings.known()
+        self._known = LatestValue(_Known.of(body, calibrated, self._names))
+        self._rows = MarkerRows(self._names, self._settings.labels, self._settings.asset)
+        where = node.beside(f"hric/{PERSON}")
+        self._states = node.advertise(f"{where}/joint_states", JointState, queue_size=10)
+        self._tracking = node.advertise(f"{where}/tracking", PersonTracking, queue_size=10)
+        self._tf = node.advertise("/tf", TFMessage, queue_size=10)
+        node.set_param(f"{where}/robot_description", body.urdf)
+        self._reporter, self._health = Reporter(node, "tracking"), _Tally(calibrated)
+        self._newest: LatestValue[Any] = LatestValue(None)
+        self._came, self._stop = threading.Event(), threading.Event()
+        self._next_tf = 0.0
+        self._still: StillPose | None = None
+        self._still_done, self._calibrating = threading.Event(), threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="tracking", daemon=True)
+        self._thread.start()
+        node.service("calibrate", Trigger, self._on_calibrate)
+        node.subscribe(node.beside(FRAMES), MocapData, self._on_frame, queue_size=1)
+
+    def tick(self) -> None:
+        """Report."""
+        self._reporter.report(self._health.report())
+
+    def close(self) -> None:
+        """End."""
+        self._stop.set()
+        self._came.set()
+        self._thread.join(1.0)
+
+    # -- frames --------------------------------------------------------------------------------------------------------
+
+    def _on_frame(self, message: Any) -> None:
+        self._health.came += 1
+        self._newest.set(message)
+        self._came.set()
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            self._came.wait(WAIT)
+            self._came.clear()
+            if (message := self._newest.take_new()) is not None:
+                self._take(message)
+
+    def _take(self, message: Any) -> None:
+        began, stamp = time.thread_time(), message.header.stamp.to_sec()
+        positions = self._rows.positions(message)
+        if (still := self._still) is not None and still.add(stamp, positions):
+            self._still = None
+            self._still_done.set()
+        known = self._known.get()
+        one = known.tracker.update(stamp, positions)
+        if one is not None:
+            self._publish(known.messages, message.header, one)
+        self._health.took(stamp, one, time.thread_time() - began)
+
+    def _publish(self, messages: Messages, head: Any, one: Estimate) -> None:
+        self._states.publish(messages.joint_states(head, one))
+        self._tracking.publish(messages.tracking(head, one, self._health.dropped))
+        if not 0.0 < self._next_tf - one.time <= 1.0 / TF_RATE:
+            self._next_tf = one.time + 1.0 / TF_RATE
+            self._tf.publish(messages.frames(head, one))
+
+    # -- calibration ---------------------------------------------------------------------------------------------------
+
+    def _on_calibrate(self, _: Any) -> Any:
+        if not self._calibrating.acquire(blocking=False):
+            return TriggerResponse(False, "a calibration is under way")
+        try:
+            return TriggerResponse(True, self._calibrate())
+        except HricError as error:
+            return TriggerResponse(False, str(error))
+        finally:
+            self._still = None
+            self._calibrating.release()
+
+    def _calibrate(self) -> str:
+        settings = self._settings
+        fitted = calibrate(settings.person, self._names, self._still_positions(), settings.pose)
+        saved = ""
+        if settings.calibration:
+            fitted.save(settings.path)
+            saved = f", in {settings.path}"
+        self._known.set(_Known.of(fitted.body, True, self._names))
+        self._node.set_param(f"{self._node.beside(f'hric/{PERSON}')}/robot_description", fitted.body.urdf)
+        self._health.calibrated = True
+        return f"calibrated; markers were {1e3 * fitted.residual:.1f} mm from their places (rms){saved}"
+
+    def _still_positions(self) -> FloatArray:
+        """Of the markers while he is still, shape (m, 3) [m]."""
+        still = StillPose(self._names)
+        self._still_done.clear()
+        self._still, came = still, -1
+        while not self._still_done.wait(PATIENCE):
+            if self._health.came == came or self._stop.is_set():
+                raise CommandError(f"no frames on {self._node.resolve(self._node.beside(FRAMES))} for {PATIENCE:g} s")
+            came = self._health.came
+        return still.mean()
+
+
+class _Tally:
+    """What diagnostics say; written by one thread each, read by another.
+
+    Attributes:
+        came: frames that were received.
+        dropped: of them, those that gave way to a newer one.
+        calibrated: whether the body was fitted to him.
+    """
+
+    def __init__(self, calibrated: bool) -> None:
+        self.came, self.dropped, self.calibrated = 0, 0, calibrated
+        self._used, self._before, self._made = 0, 0, time.monotonic()
+        self._last: Estimate | None = None
+        self._cost = 0.0
+
+    def took(self, stamp: float, one: Estimate | None, cost: float) -> None:
+        """A frame was used; cost: [s] of processor."""
+        self._used += 1
+        self.dropped = max(self.dropped, self.came - self._used)
+        self._last = one
+        self._cost += 0.05 * (cost - self._cost)
+
+    def report(self) -> Health:
+        """Once a second."""
+        one, fresh, self._before = self._last, self._used - self._before, self._used
+        values = {
+            "frames": str(self.came),
+            "frames dropped": str(self.dropped),
+            "rate [Hz]": str(fresh),
+            "processor per frame [ms]": f"{1e3 * self._cost:.2f}",
+            "calibrated": str(self.calibrated).lower(),
+        }
+        if not fresh:
+            starts = not self.came and time.monotonic() - self._made < START
+            return Health(WARN if starts else ERROR, f"no frames on {FRAMES}", values)
+        if one is None:
+            return Health(WARN, "he is not found: too few markers of his trunk, or they do not fit the body", values)
+        values |= {"residual [mm]": f"{1e3 * one.residual:.1f}", "markers missing": ", ".join(one.missing)}
+        if one.root_state == LOST or LOST in one.states:
+            return Health(WARN, f"lost for want of markers: {', '.join(one.missing)}", values)
+        if not self.calibrated:
+            return Health(WARN, "tracked; not calibrated", values)
+        return Health(OK, "tracked", values)
+
+
+def main(text: str) -> int:
+    """Run the node; text: for --help. Returns the exit code."""
+    return run("person", text, PersonNode)

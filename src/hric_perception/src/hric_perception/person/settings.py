@@ -1,0 +1,81 @@
+"""Parameters of the node `person`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hric_control.errors import HricError
+from hric_control.parameters import Mistakes, Settings, choice, mapping, names, number, text, unknown
+from hric_human.body import Body, Subject, describe
+from hric_human.participant.settings import SUBJECT
+from hric_human.tracking import Calibration, PersonTracker
+
+
+@dataclass(frozen=True)
+class PersonSettings(Settings):
+    """Whose body, which markers are his, and how he is calibrated."""
+
+    subject: Subject = SUBJECT
+    parts: str = choice("upper_body", "whole_body", text="what of his body is estimated")
+    markers: tuple[str, ...] | None = names(
+        default=None, default_text="all of the body", text="those of the body that he has on: names of Plug-in Gait"
+    )
+    labels: Mapping[str, str] = mapping(
+        text(empty=False), default={}, text="name in the stream by marker, where it has another one"
+    )
+    asset: str = text("", text="asset of the stream (`asset/marker`) whose markers are his; empty: any")
+    pose: Mapping[str, float] = mapping(
+        number(unit="rad"),
+        default={},
+        text="angles of joints that are not zero in the pose that he takes for `calibrate`; with none he stands "
+        "upright, arms hanging, thumbs forward",
+    )
+    calibration: str = text(
+        "", text="YAML file that `calibrate` writes, and that is read at the start where it is there; empty: none"
+    )
+
+    def check(self, where: str) -> None:
+        """Refuse markers and joints that the body does not have, and too few markers."""
+        mistakes, body = Mistakes(), describe(self.person)
+        for given, valid, kind, key in (
+            (self.markers or (), body.markers, "marker", "markers"),
+            (self.labels, body.markers, "marker", "labels"),
+            (self.pose, body.joints, "joint", "pose"),
+        ):
+            for name in given:
+                with mistakes.noted():
+                    if name not in valid:
+                        raise unknown(kind, name, valid, f"{where}{key}")
+        mistakes.raise_all()
+        PersonTracker(body, self.worn)
+
+    @property
+    def person(self) -> Subject:
+        """The subject with `parts` of here."""
+        return replace(self.subject, parts=self.parts)
+
+    @property
+    def worn(self) -> tuple[str, ...]:
+        """Markers that he has on."""
+        return self.markers or tuple(describe(self.person).markers)
+
+    def known(self) -> tuple[Body, bool]:
+        """His body, and whether it is calibrated.
+
+        Raises:
+            HricError: the calibration is of somebody else, or its file is not valid.
+        """
+        if not self.calibration or not self.path.is_file():
+            return describe(self.person), False
+        found = Calibration.load(self.path)
+        if (found.subject.code, found.subject.parts) != (self.person.code, self.parts):
+            raise HricError(
+                f"{self.path} is of {found.subject.code} ({found.subject.parts}); valid: a calibration of "
+                f"{self.person.code} ({self.parts})"
+            )
+        return found.body, True
+
+    @property
+    def path(self) -> Path:
+        """Of the calibration."""
+        return Path(self.calibration).expanduser()
