@@ -8,7 +8,6 @@ import numpy as np
 import opensim
 from bodies import body
 
-from hric_bags.export.opensim_text import read_storage, write_storage
 from hric_control.geometry import FloatArray, MassProperties
 from hric_human.body import Body, BodyJoint, Segment
 from hric_human.body.joints import ROWS
@@ -137,8 +136,7 @@ class OpenSimRun:
 
     def __init__(self, folder: Path, names: tuple[str, ...], time: FloatArray, q: FloatArray) -> None:
         self._folder, self._end = folder, float(time[-1])
-        columns = dict(zip(COORDINATES.values(), q.T, strict=True))
-        write_storage(folder / "motion.mot", time, columns, "Coordinates")
+        _write(folder / "motion.sto", time, q)
         self._run("so", opensim.StaticOptimization(), opensim.Kinematics())
         self.time, activation = self._read("so_StaticOptimization_activation.sto")
         self.activation, self.force = (
@@ -163,7 +161,7 @@ class OpenSimRun:
         tool = opensim.AnalyzeTool()
         tool.setName(name)
         tool.setModelFilename(str(FILE))
-        tool.setCoordinatesFileName(str(self._folder / "motion.mot"))
+        tool.setCoordinatesFileName(str(self._folder / "motion.sto"))
         tool.setInitialTime(0.0)
         tool.setFinalTime(self._end)
         tool.setResultsDir(str(self._folder))
@@ -178,7 +176,18 @@ class OpenSimRun:
         opensim.AnalyzeTool(str(self._folder / f"{name}.xml")).run()
 
     def _read(self, name: str) -> tuple[FloatArray, dict[str, FloatArray]]:
-        return read_storage(self._folder / name)
+        table = opensim.TimeSeriesTable(str(self._folder / name))
+        columns = zip(table.getColumnLabels(), table.getMatrix().to_numpy().T, strict=True)
+        return np.array(table.getIndependentColumn()), dict(columns)
+
+
+def _write(path: Path, time: FloatArray, q: FloatArray) -> None:
+    table = opensim.TimeSeriesTable()
+    table.setColumnLabels(list(COORDINATES.values()))
+    table.addTableMetaDataString("inDegrees", "no")
+    for instant, row in zip(time.tolist(), q.tolist(), strict=True):
+        table.appendRow(instant, opensim.RowVector(row))
+    opensim.STOFileAdapter.write(table, str(path))
 
 
 def _columns(table: dict[str, FloatArray], names: Any) -> FloatArray:
