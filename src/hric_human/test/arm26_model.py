@@ -31,6 +31,7 @@ class Arm26:
     """The model, and where OpenSim has it."""
 
     def __init__(self) -> None:
+        opensim.Logger.removeFileSink()
         opensim.Logger.setLevelString("error")
         self.paths = Paths(opensim.Model(str(FILE)))
         self.names = tuple(self.paths.names)
