@@ -1,5 +1,6 @@
 """Muscle load of a recorded motion: of a run, and of a c3d file with the markers of the same run."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import ezc3d
@@ -152,6 +153,20 @@ def test_what_is_missing_is_one_error_that_names_what_is_needed(
         MuscleLoadError, match=r"has no marker of the body; muscle load needs some of RSHO, .* thing_QSHO"
     ):
         muscle_load.of_c3d(tmp_path / "other.c3d", muscle_load.described_by(str(run)))
+
+
+def test_what_is_beyond_the_range_of_muscle_paths_is_left_out(recorded: Result, tmp_path: Path) -> None:
+    load, n = recorded.load, len(recorded.load.time)
+    outside = np.arange(n) < n // 2
+    known = replace(load, outside={"right": outside}, activation=np.where(outside[:, None], 0.9, load.activation))
+    paths = {path.stem: path for path in muscle_load.write(replace(recorded, load=known), tmp_path)}
+    table = opensim.TimeSeriesTable(str(paths["activation"]))  # which its matrix does not keep
+    written = table.getMatrix().to_numpy()
+    assert np.isnan(written[outside]).all() and np.isfinite(written[~outside]).all()
+    printed = muscle_load.render(replace(recorded, load=known))
+    assert "0.900" not in printed and "right_delt_scap_d" in printed
+    nothing = muscle_load.render(replace(recorded, load=replace(load, outside={"right": np.ones(n, np.bool_)})))
+    assert "right_delt_scap_d" not in nothing and "right_el_flex" in nothing
 
 
 def test_a_plate_presses_the_link_back_where_it_lies() -> None:

@@ -68,7 +68,7 @@ def test_activations_of_a_held_posture_are_those_of_its_torque() -> None:
     expected = solver.solve(state.arms, state.gain, torque - state.passive @ state.arms)
     found = after(one).of(held(HELD))
     assert_allclose(found.activation, np.tile(expected.activation, (5, 1)), atol=1e-9)
-    assert not found.shortfall.any() and not found.outside.any()
+    assert not found.shortfall.any() and not found.outside["right"].any()
 
 
 def test_the_forces_of_muscles_give_the_torque_of_a_motion_with_a_load() -> None:
@@ -105,6 +105,13 @@ def test_both_arms_have_the_same_load_in_mirrored_postures() -> None:
     right, left = np.split(found.activation[0], 2)
     assert_allclose(right, left, atol=1e-9)
     assert_allclose(found.contact["left_elbow"] * [1.0, -1.0, 1.0], found.contact["right_elbow"], atol=1e-6)
+
+
+def test_an_arm_beyond_the_range_of_muscle_paths_is_flagged_and_the_other_is_not() -> None:
+    straight = [*HELD[:3], 0.0, *HELD[4:]]
+    found = after(body(parts="both_arms")).of(held(HELD + straight))
+    assert not found.outside["right"].any() and found.outside["left"].all()
+    assert found.known("right_bic_l").all() and not found.known("left_elbow").any()
 
 
 def test_what_is_no_motion_is_refused() -> None:

@@ -260,11 +260,12 @@ def _result(person: Described, motion: Motion, factor: float, notes: list[str], 
         notes.append(
             f"NOT in it: contact of {contact.link}, {contact.force.max():.1f} N at most, whose direction no bag has"
         )
-    if found.outside.any():
-        notes.append(
-            f"outside the range of muscle paths in {100 * found.outside.mean():.1f} % of the time: they are those of "
-            "its edge, and no load of a muscle should be quoted then"
-        )
+    for side, outside in found.outside.items():
+        if outside.any():
+            notes.append(
+                f"{side} arm: outside the range that muscle paths were fitted in for {100 * outside.mean():.1f} % of "
+                "the time, where its muscles are left out"
+            )
     return Result(found, person, anatomy, tuple(notes))
 
 
@@ -273,11 +274,11 @@ def write(result: Result, folder: Path) -> list[Path]:
     their paths. Raises HricError where they cannot be written."""
     load = result.load
     kinds = {
-        "activation": (load.names, load.activation, "1"),
-        "force": (load.names, load.force, "N of muscles, N m of actuators of a joint"),
+        "activation": (load.names, _known(load, load.names, load.activation), "1"),
+        "force": (load.names, _known(load, load.names, load.force), "N of muscles, N m of actuators of a joint"),
         "torque": (load.joints, load.torque, "N m"),
         "strength_share": (load.joints, load.share, "1"),
-        "shortfall": (load.joints, load.shortfall, "N m"),
+        "shortfall": (load.joints, _known(load, load.joints, load.shortfall), "N m"),
     }
     paths = []
     for kind, (names, values, unit) in kinds.items():
@@ -285,11 +286,16 @@ def write(result: Result, folder: Path) -> list[Path]:
         paths.append(_storage(folder, kind, load.time, columns, {"units": f"s; {unit}"}))
     columns = {}
     for joint, force in load.contact.items():
-        for what, values in (("f", force), ("p", load.centres[joint])):
+        for what, values in (("f", np.where(load.known(joint)[:, None], force, np.nan)), ("p", load.centres[joint])):
             in_ground = values @ R_YUP_ZUP.T
             columns |= {f"{joint}_on_distal_in_ground_{what}{axis}": in_ground[:, k] for k, axis in enumerate("xyz")}
     about = {"units": "s, N, m", "axes": GROUND}
     return [*paths, _storage(folder, "joint_reactions", load.time, columns, about)]
+
+
+def _known(load: MuscleLoad, names: Sequence[str], values: FloatArray) -> FloatArray:
+    """Values by name, NaN where muscle paths are not known."""
+    return np.where(np.stack([load.known(name) for name in names], axis=1), values, np.nan)
 
 
 def _storage(folder: Path, kind: str, time: FloatArray, columns: dict[str, FloatArray], about: dict[str, str]) -> Path:
@@ -319,8 +325,9 @@ def _muscles(load: MuscleLoad, fatigued: FloatArray | None) -> list[list[str]]:
     if fatigued is not None:
         cells = [[*cells[0], "fatigued at the end"], [*cells[1], "%, NOT REPRODUCED"]]
     for k in np.argsort(-load.activation.max(axis=0), kind="stable"):
-        if load.is_muscle[k]:
-            a, force = load.activation[:, k], load.force[:, k].max()
+        known = load.known(load.names[k])
+        if load.is_muscle[k] and known.any():
+            a, force = load.activation[known, k], load.force[known, k].max()
             row = [load.names[k], f"{a.mean():.3f}", f"{a.max():.3f}", f"{100 * (a > HIGH).mean():.0f}", f"{force:.0f}"]
             cells.append(row if fatigued is None else [*row, f"{100 * fatigued[k]:.2f}"])
     return cells
@@ -332,17 +339,17 @@ def _joints(load: MuscleLoad) -> list[list[str]]:
         ["", "N m", "% of strength", "% of strength", "N m"],
     ]
     for j, name in enumerate(load.joints):
-        share = 100.0 * load.share[:, j]
-        row = np.abs(load.torque[:, j]).max(), share.mean(), share.max(), np.abs(load.shortfall[:, j]).max()
-        cells.append([name, *(f"{value:.1f}" for value in row)])
+        share, short = 100.0 * load.share[:, j], np.abs(load.shortfall[load.known(name), j])
+        row = np.abs(load.torque[:, j]).max(), share.mean(), share.max()
+        cells.append([name, *(f"{value:.1f}" for value in row), f"{short.max():.1f}" if len(short) else "-"])
     return cells
 
 
 def _contacts(load: MuscleLoad) -> list[list[str]]:
     cells = [["joint contact force", "mean", "max"], ["", "N", "N"]]
     for name, force in load.contact.items():
-        size = np.linalg.norm(force, axis=1)
-        cells.append([name, f"{size.mean():.0f}", f"{size.max():.0f}"])
+        size = np.linalg.norm(force[load.known(name)], axis=1)
+        cells.append([name, *([f"{size.mean():.0f}", f"{size.max():.0f}"] if len(size) else "--")])
     return cells
 
 

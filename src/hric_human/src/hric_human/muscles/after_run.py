@@ -69,7 +69,8 @@ class MuscleLoad:
         shortfall: of the torque, what muscles cannot give, shape (n, m) [N m].
         contact: force of the proximal on the distal bone, in axes of the world, by joint centre, shape (n, 3) [N].
         centres: where they act, in the world, by joint centre, shape (n, 3) [m].
-        outside: whether the posture is outside the range that muscle paths were fitted in, shape (n,).
+        outside: whether the posture is outside the range that muscle paths were fitted in, by side, shape (n,); what
+            its muscles have there is of the range's edge.
     """
 
     time: FloatArray
@@ -83,7 +84,11 @@ class MuscleLoad:
     shortfall: FloatArray
     contact: Mapping[str, FloatArray]
     centres: Mapping[str, FloatArray]
-    outside: NDArray[np.bool_]
+    outside: Mapping[str, NDArray[np.bool_]]
+
+    def known(self, name: str) -> NDArray[np.bool_]:
+        """When the load of a muscle or a joint, by its name with its side, is one of the fitted range, shape (n,)."""
+        return ~self.outside[name.partition("_")[0]]
 
 
 def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rate: float = RATE) -> Motion:
@@ -134,6 +139,7 @@ class AfterRun:
         self, body: Body, muscles: MuscleSet, anatomy: Anatomy, T_world_root: Pose, gravity: Vector = GRAVITY
     ) -> None:
         self._whole, self._muscles, self._root, self._gravity = WholeBody(body), muscles, T_world_root, gravity
+        self._anatomy = anatomy
         self._contact = JointContact(self._whole, anatomy, muscles.names)
         low, high = strength(body)
         self._strength = np.array([low, high])[:, list(muscles.joints)]
@@ -151,7 +157,7 @@ class AfterRun:
         """
         needed = self._whole.inverse_dynamics(motion.q, motion.dq, motion.ddq, self._root, loads, self._gravity)
         torque = needed.torque[:, list(self._muscles.joints)]
-        activation, force, shortfall, outside = self._shared(motion, torque)
+        activation, force, shortfall = self._shared(motion, torque)
         low, high = self._strength
         return MuscleLoad(
             motion.time,
@@ -165,20 +171,26 @@ class AfterRun:
             shortfall,
             self._contact.over(motion.q, self._root, needed, force),
             {name: needed.position[:, self._whole.index[link]] for name, link in self._contact.links.items()},
-            outside,
+            self._outside(motion.q),
         )
 
-    def _shared(
-        self, motion: Motion, torque: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Activation, force, shortfall, and whether it was outside, at all instants."""
+    def _outside(self, q: FloatArray) -> dict[str, NDArray[np.bool_]]:
+        """Whether an angle is beyond the range that muscle paths were fitted in, by side."""
+        order, anatomy = list(self._whole.body.joints), self._anatomy
+        found = dict[str, NDArray[np.bool_]]()
+        for side in {name.partition("_")[0]: None for name in self._names}:
+            own = q[:, [order.index(f"{side}_{joint}") for joint in anatomy.joints]]
+            found[side] = np.any((own < anatomy.lower) | (own > anatomy.upper), axis=1)
+        return found
+
+    def _shared(self, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Activation, force and shortfall at all instants."""
         n, k = len(motion.time), len(self._muscles.names)
         solver = StaticOptimization(k, len(self._names))
-        activation, force = np.empty((n, k)), np.empty((n, k))
-        shortfall, outside = np.empty((n, len(self._names))), np.empty(n, dtype=np.bool_)
+        activation, force, shortfall = np.empty((n, k)), np.empty((n, k)), np.empty((n, len(self._names)))
         for t, (q, dq, tau) in enumerate(zip(motion.q.tolist(), motion.dq.tolist(), torque, strict=True)):
             state = self._muscles.at(q, dq)
             found = solver.solve(state.arms, state.gain, tau - state.passive @ state.arms)
-            activation[t], shortfall[t], outside[t] = found.activation, found.shortfall, state.outside
-            force[t] = state.forces(found.activation)
-        return activation, force, shortfall, outside
+            activation[t], force[t] = found.activation, state.forces(found.activation)
+            shortfall[t] = found.shortfall
+        return activation, force, shortfall
