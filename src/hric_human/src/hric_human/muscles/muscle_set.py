@@ -72,6 +72,28 @@ class Intrinsic(NamedTuple):
     damping: FloatArray
 
 
+class ScaledMuscle(NamedTuple):
+    """A muscle of this body.
+
+    Attributes:
+        name: with its side.
+        force: maximum isometric one [N].
+        optimal_length, slack_length: [m].
+        scale: lengths of the subject per those of the model.
+        joints: of the body, whose angles its length takes.
+        order, coefficients: of the length [m], as `Polynomial` has them.
+    """
+
+    name: str
+    force: float
+    optimal_length: float
+    slack_length: float
+    scale: float
+    joints: tuple[str, ...]
+    order: int
+    coefficients: tuple[float, ...]
+
+
 class MuscleSet:
     """The muscles of a body's arms.
 
@@ -84,6 +106,7 @@ class MuscleSet:
         names: of k muscles and actuators, "right_bic_l", "right_wr_flex+".
         is_muscle: of each, whether it is one.
         muscle_count: how many are.
+        scaled: muscles alone, as they are in this body.
         joints: indices in body.joints of those that they act on, m of them: the columns of moment arms.
 
     Raises:
@@ -97,6 +120,7 @@ class MuscleSet:
         if not factor > 0.0:
             raise HricError(f"a strength of {factor} for muscles; valid: above 0")
         self._order, self._strength, self._body, self._factor = list(body.joints), strength(body), body, factor
+        self.scaled: list[ScaledMuscle] = []
         names, columns, arms, actuators = list[str](), list[str](), [], list[tuple[int, int, float]]()
         for side in sides:
             arms.append(self._arm(anatomy, side, len(names), len(columns)))
@@ -133,24 +157,36 @@ class MuscleSet:
         """Of a side, as the compiled type takes it."""
         angles = [self._order.index(f"{side}_{name}") for name in anatomy.joints]
         products = _Monomials(anatomy)
-        muscles = anatomy.muscles.values()
-        start, term, coefficient = products.rows(muscle.length for muscle in muscles)
-        sizes = len(angles), len(products.factor), len(muscles), len(term), row, column
+        start, term, coefficient = products.rows(muscle.length for muscle in anatomy.muscles.values())
+        sizes = len(angles), len(products.factor), len(anatomy.muscles), len(term), row, column
         integers = np.concatenate([angles, products.factor, products.angle, start, term])
-        rows = [self._numbers(anatomy, muscle, side) for muscle in muscles]
+        made = [self._scaled(anatomy, muscle, side) for muscle in anatomy.muscles.values()]
+        self.scaled += made
+        rows = [
+            (muscle.force, muscle.optimal_length / muscle.scale, muscle.slack_length / muscle.scale, muscle.scale)
+            for muscle in made
+        ]
         numbers = [anatomy.lower, anatomy.upper, coefficient, *np.transpose(rows)]
         return sizes, integers.astype(np.intc), np.concatenate(numbers)
 
-    def _numbers(self, anatomy: Anatomy, muscle: Muscle, side: str) -> tuple[float, float, float, float]:
-        """Force of this person, optimal and slack length of the model, and the subject's lengths per model's."""
-        joints = muscle.length.joints
-        spanned = {segment for joint in joints for segment in SPANNED[joint] if segment in anatomy.reference}
+    def _scaled(self, anatomy: Anatomy, muscle: Muscle, side: str) -> ScaledMuscle:
+        length = muscle.length
+        spanned = {segment for joint in length.joints for segment in SPANNED[joint] if segment in anatomy.reference}
         ratios = [self._body.segments[f"{side}_{name}"].length / anatomy.reference[name] for name in sorted(spanned)]
         scale = float(np.mean(ratios)) if ratios else 1.0
         subject = self._body.subject
-        share = np.mean([STRENGTH[joint].women for joint in joints]) if subject.sex == "female" else 1.0
-        force = self._factor * subject.mass / MEAN_MASS[subject.sex] * float(share) * muscle.max_force
-        return force, muscle.optimal_length, muscle.slack_length, scale
+        women = float(np.mean([STRENGTH[joint].women for joint in length.joints]))
+        share = women if subject.sex == "female" else 1.0
+        return ScaledMuscle(
+            f"{side}_{muscle.name}",
+            self._factor * subject.mass / MEAN_MASS[subject.sex] * share * muscle.max_force,
+            scale * muscle.optimal_length,
+            scale * muscle.slack_length,
+            scale,
+            tuple(f"{side}_{joint}" for joint in length.joints),
+            length.order,
+            tuple(scale * coefficient for coefficient in length.coefficients),
+        )
 
 
 class _Monomials:
