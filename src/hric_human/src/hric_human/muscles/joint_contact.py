@@ -50,6 +50,9 @@ class Pulls:
         self._power, term = np.unique(
             np.concatenate([np.zeros((1, self._joints), int), *powers]), axis=0, return_inverse=True
         )
+        self._orders, self._columns = np.arange(self._power.max(initial=0) + 1), np.arange(self._joints)
+        crossed = len(self.names[CENTRES[0]])
+        self._rows = {CENTRES[0]: slice(0, crossed), CENTRES[1]: slice(crossed, None)}
         self._coefficients = np.zeros((len(self._power), len(rows)))
         start = 1
         for column, part in enumerate(rows):
@@ -78,11 +81,10 @@ class Pulls:
             by centre, shape (n, muscles, 3) [1].
         """
         angles = np.clip(q, self._anatomy.lower, self._anatomy.upper)
-        powers = angles[:, :, None] ** np.arange(self._power.max(initial=0) + 1)
-        terms = np.prod(powers[:, np.arange(self._joints), self._power], axis=2)
+        powers = angles[:, :, None] ** self._orders
+        terms = np.prod(powers[:, self._columns, self._power], axis=2)
         values = (terms @ self._coefficients).reshape(len(q), -1, 3)
-        crossed = np.cumsum([len(self.names[centre]) for centre in CENTRES])
-        return dict(zip(CENTRES, np.split(values, crossed[:-1], axis=1), strict=True))
+        return {centre: values[:, rows] for centre, rows in self._rows.items()}
 
 
 class _Joint:
@@ -149,7 +151,7 @@ class JointContact:
         R_world_root = rotation_from_quaternion(T_world_root.orientation)
         found = {}
         for name, joint in self._joints.items():
-            pull = np.einsum("nk,nkx->nx", forces[:, joint.rows], pulls[joint.side][joint.centre])
+            pull = (forces[:, None, joint.rows] @ pulls[joint.side][joint.centre])[:, 0]
             if joint.side == "left":
                 pull = pull * _MIRROR
             R = R_world_root if joint.proximal is None else needed.rotation[:, joint.proximal]
