@@ -94,6 +94,7 @@ TOOLS = [
     ("hric_experiments schema --studies", r"\[--study\] \[--example\]\n.*unrecognized arguments: --studies"),
     ("hric_experiments check_model notes.csv", r"notes\.csv has no columns t .*there: a, b; .*--columns t=NAME"),
     ("hric_experiments inverse_dynamics nowhere", r"no run folder 'nowhere'"),
+    ("hric_experiments muscle_load nowhere.c3d", r"nowhere\.c3d does not say .* add --person RUN\|EXPERIMENT\.yaml"),
     ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),
     ("hric_control robot here", r"\[_robot_hw:=TYPE\].*\n.*unrecognized arguments: here"),
     ("controller_manager controller_manager lod", r"invalid choice: 'lod' \(choose from 'list', .*'load'"),

@@ -5,7 +5,6 @@ The rounding of both goes with the condition of a task, so 1e-9 is asked of all 
 """
 
 import math
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -198,32 +197,14 @@ def test_no_muscle_with_torque_gives_all_as_shortfall() -> None:
     assert found.shortfall.tolist() == [1.0, -2.0]
 
 
-def test_a_solution_of_an_arm_costs_less_than_three_products_of_its_matrices() -> None:
-    """60 us are asked for; numpy's own B^T a and B^T B are a measure that goes with the machine."""
-    arms, gain, _ = _arm(np.random.default_rng(8))
-    torque = (gain[:, None] * arms).T @ np.linspace(0.05, 0.4, len(gain))
+def test_after_a_refused_task_the_next_one_is_solved_as_ever() -> None:
+    arms, gain, torque = _arm(np.random.default_rng(6))
     solver = StaticOptimization(*arms.shape)
-
-    def ours(n: int) -> None:
-        solver.solve(arms, gain, (1.0 + 1e-4 * n) * torque)
-
-    def products(_: int) -> None:
-        for _ in range(3):
-            B = gain[:, None] * arms
-            np.linalg.solve(B.T @ B, B.T @ gain)
-
-    assert _seconds(ours) < _seconds(products)
-
-
-def _seconds(work: Callable[[int], None]) -> float:
-    """Of the processor for one call, the least of several rounds."""
-    least = math.inf
-    for _ in range(7):
-        start = time.process_time()
-        for n in range(200):
-            work(n)
-        least = min(least, (time.process_time() - start) / 200)
-    return least
+    expected = solver.solve(arms, gain, torque)
+    with pytest.raises(HricError, match="torque is not finite"):
+        solver.solve(arms, gain, math.nan * torque)
+    found = solver.solve(arms, gain, torque)
+    assert found.activation.tobytes() == expected.activation.tobytes()
 
 
 def test_what_does_not_fit_is_refused_by_name() -> None:

@@ -54,6 +54,7 @@ class Trial:
         analogs: shape (samples, channels), in those units.
         plates: force plates.
         up: axis that points up in the file, "y" or "z".
+        start: time of the first frame on the clock of the run that was exported [s]; 0 of other files.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Trial:
     analogs: FloatArray
     plates: tuple[TrialPlate, ...]
     up: str
+    start: float = 0.0
 
     @property
     def duration(self) -> float:
@@ -223,12 +225,23 @@ def _trial(
         )
     labels, channels = _labels(point, "LABELS", points.shape[1]), _labels(analog, "LABELS", len(analogs))
     units = tuple(str(text).strip() for text in _texts(analog, "UNITS", len(analogs)))
+    start = _first(parameters.get("HRIC", {}), "START_TIME")
     try:
         plates = read_plates(parameters.get("FORCE_PLATFORM", {}), analogs, units, analog_rate, metres, up)
     except PlateError as error:
         raise ParameterError(f"c3d file {path}: {error}") from error
     return Trial(
-        name, rate, labels, vectors_z_up(up, positions), analog_rate, channels, units, analogs.T.copy(), plates, up
+        name,
+        rate,
+        labels,
+        vectors_z_up(up, positions),
+        analog_rate,
+        channels,
+        units,
+        analogs.T.copy(),
+        plates,
+        up,
+        start if np.isfinite(start) else 0.0,
     )
 
 

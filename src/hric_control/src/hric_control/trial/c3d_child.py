@@ -11,7 +11,7 @@ import sys
 import ezc3d
 import numpy as np
 
-GROUPS = ("POINT", "ANALOG", "FORCE_PLATFORM")
+GROUPS = ("POINT", "ANALOG", "FORCE_PLATFORM", "HRIC")
 MEMORY = 4 << 30
 """Memory limit of a reading [byte]; counts in a damaged file can be of any size (project default, unconfirmed)."""
 

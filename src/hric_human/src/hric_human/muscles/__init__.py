@@ -6,6 +6,7 @@ tau = state.torque(activation)                             # of the joints muscl
 """
 
 from hric_human.muscles.anatomy import BUILT_IN, Anatomy, FitError, Muscle, load
+from hric_human.muscles.muscle_set import MuscleSet, MuscleState
 from hric_human.muscles.polynomial import Polynomial
 
-__all__ = ["BUILT_IN", "Anatomy", "FitError", "Muscle", "Polynomial", "load"]
+__all__ = ["BUILT_IN", "Anatomy", "FitError", "Muscle", "MuscleSet", "MuscleState", "Polynomial", "load"]

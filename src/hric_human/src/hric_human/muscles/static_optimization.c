@@ -425,8 +425,7 @@ static PyObject *solved(int k, int m, double *const *array)
     double finite = unit;
     for (int r = 0; r < m; r++) {
         t.wanted[r] = array[TORQUE][r] / by;
-        array[START][r] *= by;
-        finite += 0.0 * (t.wanted[r] + array[START][r]);
+        finite += 0.0 * t.wanted[r];
     }
     PyObject *steps = NULL;
     if (isfinite(finite)) {
@@ -435,6 +434,8 @@ static PyObject *solved(int k, int m, double *const *array)
             t.size += sqrt(dot(t.b + i * m, t.b + i * m, m));
         if (t.size == 0.0)
             t.size = 1.0;
+        for (int r = 0; r < m; r++)
+            array[START][r] *= by;
         steps = PyLong_FromLong(solve_task(&t, array[START], array[SHORTFALL]));
         for (int r = 0; r < m; r++) {
             array[START][r] /= by;

@@ -1,0 +1,196 @@
+"""What a motion cost an arm, after it: from recorded joint angles and forces on the hands to the load of muscles.
+
+    load = AfterRun(body, muscles, anatomy, T_world_root).of(smoothed(time, q), loads)
+    load.activation, load.contact["right_shoulder"], load.share
+
+Angles become smooth curves with their derivatives, inverse dynamics gives joint torques beside gravity and the forces
+on the hands, static optimisation shares them among muscles at each instant by itself: activation dynamics, and with it
+co-contraction that nobody needs, are not in it. All of it is a model's estimate.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, sosfiltfilt
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray, Pose, Vector
+from hric_human.body import Body
+from hric_human.control.kinematics import GRAVITY
+from hric_human.control.strength import strength
+from hric_human.control.whole_body import Load, WholeBody
+from hric_human.muscles.anatomy import Anatomy
+from hric_human.muscles.joint_contact import JointContact
+from hric_human.muscles.muscle_set import MuscleSet
+from hric_human.muscles.static_optimization import StaticOptimization
+
+RATE = 100.0
+"""Of the instants that are computed [Hz]; project default."""
+CUTOFF = 6.0
+"""Of the low-pass filter of angles [Hz], a Butterworth of second order forwards and backwards: that of OpenSim's
+tutorials; Winter, Biomechanics and Motor Control of Human Movement, has 4 to 8 Hz for people."""
+DEGREE = 5
+"""Of the splines, whose second derivatives are smooth then."""
+FEWEST = 20
+"""Samples of a motion, below which the ends of the filter are all of it."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Of j joints at n instants.
+
+    Attributes:
+        time: evenly spaced, shape (n,) [s].
+        q, dq, ddq: shape (n, j) each [rad], [rad/s], [rad/s^2].
+    """
+
+    time: FloatArray
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+
+
+@dataclass(frozen=True)
+class MuscleLoad:
+    """Of k muscles and actuators, m joints that they act on, and the joint centres, at n instants.
+
+    Attributes:
+        time: shape (n,) [s].
+        names: of muscles and actuators.
+        is_muscle: of each, whether it is one.
+        joints: names.
+        activation: shape (n, k) [1].
+        force: of muscles along their lines of action [N], of actuators their torque [N m], shape (n, k).
+        torque: of the joints, shape (n, m) [N m].
+        share: size of it per strength in its sense, shape (n, m) [1].
+        shortfall: of the torque, what muscles cannot give, shape (n, m) [N m].
+        contact: force of the proximal on the distal bone, in axes of the world, by joint centre, shape (n, 3) [N].
+        centres: where they act, in the world, by joint centre, shape (n, 3) [m].
+        outside: whether the posture is outside the range that muscle paths were fitted in, by side, shape (n,); what
+            its muscles have there is of the range's edge.
+    """
+
+    time: FloatArray
+    names: tuple[str, ...]
+    is_muscle: tuple[bool, ...]
+    joints: tuple[str, ...]
+    activation: FloatArray
+    force: FloatArray
+    torque: FloatArray
+    share: FloatArray
+    shortfall: FloatArray
+    contact: Mapping[str, FloatArray]
+    centres: Mapping[str, FloatArray]
+    outside: Mapping[str, NDArray[np.bool_]]
+
+    def known(self, name: str) -> NDArray[np.bool_]:
+        """When the load of a muscle or a joint, by its name with its side, is one of the fitted range, shape (n,)."""
+        return ~self.outside[name.partition("_")[0]]
+
+
+def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rate: float = RATE) -> Motion:
+    """A motion with its derivatives, from recorded angles.
+
+    The filter wants even samples, so a spline gives them first, at the mean rate of what was recorded; the first and
+    the last tenth of a second are what filters and splines make of ends.
+
+    Args:
+        time: rising, shape (n,) [s].
+        q: shape (n, j) [rad].
+        cutoff: of the low-pass filter [Hz]; None: unfiltered.
+        rate: of the result [Hz].
+
+    Raises:
+        HricError: too short, not rising, not finite, or a cut-off that samples of this rate do not have.
+    """
+    if len(time) < FEWEST or not bool(np.all(np.diff(time) > 0.0)) or not np.isfinite(q).all():
+        raise HricError(
+            f"a motion of {len(time)} instants; valid: {FEWEST} or more, one after the other, with angles that are "
+            "finite"
+        )
+    span = float(time[-1] - time[0])
+    even = np.linspace(time[0], time[-1], len(time))
+    values = make_interp_spline(time, q, DEGREE)(even)
+    sampled = (len(time) - 1) / span
+    if cutoff is not None:
+        if not 0.0 < cutoff < 0.5 * sampled:
+            raise HricError(f"a cut-off of {cutoff} Hz; valid: above 0, below half of the rate of {sampled:.1f} Hz")
+        values = sosfiltfilt(butter(2, cutoff, fs=sampled, output="sos"), values, axis=0)
+    curve = make_interp_spline(even, values, DEGREE)
+    instants = np.minimum(time[0] + np.arange(int(span * rate + 1e-6) + 1) / rate, time[-1])
+    return Motion(instants, *(np.asarray(curve(instants, derivative)) for derivative in range(3)))
+
+
+class AfterRun:
+    """The load of a body's muscles over a motion.
+
+    Args:
+        body: whose.
+        muscles: of the body.
+        anatomy: of them, for their pulls.
+        T_world_root: pose of the body's root link, which is at rest.
+        gravity: in axes of the world [m/s^2].
+    """
+
+    def __init__(
+        self, body: Body, muscles: MuscleSet, anatomy: Anatomy, T_world_root: Pose, gravity: Vector = GRAVITY
+    ) -> None:
+        self._whole, self._muscles, self._root, self._gravity = WholeBody(body), muscles, T_world_root, gravity
+        self._anatomy = anatomy
+        self._contact = JointContact(self._whole, anatomy, muscles.names)
+        low, high = strength(body)
+        self._strength = np.array([low, high])[:, list(muscles.joints)]
+        self._names = tuple(list(body.joints)[index] for index in muscles.joints)
+
+    def of(self, motion: Motion, loads: Sequence[Load] = ()) -> MuscleLoad:
+        """Over a motion.
+
+        Args:
+            motion: of all joints of the body.
+            loads: on its links, at the instants of the motion.
+
+        Raises:
+            HricError: a load on a link that the body has not.
+        """
+        needed = self._whole.inverse_dynamics(motion.q, motion.dq, motion.ddq, self._root, loads, self._gravity)
+        torque = needed.torque[:, list(self._muscles.joints)]
+        activation, force, shortfall = self._shared(motion, torque)
+        low, high = self._strength
+        return MuscleLoad(
+            motion.time,
+            self._muscles.names,
+            self._muscles.is_muscle,
+            self._names,
+            activation,
+            force,
+            torque,
+            torque / np.where(torque < 0.0, low, high),
+            shortfall,
+            self._contact.over(motion.q, self._root, needed, force),
+            {name: needed.position[:, self._whole.index[link]] for name, link in self._contact.links.items()},
+            self._outside(motion.q),
+        )
+
+    def _outside(self, q: FloatArray) -> dict[str, NDArray[np.bool_]]:
+        """Whether an angle is beyond the range that muscle paths were fitted in, by side."""
+        order, anatomy = list(self._whole.body.joints), self._anatomy
+        found = dict[str, NDArray[np.bool_]]()
+        for side in {name.partition("_")[0]: None for name in self._names}:
+            own = q[:, [order.index(f"{side}_{joint}") for joint in anatomy.joints]]
+            found[side] = np.any((own < anatomy.lower) | (own > anatomy.upper), axis=1)
+        return found
+
+    def _shared(self, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Activation, force and shortfall at all instants."""
+        n, k = len(motion.time), len(self._muscles.names)
+        solver = StaticOptimization(k, len(self._names))
+        activation, force, shortfall = np.empty((n, k)), np.empty((n, k)), np.empty((n, len(self._names)))
+        for t, (q, dq, tau) in enumerate(zip(motion.q.tolist(), motion.dq.tolist(), torque, strict=True)):
+            state = self._muscles.at(q, dq)
+            found = solver.solve(state.arms, state.gain, tau - state.passive @ state.arms)
+            activation[t], force[t] = found.activation, state.forces(found.activation)
+            shortfall[t] = found.shortfall
+        return activation, force, shortfall

@@ -1,0 +1,183 @@
+"""Contact forces in the joints of an arm: what its motion needs there, less the pull of the muscles.
+
+    contact = JointContact(whole, anatomy, muscles.names)
+    contact.over(q, whole.inverse_dynamics(q, dq, ddq, T_world_root, loads), forces)["right_shoulder"]   # (n, 3) [N]
+
+A muscle pulls the bones that it spans together, so in a loaded arm a contact force is several times what the motion
+needs. Each is the net force on all that is distal: gravity, inertia and loads say what it must be, muscles that cross
+the joint give a part of it, and the proximal bone the rest; ligaments and labrum count as that bone. Muscles of the
+wrist and of the fingers are not among those known: the elbow of a hand that grips is loaded more than this says.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray, Pose, Vector
+from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_human.body.segments import ROOT
+from hric_human.control.kinematics import GRAVITY
+from hric_human.control.whole_body import Load, Needed, WholeBody
+from hric_human.muscles.anatomy import CENTRES, Anatomy
+from hric_human.muscles.polynomial import IntArray, exponents
+
+DISTAL = {"shoulder": "upper_arm", "elbow": "forearm"}
+"""Segment behind each joint centre."""
+_MIRROR = np.array([1.0, -1.0, 1.0])
+
+
+class Pulls:
+    """The pull of the muscles of a right arm across its joint centres, at many poses at once.
+
+    Args:
+        anatomy: whose.
+
+    Attributes:
+        names: of the muscles that cross each centre, by centre.
+    """
+
+    def __init__(self, anatomy: Anatomy) -> None:
+        self._anatomy = anatomy
+        self.names = {
+            centre: tuple(name for name, muscle in anatomy.muscles.items() if centre in muscle.pulls)
+            for centre in CENTRES
+        }
+        rows = [
+            part for centre in CENTRES for name in self.names[centre] for part in anatomy.muscles[name].pulls[centre]
+        ]
+        powers = [self._powers(part.joints, part.order) for part in rows]
+        self._power, term = np.unique(
+            np.concatenate([np.zeros((1, self._joints), int), *powers]), axis=0, return_inverse=True
+        )
+        self._orders, self._columns = np.arange(self._power.max(initial=0) + 1), np.arange(self._joints)
+        crossed = len(self.names[CENTRES[0]])
+        self._rows = {CENTRES[0]: slice(0, crossed), CENTRES[1]: slice(crossed, None)}
+        self._coefficients = np.zeros((len(self._power), len(rows)))
+        start = 1
+        for column, part in enumerate(rows):
+            end = start + len(part.coefficients)
+            self._coefficients[term.ravel()[start:end], column] = part.coefficients
+            start = end
+
+    @property
+    def _joints(self) -> int:
+        return len(self._anatomy.joints)
+
+    def _powers(self, joints: Sequence[str], order: int) -> IntArray:
+        """Exponents of a polynomial of some joints, of all of them."""
+        own = exponents(len(joints), order)
+        full = np.zeros((len(own), self._joints), dtype=own.dtype)
+        full[:, [self._anatomy.joints.index(name) for name in joints]] = own
+        return full
+
+    def at(self, q: FloatArray) -> dict[str, FloatArray]:
+        """Force on what lies distal per force of each muscle of `names`, in axes of the proximal link.
+
+        Args:
+            q: angles of the anatomy's joints, kept within the range of the fit, shape (n, joints) [rad].
+
+        Returns:
+            by centre, shape (n, muscles, 3) [1].
+        """
+        angles = np.clip(q, self._anatomy.lower, self._anatomy.upper)
+        powers = angles[:, :, None] ** self._orders
+        terms = np.prod(powers[:, self._columns, self._power], axis=2)
+        values = (terms @ self._coefficients).reshape(len(q), -1, 3)
+        return {centre: values[:, rows] for centre, rows in self._rows.items()}
+
+
+class _Joint:
+    """A joint centre of a side of a body.
+
+    Attributes:
+        side, centre: which.
+        link: index of the link behind it.
+        proximal: index of the link in whose axes the pulls are; None: of the root.
+        rows: of its muscles among the forces.
+    """
+
+    def __init__(self, whole: WholeBody, side: str, centre: str, rows: list[int]) -> None:
+        distal = whole.body.segments[f"{side}_{DISTAL[centre]}"]
+        self.side, self.centre, self.rows = side, centre, rows
+        first = next(joint.child for joint in whole.body.joints.values() if joint.link == distal.link)
+        self.link = whole.index[first]
+        self.proximal = None if distal.parent == ROOT else whole.index[distal.parent]
+
+
+class JointContact:
+    """Contact forces at the shoulders (glenohumeral) and elbows of a body.
+
+    Args:
+        whole: the body.
+        anatomy: of its muscles.
+        names: of the muscles and actuators whose forces will be given, in their order.
+
+    Attributes:
+        links: that each joint's force acts on, by joint: "right_shoulder", "right_elbow".
+
+    Raises:
+        HricError: a muscle of the anatomy is not among the names.
+    """
+
+    def __init__(self, whole: WholeBody, anatomy: Anatomy, names: Sequence[str]) -> None:
+        self._whole, self._pulls = whole, Pulls(anatomy)
+        order = list(whole.body.joints)
+        sides = [side for side in ("right", "left") if f"{side}_upper_arm" in whole.body.segments]
+        self._angles = {side: [order.index(f"{side}_{joint}") for joint in anatomy.joints] for side in sides}
+        self._joints = dict[str, _Joint]()
+        for side in sides:
+            for centre, muscles in self._pulls.names.items():
+                missing = [f"{side}_{name}" for name in muscles if f"{side}_{name}" not in names]
+                if missing:
+                    raise HricError(f"contact forces need the force of {missing[0]}; given are {', '.join(names)}")
+                rows = [list(names).index(f"{side}_{name}") for name in muscles]
+                self._joints[f"{side}_{centre}"] = _Joint(whole, side, centre, rows)
+        self.links = {name: whole.links[joint.link].name for name, joint in self._joints.items()}
+
+    def over(self, q: FloatArray, T_world_root: Pose, needed: Needed, forces: FloatArray) -> dict[str, FloatArray]:
+        """At n instants.
+
+        Args:
+            q: joint positions, shape (n, j) [rad].
+            T_world_root: pose of the root link.
+            needed: by this motion, see `WholeBody.inverse_dynamics`.
+            forces: of muscles, along their lines of action, shape (n, k) [N]; those of actuators do not matter.
+
+        Returns:
+            force of the proximal on the distal bone, in axes of the world, by joint, shape (n, 3) each [N].
+        """
+        pulls = {side: self._pulls.at(q[:, columns]) for side, columns in self._angles.items()}
+        R_world_root = rotation_from_quaternion(T_world_root.orientation)
+        found = {}
+        for name, joint in self._joints.items():
+            pull = (forces[:, None, joint.rows] @ pulls[joint.side][joint.centre])[:, 0]
+            if joint.side == "left":
+                pull = pull * _MIRROR
+            R = R_world_root if joint.proximal is None else needed.rotation[:, joint.proximal]
+            found[name] = needed.force[:, joint.link] - (R @ pull[:, :, None])[:, :, 0]
+        return found
+
+    def at(
+        self,
+        q: Sequence[float],
+        dq: Sequence[float],
+        ddq: Sequence[float],
+        forces: FloatArray,
+        T_world_root: Pose,
+        loads: Sequence[Load] = (),
+        gravity: Vector = GRAVITY,
+    ) -> dict[str, Vector]:
+        """At one instant.
+
+        Args:
+            q, dq, ddq: n floats each [rad], [rad/s], [rad/s^2].
+            forces: see `over`, shape (k,) [N].
+            T_world_root: pose of the root link, which is at rest.
+            loads: on links, of one instant.
+            gravity: in axes of the world [m/s^2].
+        """
+        angles, speeds, rates = (np.array([values], np.float64) for values in (q, dq, ddq))
+        needed = self._whole.inverse_dynamics(angles, speeds, rates, T_world_root, loads, gravity)
+        found = self.over(angles, T_world_root, needed, np.asarray(forces)[None])
+        return {name: (float(x), float(y), float(z)) for name, ((x, y, z),) in found.items()}

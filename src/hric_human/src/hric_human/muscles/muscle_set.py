@@ -1,0 +1,257 @@
+"""The muscles of a body: moment arms and forces at its joint angles, for a person of his size and strength.
+
+Lengths of a muscle scale with the segments that it spans, its strength with the person's mass and sex (the rule of
+`hric_human.control.strength`; for single muscles unconfirmed). A joint of an arm without muscles, as the wrist, has two
+ideal actuators with activation, one for each sense.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray
+from hric_control.native import load
+from hric_human.body import Body
+from hric_human.body.joints import ARM
+from hric_human.control.strength import MEAN_MASS, STRENGTH, strength
+from hric_human.muscles import curves
+from hric_human.muscles.anatomy import Anatomy, Muscle
+from hric_human.muscles.polynomial import IntArray, Polynomial, exponents
+
+SPANNED = {
+    "sh_flex": ("upper_arm",),
+    "sh_abd": ("upper_arm",),
+    "sh_rot": ("upper_arm",),
+    "el_flex": ("upper_arm", "forearm"),
+    "pro_sup": ("forearm",),
+    "wr_flex": ("forearm",),
+    "wr_dev": ("forearm",),
+}
+"""Segments by whose length a muscle about a joint scales, the mean of all of them; project default, unconfirmed."""
+STIFFNESS = 75.0
+"""Of a muscle per force and moment arm [1/m]; PMC2784227."""
+DAMPING_TIME = 0.05
+"""Damping per stiffness [s]; PMC2784227."""
+_built = load("hric_muscles")
+
+
+class MuscleState:
+    """Of k muscles and actuators at one moment.
+
+    Attributes:
+        arms: moment arms about m joints, shape (k, m) [m]; 1 or -1 of actuators.
+        length: of the fibres per optimal length, shape (k,) [1]; 0 of actuators.
+        velocity: its rate, shape (k,) [1/s]; 0 of actuators.
+        gain: force per activation, shape (k,) [N]; torque of actuators [N m].
+        passive: force without activation, shape (k,) [N].
+        outside: whether an angle was beyond the range of the fit, and its nearest end was taken.
+    """
+
+    __slots__ = ("arms", "gain", "length", "outside", "passive", "velocity")
+
+    def __init__(self, out: FloatArray, count: int, outside: bool) -> None:
+        self.length, self.velocity, self.gain, self.passive = out[: 4 * count].reshape(4, count)
+        self.arms = out[4 * count :].reshape(count, -1)
+        self.outside = outside
+
+    def forces(self, activation: FloatArray) -> FloatArray:
+        """At activations of shape (k,) [1]: shape (k,) [N], of actuators [N m]."""
+        return self.gain * activation + self.passive
+
+    def torque(self, activation: FloatArray) -> FloatArray:
+        """Of the joints that they act on, at activations of shape (k,) [1]: shape (m,) [N m]."""
+        return np.asarray(self.forces(activation) @ self.arms)
+
+
+class Intrinsic(NamedTuple):
+    """What muscles do by themselves against motion: stiffness [N m/rad] and damping [N m s/rad], shape (m, m)."""
+
+    stiffness: FloatArray
+    damping: FloatArray
+
+
+class ScaledMuscle(NamedTuple):
+    """A muscle of this body.
+
+    Attributes:
+        name: with its side.
+        force: maximum isometric one [N].
+        optimal_length, slack_length: [m].
+        scale: lengths of the subject per those of the model.
+        joints: of the body, whose angles its length takes.
+        order, coefficients: of the length [m], as `Polynomial` has them.
+    """
+
+    name: str
+    force: float
+    optimal_length: float
+    slack_length: float
+    scale: float
+    joints: tuple[str, ...]
+    order: int
+    coefficients: tuple[float, ...]
+
+
+class MuscleSet:
+    """The muscles of a body's arms.
+
+    Args:
+        body: with an arm or two.
+        anatomy: of a right arm.
+        factor: of the strength of muscles.
+
+    Attributes:
+        names: of k muscles and actuators, "right_bic_l", "right_wr_flex+".
+        is_muscle: of each, whether it is one.
+        muscle_count: how many are.
+        scaled: muscles alone, as they are in this body.
+        joints: indices in body.joints of those that they act on, m of them: the columns of moment arms.
+
+    Raises:
+        HricError: the body has no arm, or the factor is not above 0.
+    """
+
+    def __init__(self, body: Body, anatomy: Anatomy, factor: float = 1.0) -> None:
+        sides = [side for side in ("right", "left") if f"{side}_upper_arm" in body.segments]
+        if not sides:
+            raise HricError(f"the body of {body.subject.code} has no arm for muscles; valid parts: with an arm")
+        if not factor > 0.0:
+            raise HricError(f"a strength of {factor} for muscles; valid: above 0")
+        self._order, self._strength, self._body, self._factor = list(body.joints), strength(body), body, factor
+        self.scaled: list[ScaledMuscle] = []
+        names, columns, arms, actuators = list[str](), list[str](), [], list[tuple[int, int, float]]()
+        for side in sides:
+            arms.append(self._arm(anatomy, side, len(names), len(columns)))
+            names += [f"{side}_{name}" for name in anatomy.muscles]
+            columns += [f"{side}_{name}" for name in anatomy.joints]
+            for joint in (f"{side}_{row.name}" for row in ARM if row.name not in anatomy.joints):
+                index = self._order.index(joint)
+                for sense, torques in (("+", self._strength[1]), ("-", self._strength[0])):
+                    actuators.append((len(names), len(columns), factor * torques[index]))
+                    names.append(f"{joint}{sense}")
+                columns.append(joint)
+        constant = _constant(len(names), len(columns), actuators)
+        self.names, self.joints = tuple(names), tuple(map(self._order.index, columns))
+        ideal = {row for row, *_ in actuators}
+        self.is_muscle = tuple(row not in ideal for row in range(len(names)))
+        self.muscle_count = sum(self.is_muscle)
+        self._size = constant.size
+        shape = len(names), len(columns), len(self._order)
+        self._compiled = _built.Muscles(_curves(), constant, shape, arms)
+
+    def at(self, q: Sequence[float], dq: Sequence[float]) -> MuscleState:
+        """The muscles at angles [rad] and speeds [rad/s] of all joints of the body."""
+        out = np.empty(self._size)
+        outside = self._compiled.at(q, dq, out)
+        return MuscleState(out, len(self.names), outside)
+
+    def intrinsic(self, state: MuscleState, activation: FloatArray) -> Intrinsic:
+        """Of the joints that they act on, at activations of shape (k,) [1]."""
+        springs = STIFFNESS * np.where(self.is_muscle, state.forces(activation), 0.0)
+        stiffness = np.asarray((state.arms.T * springs) @ state.arms)
+        return Intrinsic(stiffness, DAMPING_TIME * stiffness)
+
+    def _arm(self, anatomy: Anatomy, side: str, row: int, column: int) -> tuple[object, ...]:
+        """Of a side, as the compiled type takes it."""
+        angles = [self._order.index(f"{side}_{name}") for name in anatomy.joints]
+        products = _Monomials(anatomy)
+        start, term, coefficient = products.rows(muscle.length for muscle in anatomy.muscles.values())
+        sizes = len(angles), len(products.factor), len(anatomy.muscles), len(term), row, column
+        integers = np.concatenate([angles, products.factor, products.angle, start, term])
+        made = [self._scaled(anatomy, muscle, side) for muscle in anatomy.muscles.values()]
+        self.scaled += made
+        rows = [
+            (muscle.force, muscle.optimal_length / muscle.scale, muscle.slack_length / muscle.scale, muscle.scale)
+            for muscle in made
+        ]
+        numbers = [anatomy.lower, anatomy.upper, coefficient, *np.transpose(rows)]
+        return sizes, integers.astype(np.intc), np.concatenate(numbers)
+
+    def _scaled(self, anatomy: Anatomy, muscle: Muscle, side: str) -> ScaledMuscle:
+        length = muscle.length
+        spanned = {segment for joint in length.joints for segment in SPANNED[joint] if segment in anatomy.reference}
+        ratios = [self._body.segments[f"{side}_{name}"].length / anatomy.reference[name] for name in sorted(spanned)]
+        scale = float(np.mean(ratios)) if ratios else 1.0
+        subject = self._body.subject
+        women = float(np.mean([STRENGTH[joint].women for joint in length.joints]))
+        share = women if subject.sex == "female" else 1.0
+        return ScaledMuscle(
+            f"{side}_{muscle.name}",
+            self._factor * subject.mass / MEAN_MASS[subject.sex] * share * muscle.max_force,
+            scale * muscle.optimal_length,
+            scale * muscle.slack_length,
+            scale,
+            tuple(f"{side}_{joint}" for joint in length.joints),
+            length.order,
+            tuple(scale * coefficient for coefficient in length.coefficients),
+        )
+
+
+class _Monomials:
+    """All that the lengths of an anatomy and their slopes need, each an earlier one times an angle.
+
+    Attributes:
+        factor, angle: of each monomial; the first is 1 and has none.
+    """
+
+    def __init__(self, anatomy: Anatomy) -> None:
+        self._joints = anatomy.joints
+        needed = {power for muscle in anatomy.muscles.values() for power in self._powers(muscle.length)}
+        for power in sorted(needed, key=sum, reverse=True):
+            needed |= set(_below(power))
+        self._indices = {power: i for i, power in enumerate(sorted(needed, key=lambda power: (sum(power), power)))}
+        self.factor, self.angle = [0], [0]
+        for power in list(self._indices)[1:]:
+            angle = next(i for i, exponent in enumerate(power) if exponent)
+            self.factor.append(self._indices[_lowered(power, angle)])
+            self.angle.append(angle)
+
+    def rows(self, lengths: Iterable[Polynomial]) -> tuple[IntArray, IntArray, FloatArray]:
+        """Sparse matrix of lengths, each with its slopes behind it: where rows start, monomials, and coefficients."""
+        start, term, coefficient = [0], list[int](), list[float]()
+        for length in lengths:
+            powers = self._powers(length)
+            for angle in (None, *range(len(self._joints))):
+                for power, value in zip(powers, length.coefficients, strict=True):
+                    if angle is None or power[angle]:
+                        term.append(self._indices[power if angle is None else _lowered(power, angle)])
+                        coefficient.append(value if angle is None else value * power[angle])
+                start.append(len(term))
+        return np.array(start), np.array(term), np.array(coefficient)
+
+    def _powers(self, polynomial: Polynomial) -> list[tuple[int, ...]]:
+        of = exponents(len(polynomial.joints), polynomial.order)
+        full = np.zeros((len(of), len(self._joints)), dtype=np.int64)
+        full[:, [self._joints.index(name) for name in polynomial.joints]] = of
+        return [tuple(map(int, power)) for power in full]
+
+
+def _lowered(power: tuple[int, ...], angle: int) -> tuple[int, ...]:
+    return (*power[:angle], power[angle] - 1, *power[angle + 1 :])
+
+
+def _below(power: tuple[int, ...]) -> Iterable[tuple[int, ...]]:
+    """What a monomial is made of, and its slopes."""
+    for angle, exponent in enumerate(power):
+        if exponent:
+            yield _lowered(power, angle)
+            yield from _below(_lowered(power, angle))
+
+
+def _constant(muscles: int, joints: int, actuators: Iterable[tuple[int, int, float]]) -> FloatArray:
+    """What actuators have in the arrays of a state, 0 elsewhere: of rows, columns and torques with their sign."""
+    out = np.zeros(muscles * (4 + joints))
+    arms = out[4 * muscles :].reshape(muscles, joints)
+    for row, column, torque in actuators:
+        out[2 * muscles + row] = abs(torque)
+        arms[row, column] = np.sign(torque)
+    return out
+
+
+def _curves() -> FloatArray:
+    """As the compiled type takes them."""
+    bells = [number for bell in curves.ACTIVE for number in bell]
+    passive = curves.PASSIVE_SHAPE, curves.PASSIVE_STRAIN, curves.SHORTEST
+    return np.array([*bells, *passive, *curves.VELOCITY, curves.MAX_VELOCITY])

@@ -1,0 +1,252 @@
+/* Lengths, moment arms and forces of muscles from polynomials of joint angles: what muscle_set.py explains. */
+#include "hric_control/python_numbers.h"
+
+#include <math.h>
+
+enum { BELLS = 3 };
+
+typedef struct {
+    double bell[BELLS][4], passive_shape, passive_strain, shortest, velocity[4], max_velocity;
+} Curves;
+
+/* Of one arm. Monomial 0 is 1; each other is an earlier one times an angle. A row of the sparse matrix is a muscle's
+   length, and behind it one for its slope with each angle. */
+typedef struct {
+    int joints, monomials, muscles, row, column; /* the first of its muscles and joints among all */
+    int *place, *factor, *angle, *start, *term;  /* of angles in q; of monomials; of the matrix, by row; of its entries */
+    double *lower, *upper, *coefficient, *force, *optimal, *slack, *scale; /* scale: subject's lengths per model's */
+    double *x, *value; /* angles within the range, monomials */
+} Arm;
+
+typedef struct {
+    PyObject_HEAD
+    Curves curves;
+    int muscles, columns, angles, arms; /* of all arms, and their count */
+    double *constant;                   /* of actuators; what muscles have is 0 in it */
+    Arm *arm;
+} Muscles;
+
+/* ---- arithmetic ---- */
+
+static double active(const Curves *c, double l)
+{
+    double sum = 0.0;
+    for (int i = 0; i < BELLS; i++) {
+        const double *b = c->bell[i], x = (l - b[1]) / (b[2] + b[3] * l);
+        sum += b[0] * exp(-0.5 * x * x);
+    }
+    return sum;
+}
+
+static double passive(const Curves *c, double l)
+{
+    const double lowest = exp(c->passive_shape * (c->shortest - 1.0) / c->passive_strain);
+    return (exp(c->passive_shape * (l - 1.0) / c->passive_strain) - lowest) / (exp(c->passive_shape) - lowest);
+}
+
+static double velocity_factor(const Curves *c, double v)
+{
+    const double *d = c->velocity;
+    return d[0] * asinh(d[1] * v + d[2]) + d[3];
+}
+
+/* Monomials at the angles within the range; whether one was beyond it. */
+static int prepare(const Arm *arm, const double *q)
+{
+    int outside = 0;
+    for (int j = 0; j < arm->joints; j++) {
+        const double angle = q[arm->place[j]];
+        arm->x[j] = angle < arm->lower[j] ? arm->lower[j] : angle > arm->upper[j] ? arm->upper[j] : angle;
+        outside |= arm->x[j] != angle;
+    }
+    arm->value[0] = 1.0;
+    for (int t = 1; t < arm->monomials; t++)
+        arm->value[t] = arm->value[arm->factor[t]] * arm->x[arm->angle[t]];
+    return outside;
+}
+
+static double row(const Arm *arm, int i)
+{
+    double sum = 0.0;
+    for (int e = arm->start[i]; e < arm->start[i + 1]; e++)
+        sum += arm->coefficient[e] * arm->value[arm->term[e]];
+    return sum;
+}
+
+static void muscle(const Muscles *self, const Arm *arm, int i, const double *dq, double *out)
+{
+    const Curves *c = &self->curves;
+    const int k = arm->row + i, first = i * (1 + arm->joints);
+    double *arms = out + 4 * self->muscles + k * self->columns + arm->column, speed = 0.0;
+    for (int j = 0; j < arm->joints; j++) {
+        arms[j] = -arm->scale[i] * row(arm, first + 1 + j);
+        speed -= arms[j] * dq[arm->place[j]];
+    }
+    const double length = (row(arm, first) - arm->slack[i]) / arm->optimal[i],
+                 velocity = speed / (arm->scale[i] * arm->optimal[i]);
+    out[k] = length;
+    out[self->muscles + k] = velocity;
+    out[2 * self->muscles + k] = arm->force[i] * active(c, length) * velocity_factor(c, velocity / c->max_velocity);
+    out[3 * self->muscles + k] = arm->force[i] * passive(c, length);
+}
+
+static PyObject *muscles_at(Muscles *self, PyObject *const *given, Py_ssize_t count)
+{
+    Py_buffer view;
+    double q[self->angles + 1], dq[self->angles + 1];
+    if (!expect(count, 3, "at(q, dq, out)") || !take(given[0], self->angles, q) || !take(given[1], self->angles, dq)
+        || PyObject_GetBuffer(given[2], &view, PyBUF_WRITABLE) < 0)
+        return NULL;
+    const size_t size = (size_t)(self->muscles * (4 + self->columns)) * sizeof(double);
+    int outside = 0;
+    if (view.len == (Py_ssize_t)size) {
+        memcpy(view.buf, self->constant, size);
+        for (const Arm *arm = self->arm; arm < self->arm + self->arms; arm++) {
+            outside |= prepare(arm, q);
+            for (int i = 0; i < arm->muscles; i++)
+                muscle(self, arm, i, dq, view.buf);
+        }
+    } else
+        PyErr_Format(PyExc_ValueError, "out is %zu bytes, got %zd", size, view.len);
+    PyBuffer_Release(&view);
+    return PyErr_Occurred() ? NULL : PyBool_FromLong(outside);
+}
+
+/* ---- the type ---- */
+
+/* A copy of a buffer of n elements; NULL with an error set. */
+static void *copied(PyObject *buffer, size_t n, size_t each, const char *what)
+{
+    void *memory = PyMem_Malloc(n * each + 1);
+    if (memory == NULL)
+        PyErr_NoMemory();
+    else if (!copy_buffer(buffer, n * each, memory, what)) {
+        PyMem_Free(memory);
+        memory = NULL;
+    }
+    return memory;
+}
+
+/* Whether numbers are from 0 to below a bound. */
+static int below(const int *values, int n, int bound)
+{
+    for (int i = 0; i < n; i++)
+        if (values[i] < 0 || values[i] >= bound) {
+            PyErr_Format(PyExc_ValueError, "%d is not below %d", values[i], bound);
+            return 0;
+        }
+    return 1;
+}
+
+static int valid(const Muscles *self, const Arm *arm, int entries)
+{
+    const int rows = arm->muscles * (1 + arm->joints);
+    for (int t = 1; t < arm->monomials; t++)
+        if (!below(arm->factor + t, 1, t))
+            return 0;
+    for (int r = 0; r < rows; r++)
+        if (!below(arm->start + r, 1, arm->start[r + 1] + 1))
+            return 0;
+    if (arm->start[0] != 0 || arm->start[rows] != entries || arm->row < 0 || arm->row + arm->muscles > self->muscles
+        || arm->column < 0 || arm->column + arm->joints > self->columns) {
+        PyErr_SetString(PyExc_ValueError, "an arm's rows or columns are beyond those of all");
+        return 0;
+    }
+    return below(arm->place, arm->joints, self->angles) && below(arm->angle, arm->monomials, arm->joints)
+           && below(arm->term, entries, arm->monomials);
+}
+
+/* (sizes, integers, numbers) of an arm: joints, monomials, muscles, entries, first row and column; then the arrays of
+   Arm in its order. */
+static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
+{
+    PyObject *integers, *numbers;
+    int n;
+    if (!PyArg_ParseTuple(given, "(iiiiii)OO", &arm->joints, &arm->monomials, &arm->muscles, &n, &arm->row, &arm->column,
+                          &integers, &numbers))
+        return 0;
+    if (arm->joints < 1 || arm->monomials < 1 || arm->muscles < 0 || n < 0) {
+        PyErr_SetString(PyExc_ValueError, "an arm has no joints or no monomials");
+        return 0;
+    }
+    const size_t m = (size_t)arm->joints, t = (size_t)arm->monomials, k = (size_t)arm->muscles, e = (size_t)n,
+                 rows = k * (1 + m);
+    arm->place = copied(integers, m + 2 * t + rows + 1 + e, sizeof(int), "the integers of an arm");
+    arm->lower = arm->place == NULL ? NULL : copied(numbers, 2 * m + e + 4 * k, sizeof(double), "the numbers of an arm");
+    arm->x = PyMem_Calloc(m + t, sizeof(double));
+    if (arm->lower == NULL || arm->x == NULL)
+        return PyErr_Occurred() != NULL ? 0 : (PyErr_NoMemory(), 0);
+    arm->factor = arm->place + m, arm->angle = arm->factor + t, arm->start = arm->angle + t;
+    arm->term = arm->start + rows + 1;
+    arm->upper = arm->lower + m, arm->coefficient = arm->upper + m, arm->force = arm->coefficient + e;
+    arm->optimal = arm->force + k, arm->slack = arm->optimal + k, arm->scale = arm->slack + k;
+    arm->value = arm->x + m;
+    return valid(self, arm, n);
+}
+
+static int muscles_init(Muscles *self, PyObject *args, PyObject *Py_UNUSED(kwargs))
+{
+    PyObject *curves, *constant, *arms;
+    if (self->arm != NULL) {
+        PyErr_SetString(PyExc_TypeError, "it is made once");
+        return -1;
+    }
+    if (!PyArg_ParseTuple(args, "OO(iii)O!", &curves, &constant, &self->muscles, &self->columns, &self->angles,
+                          &PyList_Type, &arms)
+        || !copy_buffer(curves, sizeof self->curves, &self->curves, "the curves"))
+        return -1;
+    if (self->muscles < 0 || self->columns < 0 || self->angles < 0) {
+        PyErr_SetString(PyExc_ValueError, "a count is below 0");
+        return -1;
+    }
+    const Py_ssize_t count = PyList_GET_SIZE(arms);
+    self->constant = copied(constant, (size_t)(self->muscles * (4 + self->columns)), sizeof(double), "the constants");
+    self->arm = PyMem_Calloc((size_t)count + 1, sizeof(Arm));
+    if (self->constant == NULL || self->arm == NULL)
+        return PyErr_Occurred() != NULL ? -1 : (PyErr_NoMemory(), -1);
+    for (; self->arms < count; self->arms++)
+        if (!take_arm(self, PyList_GET_ITEM(arms, self->arms), self->arm + self->arms)) {
+            self->arms++; /* what it has taken is freed, too */
+            return -1;
+        }
+    return 0;
+}
+
+static void muscles_free(Muscles *self)
+{
+    for (int i = 0; i < self->arms; i++) {
+        PyMem_Free(self->arm[i].place);
+        PyMem_Free(self->arm[i].lower);
+        PyMem_Free(self->arm[i].x);
+    }
+    PyMem_Free(self->arm);
+    PyMem_Free(self->constant);
+    Py_TYPE(self)->tp_free((PyObject *)self);
+}
+
+static PyMethodDef methods[] = {
+    {"at", FAST(muscles_at),
+     "(q, dq, out) -> whether an angle is outside the range; out gets length, velocity, gain and passive force of all, "
+     "then their moment arms"},
+    {0}};
+
+static PyTypeObject type = {
+    PyVarObject_HEAD_INIT(NULL, 0).tp_name = "hric_muscles.Muscles",
+    .tp_basicsize = sizeof(Muscles),
+    .tp_flags = Py_TPFLAGS_DEFAULT,
+    .tp_new = PyType_GenericNew,
+    .tp_init = (initproc)muscles_init,
+    .tp_dealloc = (destructor)muscles_free,
+    .tp_methods = methods,
+};
+
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "hric_muscles", NULL, -1, NULL, NULL, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit_hric_muscles(void)
+{
+    PyObject *module = PyType_Ready(&type) < 0 ? NULL : PyModule_Create(&definition);
+    if (module != NULL && PyModule_AddObjectRef(module, "Muscles", (PyObject *)&type) < 0)
+        Py_CLEAR(module);
+    return module;
+}

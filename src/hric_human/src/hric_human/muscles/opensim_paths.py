@@ -1,0 +1,82 @@
+"""The muscles of a body in its OpenSim model: DeGrooteFregly2016Muscle on function-based paths, rigid tendons."""
+
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from hric_control.errors import HricError
+from hric_human.muscles import curves
+from hric_human.muscles.muscle_set import MuscleSet, ScaledMuscle
+
+NOTE = (
+    "Muscles act on coordinates through polynomials of length, without points on bodies: what JointReaction gives "
+    "misses the joint loads of the muscles. Those are in the joint reactions of the run."
+)
+"""Comment of the model."""
+
+
+def with_muscles(model: str, muscles: MuscleSet) -> str:
+    """A model's text with the muscles of its body; ideal actuators are left out.
+
+    Args:
+        model: of OpenSim, whose coordinates have the names of the body's joints.
+
+    Raises:
+        HricError: a coordinate is missing, or it is no model.
+    """
+    try:
+        root = ElementTree.fromstring(model)
+    except ElementTree.ParseError as error:
+        raise HricError(f"muscles need an OpenSim model: {error}") from error
+    paths = _coordinate_paths(root)
+    whole = root.find("Model")
+    if whole is None:
+        raise HricError("muscles need an OpenSim model: the file has no Model")
+    forces = whole.find("ForceSet")
+    forces = SubElement(whole, "ForceSet", name="forceset") if forces is None else forces
+    objects = forces.find("objects")
+    objects = SubElement(forces, "objects") if objects is None else objects
+    objects.append(ElementTree.Comment(f" {NOTE} "))
+    for muscle in muscles.scaled:
+        missing = [joint for joint in muscle.joints if joint not in paths]
+        if missing:
+            raise HricError(
+                f"muscle {muscle.name} needs the coordinate {missing[0]}; valid: {', '.join(sorted(paths))}"
+            )
+        objects.append(_muscle(muscle, [paths[joint] for joint in muscle.joints]))
+    ElementTree.indent(root, "\t")
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True)
+
+
+def _coordinate_paths(root: Element) -> dict[str, str]:
+    """By name, of the joints in the model's set."""
+    joints = root.findall("Model/JointSet/objects/*")
+    return {
+        str(coordinate.get("name")): f"/jointset/{joint.get('name')}/{coordinate.get('name')}"
+        for joint in joints
+        for coordinate in joint.iter("Coordinate")
+    }
+
+
+def _muscle(muscle: ScaledMuscle, coordinates: list[str]) -> Element:
+    made = Element("DeGrooteFregly2016Muscle", name=muscle.name)
+    path = SubElement(made, "FunctionBasedPath", name="path")
+    SubElement(path, "coordinate_paths").text = " ".join(coordinates)
+    function = SubElement(SubElement(path, "length_function"), "MultivariatePolynomialFunction")
+    SubElement(function, "coefficients").text = " ".join(map(repr, muscle.coefficients))
+    SubElement(function, "dimension").text = str(len(coordinates))
+    SubElement(function, "order").text = str(muscle.order)
+    numbers = {
+        "max_isometric_force": muscle.force,
+        "optimal_fiber_length": muscle.optimal_length,
+        "tendon_slack_length": muscle.slack_length,
+        "pennation_angle_at_optimal": 0.0,
+        "max_contraction_velocity": curves.MAX_VELOCITY,
+        "activation_time_constant": curves.RISE,
+        "deactivation_time_constant": curves.FALL,
+        "fiber_damping": 0.0,
+        "passive_fiber_strain_at_one_norm_force": curves.PASSIVE_STRAIN,
+    }
+    for name, value in numbers.items():
+        SubElement(made, name).text = repr(value)
+    SubElement(made, "ignore_tendon_compliance").text = "true"
+    return made
