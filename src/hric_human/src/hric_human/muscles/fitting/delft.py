@@ -43,8 +43,9 @@ SAMPLES, UNSEEN = 1536, 384
 """Poses of the fit and of its test."""
 FIBRES = (0.45, 1.55)
 """Range of an element's fibres per optimal length beyond which the file's lengths are identified again [1]."""
-LINE_FIBRES = (0.42, 1.42)
-"""The same for lines, whose polynomials differ from the paths'; project default."""
+LINE_FIBRES, LINE_MIDDLE = (0.42, 1.36), 0.88
+"""The same for lines, whose polynomials differ from the paths', and the middle of their range when it is identified
+again [1]: with it the passive torque stays below 10 N m; project default, unconfirmed."""
 MEAN_FIBRE, FIBRE_SPAN = 0.95, 0.9
 """Mean and greatest range of one identified again, per optimal length [1]; project default, unconfirmed."""
 _X, _Y, _Z = np.eye(3)
@@ -127,13 +128,13 @@ def fit(path: Path) -> Anatomy:
     elements = arm.sample(poses(LOWER, UPPER, SAMPLES + UNSEEN))
     forces, optimal, slack = _identified(arm.paths, elements.length[:SAMPLES])
     shares = forces * [[name in group.elements for name in arm.paths.names] for group in GROUPS]
-    total = shares.sum(axis=1)
-    weights = shares / total[:, None]
+    summed = shares.sum(axis=1)
+    weights = shares / summed[:, None]
     lines = elements.joined(weights)
     seen, unseen = lines.part(slice(None, SAMPLES)), lines.part(slice(SAMPLES, None))
     muscles, errors = dict[str, Muscle](), dict[str, FitError]()
     for k, group in enumerate(GROUPS):
-        numbers = float(total[k]), float(weights[k] @ optimal), float(weights[k] @ slack)
+        numbers = float(summed[k]), float(weights[k] @ optimal), float(weights[k] @ slack)
         if group.arm:
             muscles[group.name], errors[group.name] = _constant(group, *numbers), FitError(0.0, 0.0, 0.0, {})
         else:
@@ -152,7 +153,7 @@ def _usable(muscle: Muscle, samples: Samples) -> Muscle:
     """With fibres that stay within LINE_FIBRES, about the middle of their range."""
     values = muscle.length.values(samples.q[:, [JOINTS.index(name) for name in muscle.length.joints]])
     ends = np.array([values.min(), values.max()])
-    optimal, slack = _within(LINE_FIBRES, ends, muscle.optimal_length, muscle.slack_length)
+    optimal, slack = _within(LINE_FIBRES, LINE_MIDDLE, ends, muscle.optimal_length, muscle.slack_length)
     return replace(muscle, optimal_length=rounded(optimal), slack_length=rounded(slack))
 
 
@@ -165,16 +166,47 @@ def _identified(paths: Paths, length: FloatArray) -> tuple[FloatArray, FloatArra
     forces = np.array([muscle.getMaxIsometricForce() for muscle in muscles]) * np.cos(pennation)
     optimal = np.array([muscle.getOptimalFiberLength() for muscle in muscles])
     slack = np.array([muscle.getTendonSlackLength() for muscle in muscles])
-    optimal, slack = np.transpose([_within(FIBRES, *of) for of in zip(length.T, optimal, slack, strict=True)])
+    optimal, slack = np.transpose(
+        [_within(FIBRES, MEAN_FIBRE, *of) for of in zip(length.T, optimal, slack, strict=True)]
+    )
     triceps = np.array([name.startswith("tric_") for name in paths.names])
     return forces, optimal, np.where(triceps, length.mean(axis=0) - optimal, slack)
 
 
-def _within(bounds: tuple[float, float], length: FloatArray, optimal: float, slack: float) -> tuple[float, float]:
+def _within(
+    bounds: tuple[float, float], mean: float, length: FloatArray, optimal: float, slack: float
+) -> tuple[float, float]:
     """Optimal length of fibres and length of the tendon [m], identified again where fibres leave bounds at lengths of
     shape (poses,) [m]."""
     shortest, longest = float(length.min()), float(length.max())
     if bounds[0] * optimal <= shortest - slack and longest - slack <= bounds[1] * optimal:
         return optimal, slack
     optimal = max(optimal, (longest - shortest) / FIBRE_SPAN)
-    return optimal, max(0.0, float(length.mean()) - MEAN_FIBRE * optimal)
+    return optimal, max(0.0, float(length.mean()) - mean * optimal)
+
+
+def run(model: Path, output: Path) -> None:
+    """Fit das4_v4.osim, write the file of the anatomy, and print its notice and its errors. Raises HricError."""
+    anatomy = fit(model)
+    anatomy.save(output)
+    print(anatomy.notice)
+    print(errors_as_markdown(anatomy))
+
+
+def errors_as_markdown(anatomy: Anatomy) -> str:
+    """Muscles with their numbers and errors of the fit, as Markdown."""
+    rows = [
+        "| muscle | force N | optimal mm | tendon mm | joints | length rms mm | arm rms mm | single mm | pull worst |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, muscle in anatomy.muscles.items():
+        error = anatomy.errors[name]
+        pull = max(error.pull_worst.values(), default=0.0)
+        numbers = 1e3 * muscle.optimal_length, 1e3 * muscle.slack_length
+        errors = 1e3 * error.length_rms, 1e3 * error.arm_rms, 1e3 * error.arm_worst
+        rows.append(
+            f"| {name} | {muscle.max_force:.0f} | {numbers[0]:.1f} | {numbers[1]:.1f} | {len(muscle.length.joints)} | "
+            + " | ".join(f"{value:.2f}" for value in (*errors, pull))
+            + " |"
+        )
+    return "\n".join(rows)

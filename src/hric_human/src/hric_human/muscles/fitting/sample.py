@@ -131,6 +131,6 @@ class Lines:
     def pull(self, distal: IntArray) -> FloatArray:
         """Force of each muscle on some bodies, in the ground, shape (muscles, 3) [1]."""
         on = np.isin(self.body, distal)
-        total = np.zeros((self.muscles, 3))
-        np.add.at(total, self.muscle[on], self.force[on])
-        return total
+        summed = np.zeros((self.muscles, 3))
+        np.add.at(summed, self.muscle[on], self.force[on])
+        return summed
