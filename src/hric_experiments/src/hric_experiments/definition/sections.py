@@ -29,10 +29,10 @@ from hric_control.parameters import (
     text,
 )
 from hric_control.trial.c3d import located
-from hric_experiments.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
+from hric_experiments.definition.parameters import EMULATED_EMG, EMULATED_HUMAN, MOCAP_CLIENT
 from hric_human.participant.settings import HumanSettings
 from hric_perception.emg.envelope import Settings as EnvelopeSettings
-from hric_perception.emg.muscles import AMPLITUDE, Program, muscle_names
+from hric_perception.emg.muscles import AMPLITUDE, Program, TopicActivation, muscle_names
 from hric_perception.emg.muscles import PROGRAM as ACTIVATION
 from hric_perception.emulation import Faults
 from hric_perception.lsl import LslSettings
@@ -233,17 +233,23 @@ class EmgSection(SensorSection):
         elif isinstance(program, Program):
             program.activation(len(self.channels))
 
+    @property
+    def measures_him(self) -> bool:
+        """Whether the emulated device measures the muscles of a simulated human."""
+        program = EmulatedEmg.of(self.emulated, "emulated").activation
+        return self.device == EMULATED and isinstance(program, TopicActivation)
+
     def nodes(self, seed: int) -> dict[str, dict[str, Any]]:
         """Private parameters of the driver and of the emulated device, by the names of the nodes."""
         given, names = dict(self.trigno or {}), list(self.channels)
-        driver, trigno = self._driver("emulated_emg"), self.transport == "trigno"
+        driver, trigno = self._driver(EMULATED_EMG), self.transport == "trigno"
         if trigno:
             driver["trigno"] = {**given, "channels": names + ["time"] * self.time_code}
         if self.device != EMULATED:
             return {self.name: driver}
         server = {"host": "ip", "command_port": "command_port", "data_port": "data_port"} if trigno else {}
         own = {"muscles": names} | {name: given[key] for key, name in server.items() if key in given}
-        return {self.name: driver, "emulated_emg": self._emulated("emulated_emg", seed) | own}
+        return {self.name: driver, EMULATED_EMG: self._emulated(EMULATED_EMG, seed) | own}
 
     @property
     def source(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from hric_control.geometry import Pose
 from hric_control.parameters import Settings, choice, mapping, number, section, text
 from hric_control.ros import RosNode, run
 from hric_perception.chunk import Layout
-from hric_perception.emulation import EvenSensor, Faults
+from hric_perception.emulation import BLOCK, SEED, EvenSensor, Faults, faults_of
 from hric_perception.lsl import LslOutlet, source_name, use_session
 from hric_perception.plate.geometry import CHANNELS, UNITS, PlatePose
 from hric_perception.plate.loads import (
@@ -24,8 +24,8 @@ from hric_perception.plate.loads import (
     Push,
 )
 from hric_perception.plate.natnet import PlateMotive, PlateStream
-from hric_perception.replayed import RecordedLoad
-from hric_perception.sensor import BLOCK, SEED, EmulatedNode, faults_of, follow_human
+from hric_perception.replayed import RecordedLoad, follow_human
+from hric_perception.sensor import EmulatedNode
 from hric_perception.simulated import PERSON, KnownTime, follow_grips, follow_joints, person_of
 
 NAME = "emulated_plate"

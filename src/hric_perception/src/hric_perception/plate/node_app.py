@@ -22,8 +22,8 @@ from hric_perception.plate.geometry import (
     mean_wrench,
 )
 from hric_perception.plate.natnet import plate_of
-from hric_perception.sensor import CHUNK, SensorNode
-from hric_perception.stream import Driver, SampleStream, StreamHealth
+from hric_perception.sensor import SensorNode
+from hric_perception.stream import CHUNK, Driver, SampleStream, StreamHealth
 
 
 @dataclass(frozen=True)
