@@ -122,7 +122,7 @@ def test_in_an_experiment_the_electrodes_are_on_the_arm_that_follows() -> None:
     ("section", "words"),
     [
         ({"emg": {"device": "real"}}, "sweep has a real emg, which comes by wire"),
-        ({"force_plate": {}}, "sweep has force_plate, which comes by wire"),
+        ({"force_plate": {"transport": "natnet"}}, "sweep has force_plate over natnet, which comes by wire"),
         ({"force_plate": {"device": "real"}, "sync": {}}, "sweep has a real force_plate, sync, which come by wire"),
     ],
 )
@@ -130,3 +130,14 @@ def test_what_needs_wires_is_refused_by_name_beside_emg_that_needs_none(section:
     raw = experiment.read("pd_step") | {"emg": {}} | section
     with pytest.raises(HricError, match=f"{words}; valid: scripts/bringup experiment:=sweep"):
         Simulation(experiment.parse("sweep", raw))
+
+
+def test_a_plate_has_its_samples_and_its_wrench_in_process() -> None:
+    load = {"program": "constant", "wrench": [1.0, 2.0, -300.0, 4.0, 5.0, 6.0]}
+    raw = {key: value for key, value in experiment.read("pd_step").items() if key != "setpoints"}
+    with Simulation(experiment.parse("plate", raw | {"force_plate": {"emulated": {"load": load}}})) as simulation:
+        samples: list[Any] = []
+        simulation.node.subscribe("hric/perception/force_plate/1/samples", SampleChunk, samples.append)
+        simulation.run(0.5)
+    data = np.concatenate([read_chunk(chunk).data for chunk in samples])
+    assert len(data) == 450 and data == pytest.approx(np.tile(load["wrench"], (450, 1)))

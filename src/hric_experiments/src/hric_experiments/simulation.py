@@ -224,13 +224,8 @@ def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
 
 
 def _refuse_wires(definition: Experiment) -> None:
-    """What comes by wire cannot follow a run that is not paced. Emulated EMG needs none."""
-    wired = [
-        f"a real {sensor.name}" if sensor.device == "real" else sensor.name
-        for sensor in definition.sensors
-        if sensor is not definition.emg or sensor.device == "real"
-    ]
-    wired += ["sync"] * (definition.sync is not None)
+    """What comes by wire cannot follow a run that is not paced. Emulated devices have none here."""
+    wired = [sensor.wire for sensor in definition.sensors if sensor.wire] + ["sync"] * (definition.sync is not None)
     if wired:
         raise HricError(
             f"{definition.name} has {', '.join(wired)}, which come{'s' * (len(wired) == 1)} by wire; valid: "
@@ -246,13 +241,14 @@ class Beside(Protocol):
 
 
 def _sensors(definition: Experiment, node: LocalNode) -> list[Beside]:
-    """Those of a run without wires."""
-    if definition.emg is None or not definition.emg.used:
+    """Emulated ones with their drivers. Raises HricError."""
+    if not definition.sensors:
         return []
-    # Only a run with EMG waits for its filters.
-    from hric_perception.headless import headless_emg
+    # Only a run with sensors waits for their filters.
+    from hric_perception.headless import headless_emg, headless_plate
 
-    return [headless_emg(node.child(definition.emg.name), node.child(parameters.EMULATED_EMG))]
+    made = {"emg": headless_emg, "force_plate": headless_plate}
+    return [made[one.name](node.child(one.name), node.child(one.emulated_name)) for one in definition.sensors]
 
 
 class HeadlessHuman:

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 from hric_control.node import Node
 from hric_control.parameters import refused
-from hric_perception.chunk import Chunk, FloatArray
+from hric_perception.chunk import FloatArray
 from hric_perception.emg.device import EmulatedEmg, EmulatedEmgSettings
 from hric_perception.emg.publisher import EmgPublisher, EmgSettings
 from hric_perception.emulation import Emulator, EvenSensor, Outlet
+from hric_perception.plate.device import EmulatedPlate, EmulatedPlateSettings
+from hric_perception.plate.publisher import ForcePlateSettings, PlatePublisher
 from hric_perception.simulated import KnownTime
 from hric_perception.stream import SampleStream, StreamHealth
 from hric_perception.trigno.client import Settings as TrignoSettings
@@ -126,7 +128,7 @@ def headless_emg(driver: Node, device: Node) -> HeadlessSensor:
     if settings.source != emulated.transport:
         raise refused(f"{settings.prefix}source", settings.source, f"that of the device, {emulated.transport}")
     emg, publisher = EmulatedEmg(device, emulated), EmgPublisher(driver, settings.envelope, driver.log_error)
-    stream = _stream(settings.source, settings.chunk, publisher.publish)
+    stream = SampleStream(robot_time, StreamHealth(emulated.source), publisher.publish, settings.chunk)
     outlet: Outlet
     if settings.source == "lsl":
         stream.begin(replace(emg.layout, source=emulated.source))
@@ -137,5 +139,20 @@ def headless_emg(driver: Node, device: Node) -> HeadlessSensor:
     return HeadlessSensor(emg.sensor, outlet, emulated.block, emg.known)
 
 
-def _stream(source: str, chunk: float, publish: Callable[[Chunk], None]) -> SampleStream:
-    return SampleStream(robot_time, StreamHealth(source), publish, chunk)
+def headless_plate(driver: Node, device: Node) -> HeadlessSensor:
+    """An emulated force plate, and what the node `force_plate` publishes of it.
+
+    Args:
+        driver: private node with the parameters of `force_plate`.
+        device: private node with those of `emulated_plate`.
+
+    Raises:
+        HricError: a parameter is not valid, or it comes within the frames of a motion capture.
+    """
+    settings, emulated = ForcePlateSettings.read(driver), EmulatedPlateSettings.read(device)
+    if (settings.source, emulated.transport) != ("lsl", "lsl"):
+        raise refused(f"{settings.prefix}source", settings.source, "lsl, without a network")
+    plate, publisher = EmulatedPlate(device, emulated), PlatePublisher(driver, settings)
+    stream = SampleStream(robot_time, StreamHealth(emulated.source), publisher.publish, settings.chunk)
+    stream.begin(publisher.choose(replace(plate.layout, source=emulated.source)))
+    return HeadlessSensor(plate.sensor(), StampedOutlet(stream), emulated.block, plate.known)

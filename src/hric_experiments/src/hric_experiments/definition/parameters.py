@@ -27,8 +27,6 @@ HUMAN_START = f"hric/{HUMAN}/start"
 """Service that lets him begin."""
 MOCAP_CLIENT, EMULATED_HUMAN = "natnet_client", "emulated_human"
 """Names of the motion capture's nodes."""
-EMULATED_EMG = "emulated_emg"
-"""Name of the emulated device's node."""
 
 
 def description(spec: RobotSpec) -> str:
@@ -236,9 +234,9 @@ def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
     found = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed).items()}
     plate = experiment.force_plate
     if plate is not None and plate.measures_him:
-        found["emulated_plate"]["person"] = person(experiment)["person"]
+        found[plate.emulated_name]["person"] = person(experiment)["person"]
     if experiment.emg is not None and experiment.emg.measures_him and experiment.human is not None:
-        device = found[EMULATED_EMG]
+        device = found[experiment.emg.emulated_name]
         device["activation"] = {"side": _following_side(experiment), **device["activation"]}
     if experiment.sync is not None:
         found |= experiment.sync.nodes(_joints(experiment), [part.source for part in experiment.sources])

@@ -1,6 +1,5 @@
 """An emulated EMG device on any node: its parameters, what its muscles do, and which samples are due."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +21,7 @@ from hric_perception.emg.muscles import (
 from hric_perception.emulation import BLOCK, SEED, EvenSensor, Signal, faults_of
 from hric_perception.lsl import source_name
 from hric_perception.replayed import RecordedEmg, Replayed, follow_human
+from hric_perception.simulated import always
 from hric_perception.trigno.protocol import CHANNELS, COMMAND_PORT, EMG_PORT, trigno_name
 
 NAME = "emulated_emg"
@@ -79,16 +79,12 @@ class EmulatedEmg:
             raise refused(f"{settings.prefix}muscles", list(names), valid)
         signal: Signal
         if self.replayed is not None:
-            self.known, signal = _always, self.replayed
+            self.known, signal = always, self.replayed
         else:
             activation, self.known = activation_of(node, program, names)
             signal = Muscles(activation, len(names), rate, settings.amplitude, faults.seed)
         self.sensor, code = EvenSensor(rate, len(names), signal, faults), faults.time_code
         self.layout = Layout(settings.name, names + ("time",) * code, ("V",) * len(names) + ("s",) * code, rate)
-
-
-def _always() -> float:
-    return math.inf
 
 
 def activation_of(node: Node, program: Settings, channels: tuple[str, ...]) -> tuple[Activation, Callable[[], float]]:
@@ -104,7 +100,7 @@ def activation_of(node: Node, program: Settings, channels: tuple[str, ...]) -> t
     """
     if not isinstance(program, TopicActivation):
         assert isinstance(program, Program)
-        return program.activation(len(channels)), _always
+        return program.activation(len(channels)), always
     body = BodyActivation(channels, program.side)
 
     def add(message: Any) -> None:
