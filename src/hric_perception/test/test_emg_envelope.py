@@ -8,10 +8,7 @@ import pytest
 from scipy import signal
 
 from hric_control.errors import HricError, ParameterError
-from hric_control.local.node import LocalNode
-from hric_msgs.msg import SampleChunk
-from hric_perception.chunk import Chunk, Layout, chunk_message
-from hric_perception.emg.emulated_app import activation_of
+from hric_perception.chunk import Chunk, Layout
 from hric_perception.emg.envelope import Envelope, Settings
 from hric_perception.emg.muscles import AMPLITUDE, FLOOR, PROGRAM, Muscles
 from hric_perception.emulation import EvenSensor, Faults
@@ -174,31 +171,6 @@ def test_drop_outs_and_noise_repeat_with_the_seed_and_do_not_depend_on_when_samp
     (times, data), (other_times, other) = record(1, 0.01), record(1, 0.5)
     assert (times == other_times).all() and (data == other).all() and (data[:, 1] == times).all()
     assert len(record(2, 0.5)[0]) != len(times)
-
-
-def test_a_topic_moves_the_muscles_that_it_names() -> None:
-    node = LocalNode()
-    activation = activation_of(node, PROGRAM.checked({"program": "topic"}, "activation"), ("biceps", "triceps"))
-    topic = node.advertise("/hric/human/activation", SampleChunk)
-    layout = Layout("model", ("triceps", "soleus", "biceps"), ("1", "1", "1"), 100.0)
-    topic.publish(chunk_message(Chunk(layout, 5.0, 0, np.array([[0.1, 0.9, 0.2], [0.3, 0.9, np.nan]]))))
-    assert activation(np.array([4.0, 5.0, 5.005, 6.0])) == pytest.approx(
-        np.array([[0.2, 0.1], [0.2, 0.1], [0.1, 0.2], [0.0, 0.3]])
-    )
-
-
-@pytest.mark.parametrize(
-    ("channels", "words"),
-    [(("soleus",), "no activation of biceps; there is one of soleus"), ((), "3 values of 0 channels")],
-)
-def test_a_message_without_its_muscles_is_refused(channels: tuple[str, ...], words: str) -> None:
-    node, told = LocalNode(), []
-    node.log_error = told.append  # type: ignore[method-assign]
-    activation_of(node, PROGRAM.checked({"program": "topic"}, "activation"), ("biceps",))
-    node.advertise("/hric/human/activation", SampleChunk).publish(
-        SampleChunk(channels=list(channels), rate=1.0, data=[0.1, 0.2, 0.3])
-    )
-    assert any(words in text for text in told)
 
 
 def test_the_filters_are_loaded_with_the_node_and_not_while_the_first_samples_wait() -> None:

@@ -1,13 +1,15 @@
-"""The nodes `emulated_human` and `emulated_plate` as processes beside a human in a plant, of whom the messages come."""
+"""The nodes `emulated_human`, `emulated_plate` and `emulated_emg` as processes beside a human in a plant, of whom the
+messages come."""
 
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+import sweeping_muscles
 import yaml
 from geometry_msgs.msg import PoseStamped
 from moving_body import BODY, PERIOD, PERSON, Oracle, joint_state
@@ -15,24 +17,34 @@ from sensor_msgs.msg import JointState
 from sensor_nodes import Nodes, TellsTime, TopicActivation, nodes, run, wait
 
 from hric_control.testing import free_port, ros, roscore
-from hric_msgs.msg import MocapData
+from hric_msgs.msg import MocapData, MuscleActivation
+from hric_perception.emg.envelope import Settings, lag
 
 __all__ = ["nodes", "ros", "roscore", "run"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 CLIENT = "../../mocap_natnet/nodes/natnet_client"
 PERSON_ARGUMENT = f"_person:={yaml.safe_dump(PERSON, default_flow_style=True, width=1000).strip()}"
+SWEEP = 4.0
+"""Of his activation, up and down [s]."""
 LATE = 0.03
 """Of his messages [s]."""
 
 
 class Moves:
-    """Publishes his joint states, late, as if from a plant."""
+    """Publishes his messages, late, as if from a plant.
 
-    def __init__(self, run: TellsTime) -> None:
+    Args:
+        run: whose time counts.
+        topic: below `hric/human`.
+        kind: of the messages.
+        made: the message of a time [s].
+    """
+
+    def __init__(self, run: TellsTime, topic: str, kind: type, made: Callable[[float], Any]) -> None:
         import rospy
 
-        self._run, self._stop = run, threading.Event()
-        self._publisher = rospy.Publisher("/hric/human/joint_states", JointState, queue_size=100)
+        self._run, self._made, self._stop = run, made, threading.Event()
+        self._publisher = rospy.Publisher(f"/hric/human/{topic}", kind, queue_size=100)
         self._thread = threading.Thread(target=self._work, daemon=True)
         self._thread.start()
 
@@ -40,7 +52,7 @@ class Moves:
         due = round(self._run.time / PERIOD)
         while not self._stop.wait(PERIOD):
             while due * PERIOD <= self._run.time - LATE:
-                self._publisher.publish(joint_state(due * PERIOD))
+                self._publisher.publish(self._made(due * PERIOD))
                 due += 1
 
     def close(self) -> None:
@@ -51,7 +63,14 @@ class Moves:
 
 @pytest.fixture
 def moves(run: TellsTime) -> Iterator[Moves]:
-    made = Moves(run)
+    made = Moves(run, "joint_states", JointState, joint_state)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def contracts(run: TellsTime) -> Iterator[Moves]:
+    made = Moves(run, "activation", MuscleActivation, lambda time: sweeping_muscles.message(time, SWEEP))
     yield made
     made.close()
 
@@ -116,6 +135,30 @@ def test_the_plate_sends_what_he_pressed_with_at_the_time_of_each_sample(moves: 
         moved = torque + np.cross(oracle.root.position, weight) - np.cross(p, total)
         # Straight lines between messages: (w h)^2 / 8 of what changes, here of some 30 N.
         assert row[:6] == pytest.approx([*total, *moved], abs=1e-2)
+
+
+def test_the_envelope_over_lsl_follows_his_activation_and_no_sample_is_lost(
+    contracts: Moves, nodes: Nodes, figure: Callable[[str, float, str], None]
+) -> None:
+    session = f"test_muscles_{os.getpid()}"
+    raw, smooth = (TopicActivation(f"/hric/perception/emg/{name}") for name in ("raw", "envelope"))
+    device = nodes.start(
+        "emulated_emg", f"_session:={session}", "_activation:={program: topic}", "_faults:={time_code: true}"
+    )
+    driver = nodes.start("emg", f"_lsl:={{session: {session}}}")
+    wait(lambda: smooth.chunks and smooth.end > smooth.chunks[0].start + 1.5 * SWEEP)
+    assert "Traceback" not in nodes.end(device) + nodes.end(driver)
+    raw.close()
+    smooth.close()
+    codes = np.rint(2000.0 * np.concatenate([chunk.data[:, -1] for chunk in raw.chunks]))
+    assert (np.diff(codes) == 1).all(), "what waits is not lost"
+    times = np.concatenate([chunk.times for chunk in smooth.chunks])
+    values = np.concatenate([chunk.data for chunk in smooth.chunks])
+    kept, late = times > times[0] + 0.5, lag(Settings(), 2000.0)
+    found = sweeping_muscles.correlations(sweeping_muscles.PHASES, times[kept], values[kept], SWEEP, late)
+    figure("lag of the EMG envelope, over LSL", 1e3 * late, "ms")
+    figure("EMG envelope over LSL against activation from 0.05 to 0.4, least correlation", min(found), "1")
+    assert min(found) >= 0.95
 
 
 def test_a_plate_that_measures_nobody_says_so_and_sends_nothing(run: TellsTime, nodes: Nodes) -> None:

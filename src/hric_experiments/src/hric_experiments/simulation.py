@@ -7,26 +7,29 @@ import signal
 import threading
 from collections.abc import Iterator, Sequence
 from types import FrameType, TracebackType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import yaml
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import TriggerRequest
 from tqdm import tqdm
 
 from franka_msgs.msg import FrankaState
 from hric_bags.reader import ControlRecord, stitch
 from hric_control.errors import FailureError, HricError
+from hric_control.geometry import stamped
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.local.node import LocalNode
 from hric_control.robot_app import RobotApp
+from hric_control.robot_time import stamps
 from hric_experiments import provenance
 from hric_experiments.definition import experiment, parameters
 from hric_experiments.definition.experiment import Experiment, Setpoint
 from hric_msgs.msg import ControlLog
 from hric_perception.human import CapturedHuman
 from hric_perception.human.truth import Truth
+from hric_perception.replayed import START_TOPIC
 from hric_perception.simulated import follow_events, follow_joints
 from mocap_natnet.headless import HeadlessMocap, robot_time
 from mocap_natnet.node.parameters import Publishing
@@ -78,7 +81,9 @@ class Simulation:
         node = self.node = LocalNode(self.tree)
         mocap = self.definition.mocap
         person = parameters.person(self.definition) if mocap is not None and mocap.measures_him else {}
-        human = None if mocap is None else HeadlessHuman(node, mocap.build(self.seed, person))
+        beside: list[Beside] = _sensors(self.definition, node)
+        if mocap is not None:
+            beside.insert(0, HeadlessHuman(node, mocap.build(self.seed, person), announced=bool(beside)))
         self.app = RobotApp(node, node.child(parameters.ROBOT))
         try:
             self.limits, self.early = self._prepare()
@@ -87,7 +92,7 @@ class Simulation:
             raise
         self.tree[parameters.ROBOT] = node.param(parameters.ROBOT)  # with what the plant chose
         starts = [] if self.definition.human is None else [parameters.HUMAN_START]
-        self._timeline = Timeline(node, self.definition.setpoints, human, starts)
+        self._timeline = Timeline(node, self.definition.setpoints, beside, starts)
         self._log: list[Any] = []
         node.subscribe("control_log", ControlLog, self._log.append)
 
@@ -223,17 +228,36 @@ def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
         **parameters.controllers(definition),
         parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},
         **parameters.mocap(definition, seed),
+        **parameters.sensors(definition, seed),
     }
 
 
 def _refuse_wires(definition: Experiment) -> None:
-    """Sensors that come by wire cannot follow a run that is not paced."""
-    wired = [sensor.name for sensor in definition.sensors] + ["sync"] * (definition.sync is not None)
+    """What comes by wire cannot follow a run that is not paced. Emulated devices have none here."""
+    wired = [sensor.wire for sensor in definition.sensors if sensor.wire] + ["sync"] * (definition.sync is not None)
     if wired:
         raise HricError(
-            f"{definition.name} has {', '.join(wired)}, which come by wire; valid: scripts/bringup "
-            f"experiment:={definition.name}"
+            f"{definition.name} has {', '.join(wired)}, which come{'s' * (len(wired) == 1)} by wire; valid: "
+            f"scripts/bringup experiment:={definition.name}"
         )
+
+
+class Beside(Protocol):
+    """Who goes on with the robot."""
+
+    def advance(self, time: float) -> None:
+        """To a time of the run [s]."""
+
+
+def _sensors(definition: Experiment, node: LocalNode) -> list[Beside]:
+    """Emulated ones with their drivers. Raises HricError."""
+    if not definition.sensors:
+        return []
+    # Only a run with sensors waits for their filters.
+    from hric_perception.headless import headless_emg, headless_plate
+
+    made = {"emg": headless_emg, "force_plate": headless_plate}
+    return [made[one.name](node.child(one.name), node.child(one.emulated_name)) for one in definition.sensors]
 
 
 class HeadlessHuman:
@@ -245,12 +269,14 @@ class HeadlessHuman:
     Args:
         node: the robot's namespace, with the parameters of the motion capture's nodes.
         seen: the human, and the Motive that sees him.
+        announced: whether others replay a trial with him: he publishes that he begins.
 
     Raises:
         HricError: a parameter that does not suit a run without a network.
     """
 
-    def __init__(self, node: LocalNode, seen: CapturedHuman) -> None:
+    def __init__(self, node: LocalNode, seen: CapturedHuman, announced: bool = False) -> None:
+        self._beginning = node.advertise(START_TOPIC, Header, latch=True) if announced else None
         self._hand, self._body, self._started = seen.hand, seen.body, seen.body is not None
         publisher = MocapPublisher(node, Publishing.read(node.child(parameters.MOCAP_CLIENT)), robot_time)
         self._mocap = HeadlessMocap(seen.motive, publisher)
@@ -258,7 +284,18 @@ class HeadlessHuman:
         node.subscribe(STATE_TOPIC, FrankaState, self._on_state)
         if self._body is not None:
             follow_joints(node, self._body.states.add)
-            follow_events(node, self._body.happened)
+            follow_events(node, self._on_event)
+
+    def _on_event(self, time: float, kind: str) -> None:
+        """Of the human in the robot's plant."""
+        assert self._body is not None
+        self._body.happened(time, kind)
+        if kind == "started":
+            self._announce(time)
+
+    def _announce(self, time: float) -> None:
+        if self._beginning is not None:
+            self._beginning.publish(stamped.header(stamps.to_time(time), ""))
 
     def _on_state(self, message: Any) -> None:
         x, y, z = message.O_T_EE[12:15]
@@ -268,7 +305,7 @@ class HeadlessHuman:
         """Go on to a time of the run [s]."""
         if not self._started:
             self._started = True
-            self._hand.start(time)
+            self._announce(self._hand.start(time))
         known = math.inf if self._body is None else self._body.states.known
         self._mocap.advance(time, known)
         if known >= 0.0:
@@ -276,8 +313,8 @@ class HeadlessHuman:
 
 
 class Timeline:
-    """Sends the setpoints at their times, lets the human move, and the progress bar; called in the loop before
-    each update.
+    """Sends the setpoints at their times, lets those beside the robot go on, and the progress bar; called in the loop
+    before each update.
 
     The first cycle starts the controllers, so the earliest setpoint goes out in the second one, 1 ms later, and so
     does the first frame.
@@ -285,7 +322,7 @@ class Timeline:
     Args:
         node: the robot's namespace.
         setpoints: in order of time.
-        human: before the motion capture; None: none.
+        beside: the human before the motion capture, and sensors.
         starts: services that let others begin with the first setpoint.
 
     Attributes:
@@ -293,14 +330,14 @@ class Timeline:
     """
 
     def __init__(
-        self, node: LocalNode, setpoints: Sequence[Setpoint], human: HeadlessHuman | None, starts: Sequence[str]
+        self, node: LocalNode, setpoints: Sequence[Setpoint], beside: Sequence[Beside], starts: Sequence[str]
     ) -> None:
         self._node, self._starts = node, list(starts)
         self._waiting = list(setpoints)
         self._publishers = {
             p.controller: node.advertise(f"{p.controller}/command", Float64MultiArray) for p in setpoints
         }
-        self._shown, self._started, self._human = 0.0, False, human
+        self._shown, self._started, self._beside = 0.0, False, beside
         self.bar: Any = None
 
     def __call__(self, now: float) -> None:
@@ -313,8 +350,8 @@ class Timeline:
         while self._waiting and now >= self._waiting[0].time - 1e-9:
             setpoint = self._waiting.pop(0)
             self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
-        if self._human is not None:
-            self._human.advance(now)
+        for one in self._beside:
+            one.advance(now)
         if self.bar is not None and now - self._shown >= PROGRESS_PERIOD:
             self.bar.update(round(now - self._shown, 3))
             self._shown = now

@@ -5,24 +5,26 @@ import math
 import threading
 import time
 from bisect import bisect_right
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hric_control.parameters import Settings, flag, listing, number, numbers
+from hric_control.parameters import Settings, flag, listing, number, numbers, whole
 from hric_control.robot_time.stream_time import Clock
 from hric_perception.chunk import FloatArray
 
-BLOCK = 256
+NOISE_BLOCK = 256
 """Samples per block of random numbers, so that they do not depend on when samples are fetched."""
 LATE = 1.0
 """A sensor that is this far behind goes on from now [s] (project default, unconfirmed)."""
 NS = 1e-9
 PERIOD = 0.01
 """Between sendings [s of wall time] (project default, unconfirmed)."""
+SEED: Any = whole(0, minimum=0, name="seed", text="of all that is random")
+BLOCK: Any = number(PERIOD, minimum=0.001, maximum=1.0, unit="s", name="block", text="of wall time between sendings")
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,11 @@ class Faults(Settings):
     )
     time_code: bool = flag(False, text="whether one channel is robot time of its sample [s]")
     seed: int = 0
+
+
+def faults_of(given: Mapping[str, Any], where: str, seed: int, delay: float = 0.0) -> Faults:
+    """The faults of an emulated device; delay: where they give none [s]. Raises ParameterError."""
+    return replace(Faults.of({"delay": delay, **given}, where), seed=seed)
 
 
 class Samples(NamedTuple):
@@ -140,14 +147,15 @@ class BlockNoise:
 
     def values(self, first: int, count: int) -> FloatArray:
         """Those of the samples from `first` on, shape (count, channels); `first` may not fall by more than a block."""
-        begin, end = first // BLOCK, (first + count - 1) // BLOCK
+        begin, end = first // NOISE_BLOCK, (first + count - 1) // NOISE_BLOCK
         for index in range(begin, end + 1):
             if index not in self._blocks:
-                block = np.random.default_rng((*self._key, index)).standard_normal((BLOCK, self._channels))
+                block = np.random.default_rng((*self._key, index)).standard_normal((NOISE_BLOCK, self._channels))
                 self._blocks[index] = block if self._shape is None else self._shape(block)
         self._blocks = {index: block for index, block in self._blocks.items() if index >= begin}
         data = np.concatenate([self._blocks[index] for index in range(begin, end + 1)])
-        return data[first - begin * BLOCK : first - begin * BLOCK + count]
+        offset = first - begin * NOISE_BLOCK
+        return data[offset : offset + count]
 
 
 class Outages:
@@ -194,7 +202,7 @@ class Outlet(Protocol):
 
 
 class Emulator:
-    """Runs from `start` to `close`.
+    """Runs from `start` to `close`; whoever calls `step` himself needs neither.
 
     Args:
         sensor: what is sampled.
@@ -230,23 +238,24 @@ class Emulator:
         self._thread.join(2.0)
         self._outlet.close()
 
-    def _run(self) -> None:
-        due = time.monotonic()
-        while not self._stop.wait(max(0.0, due - time.monotonic())):
-            due = max(due + self._period, time.monotonic())
-            now = self._clock.now()
-            if now is None:
-                continue
-            try:
-                self._send(now)
-            except OSError as error:
-                self._on_error(str(error))
-                return
-
-    def _send(self, now: float) -> None:
+    def step(self) -> None:
+        """Send what is due. Raises OSError."""
+        now = self._clock.now()
+        if now is None:
+            return
         for samples in self._sensor.due(now):
             first, last = (self._clock.monotonic(float(samples.times[index])) for index in (0, -1))
             if first is not None and last is not None:
                 self._outlet.push(np.linspace(first * NS, last * NS, len(samples.times)), samples.data)
         sensor = self._sensor
         self._on_sent(sensor.following, sensor.sent, (sensor.following - 1) / sensor.rate)
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._stop.wait(max(0.0, due - time.monotonic())):
+            due = max(due + self._period, time.monotonic())
+            try:
+                self.step()
+            except OSError as error:
+                self._on_error(str(error))
+                return

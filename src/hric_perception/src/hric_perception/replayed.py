@@ -1,4 +1,4 @@
-"""What an emulated sensor measures: values received until now, or the samples of a recorded trial. No ROS."""
+"""What an emulated sensor measures: values received until now, or the samples of a recorded trial."""
 
 import math
 import threading
@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from std_msgs.msg import Header
 
 from hric_control.errors import HricError, ParameterError
+from hric_control.node import Node
 from hric_control.parameters import Settings, names, number, refused, text, whole
 from hric_control.trial.c3d import Trial, read_trial, resolve
 from hric_control.trial.plates import interpolated
@@ -97,6 +99,18 @@ class Replayed:
         if not self._constant_ends:
             found[(since < 0) | (since * self._rate > len(self._samples) - 1)] = 0.0
         return found
+
+
+def follow_human(node: Node, replayed: Replayed) -> float:
+    """Let a trial whose beginning is not given begin with the emulated human.
+
+    Returns:
+        how long its samples are held back, until it is certain that he had not begun [s].
+    """
+    if not replayed.waits:
+        return 0.0
+    node.subscribe(node.beside(START_TOPIC), Header, lambda message: replayed.start(message.stamp.to_sec()))
+    return START_DELAY
 
 
 @dataclass(frozen=True)

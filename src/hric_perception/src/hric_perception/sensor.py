@@ -1,28 +1,20 @@
 """What the nodes of all sensors that stream samples share: parameters, the time of the run, a driver, diagnostics."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Protocol
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from std_msgs.msg import Header
 
 from hric_control.node import Node
-from hric_control.parameters import number, whole
 from hric_control.robot_time.follower import RobotTime
 from hric_control.robot_time.stream_time import Clock
 from hric_control.ros import RosNode
 from hric_control.ros.process import NodeApp
 from hric_perception.chunk import Chunk
-from hric_perception.emulation import PERIOD, Emulator, EvenSensor, Faults, Outlet
-from hric_perception.replayed import START_DELAY, START_TOPIC, Replayed
+from hric_perception.emulation import Emulator, EvenSensor, Outlet
+from hric_perception.replayed import START_TOPIC, Replayed
 from hric_perception.sent import SentCounts
 from hric_perception.stream import ERROR, OK, WARN, Driver, Health, SampleStream, StreamHealth
-
-CHUNK: Any = number(0.01, minimum=0.0, maximum=1.0, unit="s", name="chunk", text="duration of a message")
-"""Project default, unconfirmed."""
-SEED: Any = whole(0, minimum=0, name="seed", text="of all that is random")
-BLOCK: Any = number(PERIOD, minimum=0.001, maximum=1.0, unit="s", name="block", text="of wall time between sendings")
 
 
 class Closable(Protocol):
@@ -135,23 +127,6 @@ class EmulatedNode(NodeApp):
         emulator = Emulator(sensor, outlet, self.clock, block, self._node.log_error, counts.publish)
         self._sensor, self._source = sensor, emulator
         emulator.start()
-
-
-def faults_of(given: Mapping[str, Any], where: str, seed: int, delay: float = 0.0) -> Faults:
-    """The faults of an emulated device; delay: where they give none [s]. Raises ParameterError."""
-    return replace(Faults.of({"delay": delay, **given}, where), seed=seed)
-
-
-def follow_human(node: RosNode, replayed: Replayed) -> float:
-    """Let a trial whose beginning is not given begin with the emulated human.
-
-    Returns:
-        how long its samples are held back, until it is certain that he had not begun [s].
-    """
-    if not replayed.waits:
-        return 0.0
-    node.subscribe(node.beside(START_TOPIC), Header, lambda message: replayed.start(message.stamp.to_sec()))
-    return START_DELAY
 
 
 class Reporter:

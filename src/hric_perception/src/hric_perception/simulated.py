@@ -144,6 +144,11 @@ class KnownTime:
         return self._clock.monotonic(run)
 
 
+def always() -> float:
+    """Up to when it is known what a program does [s]."""
+    return math.inf
+
+
 class Held(NamedTuple):
     """What a grip does to him at an instant, in axes of the world.
 

@@ -4,10 +4,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hric_control.parameters import number
 from hric_perception.chunk import Chunk, FloatArray, Layout, Merger
 from hric_perception.sample_clock import SampleClock
 
@@ -25,6 +26,7 @@ RATE_SPAN = 2.0
 """Of the past from which the rate is computed [s]."""
 RATE_TOLERANCE = 0.02
 """Share by which the measured rate may differ from the declared one."""
+CHUNK: Any = number(0.01, minimum=0.0, maximum=1.0, unit="s", name="chunk", text="duration of a message")
 NS = 1_000_000_000
 BREAK = 1.5
 """Stamps that differ by so many sample periods more than the others have a gap between them (project default,

@@ -244,10 +244,24 @@ def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
     found = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed).items()}
     plate = experiment.force_plate
     if plate is not None and plate.measures_him:
-        found["emulated_plate"]["person"] = person(experiment)["person"]
+        found[plate.emulated_name]["person"] = person(experiment)["person"]
+    if experiment.emg is not None and experiment.emg.measures_him and experiment.human is not None:
+        device = found[experiment.emg.emulated_name]
+        device["activation"] = {"side": _following_side(experiment), **device["activation"]}
     if experiment.sync is not None:
         found |= experiment.sync.nodes(_joints(experiment), [part.source for part in experiment.sources])
     return found
+
+
+def _following_side(experiment: Experiment) -> str:
+    """Of the human in the plant: "right" or "left", of the hand that follows and feels."""
+    from hric_human.body import describe
+    from hric_human.control.surroundings import ControlSettings, hand_side
+    from hric_human.participant.settings import HumanSettings
+
+    person = HumanSettings.of(experiment.human, HUMAN)
+    control = ControlSettings.of(person.control, f"{person.prefix}control")
+    return hand_side(describe(person.person), control.side, person.prefix)
 
 
 def _joints(experiment: Experiment) -> list[str]:

@@ -32,7 +32,7 @@ from hric_control.trial.c3d import located
 from hric_experiments.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
 from hric_human.participant.settings import HumanSettings
 from hric_perception.emg.envelope import Settings as EnvelopeSettings
-from hric_perception.emg.muscles import AMPLITUDE, Program, muscle_names
+from hric_perception.emg.muscles import AMPLITUDE, Program, TopicActivation, muscle_names
 from hric_perception.emg.muscles import PROGRAM as ACTIVATION
 from hric_perception.emulation import Faults
 from hric_perception.lsl import LslSettings
@@ -142,6 +142,8 @@ class SensorSection(Settings):
 
     name: ClassVar[str]
     """Of the section, and of the driver's node."""
+    emulated_name: ClassVar[str]
+    """Of the emulated device's node, and of its LSL stream."""
     driver_keys: ClassVar[tuple[str, ...]]
     """What the driver's node reads itself."""
     described_keys: ClassVar[tuple[str, ...]] = ()
@@ -170,6 +172,11 @@ class SensorSection(Settings):
         """Whether a channel has the robot time of each sample."""
         return self.device == EMULATED and bool((self.emulated.get("faults") or {}).get("time_code", False))
 
+    @property
+    def wire(self) -> str:
+        """What of it needs a wire, for people; "": nothing."""
+        return f"a real {self.name}" if self.device == REAL else ""
+
     def record(self) -> dict[str, Any]:
         """For run.yaml: the values, with those of the driver's node and those for exported files in groups."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
@@ -179,20 +186,20 @@ class SensorSection(Settings):
             for group, keys in groups.items()
         } | values
 
-    def _driver(self, stream: str) -> dict[str, Any]:
-        """Private parameters of the driver's node; stream: name of the emulated LSL stream."""
-        lsl = self._lsl(stream) if self.transport == "lsl" and self.device == EMULATED else self.lsl
+    def _driver(self) -> dict[str, Any]:
+        """Private parameters of the driver's node."""
+        lsl = self._lsl() if self.transport == "lsl" and self.device == EMULATED else self.lsl
         values = {"source": self.transport, "chunk": self.chunk, **self.record()["driver"]}
         return values | ({"lsl": lsl} if lsl else {})
 
-    def _emulated(self, name: str, seed: int) -> dict[str, Any]:
-        """Private parameters of the emulated device; name: of its LSL stream."""
+    def _emulated(self, seed: int) -> dict[str, Any]:
+        """Private parameters of the emulated device."""
         values = {"transport": self.transport, "rate": self.rate, "seed": seed, "block": min(self.chunk / 2, BLOCK)}
-        lsl = {key: self._lsl(name)[key] for key in ("name", "session")} if self.transport == "lsl" else {}
+        lsl = {key: self._lsl()[key] for key in ("name", "session")} if self.transport == "lsl" else {}
         return {**values, **located(self.emulated, Path.cwd()), **lsl}
 
-    def _lsl(self, name: str) -> dict[str, Any]:
-        return {"name": name, "session": session(), **(self.lsl or {})}
+    def _lsl(self) -> dict[str, Any]:
+        return {"name": self.emulated_name, "session": session(), **(self.lsl or {})}
 
     def _source(self, topic: str, units: Mapping[str, Sequence[str]]) -> dict[str, Any]:
         """For the plan of the synchroniser, with the time code, by which the samples show their own skew; units: the
@@ -217,7 +224,7 @@ class EmulatedEmg(Settings):
 class EmgSection(SensorSection):
     """The section `emg`."""
 
-    name = "emg"
+    name, emulated_name = "emg", "emulated_emg"
     driver_keys = ("envelope", "lsl", "trigno")
     transport: str = choice("lsl", "trigno", text="by which EMG comes")
     channels: tuple[str, ...] = muscle_names("how many of the usual muscles, or names, which a real stream needs")
@@ -233,17 +240,23 @@ class EmgSection(SensorSection):
         elif isinstance(program, Program):
             program.activation(len(self.channels))
 
+    @property
+    def measures_him(self) -> bool:
+        """Whether the emulated device measures the muscles of a simulated human."""
+        program = EmulatedEmg.of(self.emulated, "emulated").activation
+        return self.device == EMULATED and isinstance(program, TopicActivation)
+
     def nodes(self, seed: int) -> dict[str, dict[str, Any]]:
         """Private parameters of the driver and of the emulated device, by the names of the nodes."""
         given, names = dict(self.trigno or {}), list(self.channels)
-        driver, trigno = self._driver("emulated_emg"), self.transport == "trigno"
+        driver, trigno = self._driver(), self.transport == "trigno"
         if trigno:
             driver["trigno"] = {**given, "channels": names + ["time"] * self.time_code}
         if self.device != EMULATED:
             return {self.name: driver}
         server = {"host": "ip", "command_port": "command_port", "data_port": "data_port"} if trigno else {}
         own = {"muscles": names} | {name: given[key] for key, name in server.items() if key in given}
-        return {self.name: driver, "emulated_emg": self._emulated("emulated_emg", seed) | own}
+        return {self.name: driver, self.emulated_name: self._emulated(seed) | own}
 
     @property
     def source(self) -> dict[str, Any]:
@@ -288,7 +301,7 @@ CALIBRATION.accepts = "six rows of six numbers that can be inverted"
 class PlateSection(SensorSection):
     """The section `force_plate`."""
 
-    name = "force_plate"
+    name, emulated_name = "force_plate", "emulated_plate"
     driver_keys = ("id", "height", "invert", "pose", "lsl", "natnet")
     described_keys = ("size", "calibration")
     transport: str = choice("lsl", "natnet", text="by which the samples come")
@@ -307,6 +320,11 @@ class PlateSection(SensorSection):
     calibration: tuple[tuple[float, ...], ...] | None = CALIBRATION
 
     @property
+    def wire(self) -> str:
+        """See the base; a plate over NatNet is within the frames of a Motive of its own."""
+        return super().wire or (f"{self.name} over natnet" if self.transport == "natnet" else "")
+
+    @property
     def measures_him(self) -> bool:
         """Whether the emulated device measures the human in the plant."""
         return self.device == EMULATED and measures_him(self.emulated.get("load"))
@@ -323,15 +341,15 @@ class PlateSection(SensorSection):
 
     def nodes(self, seed: int) -> dict[str, dict[str, Any]]:
         """Private parameters of the driver and of the emulated device, by the names of the nodes."""
-        driver = self._driver("emulated_plate")
+        driver = self._driver()
         if self.device != EMULATED:
             return {self.name: driver}
         pose = {key: value for key, value in (self.pose or {}).items() if key != "frame"}
-        emulated = self._emulated("emulated_plate", seed) | ({"pose": pose} if pose else {})
+        emulated = self._emulated(seed) | ({"pose": pose} if pose else {})
         if self.transport == "natnet":
             emulated["natnet"] = NATNET_PORTS | dict(self.emulated.get("natnet") or {})
             driver["natnet"] = {"server": "127.0.0.1", **NATNET_PORTS, **(self.natnet or {})}
-        return {self.name: driver, "emulated_plate": emulated}
+        return {self.name: driver, self.emulated_name: emulated}
 
     @property
     def source(self) -> dict[str, Any]:

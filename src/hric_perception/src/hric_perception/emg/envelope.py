@@ -17,6 +17,9 @@ SHORT_GAP = 0.05
 """Filters go on over a gap that is not longer; after a longer one they begin again [s] (project default,
 unconfirmed)."""
 
+GRID = 16384
+"""Frequencies at which the delay of the band-pass is computed."""
+
 
 @dataclass(frozen=True)
 class Settings(Base):
@@ -73,6 +76,19 @@ def low_sections(settings: Settings, rate: float) -> FloatArray:
     """Second-order sections of the low-pass."""
     found: FloatArray = scipy.signal.butter(settings.lowpass_order, settings.lowpass, fs=rate, output="sos")
     return found
+
+
+def lag(settings: Settings, rate: float) -> float:
+    """How late the envelope follows a slow change of the amplitude at a rate [Hz]: group delay of the low-pass at
+    frequency 0, sum over its sections of (sum k b_k / sum b_k - sum k a_k / sum a_k) samples; and the mean group delay
+    of band-pass and notches over a white signal, each frequency by the power that it keeps [s]."""
+    low = low_sections(settings, rate)
+    k = np.arange(3)
+    delay = float(((low[:, :3] @ k) / low[:, :3].sum(axis=1) - (low[:, 3:] @ k) / low[:, 3:].sum(axis=1)).sum())
+    w, response = scipy.signal.freqz_sos(band_sections(settings, rate), GRID)
+    power = np.abs(response) ** 2
+    slope = np.gradient(np.unwrap(np.angle(response)), w)
+    return (delay - float((power * slope).sum() / power.sum())) / rate
 
 
 class Envelope:

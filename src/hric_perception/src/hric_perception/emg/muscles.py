@@ -1,32 +1,49 @@
-"""What emulated muscles do: which there are, and programs of their activation. No ROS."""
+"""What emulated muscles do: which there are, programs of their activation, and that of a simulated human. No ROS."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy
 
-from hric_control.errors import ParameterError
-from hric_control.parameters import Parameter, Settings, either, listing, names, number, numbers, text, variant, whole
+from hric_control.errors import CommandError, ParameterError
+from hric_control.parameters import (
+    Parameter,
+    Settings,
+    choice,
+    either,
+    listing,
+    names,
+    number,
+    numbers,
+    text,
+    variant,
+    whole,
+)
 from hric_perception.chunk import FloatArray
 from hric_perception.emulation import BlockNoise
-from hric_perception.replayed import RecordedEmg
+from hric_perception.replayed import RecordedEmg, Track
 
 AMPLITUDE = 1e-3
 """Root mean square at full activation [V]; surface EMG has 0 to 10 mV peak to peak (textbook)."""
-MUSCLES = (
-    "deltoid_anterior",
-    "deltoid_middle",
-    "deltoid_posterior",
-    "pectoralis_major",
-    "biceps",
-    "triceps",
-    "brachioradialis",
-    "wrist_flexors",
-)
-"""Eight of a working arm (project default, unconfirmed)."""
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "deltoid_anterior": ("delt_clav_a", "delt_clav_b"),
+    "deltoid_middle": ("delt_scap_c", "delt_scap_d"),
+    "deltoid_posterior": ("delt_scap_a", "delt_scap_b"),
+    "pectoralis_major": ("pect_maj_t_a", "pect_maj_t_b", "pect_maj_c"),
+    "biceps": ("bic_l", "bic_b"),
+    "triceps": ("tric_long", "tric_med", "tric_lat"),
+    "brachioradialis": ("brachiorad",),
+    "wrist_flexors": ("wr_flex+",),
+}
+"""Eight muscles of a working arm (project default, unconfirmed), and what each is of the built-in anatomy of
+hric_human, without the side: the lines of action below an electrode there. Those of the deltoid that begin at the
+scapula run from its spine (a) to the acromion (d), so that a and b lie behind, c and d at the side (unconfirmed). The
+anatomy has no muscles of the wrist: their electrode measures the actuator that flexes it."""
+MUSCLES = tuple(PARTS)
+"""The usual ones."""
 Activation = Callable[[FloatArray], FloatArray]
 """Run times, shape (n,) [s] -> activation from 0 to 1, shape (n, muscles)."""
 
@@ -92,9 +109,10 @@ class Points(Program):
 
 @dataclass(frozen=True)
 class TopicActivation(Settings):
-    """The values of a topic."""
+    """Activations of a simulated human, as he publishes them."""
 
     topic: str = text("hric/human/activation", empty=False)
+    side: str = choice("right", "left", text="arm that wears the electrodes of the usual muscles")
 
 
 PROGRAM: Any = variant(
@@ -104,8 +122,8 @@ PROGRAM: Any = variant(
     {},
     default_text="`{program: bursts}`",
     text="`bursts` (`period` [s], `share`, `level`), `constant` (`level`), `points` (rows of time "
-    "[s] and activation of all or of each), `topic` (`topic`), `c3d`: EMG as it was recorded, "
-    'see "A recorded trial"',
+    '[s] and activation of all or of each), `topic` (`topic`, `side`): that of a simulated human, see "Muscles of a '
+    'simulated human", `c3d`: EMG as it was recorded, see "A recorded trial"',
 )
 """The parameter `activation`."""
 
@@ -114,6 +132,62 @@ BAND = (20.0, 450.0)
 """Of surface EMG [Hz] (textbook)."""
 FLOOR = 2e-6
 """Noise of electrodes and amplifier, root mean square [V] (project default, unconfirmed)."""
+
+
+class BodyActivation:
+    """Activation of a simulated human's muscles, from messages; straight lines between them. One thread adds.
+
+    An electrode of a usual muscle measures the mean of its parts (project default, unconfirmed: how much of each lies
+    below it is not known); any other channel is a muscle of that name.
+
+    Args:
+        channels: names.
+        side: of the usual ones.
+    """
+
+    def __init__(self, channels: Sequence[str], side: str) -> None:
+        self._parts = [
+            [f"{side}_{part}" for part in PARTS[channel]] if channel in PARTS else [channel] for channel in channels
+        ]
+        self._names: tuple[str, ...] | None = None
+        self._columns: list[list[int]] = []
+        self._track = Track(len(channels))
+
+    @property
+    def known(self) -> float:
+        """Time of the last message [s]; before all times where there is none."""
+        return self._track.last
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """See Activation."""
+        return self._track.at(times)
+
+    def add(self, time: float, names: Sequence[str], activation: Sequence[float]) -> None:
+        """One message; an earlier time begins again.
+
+        Args:
+            time: of robot [s].
+            names: of muscles.
+            activation: as many [1].
+
+        Raises:
+            CommandError: it lacks a muscle; once, since those that follow lack it, too.
+        """
+        if tuple(names) != self._names:
+            self._names, self._columns = tuple(names), []
+            self._columns = self._found(self._names)
+        if self._columns:
+            values = [sum(activation[column] for column in own) / len(own) for own in self._columns]
+            self._track.add(time, np.array(values))
+
+    def _found(self, names: tuple[str, ...]) -> list[list[int]]:
+        """Columns of each channel's parts."""
+        missing = sorted({part for own in self._parts for part in own} - set(names))
+        if missing:
+            raise CommandError(
+                f"no activation of {', '.join(missing)}; there is one of {', '.join(names) or 'nothing'}"
+            )
+        return [[names.index(part) for part in own] for own in self._parts]
 
 
 class Muscles:

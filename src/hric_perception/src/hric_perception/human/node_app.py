@@ -17,10 +17,10 @@ from hric_control.robot_time.follower import RobotTime
 from hric_control.robot_time.stream_time import Clock
 from hric_control.ros import RosNode, run
 from hric_control.ros.process import NodeApp
+from hric_perception.emulation import SEED
 from hric_perception.human.motion_capture import see
 from hric_perception.human.truth import RATE, Truth
 from hric_perception.replayed import START_TOPIC
-from hric_perception.sensor import SEED
 from hric_perception.sent import SentCounts
 from hric_perception.simulated import HUMAN, PERSON, KnownTime, follow_events, follow_joints
 from mocap_natnet.client.settings import address

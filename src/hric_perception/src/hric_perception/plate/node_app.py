@@ -1,48 +1,11 @@
 """The node `force_plate`: samples of a force plate, its wrench and its centre of pressure."""
 
-from dataclasses import dataclass
-from typing import Any
-
-from geometry_msgs.msg import Point, PointStamped, Vector3, Wrench, WrenchStamped
-from tf2_msgs.msg import TFMessage
-
-from hric_control.geometry import Pose, stamped
-from hric_control.parameters import Settings, choice, flag, number, section, text
-from hric_control.robot_time import stamps
 from hric_control.ros import RosNode, run
-from hric_msgs.msg import SampleChunk
-from hric_perception.chunk import Chunk, Layout, chunk_message
-from hric_perception.lsl import LslSettings
-from hric_perception.plate.geometry import (
-    PLATE_ID,
-    PlatePose,
-    at_surface,
-    centre_of_pressure,
-    choose_channels,
-    mean_wrench,
-)
+from hric_perception.chunk import Chunk
 from hric_perception.plate.natnet import plate_of
-from hric_perception.sensor import CHUNK, SensorNode
+from hric_perception.plate.publisher import ForcePlateSettings, PlatePublisher
+from hric_perception.sensor import SensorNode
 from hric_perception.stream import Driver, SampleStream, StreamHealth
-
-
-@dataclass(frozen=True)
-class ForcePlateSettings(Settings):
-    """Parameters of the node; those below `natnet` are read where they are used."""
-
-    source: str = choice("lsl", "natnet")
-    lsl: LslSettings = section(LslSettings)
-    id: str = PLATE_ID
-    frame: str = text("", default_text="`force_plate_<id>`", text="of the vectors")
-    pose: PlatePose | None = section(PlatePose, None)
-    height: float = number(
-        0.0,
-        unit="m",
-        text="of the surface over the origin of the device's moments; its sign differs between makers: check with "
-        "a known weight",
-    )
-    invert: bool = flag(False, text="the device measures the reaction, not the load")
-    chunk: float = CHUNK
 
 
 class ForcePlateNode(SensorNode):
@@ -57,50 +20,17 @@ class ForcePlateNode(SensorNode):
 
     def __init__(self, node: RosNode) -> None:
         settings = ForcePlateSettings.read(node)
-        self._node, self._frame = node, settings.frame or f"force_plate_{settings.id}"
-        self._height, self._sign = settings.height, -1.0 if settings.invert else 1.0
-        topic = node.beside(f"hric/perception/force_plate/{settings.id}")
-        self._samples = node.advertise(f"{topic}/samples", SampleChunk, queue_size=100)
-        self._wrench = node.advertise(f"{topic}/wrench", WrenchStamped, queue_size=100)
-        self._cop = node.advertise(f"{topic}/cop", PointStamped, queue_size=100)
-        self._static: Any = None
-        if settings.pose is not None:
-            self._publish_pose(settings.pose.frame, settings.pose.pose)
+        self._publisher = publisher = PlatePublisher(node, settings)
 
         def driver(stream: SampleStream, health: StreamHealth) -> Driver:
             if settings.source == "natnet":
-                return plate_of(node.child("natnet"), stream, health, self._choose, self._described)
-            return settings.lsl.reader("Force", stream, health, self._choose)
+                return plate_of(node.child("natnet"), stream, health, publisher.choose, publisher.described)
+            return settings.lsl.reader("Force", stream, health, publisher.choose)
 
         super().__init__(node, settings.source, settings.chunk, driver)
 
-    def _choose(self, layout: Layout) -> Layout:
-        return choose_channels(layout, self._frame)
-
-    def _described(self, parent: str, pose: Pose) -> None:
-        """The stream describes the plate; the pose among the parameters has precedence."""
-        if self._static is None:
-            self._publish_pose(parent, pose)
-
-    def _publish_pose(self, parent: str, pose: Pose) -> None:
-        """The transform from a frame to that of the plate."""
-        self._static = self._node.advertise("/tf_static", TFMessage, latch=True)
-        self._static.publish(
-            TFMessage([stamped.transform_stamped(stamped.header(self._node.now(), parent), self._frame, pose)])
-        )
-
     def _on_chunk(self, chunk: Chunk) -> None:
-        self._samples.publish(chunk_message(chunk))
-        mean = mean_wrench(chunk)
-        if mean is None:
-            return
-        time, wrench = mean[0], at_surface(mean[1], self._height)
-        head = stamped.header(stamps.to_time(time), self._frame)
-        fx, fy, fz, mx, my, mz = (self._sign * wrench).tolist()
-        self._wrench.publish(WrenchStamped(head, Wrench(Vector3(fx, fy, fz), Vector3(mx, my, mz))))
-        point = centre_of_pressure(wrench)
-        if point is not None:
-            self._cop.publish(PointStamped(head, Point(*point)))
+        self._publisher.publish(chunk)
 
 
 def main(text: str) -> int:

@@ -6,8 +6,6 @@ import socket
 import time
 from dataclasses import dataclass
 
-import numpy as np
-
 from hric_control.parameters import Settings as Base
 from hric_control.parameters import names, number, text, whole
 from hric_perception.chunk import Layout
@@ -41,6 +39,11 @@ class Settings(Base):
     latency: float = number(
         0.0, minimum=0.0, maximum=1.0, unit="s", text="minimum time from a sample to its arrival here"
     )
+
+    def layout(self, rate: float) -> Layout:
+        """Of the samples at a rate [Hz]."""
+        units = tuple("s" if name == "time" else "V" for name in self.channels)
+        return Layout(protocol.trigno_name(self.host, self.data_port), self.channels, units, rate)
 
 
 class TrignoClient(Driver):
@@ -76,14 +79,12 @@ class TrignoClient(Driver):
             socket.create_connection((settings.host, settings.data_port), TIMEOUT) as data,
         ):
             _response(command)  # the greeting
-            rate = _rate(command) or settings.rate
-            units = tuple("s" if name == "time" else "V" for name in settings.channels)
-            layout = Layout(protocol.trigno_name(settings.host, settings.data_port), settings.channels, units, rate)
+            layout = settings.layout(_rate(command) or settings.rate)
             data.settimeout(IDLE)
             if (response := _request(command, "START")) != "OK":
                 raise ValueError(f"the response to START is {response!r}")
             self._stream.begin(layout, settings.latency)
-            LOG.info("%s at %g Hz", layout.source, rate)
+            LOG.info("%s at %g Hz", layout.source, layout.rate)
             try:
                 self._read(data)
             finally:
@@ -91,7 +92,7 @@ class TrignoClient(Driver):
                     _request(command, "STOP")
 
     def _read(self, data: socket.socket) -> None:
-        rest, columns = b"", len(self._settings.channels)
+        decoder = protocol.Decoder(len(self._settings.channels))
         while not self._stop.is_set():
             try:
                 got = data.recv(BUFFER)
@@ -100,11 +101,7 @@ class TrignoClient(Driver):
             now = time.monotonic()
             if not got:
                 raise ConnectionResetError("the connection was closed")
-            rest += got
-            whole = len(rest) - len(rest) % protocol.SAMPLE_SIZE
-            samples = np.frombuffer(rest[:whole], protocol.SAMPLE).reshape(-1, protocol.CHANNELS)
-            rest = rest[whole:]
-            self._stream.arrived(now, samples[:, :columns].astype(float))
+            self._stream.arrived(now, decoder.decode(got))
 
 
 def _rate(command: socket.socket) -> float | None:

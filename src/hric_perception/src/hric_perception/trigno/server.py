@@ -7,8 +7,6 @@ import socket
 import threading
 from collections.abc import Callable
 
-import numpy as np
-
 from hric_control.errors import FailureError
 from hric_perception.chunk import FloatArray
 from hric_perception.trigno import protocol
@@ -16,8 +14,6 @@ from hric_perception.trigno import protocol
 LOG = logging.getLogger("hric.perception.trigno")
 IDLE = 0.1
 """Longest wait, after which a request to end is noticed [s]."""
-CODE_PERIOD = 1.0
-"""A time code counts within a second: a 32 bit number holds no more digits [s]."""
 
 
 class TrignoServer:
@@ -36,9 +32,7 @@ class TrignoServer:
     def __init__(
         self, rate: float, ip: str = "127.0.0.1", command_port: int = 0, data_port: int = 0, time_code: bool = False
     ) -> None:
-        self._rate, self._time_code = rate, time_code
-        self._frame = max(1, round(rate * protocol.FRAME_SAMPLES / protocol.RATE))
-        self._rest = np.empty((0, protocol.CHANNELS), dtype=protocol.SAMPLE)
+        self._rate, self._frame, self._encoder = rate, protocol.frame_samples(rate), protocol.Encoder(rate, time_code)
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._listeners: list[socket.socket] = []
         self._started = False
@@ -65,19 +59,11 @@ class TrignoServer:
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
         """Send samples [V], shape (n, up to CHANNELS); others are 0."""
-        block = np.zeros((len(data), protocol.CHANNELS), dtype=protocol.SAMPLE)
-        block[:, : data.shape[1]] = data
-        if self._time_code:
-            block[:, data.shape[1] - 1] = data[:, -1] % CODE_PERIOD
         with self._lock:
             if not self._started:
-                self._rest = self._rest[:0]
-                return
-            block = np.concatenate([self._rest, block])
-            whole = len(block) - len(block) % self._frame
-            self._rest = block[whole:]
-            if whole:
-                self._send(block[:whole].tobytes())
+                self._encoder.clear()
+            elif frames := self._encoder.encode(data):
+                self._send(frames)
 
     def close(self) -> None:
         """End."""

@@ -1,0 +1,93 @@
+"""What is published of a force plate: its samples as chunks, its wrench and its centre of pressure."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from geometry_msgs.msg import Point, PointStamped, Vector3, Wrench, WrenchStamped
+from tf2_msgs.msg import TFMessage
+
+from hric_control.geometry import Pose, stamped
+from hric_control.node import Node
+from hric_control.parameters import Settings, choice, flag, number, section, text
+from hric_control.robot_time import stamps
+from hric_msgs.msg import SampleChunk
+from hric_perception.chunk import Chunk, Layout, chunk_message
+from hric_perception.lsl import LslSettings
+from hric_perception.plate.geometry import (
+    PLATE_ID,
+    PlatePose,
+    at_surface,
+    centre_of_pressure,
+    choose_channels,
+    mean_wrench,
+)
+from hric_perception.stream import CHUNK
+
+
+@dataclass(frozen=True)
+class ForcePlateSettings(Settings):
+    """Parameters of the node; those below `natnet` are read where they are used."""
+
+    source: str = choice("lsl", "natnet")
+    lsl: LslSettings = section(LslSettings)
+    id: str = PLATE_ID
+    frame: str = text("", default_text="`force_plate_<id>`", text="of the vectors")
+    pose: PlatePose | None = section(PlatePose, None)
+    height: float = number(
+        0.0,
+        unit="m",
+        text="of the surface over the origin of the device's moments; its sign differs between makers: check with "
+        "a known weight",
+    )
+    invert: bool = flag(False, text="the device measures the reaction, not the load")
+    chunk: float = CHUNK
+
+
+class PlatePublisher:
+    """Publishes chunks, and what follows from them; one thread calls it.
+
+    Args:
+        node: private node.
+        settings: of the plate.
+    """
+
+    def __init__(self, node: Node, settings: ForcePlateSettings) -> None:
+        self._node, self._frame = node, settings.frame or f"force_plate_{settings.id}"
+        self._height, self._sign = settings.height, -1.0 if settings.invert else 1.0
+        topic = node.beside(f"hric/perception/force_plate/{settings.id}")
+        self._samples = node.advertise(f"{topic}/samples", SampleChunk, queue_size=100)
+        self._wrench = node.advertise(f"{topic}/wrench", WrenchStamped, queue_size=100)
+        self._cop = node.advertise(f"{topic}/cop", PointStamped, queue_size=100)
+        self._static: Any = None
+        if settings.pose is not None:
+            self._publish_pose(settings.pose.frame, settings.pose.pose)
+
+    def choose(self, layout: Layout) -> Layout:
+        """The layout of a stream, its vectors in the plate's frame. Raises ParameterError."""
+        return choose_channels(layout, self._frame)
+
+    def described(self, parent: str, pose: Pose) -> None:
+        """The stream describes the plate; the pose among the parameters has precedence."""
+        if self._static is None:
+            self._publish_pose(parent, pose)
+
+    def publish(self, chunk: Chunk) -> None:
+        """The next one."""
+        self._samples.publish(chunk_message(chunk))
+        mean = mean_wrench(chunk)
+        if mean is None:
+            return
+        time, wrench = mean[0], at_surface(mean[1], self._height)
+        head = stamped.header(stamps.to_time(time), self._frame)
+        fx, fy, fz, mx, my, mz = (self._sign * wrench).tolist()
+        self._wrench.publish(WrenchStamped(head, Wrench(Vector3(fx, fy, fz), Vector3(mx, my, mz))))
+        point = centre_of_pressure(wrench)
+        if point is not None:
+            self._cop.publish(PointStamped(head, Point(*point)))
+
+    def _publish_pose(self, parent: str, pose: Pose) -> None:
+        """The transform from a frame to that of the plate."""
+        self._static = self._node.advertise("/tf_static", TFMessage, latch=True)
+        self._static.publish(
+            TFMessage([stamped.transform_stamped(stamped.header(self._node.now(), parent), self._frame, pose)])
+        )
