@@ -75,6 +75,7 @@ TOOLS = [
         "hric_experiments run hand_guidance human.grips.guide.held:=hand",
         r"no link 'hand' in .*/guide; valid: .*panda_hand",
     ),
+    (
         "hric_experiments run co_transport human.grips.hand.held:=sofa::link",
         r"no model 'sofa'.*valid: board",
     ),

@@ -107,6 +107,8 @@ def _press_panel(impact: Impact, press: Press) -> Panel:
 
 def _between(impact: Impact) -> str:
     return f"{', '.join(impact.met.regions) or impact.met.link}: {impact.met.other}"
+
+
 def _carrying(one: Carried, key: str) -> Figure:
     """Load share, squeeze and tilt over time."""
     panels = []
