@@ -15,12 +15,25 @@ import panda_description
 from hric_control import plugins
 from hric_control.errors import HricError, ParameterError
 from hric_control.geometry import homogeneous
+from hric_control.geometry.transforms import rotation_from_quaternion
 from hric_control.local.node import LocalNode
 from hric_control.plant import Articulated
 from hric_control.robot_app import RobotApp
 from hric_human.body import Subject, describe
 from hric_human.control import HumanControl
-from hric_msgs.msg import HumanEvent, HumanGrip, JointTorque, RegionContacts
+from hric_human.control.whole_body import WholeBody
+from hric_human.muscles.anatomy import BUILT_IN, load
+from hric_human.muscles.joint_contact import Pulls
+from hric_human.participant.settings import HumanSettings
+from hric_msgs.msg import (
+    HumanEvent,
+    HumanGrip,
+    JointReactions,
+    JointTorque,
+    MuscleActivation,
+    MuscleForce,
+    RegionContacts,
+)
 
 PLANTS = [name for name in plugins.names(plugins.PLANT) if issubclass(plugins.find(plugins.PLANT, name), Articulated)]
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
@@ -251,3 +264,86 @@ def test_what_touches_him_is_published_by_region_until_it_has_parted(lab: Any, p
     assert seen.begin_speed == pytest.approx(9.81 * (seen.begin - 1e-3), rel=1e-3)
     p, now, n = seen.begin_point, seen.point, seen.normal
     assert [now.x, now.y, now.z] == pytest.approx([p.x, p.y, p.z], abs=5e-3) and n.z < -0.99
+
+
+def heard_of_muscles(there: Lab) -> dict[str, list[Any]]:
+    kinds = {"activation": MuscleActivation, "muscle_force": MuscleForce, "joint_reactions": JointReactions}
+    heard: dict[str, list[Any]] = {topic: [] for topic in kinds}
+    for topic, kind in kinds.items():
+        there.node.subscribe(f"hric/human/{topic}", kind, heard[topic].append)
+    return heard
+
+
+def test_muscles_hold_his_arm_where_his_joints_would(lab: Any, plant_type: str) -> None:
+    found = []
+    for drive in ("torque", "muscle"):
+        there = lab(plant_type, control=moves([0.0, *ASIDE], [1.0, 0.45, 0.2, 0.6]), drive=drive)
+        there.app.run(0.1)
+        there.call("start")
+        there.app.run(1.4)
+        found.append([list(message.position) for message in there.heard["joint_states"]])
+    assert len(found[0]) == len(found[1]) == 300
+    assert_allclose(found[1], found[0], atol=5e-3)
+
+
+def test_activation_force_and_joint_loads_have_the_stamps_of_his_joint_states(lab: Any) -> None:
+    there = lab(drive="muscle", control=moves([0.0, *HAND], [0.5, 0.42, 0.05, 0.55]), grips={"guide": TAKEN})
+    heard = heard_of_muscles(there)
+    there.app.hw._participants.set_epoch(1000.0)
+    there.app.run(0.1)
+    stamps = [message.header.stamp for message in there.heard["joint_states"]]
+    for topic, messages in heard.items():
+        assert [message.header.stamp for message in messages] == stamps, topic
+    activation, force, reactions = (messages[-1] for messages in heard.values())
+    assert len(activation.name) == 38 and list(activation.name[:34]) == force.name
+    assert "right_bic_l" in force.name and activation.name[-1] == "right_wr_dev-"
+    assert reactions.joint_names == ["right_shoulder", "right_elbow"]
+    assert set(reactions.link_names) <= set(
+        WholeBody(describe(Subject(code="P50M", mass=78.2, height=1.759, sex="male"))).index
+    )
+    size = np.linalg.norm([reactions.wrenches[0].force.x, reactions.wrenches[0].force.y, reactions.wrenches[0].force.z])
+    assert 100.0 < size < 2000.0
+
+
+def test_a_joint_load_counts_what_his_hand_holds(lab: Any) -> None:
+    """At rest the load of a joint is what muscles pull there, and the weight and the grip of what is distal: with an
+    anatomy without muscles across it, those alone."""
+    there = lab(drive="muscle", control=moves([0.0, *HAND], [0.3, 0.42, 0.05, 0.55]), grips={"guide": TAKEN})
+    heard = heard_of_muscles(there)
+    there.app.run(0.1)
+    there.call("start")
+    there.app.run(1.5)
+    grip, force, state = there.heard["grip"][-1], heard["muscle_force"][-1], there.heard["joint_states"][-1]
+    person = HumanControl(describe(Subject(code="P50M", mass=78.2, height=1.759, sex="male")), {}, 0).person
+    root = HumanSettings.of({"position": [0.85, -0.2]}, "human").root(person.body)
+    pulls = Pulls(load(BUILT_IN))
+    angles = np.array([[state.position[state.name.index(f"right_{name}")] for name in load(BUILT_IN).joints]])
+    own = [force.force[force.name.index(f"right_{name}")] for name in pulls.names["shoulder"]]
+    pull = rotation_from_quaternion(root.orientation) @ (np.array(own) @ pulls.at(angles)["shoulder"][0])
+    weight = 9.81 * sum(segment.mass.mass for segment in person.body.segments.values())
+    f, load_of_grip = heard["joint_reactions"][-1].wrenches[0].force, grip.wrench.force
+    held = np.array([load_of_grip.x, load_of_grip.y, load_of_grip.z])
+    assert abs(held[1]) > 2.0
+    assert_allclose(np.array([f.x, f.y, f.z]) + pull + held, [0.0, 0.0, weight], atol=0.3)
+
+
+def test_a_muscle_that_gives_all_it_can_is_an_event_and_the_run_goes_on(lab: Any) -> None:
+    there = lab(drive="muscle", muscles={"strength": 0.1}, control=moves([0.0, *ASIDE]))
+    heard = heard_of_muscles(there)
+    there.app.run(0.3)
+    events, last = there.events("muscle"), heard["activation"][-1]
+    assert events and "gives all that it can, for the 1. time" in events[0].text
+    assert last.limited[last.name.index(events[0].name)] >= 1
+
+
+def test_muscles_are_as_at_the_start_after_a_reset(lab: Any) -> None:
+    there = lab(drive="muscle", control=moves([0.0, *ASIDE], [0.4, 0.45, 0.3, 0.6]))
+    heard = heard_of_muscles(there)["activation"]
+    there.app.run(0.1)
+    there.call("start")
+    there.app.run(0.2)
+    first = [message.activation for message in heard]
+    heard.clear()
+    there.app.hw.reset()
+    there.app.run(0.1)
+    assert [message.activation for message in heard][:20] == first[:20]

@@ -50,19 +50,8 @@ def velocity_factor(velocity: npt.ArrayLike) -> FloatArray:
     return np.asarray(d1 * np.arcsinh(d2 * np.asarray(velocity, dtype=np.float64) + d3) + d4)
 
 
-def activation_rate(activation: FloatArray, excitation: FloatArray) -> FloatArray:
-    """Of the activation [1/s]; both of one shape [1]."""
-    return _speed(activation, excitation) * (excitation - activation)
-
-
-def next_activation(activation: FloatArray, excitation: FloatArray, period: float) -> FloatArray:
-    """The activation after a period [s] of constant excitation, exact where the speed of approach does not change in
-    it; never beyond the excitation."""
-    return excitation + (activation - excitation) * np.exp(-period * _speed(activation, excitation))
-
-
-def _speed(activation: FloatArray, excitation: FloatArray) -> FloatArray:
-    """Of the approach to the excitation [1/s]."""
+def approach_speed(activation: FloatArray, excitation: FloatArray) -> FloatArray:
+    """Of the activation to the excitation: its rate per distance between both [1/s]."""
     rising = 0.5 * np.tanh(SMOOTHING * (excitation - activation)) + 0.5
     slowed = 0.5 + 1.5 * activation
     return np.asarray(rising / (RISE * slowed) + (1.0 - rising) * slowed / FALL)

@@ -47,11 +47,13 @@ class MuscleState:
         gain: force per activation, shape (k,) [N]; torque of actuators [N m].
         passive: force without activation, shape (k,) [N].
         outside: whether an angle was beyond the range of the fit, and its nearest end was taken.
+        numbers: length, velocity, gain, passive and arms, one after the other.
     """
 
-    __slots__ = ("arms", "gain", "length", "outside", "passive", "velocity")
+    __slots__ = ("arms", "gain", "length", "numbers", "outside", "passive", "velocity")
 
     def __init__(self, out: FloatArray, count: int, outside: bool) -> None:
+        self.numbers = out
         self.length, self.velocity, self.gain, self.passive = out[: 4 * count].reshape(4, count)
         self.arms = out[4 * count :].reshape(count, -1)
         self.outside = outside

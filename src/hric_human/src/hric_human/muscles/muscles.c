@@ -13,9 +13,10 @@ typedef struct {
    length, and behind it one for its slope with each angle. */
 typedef struct {
     int joints, monomials, muscles, row, column; /* the first of its muscles and joints among all */
-    int *place, *factor, *angle, *start, *term;  /* of angles in q; of monomials; of the matrix, by row; of its entries */
+    int *place, *factor, *angle, *start,
+        *term; /* of angles in q; of monomials; of the matrix, by row; of its entries */
     double *lower, *upper, *coefficient, *force, *optimal, *slack, *scale; /* scale: subject's lengths per model's */
-    double *x, *value; /* angles within the range, monomials */
+    double *x, *value;                                                     /* angles within the range, monomials */
 } Arm;
 
 typedef struct {
@@ -97,7 +98,7 @@ static PyObject *muscles_at(Muscles *self, PyObject *const *given, Py_ssize_t co
     if (!expect(count, 3, "at(q, dq, out)") || !take(given[0], self->angles, q) || !take(given[1], self->angles, dq)
         || PyObject_GetBuffer(given[2], &view, PyBUF_WRITABLE) < 0)
         return NULL;
-    const size_t size = (size_t)(self->muscles * (4 + self->columns)) * sizeof(double);
+    const size_t size = (size_t)self->muscles * (size_t)(4 + self->columns) * sizeof(double);
     int outside = 0;
     if (view.len == (Py_ssize_t)size) {
         memcpy(view.buf, self->constant, size);
@@ -162,8 +163,8 @@ static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
 {
     PyObject *integers, *numbers;
     int n;
-    if (!PyArg_ParseTuple(given, "(iiiiii)OO", &arm->joints, &arm->monomials, &arm->muscles, &n, &arm->row, &arm->column,
-                          &integers, &numbers))
+    if (!PyArg_ParseTuple(given, "(iiiiii)OO", &arm->joints, &arm->monomials, &arm->muscles, &n, &arm->row,
+                          &arm->column, &integers, &numbers))
         return 0;
     if (arm->joints < 1 || arm->monomials < 1 || arm->muscles < 0 || n < 0) {
         PyErr_SetString(PyExc_ValueError, "an arm has no joints or no monomials");
@@ -172,7 +173,8 @@ static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
     const size_t m = (size_t)arm->joints, t = (size_t)arm->monomials, k = (size_t)arm->muscles, e = (size_t)n,
                  rows = k * (1 + m);
     arm->place = copied(integers, m + 2 * t + rows + 1 + e, sizeof(int), "the integers of an arm");
-    arm->lower = arm->place == NULL ? NULL : copied(numbers, 2 * m + e + 4 * k, sizeof(double), "the numbers of an arm");
+    arm->lower =
+        arm->place == NULL ? NULL : copied(numbers, 2 * m + e + 4 * k, sizeof(double), "the numbers of an arm");
     arm->x = PyMem_Calloc(m + t, sizeof(double));
     if (arm->lower == NULL || arm->x == NULL)
         return PyErr_Occurred() != NULL ? 0 : (PyErr_NoMemory(), 0);
@@ -200,7 +202,7 @@ static int muscles_init(Muscles *self, PyObject *args, PyObject *Py_UNUSED(kwarg
         return -1;
     }
     const Py_ssize_t count = PyList_GET_SIZE(arms);
-    self->constant = copied(constant, (size_t)(self->muscles * (4 + self->columns)), sizeof(double), "the constants");
+    self->constant = copied(constant, (size_t)self->muscles * (size_t)(4 + self->columns), sizeof(double), "the constants");
     self->arm = PyMem_Calloc((size_t)count + 1, sizeof(Arm));
     if (self->constant == NULL || self->arm == NULL)
         return PyErr_Occurred() != NULL ? -1 : (PyErr_NoMemory(), -1);
@@ -240,8 +242,7 @@ static PyTypeObject type = {
     .tp_methods = methods,
 };
 
-static struct PyModuleDef definition = {
-    PyModuleDef_HEAD_INIT, "hric_muscles", NULL, -1, NULL, NULL, NULL, NULL, NULL};
+static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "hric_muscles", NULL, -1, NULL, NULL, NULL, NULL, NULL};
 
 PyMODINIT_FUNC PyInit_hric_muscles(void)
 {

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from std_srvs.srv import Trigger, TriggerResponse
 
@@ -22,8 +22,11 @@ from hric_human.body import describe, surfaces
 from hric_human.contact import RegionContact, RegionContacts
 from hric_human.control import HumanControl
 from hric_human.participant.grip import Grip
-from hric_human.participant.settings import HAND, HumanSettings
+from hric_human.participant.settings import HAND, MUSCLE, HumanSettings
 from hric_human.participant.topics import Topics
+
+if TYPE_CHECKING:
+    from hric_human.participant.muscles import Muscles
 
 SERVICE_TIMEOUT = 5.0
 """Longest wait of a service for the loop [s of wall time] (project default, unconfirmed)."""
@@ -58,6 +61,7 @@ class Human(Participant):
         self._hand = f"{name}::{self._body.segments[f'{self._control.person.hand.side}_hand'].link}"
         self._grips = [self._new_grip(grip) for grip in settings.grips]
         self._feeling = [grip for grip in self._grips if settings.grips[grip.name].holder == HAND]
+        self._muscles = self._new_muscles()
         beside = f"{node.beside('hric')}/{name}"
         calls: dict[str, Callable[[], object]] = {"start": self._start}
         for grip in self._grips:
@@ -80,6 +84,17 @@ class Human(Participant):
             f"{below(self._where)}control",
         )
 
+    def _new_muscles(self) -> "Muscles | None":
+        if self._settings.drive != MUSCLE:
+            return None
+        from hric_human.participant.muscles import Muscles  # only a body with muscles waits for them
+
+        x, y, z = self._plant.gravity
+        where, person = f"{below(self._where)}muscles.", self._control.person
+        return Muscles(
+            self._node, self._name, person, self._root, (x, y, z), self._settings.muscles, where, self._happened
+        )
+
     def _new_grip(self, name: str) -> Grip:
         settings, hand = self._settings.grips[name], self._control.person.hand
         holder, palm = settings.holder, settings.palm
@@ -100,6 +115,8 @@ class Human(Participant):
         self._control = self._new_control()
         for grip in self._grips:
             grip.restart()
+        if self._muscles is not None:
+            self._muscles.restart()
         self._begin()
 
     def _begin(self) -> None:
@@ -132,12 +149,16 @@ class Human(Participant):
         contacts = plant.contacts()
         self._ended += self._contacts.update(time, contacts)
         tau = self._control.update(time, q, dq, self._felt(contacts))
+        if self._muscles is not None:
+            tau = self._muscles.torque(q, dq, tau)
         plant.drive_joints(self._name, tau)
         if self._control.at_strength is not self._strained:
             self._note_strength()
         if self._cycles % self._message_cycles == 0:
-            stamp = self.epoch + time
-            self._topics.publish(stamp, q[:], dq[:], tau, self._control, self._grips)
+            stamp, angles, speeds = self.epoch + time, q[:], dq[:]
+            self._topics.publish(stamp, angles, speeds, tau, self._control, self._grips)
+            if self._muscles is not None:
+                self._muscles.publish(stamp, angles, speeds, self._grips, contacts)
             self._topics.publish_contacts(stamp, self.epoch, self._contacts.present.values(), self._ended)
             self._ended = []
         self._cycles += 1
@@ -209,3 +230,5 @@ class Human(Participant):
         for service in self._services:
             service.unregister()
         self._topics.close()
+        if self._muscles is not None:
+            self._muscles.close()

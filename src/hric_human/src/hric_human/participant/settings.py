@@ -26,9 +26,12 @@ from hric_human.body import Body, Subject, load
 from hric_human.body.joints import joints
 from hric_human.body.subject import PARTS
 from hric_human.control.surroundings import checked
+from hric_human.muscles.settings import MuscleSettings
 
 SUBJECTS = Path(__file__).resolve().parents[3] / "config" / "subjects"
 """Bodies that come with the package, by the names of their files."""
+TORQUE, MUSCLE = "torque", "muscle"
+"""Drives."""
 HAND = "hand"
 """Name of the holder that is the hand which follows and feels."""
 
@@ -124,6 +127,10 @@ class HumanSettings(Settings):
     heading: float = number(math.pi, unit="rad", text="where he looks, from x towards y")
     floor: float = number(-0.75, unit="m", text="height of the floor that he stands on, in the world")
     control: Any = anything({}, default_text="`{}`", text="what moves his joints: Control, below")
+    drive: str = choice(
+        TORQUE, MUSCLE, text="what gives the torque that `control` computes: the joints themselves, or muscles"
+    )
+    muscles: MuscleSettings = section(MuscleSettings)
     watches: str = text("", text="link of the robot that he sees, for motions that react to it; empty: none")
     grips: Mapping[str, GripSettings] = mapping(section(GripSettings), {}, text="what is held, by name")
     rate: float = number(200.0, above=0.0, maximum=1000.0, unit="Hz", text="of his topics")

@@ -1,0 +1,113 @@
+/* What muscles give in a cycle, and how active they are in the next one: what drive.py explains. */
+#include "hric_control/python_numbers.h"
+
+#include <math.h>
+
+enum { COLUMNS, LAW, STATE, ACTIVATION, DECIDED, OUT, ARRAYS };
+
+/* Numbers of the law: time constants of activation and deactivation [s], smoothing between both, damping per stiffness
+   [s], time of a cycle [s]. */
+typedef struct {
+    double rise, fall, smoothing, damping, cycle;
+} Law;
+
+static double next_activation(const Law *law, double activation, double excitation)
+{
+    const double rising = 0.5 * tanh(law->smoothing * (excitation - activation)) + 0.5, slowed = 0.5 + 1.5 * activation,
+                 speed = rising / (law->rise * slowed) + (1.0 - rising) * slowed / law->fall;
+    return excitation + (activation - excitation) * exp(-law->cycle * speed);
+}
+
+/* decided: excitations, then joint positions, velocities and stiffness at the decision.
+   out: force of k muscles, their next activation, torque of m joints. */
+static void step(const Law *law, int k, int m, const double *state, const double *activation, const double *decided,
+                 double ahead, const double *q, const double *dq, double *out)
+{
+    const double *gain = state + 2 * k, *passive = gain + k, *arms = passive + k;
+    const double *at = decided + k, *speed = at + m, *stiffness = speed + m;
+    double *torque = out + 2 * k, missed[m + 1];
+    for (int r = 0; r < m; r++) {
+        missed[r] = at[r] + ahead * speed[r] - q[r] + law->damping * (speed[r] - dq[r]);
+        torque[r] = 0.0;
+    }
+    for (int i = 0; i < k; i++) {
+        out[i] = gain[i] * activation[i] + passive[i];
+        out[k + i] = next_activation(law, activation[i], decided[i]);
+        for (int r = 0; r < m; r++)
+            torque[r] += out[i] * arms[i * m + r];
+    }
+    for (int r = 0; r < m; r++)
+        for (int c = 0; c < m; c++)
+            torque[r] += stiffness[r * m + c] * missed[c];
+}
+
+static int fits(const Py_buffer *view, Py_ssize_t k, Py_ssize_t m)
+{
+    const Py_ssize_t number = sizeof(double);
+    const Py_ssize_t bytes[ARRAYS] = {m * (Py_ssize_t)sizeof(int),  sizeof(Law),
+                                      number * k * (4 + m),         number * k,
+                                      number * (k + 2 * m + m * m), number * (2 * k + m)};
+    for (int i = 0; i < ARRAYS; i++)
+        if (view[i].len != bytes[i]) {
+            PyErr_SetString(PyExc_ValueError, "the arrays do not fit together");
+            return 0;
+        }
+    return 1;
+}
+
+/* The numbers of some joints of all; 0 with an error set. */
+static int choose(PyObject *sequence, const int *columns, int m, double *out)
+{
+    const Py_ssize_t n = PySequence_Size(sequence);
+    if (n < 0)
+        return 0;
+    double all[n + 1];
+    if (!take(sequence, n, all))
+        return 0;
+    for (int r = 0; r < m; r++) {
+        if (columns[r] < 0 || columns[r] >= n) {
+            PyErr_Format(PyExc_ValueError, "joint %d of %zd", columns[r], n);
+            return 0;
+        }
+        out[r] = all[columns[r]];
+    }
+    return 1;
+}
+
+FUNCTION(give)
+{
+    if (!expect(count, ARRAYS + 3, "give(columns, law, state, activation, decided, out, q, dq, ahead)"))
+        return NULL;
+    const double ahead = PyFloat_AsDouble(given[ARRAYS + 2]);
+    if (PyErr_Occurred())
+        return NULL;
+    Py_buffer view[ARRAYS];
+    int taken = 0;
+    for (; taken < ARRAYS; taken++) {
+        const int flags = taken < OUT ? PyBUF_C_CONTIGUOUS : PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE;
+        if (PyObject_GetBuffer(given[taken], view + taken, flags) < 0)
+            break;
+    }
+    if (taken == ARRAYS) {
+        const Py_ssize_t k = view[ACTIVATION].len / (Py_ssize_t)sizeof(double),
+                         m = view[COLUMNS].len / (Py_ssize_t)sizeof(int);
+        double q[m + 1], dq[m + 1];
+        if (fits(view, k, m) && choose(given[ARRAYS], view[COLUMNS].buf, (int)m, q)
+            && choose(given[ARRAYS + 1], view[COLUMNS].buf, (int)m, dq))
+            step(view[LAW].buf, (int)k, (int)m, view[STATE].buf, view[ACTIVATION].buf, view[DECIDED].buf, ahead, q, dq,
+                 view[OUT].buf);
+    }
+    while (taken > 0)
+        PyBuffer_Release(view + --taken);
+    return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
+}
+
+static PyMethodDef methods[] = {
+    METHOD(give, "(columns, law, state, activation, decided, out, q, dq, ahead): force, next activation and torque go "
+                 "into out; ahead: time since the decision [s]"),
+    {0},
+};
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "hric_muscle_drive", NULL, -1, methods, NULL, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit_hric_muscle_drive(void) { return PyModule_Create(&definition); }

@@ -1,0 +1,196 @@
+"""The muscles of a human in the robot's plant: how they move him, and what they publish."""
+
+from collections.abc import Sequence
+from itertools import compress
+from typing import Any, NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import Point, Wrench
+
+from hric_control import realtime
+from hric_control.geometry import Pose, Vector
+from hric_control.node import Node
+from hric_control.plant import Contact
+from hric_control.robot_time import stamps
+from hric_human.control import Person
+from hric_human.control.whole_body import Load, WholeBody
+from hric_human.muscles.drive import MuscleDrive
+from hric_human.muscles.joint_contact import JointContact
+from hric_human.muscles.muscle_set import MuscleSet, MuscleState
+from hric_human.muscles.settings import MuscleSettings
+from hric_human.participant.grip import Grip, Happened
+from hric_msgs.msg import JointReactions, MuscleActivation, MuscleForce
+
+WORLD = "world"
+
+
+class Snapshot(NamedTuple):
+    """A cycle, of which the reactions are known when the next one says how he accelerated.
+
+    Attributes:
+        time: of the stamp [s].
+        q, dq: n floats [rad], [rad/s].
+        force: of muscles and actuators, shape (k,) [N], [N m].
+        loads: what grips and contacts do to him.
+    """
+
+    time: float
+    q: list[float]
+    dq: list[float]
+    force: Any
+    loads: list[Load]
+
+
+class Muscles:
+    """Of one human, whose torques they give.
+
+    Args:
+        node: a robot's private names; the topics are below `hric/NAME` beside it.
+        name: of the human.
+        person: his joints.
+        root: T_world_root of his body, at rest.
+        gravity: in axes of the world [m/s^2].
+        settings: of the muscles.
+        where: prefix of the names of the settings, for messages.
+        happened: gets each event.
+
+    Raises:
+        ParameterError: see MuscleDrive.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        person: Person,
+        root: Pose,
+        gravity: Vector,
+        settings: MuscleSettings,
+        where: str,
+        happened: Happened,
+    ) -> None:
+        self._own, self._cycle, self._root, self._gravity = f"{name}::", person.cycle, root, gravity
+        self._happened = happened
+        self._drive = drive = MuscleDrive(person, settings, person.cycle, where)
+        self._whole = WholeBody(person.body)
+        self._contact = JointContact(self._whole, drive.anatomy, drive.muscles.names)
+        beside = node.beside(f"hric/{name}")
+        self._activation = realtime.publisher(node, f"{beside}/activation", MuscleActivation, lossless=True)
+        self._force = realtime.publisher(node, f"{beside}/muscle_force", MuscleForce, lossless=True)
+        self._reactions = realtime.publisher(node, f"{beside}/joint_reactions", JointReactions, lossless=True)
+        self._exhausted = drive.at_limit
+        self._pending: Snapshot | None = None
+
+    def close(self) -> None:
+        """Stop publishing."""
+        for publisher in (self._activation, self._force, self._reactions):
+            publisher.unregister()
+
+    def restart(self) -> None:
+        """As before the first cycle."""
+        self._drive.restart()
+        self._exhausted, self._pending = self._drive.at_limit, None
+
+    def torque(self, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> list[float]:
+        """What they give of a desired torque until the next cycle, see `MuscleDrive.update`."""
+        if self._pending is not None:
+            self._reactions.publish(self._joint_reactions, self._pending, dq[:])
+            self._pending = None
+        given = self._drive.update(q, dq, tau)
+        if self._drive.at_limit is not self._exhausted:
+            self._note_limits()
+        return given
+
+    def publish(
+        self, time: float, q: list[float], dq: list[float], grips: Sequence[Grip], contacts: Sequence[Contact]
+    ) -> None:
+        """What they do in this cycle.
+
+        Args:
+            time: of the stamp [s].
+            q, dq: n floats, not changed later [rad], [rad/s].
+            grips, contacts: of the last step.
+        """
+        drive, state = self._drive, self._drive.state
+        assert state is not None, "the drive has been updated in this cycle"
+        if self._activation.subscribers():
+            self._activation.publish(
+                _muscle_activation,
+                time,
+                drive.muscles.names,
+                drive.excitation,
+                drive.activation,
+                drive.at_limit,
+                drive.limited,
+            )
+        if self._force.subscribers():
+            self._force.publish(_muscle_force, time, drive.muscles, drive.force, state)
+        if self._reactions.subscribers():
+            loads = _held(grips, self._own) + _touched(contacts, self._own)
+            self._pending = Snapshot(time, q, dq, drive.force, loads)
+
+    def _note_limits(self) -> None:
+        drive = self._drive
+        for name, count, was, there in zip(
+            drive.muscles.names, drive.limited, self._exhausted, drive.at_limit, strict=True
+        ):
+            if there and not was:
+                self._happened("muscle", name, float(count), f"{name} gives all that it can, for the {count}. time")
+        self._exhausted = drive.at_limit
+
+    def _joint_reactions(self, before: Snapshot, dq: Sequence[float]) -> Any:
+        """Message of a cycle; outside the loop."""
+        ddq = [(after - at) / self._cycle for after, at in zip(dq, before.dq, strict=True)]
+        angles, speeds, rates = (np.array([values]) for values in (before.q, before.dq, ddq))
+        needed = self._whole.inverse_dynamics(angles, speeds, rates, self._root, before.loads, self._gravity)
+        found = self._contact.over(angles, self._root, needed, before.force[None])
+        message = JointReactions(joint_names=list(found), link_names=list(self._contact.links.values()))
+        message.header.stamp, message.header.frame_id = stamps.to_time(before.time), WORLD
+        for link, ((x, y, z),) in zip(message.link_names, found.values(), strict=True):
+            message.positions.append(Point(*needed.position[0, self._whole.index[link]]))
+            wrench = Wrench()
+            wrench.force.x, wrench.force.y, wrench.force.z = x, y, z
+            message.wrenches.append(wrench)
+        return message
+
+
+def _held(grips: Sequence[Grip], own: str) -> list[Load]:
+    """What closed grips do to his links, whether he holds or is held."""
+    loads = []
+    for grip in grips:
+        for body, sign in ((grip.holder, 1.0), (grip.settings.held, -1.0)):
+            if grip.closed and body.startswith(own):
+                force, torque, point = np.array(grip.load[:3])[:, None]
+                loads.append(Load(body.removeprefix(own), sign * force, sign * torque, point))
+    return loads
+
+
+def _touched(contacts: Sequence[Contact], own: str) -> list[Load]:
+    """What touches his links by a spring does to them, along the normal; a rigid pair's impact is no force on a
+    person."""
+    loads = []
+    for contact in contacts:
+        for body, sign in ((contact.body_a, 1.0), (contact.body_b, -1.0)):
+            if contact.kind == "penalty" and body.startswith(own):
+                force = sign * contact.force * np.array([contact.normal])
+                loads.append(Load(body.removeprefix(own), force, np.zeros((1, 3)), np.array([contact.position])))
+    return loads
+
+
+def _muscle_activation(
+    time: float, names: Sequence[str], excitation: Any, activation: Any, at_limit: list[bool], limited: list[int]
+) -> Any:
+    message = MuscleActivation(name=names, at_limit=at_limit, limited=limited)
+    message.header.stamp = stamps.to_time(time)
+    message.excitation, message.activation = excitation.tolist(), activation.tolist()
+    return message
+
+
+def _muscle_force(time: float, muscles: MuscleSet, force: Any, state: MuscleState) -> Any:
+    own = muscles.is_muscle
+    message = MuscleForce(name=list(compress(muscles.names, own)), outside=state.outside)
+    message.header.stamp = stamps.to_time(time)
+    message.force, message.length, message.velocity = (
+        list(compress(values.tolist(), own)) for values in (force, state.length, state.velocity)
+    )
+    return message

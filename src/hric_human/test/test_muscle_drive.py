@@ -1,0 +1,142 @@
+"""Muscles that move a body: what they give of a wanted torque."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from bodies import body
+from numpy.testing import assert_allclose
+
+from hric_control.errors import ParameterError
+from hric_human.control import HumanControl, Person
+from hric_human.muscles import curves
+from hric_human.muscles.drive import MuscleDrive
+from hric_human.muscles.muscle_set import STIFFNESS
+from hric_human.muscles.settings import MuscleSettings
+
+CYCLE = 1e-3
+Q = [0.7, 0.3, 0.2, 1.3, 0.1, 0.1, 0.0]
+REST = [0.0] * 7
+
+
+def person(parts: str = "right_arm") -> Person:
+    return HumanControl(body(parts=parts), {}, 0).person
+
+
+def drive(one: Person | None = None, **settings: float) -> MuscleDrive:
+    return MuscleDrive(one or person(), MuscleSettings.of(settings, "muscles"), CYCLE, "muscles.")
+
+
+def updated(muscles: MuscleDrive, tau: Sequence[float], cycles: int) -> list[float]:
+    """The torque of the last of some cycles at rest."""
+    for _ in range(cycles):
+        given = muscles.update(Q, REST, tau)
+    return given
+
+
+def test_a_posture_that_is_held_costs_no_torque_from_the_first_cycle_on() -> None:
+    one = person()
+    muscles, weight = drive(one), one.own_weight(Q)
+    assert_allclose([muscles.update(Q, REST, weight) for _ in range(25)], np.tile(weight, (25, 1)), atol=1e-9)
+    assert muscles.activation.min() >= 0.01 and muscles.activation.max() < 0.5
+
+
+def test_a_new_torque_is_there_at_the_next_decision() -> None:
+    one = person()
+    muscles, before = drive(one), np.array(one.own_weight(Q))
+    updated(muscles, before, 10)
+    after = (before + np.eye(7)[3] * 0.5).tolist()
+    given = np.array([muscles.update(Q, REST, after)[3] for _ in range(11)]) - before[3]
+    assert abs(given[0]) < 1e-9 and (np.diff(given) > 0.0).all()
+    assert given[10] == pytest.approx(0.5, rel=0.01)
+
+
+def test_activation_follows_excitation_by_its_dynamics() -> None:
+    one = person()
+    muscles, weight = drive(one), one.own_weight(Q)
+    updated(muscles, weight, 10)
+    muscles.update(Q, REST, [2.0 * value for value in weight])
+    a, e = muscles.activation, muscles.excitation
+    assert np.abs(e - a).max() > 0.05
+    muscles.update(Q, REST, weight)
+    assert_allclose(muscles.activation, e + (a - e) * np.exp(-CYCLE * curves.approach_speed(a, e)), rtol=1e-12)
+
+
+def test_what_was_not_foreseen_meets_short_range_stiffness_and_damping() -> None:
+    """Of 75/m times force, and 0.05 s of it; the forces themselves are those of the curves, as without it."""
+    one = person()
+    muscles, weight = drive(one), one.own_weight(Q)
+    updated(muscles, weight, 5)
+    moved, speed = np.array(Q), np.zeros(7)
+    moved[3] += 0.01
+    speed[3] = 0.2
+    given = muscles.update(moved.tolist(), speed.tolist(), weight)
+    assert muscles.state is not None
+    at_decision = muscles.muscles.at(Q, REST)
+    own = np.where(muscles.muscles.is_muscle, at_decision.forces(muscles.activation), 0.0)
+    stiffness = STIFFNESS * np.einsum("k,ki,kj->ij", own, at_decision.arms, at_decision.arms)
+    expected = muscles.state.torque(muscles.activation) - stiffness @ (moved - Q + 0.05 * speed)
+    assert stiffness[3, 3] > 5.0
+    assert_allclose(given, expected, atol=1e-9)
+
+
+def test_a_motion_that_goes_on_as_it_was_meets_no_stiffness() -> None:
+    one = person()
+    muscles, weight, dq = drive(one), one.own_weight(Q), [0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0]
+    q = np.array(Q)
+    for _ in range(5):
+        given = muscles.update(q.tolist(), dq, weight)
+        assert muscles.state is not None
+        assert_allclose(given, muscles.state.torque(muscles.activation), atol=1e-9)
+        q += CYCLE * np.array(dq)
+
+
+def test_co_contraction_raises_all_muscles_stiffens_the_elbow_and_leaves_the_torque() -> None:
+    one = person()
+    weight, found = one.own_weight(Q), []
+    for co_contraction in (0.0, 0.1):
+        muscles = drive(one, co_contraction=co_contraction)
+        assert_allclose(updated(muscles, weight, 15), weight, atol=1e-9)
+        assert muscles.state is not None
+        found.append(muscles.muscles.intrinsic(muscles.state, muscles.activation).stiffness[3, 3])
+        assert muscles.activation[np.array(muscles.muscles.is_muscle)].min() >= 0.01 + co_contraction - 1e-9
+    assert found[1] > 2.0 * found[0]
+
+
+def test_more_than_muscles_can_give_is_what_they_give_and_counts_once_while_it_stays() -> None:
+    one = person()
+    muscles, weight = drive(one, strength=0.2), one.own_weight(Q)
+    assert muscles.at_limit == [False] * len(muscles.muscles.names)
+    heavy = [*weight[:3], 60.0, *weight[4:]]
+    for tau in (heavy, weight, heavy):
+        given = updated(muscles, tau, 200)
+    full = [name for name, there in zip(muscles.muscles.names, muscles.at_limit, strict=True) if there]
+    assert {"right_bic_l", "right_bic_b"} <= set(full)
+    assert {count for count, there in zip(muscles.limited, muscles.at_limit, strict=True) if there} == {2}
+    assert given[3] < 30.0
+    assert_allclose(np.array(heavy) - given, muscles.shortfall, atol=0.02)
+
+
+def test_joints_without_muscles_get_the_wanted_torque() -> None:
+    one = person("upper_body")
+    muscles = drive(one)
+    tau = (np.array(one.own_weight(one.rest)) + 0.3).tolist()
+    given = muscles.update(one.rest, [0.0] * len(tau), tau)
+    others = [index for index in range(len(tau)) if index not in muscles.muscles.joints]
+    assert len(others) > 3
+    assert [given[index] for index in others] == [tau[index] for index in others]
+
+
+def test_a_restart_gives_what_the_first_start_gave() -> None:
+    one = person()
+    muscles, weight = drive(one), one.own_weight(Q)
+    first = [muscles.update(Q, [0.01 * n] * 7, weight) for n in range(15)]
+    muscles.restart()
+    assert [muscles.update(Q, [0.01 * n] * 7, weight) for n in range(15)] == first
+
+
+def test_a_rate_of_no_whole_number_of_cycles_and_an_anatomy_that_is_not_there_are_named() -> None:
+    with pytest.raises(ParameterError, match=r"muscles\.rate is 300\.0; valid: a whole part of the 1000 cycles"):
+        drive(rate=300.0)
+    with pytest.raises(ParameterError, match=r"muscles\.anatomy.*nothing\.json"):
+        MuscleDrive(person(), MuscleSettings(anatomy="nothing.json"), CYCLE, "muscles.")
