@@ -1,5 +1,6 @@
 """What a human beside the robot costs per cycle, as share of PyBullet's bare step in the same run."""
 
+import math
 import statistics
 from collections.abc import Callable
 
@@ -34,3 +35,19 @@ def test_what_needs_no_engine_costs_few_bare_steps(figure: Figure) -> None:
     figure("the human's law in bare steps of PyBullet", cost, "1")
     figure("the human's law", 1e6 * statistics.median(times["human/law"]), "us")
     assert cost <= BOUND
+
+
+def test_muscles_need_no_engine_and_cost_few_bare_steps(figure: Figure) -> None:
+    times = measure(["bare/pybullet", "human/muscles"], rounds=40)
+    cost = statistics.median(both / bare for bare, both in zip(*times.values(), strict=True))
+    figure("the human's law and 34 muscles in bare steps of PyBullet", cost, "1")
+    figure("the human's law and 34 muscles", 1e6 * statistics.median(times["human/muscles"]), "us")
+    assert cost <= 19.0, "200 us where a bare step takes 10.5"
+
+
+@pytest.mark.parametrize(("engine", "bound"), [("mujoco", math.inf), ("pybullet", 8.6), ("opensim", 3.0)])
+def test_a_cycle_with_muscles_costs_few_cycles_of_the_robot_alone(engine: str, bound: float, figure: Figure) -> None:
+    times = measure([f"human/{engine}/alone", f"human/{engine}/muscles"], rounds=40)
+    cost = statistics.median(both / alone for alone, both in zip(*times.values(), strict=True))
+    figure(f"{engine}: with 34 muscles and grip beside the robot alone", cost, "1")
+    assert cost <= bound

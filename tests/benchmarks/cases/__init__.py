@@ -69,6 +69,7 @@ BESIDE = {
     "alone": "RobotHWSim with rotors",
     "arm": "and a human arm with its law beside it",
     "grip": "and a human hand that grips it",
+    "muscles": "and 34 muscles that move it",
 }
 """Who is beside the robot."""
 
@@ -119,7 +120,10 @@ CASES: dict[str, Case] = {
     "plain/mujoco": Case("a PD law in a plain loop on MuJoCo", "cycle", ("arms", "plain_mujoco"), {}),
     **_cycles(),
     **_humans(),
-    "human/law": Case("the human's law, and nothing else", "cycle", ("arms", "human_law"), {}),
+    "human/law": Case("the human's law, and nothing else", "cycle", ("arms", "human_law"), {"muscles": False}),
+    "human/muscles": Case(
+        "the human's law and 34 muscles, and nothing else", "cycle", ("arms", "human_law"), {"muscles": True}
+    ),
     **_runs(),
     "live/unpaced": Case("a cycle with ROS and recording", "cycle", ("runs", "live"), {}, 1, several=True),
     **_fci(),

@@ -21,6 +21,8 @@ from hric_control.urdf import read
 from hric_experiments.definition.overrides import SIMULATORS
 from hric_human.body import Subject, describe
 from hric_human.control import HumanControl
+from hric_human.muscles.drive import MuscleDrive
+from hric_human.muscles.settings import MuscleSettings
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 SETPOINT = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
@@ -215,23 +217,27 @@ def human(beside: str) -> dict[str, Any]:
     """Who acts in the plant; beside: of `cases.BESIDE`."""
     if beside == "alone":
         return {}
-    grips = {"guide": {"held": "panda_link8", "handle": [0.08, -0.08, 0.04]}} if beside == "grip" else {}
-    control = {"parameters": {"reference": REFERENCE}}
-    return {"human": {"type": "hric_human/Human", "position": [0.85, -0.2], "control": control, "grips": grips}}
+    grips = {"guide": {"held": "panda_link8", "handle": [0.08, -0.08, 0.04]}} if beside != "arm" else {}
+    control, drive = {"parameters": {"reference": REFERENCE}}, "muscle" if beside == "muscles" else "torque"
+    one = {"type": "hric_human/Human", "position": [0.85, -0.2], "control": control, "grips": grips, "drive": drive}
+    return {"human": one}
 
 
 @contextmanager
-def human_law() -> Iterator[Block]:
-    """Senses, impedance about a moving hand, and strength."""
+def human_law(muscles: bool) -> Iterator[Block]:
+    """Senses, impedance about a moving hand, and strength; and muscles that give the torque."""
     body = describe(Subject(code="P50M", mass=78.2, height=1.759, sex="male", parts="right_arm"))
     root = Pose((0.85, -0.2, 0.7), from_rotation_vector((0.0, 0.0, np.pi)))
     law = HumanControl(body, {"parameters": {"reference": REFERENCE}}, 0, root)
     law.start(0.0)
     q, dq = law.posture, [0.0] * 7
+    drive = MuscleDrive(law.person, MuscleSettings(), 1e-3) if muscles else None
 
     def run(n: int) -> None:
         for k in range(n):
-            law.update(1e-3 * k, q, dq)
+            tau = law.update(1e-3 * k, q, dq)
+            if drive is not None:
+                drive.update(q, dq, tau)
 
     yield timed(run)
 
