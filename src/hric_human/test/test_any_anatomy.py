@@ -6,19 +6,21 @@ from functools import cache
 from pathlib import Path
 
 import built_arm
+import mujoco
 import numpy as np
 import opensim
 import pytest
 import wrapless
 from arm26_model import COORDINATES, FILE, Arm26
 from bodies import Posed, body
+from scipy.spatial.transform import Rotation
 
 import urdf_to_osim
 from hric_control.errors import HricError, ParameterError
 from hric_human.muscles import BUILT_IN, Anatomy, MuscleSet, load
 from hric_human.muscles.choose import NAME, find
 from hric_human.muscles.fitting import any_arm
-from hric_human.muscles.fitting.models import NON_COMMERCIAL
+from hric_human.muscles.fitting.models import NON_COMMERCIAL, content, run
 from hric_human.muscles.fitting.mujoco_model import MujocoArm
 from hric_human.muscles.fitting.opensim_model import OpenSimArm
 from hric_human.muscles.fitting.placing import Placing
@@ -225,6 +227,62 @@ def test_a_file_without_an_arm_is_refused_with_its_parameter_and_what_is_valid(t
 def without(text: str, element: str) -> str:
     start, end = text.index(f"<{element} "), text.index(f"</{element}>")
     return text[:start] + text[end + len(element) + 3 :]
+
+
+def test_a_mujoco_model_without_muscles_and_one_that_is_none_are_refused(tmp_path: Path):
+    path = tmp_path / "x.xml"
+    for text, expected in (("<mujoco/>", "no actuator with MuJoCo's muscle gain"), ("<a/>", "no MuJoCo model")):
+        path.write_text(text)
+        with pytest.raises(ParameterError, match=expected):
+            find(str(path), WHERE)
+
+
+def test_equalities_of_a_mujoco_model_hold_as_mujoco_sees_them(tmp_path: Path):
+    osim, xml = tmp_path / "plain.osim", tmp_path / "plain.xml"
+    osim.write_text(wrapless.opensim_text())
+    wrapless.write_mujoco(xml, osim)
+    equality = '<equality><joint joint1="r_elbow" joint2="r_shoulder" polycoef="0.6 0.5 -0.2 0.1 0"/></equality>'
+    xml.write_text(xml.read_text().replace("<tendon>", f"{equality}<tendon>"))
+    model = MujocoArm(xml)
+    assert [one.name for one in model.coordinates] == ["r_shoulder"]
+    engine = mujoco.MjModel.from_xml_path(str(xml))
+    data = mujoco.MjData(engine)
+    for angle in (-0.5, 0.4, 1.3):
+        model.put({"r_shoulder": angle})
+        R_upper_arm, R_forearm = model.frame("r_humerus")[0], model.frame("r_ulna_radius_hand")[0]
+        data.qpos[:] = angle, np.linalg.norm(Rotation.from_matrix(R_upper_arm.T @ R_forearm).as_rotvec())
+        mujoco.mj_forward(engine, data)
+        (violated,) = data.efc_pos[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
+        assert violated == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_command_says_what_was_mended_and_writes_the_file(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+):
+    run(FILE, tmp_path / "arm26.json")
+    assert "is used as it is: no mends" in caplog.text
+    printed = capsys.readouterr().out
+    assert "Its credits: The OpenSim Development Team" in printed and "| BICshort | 436 |" in printed
+    assert load(tmp_path / "arm26.json") == arm26_anatomy()
+    with pytest.raises(HricError, match="no file"):
+        run(tmp_path / "none.osim", tmp_path / "none.json")
+
+
+def test_what_a_mujoco_model_includes_is_part_of_its_fit(tmp_path: Path):
+    (tmp_path / "a.xml").write_text('<mujoco><include file="b.xml"/></mujoco>')
+    (tmp_path / "b.xml").write_text("<mujocoinclude/>")
+    before = content(tmp_path / "a.xml")
+    (tmp_path / "b.xml").write_text("<mujocoinclude><!--other--></mujocoinclude>")
+    assert content(tmp_path / "a.xml") != before
+
+
+def test_a_model_with_muscles_on_function_based_paths_is_refused(tmp_path: Path):
+    human = body(parts="right_arm")
+    path = tmp_path / "human.osim"
+    urdf_to_osim.write(urdf_to_osim.convert(human.urdf, urdf_to_osim.Options(meshes=False)), path)
+    path.write_text(with_muscles(path.read_text(), MuscleSet(human, arm26_anatomy())))
+    with pytest.raises(ParameterError, match="has no muscles with points on bodies: right_TRIlong"):
+        find(str(path), WHERE)
 
 
 @pytest.mark.parametrize("chosen", ["delt", "nothing.osim", "model.urdf", "package://hric_human/none.json"])

@@ -39,30 +39,27 @@ class MujocoArm(ArmModel):
         if not self.muscles:
             raise HricError(f"{path} has no muscles: no actuator with MuJoCo's muscle gain on a tendon")
         self._tendons = model.actuator_trnid[self._actuators, 0]
-        self.parents = {
-            model.body(i).name: model.body(model.body_parentid[i]).name if model.body_parentid[i] else ""
-            for i in range(1, model.nbody)
-        }
+        names = ["", *(model.body(i).name or f"body {i}" for i in range(1, model.nbody))]
+        self._bodies = {name: i for i, name in enumerate(names)}
+        self.parents = {names[i]: names[model.body_parentid[i]] for i in range(1, model.nbody)}
         self._equal = [
             e for e in range(model.neq) if model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and model.eq_active0[e]
         ]
         given = {int(model.eq_obj1id[e]) for e in self._equal}
         self.coordinates = [
-            self._coordinate(j)
+            self._coordinate(j, names[model.jnt_bodyid[j]])
             for j in range(model.njnt)
-            if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE and j not in given
+            if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE and j not in given and model.joint(j).name
         ]
         down = model.opt.gravity
         self.up = -down / np.linalg.norm(down) if np.any(down) else np.array([0.0, 0.0, 1.0])
         self.put({})
 
-    def _coordinate(self, joint: int) -> Coordinate:
+    def _coordinate(self, joint: int, body: str) -> Coordinate:
         model = self._model
         low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.pi, np.pi)
         default = float(np.clip(model.qpos0[model.jnt_qposadr[joint]], low, high))
-        return Coordinate(
-            model.joint(joint).name, model.body(model.jnt_bodyid[joint]).name, float(low), float(high), default
-        )
+        return Coordinate(model.joint(joint).name, body, float(low), float(high), default)
 
     def put(self, angles: Mapping[str, float]) -> None:
         """Coordinates by name [rad]; others stay."""
@@ -85,17 +82,19 @@ class MujocoArm(ArmModel):
 
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
         """Of a body in the ground: rotation and origin [m]."""
-        of = self._data.body(body)
-        return of.xmat.reshape(3, 3).copy(), of.xpos.copy()
+        i = self._bodies[body]
+        return np.array(self._data.xmat[i]).reshape(3, 3), np.array(self._data.xpos[i])
 
     def centre(self, body: str) -> FloatArray:
         """Of the joint before a body, in the ground [m]."""
-        of = self._model.body(body)
-        return np.array(self._data.xanchor[of.jntadr[0]] if of.jntnum[0] else self._data.body(body).xpos)
+        i = self._bodies[body]
+        return np.array(
+            self._data.xanchor[self._model.body_jntadr[i]] if self._model.body_jntnum[i] else self._data.xpos[i]
+        )
 
     def mass_centre(self, body: str) -> FloatArray:
         """In the ground [m]."""
-        return np.array(self._data.body(body).xipos)
+        return np.array(self._data.xipos[self._bodies[body]])
 
     def lengths(self) -> FloatArray:
         """Of muscles with their tendons [m]."""
@@ -103,8 +102,7 @@ class MujocoArm(ArmModel):
 
     def pulls(self, body: str) -> FloatArray:
         """By virtual work: how lengths change when the body moves away from its parent."""
-        number, parent = self._model.body(body).id, self.parents[body]
-        R_ground_parent = self.frame(parent)[0] if parent else np.eye(3)
+        number, R_ground_parent = self._bodies[body], self.frame(self.parents[body])[0]
         rows = []
         for axis in np.eye(3):
             lengths = []

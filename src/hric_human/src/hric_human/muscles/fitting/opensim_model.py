@@ -1,5 +1,6 @@
 """An OpenSim model as the fit needs it."""
 
+import logging
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from hric_control.geometry import FloatArray
 from hric_human.muscles.fitting.model import ArmModel, Coordinate, Strengths
 from hric_human.muscles.fitting.sample import Paths
 
+LOG = logging.getLogger("hric.human.muscles")
 _TRANSLATION = 2
 """OpenSim's number of that kind of coordinate."""
 _UNSAID = opensim.Model().getCredits(), opensim.Model().getPublications()
@@ -59,8 +61,13 @@ class OpenSimArm(ArmModel):
             for text in (model.getCredits(), model.getPublications())
             if text.strip() and text not in _UNSAID
         )
-        if not self.muscles:
-            raise HricError(f"{path} has no muscles")
+        pathless = [
+            muscle.getName()
+            for muscle in _members(model.getMuscles())
+            if opensim.GeometryPath.safeDownCast(muscle.getPath()) is None
+        ]
+        if pathless or not self.muscles:
+            raise HricError(f"{path} has no muscles" + (f" with points on bodies: {pathless[0]}" if pathless else ""))
         self._joints = {_body(joint.getChildFrame()): joint for joint in _members(model.getJointSet())}
         bodies = [body.getName() for body in _members(model.getBodySet())]
         self.parents = _sorted({body: self._parent(body) for body in bodies})
@@ -133,7 +140,13 @@ class OpenSimArm(ArmModel):
 def _couplers(model: Any, state: Any) -> Iterator[_Coupler]:
     for constraint in _members(model.getConstraintSet()):
         coupler = opensim.CoordinateCouplerConstraint.safeDownCast(constraint)
-        if coupler is not None and constraint.isEnforced(state):
+        if not constraint.isEnforced(state):
+            continue
+        if coupler is None:
+            LOG.warning(
+                "%s: the constraint %s couples no coordinates, and is left out", model.getName(), constraint.getName()
+            )
+        else:
             yield _Coupler(coupler)
 
 

@@ -124,7 +124,7 @@ class Placing:
                 return c if bool(np.all((lower - ACCURACY <= c) & (c <= upper + ACCURACY))) else None
             J = self._rates()
             step = np.linalg.solve(J.T @ J + _DAMPING * np.eye(len(c)), J.T @ missing)
-            c += step * min(1.0, _LONGEST / float(np.abs(step).max()))
+            c += step * min(1.0, _LONGEST / max(_LONGEST, float(np.abs(step).max())))
         return None
 
     def _rates(self) -> FloatArray:
