@@ -138,9 +138,9 @@ def _fitted(
     whole &= np.abs(np.nan_to_num(samples.arms[:, k])).max(axis=1) < LONGEST_ARM
     if 1.0 - whole.mean() > MAX_JUMPS:
         return f"its path jumps in {100 * (1.0 - whole.mean()):.0f} % of the poses"
-    if not np.abs(samples.arms[whole, k]).max() > NO_ARM:
-        return "it acts on none of these joints"
     seen = np.arange(len(whole)) < len(whole) * SHARE // (SHARE + 1)
+    if not np.abs(samples.arms[whole & seen, k]).max() > NO_ARM:
+        return "it acts on none of these joints"
     made = fit_muscle(samples.part(whole & seen), k, joints, name, force, optimal, slack)
     near = np.abs(arm_errors(samples, k, joints, made)).max(axis=1) < FAR_OFF
     if not near[whole & seen].all():
