@@ -10,7 +10,6 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
-import hric_human
 from hric_bags.run_folder import RunFolder
 from hric_control.geometry import FloatArray
 from hric_control.trial.plates import TrialPlate
@@ -22,7 +21,7 @@ from hric_experiments.headless import runner
 from hric_human.muscles import MuscleSet, find
 from hric_human.muscles.after_run import MuscleLoad
 
-ARM26 = Path(hric_human.__file__).parents[2] / "test" / "arm26" / "arm26.osim"
+ARM26 = Path(__file__).parents[2] / "hric_human" / "test" / "arm26" / "arm26.osim"
 ENDS = 0.3
 """Of a record that filters and splines spoil [s]."""
 
