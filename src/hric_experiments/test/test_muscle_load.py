@@ -10,15 +10,18 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
+from hric_bags.run_folder import RunFolder
 from hric_control.geometry import FloatArray
 from hric_control.trial.plates import TrialPlate
-from hric_experiments.analysis import muscle_load
+from hric_experiments.analysis import human_opensim, muscle_load
 from hric_experiments.analysis.muscle_load import MuscleLoadError, Result
 from hric_experiments.cli import main
 from hric_experiments.definition import experiment
 from hric_experiments.headless import runner
+from hric_human.muscles import MuscleSet, find
 from hric_human.muscles.after_run import MuscleLoad
 
+ARM26 = Path(__file__).parents[2] / "hric_human" / "test" / "arm26" / "arm26.osim"
 ENDS = 0.3
 """Of a record that filters and splines spoil [s]."""
 
@@ -145,6 +148,40 @@ def test_the_command_prints_tables_and_leaves_files(run: Path, capsys: pytest.Ca
     for words in ("a model's estimate", "right_delt_scap_d", "right_el_flex", "right_shoulder ", "NOT REPRODUCED"):
         assert words in printed
     assert (run / "muscle_load" / "activation.sto").is_file()
+
+
+def test_the_command_takes_the_muscles_of_a_users_model(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert main(["muscle_load", str(run), "--muscles", str(ARM26), "--output", str(tmp_path)]) == 0
+    assert "muscles: arm26, 6 of them" in capsys.readouterr().out
+    labels = opensim.TimeSeriesTable(str(tmp_path / "activation.sto")).getColumnLabels()
+    assert {"right_BRA", "right_sh_abd+", "right_pro_sup-"} <= set(labels)
+    assert main(["muscle_load", str(run), "--muscles", "nobody"]) == 2
+    assert "--muscles is 'nobody'; valid: delft" in capsys.readouterr().err
+
+
+def test_human_osim_of_a_run_with_muscles_has_them_with_the_same_moment_arms(run: Path, tmp_path: Path) -> None:
+    person = muscle_load.described_by(str(run))
+    muscles = MuscleSet(person.body, find("delft", "anatomy"))
+    section = RunFolder.open(str(run)).read()["definition"]["human"]
+    assert person.record is not None
+    human_opensim.write(tmp_path, section, person.record, person.gravity, muscles)
+    model = opensim.Model(str(tmp_path / human_opensim.MODEL))
+    state = model.initSystem()
+    q = dict(zip(person.record.joints, person.record.position[-1].tolist(), strict=True))
+    for name, angle in q.items():
+        model.getCoordinateSet().get(name).setValue(state, angle, False)
+    model.realizePosition(state)
+    ours = muscles.at([q[name] for name in person.body.joints], [0.0] * len(q))
+    assert model.getMuscles().getSize() == muscles.muscle_count == 34
+    for k in np.flatnonzero(muscles.is_muscle):
+        path = opensim.Muscle.safeDownCast(model.getForceSet().get(muscles.names[k])).getPath()
+        for column, joint in enumerate(muscles.joints):
+            if ours.arms[k, column]:
+                coordinate = model.getCoordinateSet().get(list(person.body.joints)[joint])
+                assert path.computeMomentArm(state, coordinate) == pytest.approx(ours.arms[k, column], abs=1e-9)
 
 
 def test_what_is_missing_is_one_error_that_names_what_is_needed(

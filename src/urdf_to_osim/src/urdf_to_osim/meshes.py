@@ -3,14 +3,13 @@
 import hashlib
 import logging
 import math
-import os
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from hric_control.errors import DescriptionError, HricError
+from hric_control.kept import cache_folder, write_whole
 from hric_control.plants.resources import resolve
 
 LOG = logging.getLogger("hric.urdf_to_osim")
@@ -57,15 +56,6 @@ class MeshResult:
     cached: bool
 
 
-def default_cache() -> Path | None:
-    """Where conversions are kept: hric/meshes below XDG_CACHE_HOME, or ~/.cache; None without a home. It may be removed
-    at any time."""
-    for base in (os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~/.cache")):
-        if os.path.isabs(base):  # the XDG base directory specification: a relative path is to be ignored
-            return Path(base) / "hric" / "meshes"
-    return None
-
-
 def convert_meshes(
     requests: Sequence[MeshRequest], folder: Path, cache: Path | None = None, relative_to: Path | None = None
 ) -> list[MeshResult]:
@@ -74,8 +64,8 @@ def convert_meshes(
     Args:
         requests: meshes in any order; the same address may come more than once.
         folder: the Geometry folder; made where it is missing, other files in it are left alone.
-        cache: where conversions are kept; default_cache() by default. One that cannot be written costs time, not the
-            result.
+        cache: where conversions are kept; `cache_folder("meshes")` by default. One that cannot be written costs time,
+            not the result.
         relative_to: folder against which relative addresses are meant, the description's own.
 
     Raises:
@@ -83,7 +73,7 @@ def convert_meshes(
             for missing ones.
     """
     paths = _find_all(requests, relative_to)
-    cache = default_cache() if cache is None else cache
+    cache = cache_folder("meshes") if cache is None else cache
     folder.mkdir(parents=True, exist_ok=True)
     return [_convert(request, path, folder, cache) for request, path in zip(requests, paths, strict=True)]
 
@@ -175,20 +165,3 @@ def _keep(kept: Path, text: bytes) -> None:
         write_whole(kept, text)
     except OSError as error:
         LOG.warning("converted meshes are not kept: %s", error)
-
-
-def write_whole(target: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or as it was before, also when several processes write it at once.
-
-    Raises:
-        OSError: the folder cannot be written.
-    """
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        os.chmod(name, 0o644)
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise

@@ -34,7 +34,7 @@ def write(
         path: of the .osim; its folder must exist.
         check: called with the finished file at another place; what it raises stops the writing, and nothing is left
             behind.
-        cache: of converted meshes; `meshes.default_cache()` by default.
+        cache: of converted meshes; `hric_control.kept.cache_folder("meshes")` by default.
 
     Raises:
         ParameterError: the path is not that of a file that can be written.

@@ -36,8 +36,8 @@ from hric_human.control import HumanControl
 from hric_human.control.recorded import MarkerSolver
 from hric_human.control.whole_body import Load
 from hric_human.muscles.after_run import CUTOFF, AfterRun, Motion, MuscleLoad, smoothed
-from hric_human.muscles.anatomy import BUILT_IN, Anatomy
-from hric_human.muscles.anatomy import load as load_anatomy
+from hric_human.muscles.anatomy import Anatomy
+from hric_human.muscles.choose import NAME, find
 from hric_human.muscles.fatigue import Fatigue
 from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.muscles.static_optimization import MINIMUM
@@ -151,13 +151,14 @@ def _described(
     return Described(settings, describe(settings.person), (x, y, z), record, source)
 
 
-def of_run(person: Described, cutoff: float = CUTOFF, factor: float = 1.0) -> Result:
+def of_run(person: Described, cutoff: float = CUTOFF, factor: float = 1.0, anatomy: Anatomy | None = None) -> Result:
     """Of the motion that a run recorded.
 
     Args:
         person: of the run.
         cutoff: of the low-pass filter of angles [Hz].
         factor: of the strength of muscles.
+        anatomy: of them; None: the built-in one.
 
     Raises:
         HricError: no record of a motion, too short a motion, a body without arms.
@@ -167,7 +168,7 @@ def of_run(person: Described, cutoff: float = CUTOFF, factor: float = 1.0) -> Re
         raise MuscleLoadError(f"{person.source} describes somebody, and has no motion; valid: a run, or a c3d file")
     columns = [record.joints.index(name) for name in person.body.joints]
     motion = smoothed(record.time, record.position[:, columns], cutoff)
-    result = _result(person, motion, factor, [f"motion: joint states of {person.source}"])
+    result = _result(person, motion, factor, anatomy, [f"motion: joint states of {person.source}"])
     return replace(result, notes=(*result.notes, _against(result.load, record)))
 
 
@@ -183,14 +184,19 @@ def _against(load: MuscleLoad, record: HumanRecord) -> str:
 
 
 def of_c3d(
-    path: Path, person: Described, cutoff: float = CUTOFF, factor: float = 1.0, plates: Mapping[int, str] = NO_PLATES
+    path: Path,
+    person: Described,
+    cutoff: float = CUTOFF,
+    factor: float = 1.0,
+    plates: Mapping[int, str] = NO_PLATES,
+    anatomy: Anatomy | None = None,
 ) -> Result:
     """Of the markers in a c3d file. Its laboratory is the person's world, and the begin of its clock, if the file has
     none, that of the run.
 
     Args:
         path: of the file.
-        person, cutoff, factor: see `of_run`.
+        person, cutoff, factor, anatomy: see `of_run`.
         plates: links of the body that press on force plates of the file, by the plates' numbers from 1 on.
 
     Raises:
@@ -219,7 +225,7 @@ def of_c3d(
     note = f"motion: {len(names)} markers of {path.name}, {1e3 * worst:.1f} mm from those of the body (median)"
     if worst > POOR_FIT:
         note += f": another body than that of {person.source}, or markers elsewhere on it; measure both"
-    return _result(person, motion, factor, [note], pressed)
+    return _result(person, motion, factor, anatomy, [note], pressed)
 
 
 def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> Load:
@@ -249,12 +255,20 @@ def _labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dict[str,
     return found.popitem()[1]
 
 
-def _result(person: Described, motion: Motion, factor: float, notes: list[str], pressed: Sequence[Load] = ()) -> Result:
-    anatomy: Anatomy = load_anatomy(BUILT_IN)
+def _result(
+    person: Described,
+    motion: Motion,
+    factor: float,
+    anatomy: Anatomy | None,
+    notes: list[str],
+    pressed: Sequence[Load] = (),
+) -> Result:
+    anatomy = find(NAME, "anatomy") if anatomy is None else anatomy
     muscles = MuscleSet(person.body, anatomy, factor)
     root = person.settings.root(person.body)
     loads = [*person.loads(motion.time), *pressed]
     found = AfterRun(person.body, muscles, anatomy, root, person.gravity).of(motion, loads)
+    notes.append(f"muscles: {anatomy.name}, {muscles.muscle_count} of them, strength {factor:g}")
     notes.append(f"forces act on: {', '.join(load.link for load in loads) or 'none'}")
     for contact in (person.record.contacts if person.record is not None else {}).values():
         notes.append(
@@ -371,18 +385,19 @@ def main(arguments: Sequence[str]) -> int:
     given = _parser().parse_args(list(arguments))
     root = runs_root(given.runs)
     recording, output = Path(given.recording).expanduser(), given.output
+    anatomy = find(given.muscles, "--muscles")
     if recording.suffix.lower() == ".c3d":
         if given.person is None:
             raise MuscleLoadError(
                 f"{recording.name} does not say whose markers it has; add --person RUN|EXPERIMENT.yaml"
             )
         plates = dict(map(_plate, given.plate))
-        result = of_c3d(recording, described_by(given.person, root), given.cutoff, given.strength, plates)
+        result = of_c3d(recording, described_by(given.person, root), given.cutoff, given.strength, plates, anatomy)
         output = output or recording.with_name(f"{recording.stem}_{FOLDER}")
     else:
         if given.person is not None or given.plate:
             raise MuscleLoadError("--person and --plate are for a c3d file; a run says who is in it, and what he holds")
-        result = of_run(described_by(given.recording, root), given.cutoff, given.strength)
+        result = of_run(described_by(given.recording, root), given.cutoff, given.strength, anatomy)
         output = output or RunFolder.open(given.recording, root).path / FOLDER
     output.mkdir(parents=True, exist_ok=True)
     paths = write(result, output)
@@ -427,6 +442,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--cutoff", type=float, default=CUTOFF, metavar="HZ", help=f"of the filter of joint angles ({CUTOFF:g})"
+    )
+    parser.add_argument(
+        "--muscles",
+        default=NAME,
+        metavar="FILE",
+        help=f"their anatomy: {NAME}, built in (default); a .json file of fit_muscles; a model of a right arm, "
+        ".osim or .xml of MuJoCo, which is fitted at its first use",
     )
     parser.add_argument("--strength", type=float, default=1.0, metavar="FACTOR", help="of the muscles (1)")
     parser.add_argument(

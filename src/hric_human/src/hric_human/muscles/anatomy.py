@@ -86,12 +86,16 @@ class Anatomy:
 
     def save(self, path: Path) -> None:
         """Write the file. Raises OSError."""
+        path.write_text(self.text())
+
+    def text(self) -> str:
+        """What a file of it has."""
         head = {key: getattr(self, key) for key in ("name", "notice", "joints", "lower", "upper", "reference")}
         lines = [f" {json.dumps(key)}: {json.dumps(value)}," for key, value in head.items()]
         errors = {name: asdict(error) for name, error in self.errors.items()}
         muscles = [f"  {json.dumps(_row(muscle))}" for muscle in self.muscles.values()]
         lines += [f' "errors": {json.dumps(errors)},', ' "muscles": [', ",\n".join(muscles), " ]"]
-        path.write_text("\n".join(["{", *lines, "}", ""]))
+        return "\n".join(["{", *lines, "}", ""])
 
 
 def load(path: Path) -> Anatomy:

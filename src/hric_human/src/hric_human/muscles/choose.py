@@ -1,26 +1,75 @@
-"""Which muscles: those that come with the package, or a file's."""
+"""The anatomy that somebody chose: the built-in one, a fitted file, or a model of his own, fitted at its first use.
 
+    anatomy = find("delft", "human.muscles.anatomy")
+    anatomy = find("~/models/arm26.osim", "human.muscles.anatomy")     # a minute, then from the cache
+
+A fit is kept by what is in the model's file and by FIT_VERSION below $XDG_CACHE_HOME/hric/muscles, else
+~/.cache/hric/muscles; the folder may be removed at any time.
+"""
+
+import hashlib
+import logging
 from pathlib import Path
 
 from hric_control.errors import HricError, ParameterError
+from hric_control.kept import cache_folder, write_whole
+from hric_control.plants.resources import resolve
 from hric_human.muscles.anatomy import BUILT_IN, Anatomy, load
+from hric_human.muscles.fitting.models import content, fit, terms
 
-DELFT = "delft"
+LOG = logging.getLogger("hric.human.muscles")
+NAME = "delft"
+"""Of the built-in anatomy."""
+VALID = (
+    f"{NAME}, the built-in one; a .json file of `rosrun hric_human fit_muscles`; a model of a right arm of OpenSim "
+    "(.osim) or MuJoCo (.xml)"
+)
+FIT_VERSION = b"1"
+"""Part of every key of the cache: to be changed with what a fit gives."""
 
 
 def find(chosen: str, where: str) -> Anatomy:
-    """The muscles of an arm.
+    """The anatomy of a name, a file or a model.
 
     Args:
-        chosen: `delft`, or the path of a fitted file.
-        where: name of the parameter, for messages.
+        chosen: `delft`, or an address (path, package://, file://) of a .json file, of an .osim or an .xml model.
+        where: full name of the parameter.
 
     Raises:
-        ParameterError: there is no such file, or it is not one of these.
+        ParameterError: there is no such file, it is none of these, or it has no arm with muscles.
     """
-    if chosen == DELFT:
+    if chosen == NAME:
         return load(BUILT_IN)
+    kind = Path(chosen).suffix.lower()
+    if kind not in (".json", ".osim", ".xml"):
+        raise ParameterError(f"{where} is {chosen!r}; valid: {VALID}")
     try:
-        return load(Path(chosen))
+        path = resolve(chosen)
+        return load(path) if kind == ".json" else _fitted(path)
     except HricError as error:
-        raise ParameterError(f"{where}: {error}; valid: {DELFT}, or a file of rosrun hric_human fit_muscles") from error
+        raise ParameterError(f"{where}: {error}. Valid: {VALID}") from error
+
+
+def _fitted(path: Path) -> Anatomy:
+    """Of a model, from the cache, or fitted now."""
+    said = terms(path)
+    if said:
+        LOG.warning("%s: %s", path, said)
+    folder = cache_folder("muscles")
+    parts = [FIT_VERSION, path.suffix.lower().encode(), said.encode(), content(path)]
+    key = hashlib.sha256(b"|".join(parts)).hexdigest()
+    kept = None if folder is None else folder / f"{key}.json"
+    if kept is not None and kept.is_file():
+        try:
+            return load(kept)
+        except HricError as error:
+            LOG.warning("a kept fit is damaged, and is made again: %s", error)
+    LOG.warning("muscles of %s are fitted, once, which takes a minute or more", path)
+    anatomy = fit(path)
+    if kept is not None:
+        try:
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(kept, anatomy.text().encode())
+        except OSError as error:
+            LOG.warning("the fit of %s is not kept: %s", path, error)
+    return anatomy

@@ -8,10 +8,10 @@ from pathlib import Path
 import opensim
 
 from hric_control.errors import HricError, ParameterError
+from hric_control.kept import write_whole
 from hric_control.processes import run_command
 from urdf_to_osim.decorations import Look, load_scene
 from urdf_to_osim.drawing.on_demand import install_vtk
-from urdf_to_osim.meshes import write_whole
 
 
 def picture(osim: Path, png: Path, pose: Mapping[str, float] | None = None, look: Look | None = None) -> list[str]:

@@ -31,12 +31,17 @@ def fit_muscle(
     return Muscle(name, rounded(force), rounded(optimal), rounded(slack), length, pulls)
 
 
+def arm_errors(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FloatArray:
+    """Of the moment arms of muscle k about the joints that it acts on, shape (N, joints) [m]."""
+    acts = [joints.index(name) for name in muscle.length.joints]
+    return np.asarray(-muscle.length.gradients(samples.q[:, acts]) - samples.arms[:, k, acts])
+
+
 def fit_error(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FitError:
     """Of muscle k at samples that its fit did not see."""
     acts = [joints.index(name) for name in muscle.length.joints]
     q = samples.q[:, acts]
-    arms = -muscle.length.gradients(q) - samples.arms[:, k, acts]
-    worst = {}
+    arms, worst = arm_errors(samples, k, joints, muscle), {}
     for centre, parts in muscle.pulls.items():
         missed = np.stack([part.values(q) for part in parts], axis=1) - samples.pulls[centre][:, k]
         worst[centre] = rounded(float(np.linalg.norm(missed, axis=1).max()))

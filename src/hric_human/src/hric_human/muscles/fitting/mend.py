@@ -17,8 +17,19 @@ from hric_human.muscles.fitting.groups import GROUPS
 TRICEPS_INSERTION = (-0.0127, -0.0422, 0.0027)
 """On the ulna, behind the elbow's cylinder [m]: the published ones lie inside it, where OpenSim's paths do not wrap.
 Project default: gives moment arms of 18 to 20 mm, as published."""
+KEPT = {element for group in GROUPS for element in group.elements}
+"""Elements of the file that are used."""
 MOVED = ("tric_long_1", "tric_long_2", *(f"tric_{head}_{k}" for head in ("med", "lat") for k in range(1, 6)))
 """Elements whose insertion lies in the cylinder."""
+
+
+def is_das4(path: Path) -> bool:
+    """Whether a file is that model.
+
+    Raises:
+        HricError: it cannot be read.
+    """
+    return not _read(path)[1]
 
 
 def mended(path: Path) -> Any:
@@ -27,17 +38,12 @@ def mended(path: Path) -> Any:
     Raises:
         HricError: it cannot be read, or elements are missing.
     """
-    try:
-        tree = ElementTree.parse(path)
-    except (OSError, ElementTree.ParseError) as error:
-        raise HricError(f"no OpenSim model in {path}: {error}") from error
-    forces = tree.find(".//ForceSet/objects")
-    kept = {element for group in GROUPS for element in group.elements}
-    missing = sorted(kept.difference(force.get("name", "") for force in forces or ()))
-    if forces is None or missing:
+    tree, missing = _read(path)
+    if missing:
         raise HricError(f"{path} is not das4_v4.osim: it has no {', '.join(missing)}")
+    forces = next(tree.iterfind(".//ForceSet/objects"))
     for force in list(forces):
-        if force.get("name") not in kept:
+        if force.get("name") not in KEPT:
             forces.remove(force)
         elif force.get("name") in MOVED:
             _insert(force)
@@ -48,6 +54,15 @@ def mended(path: Path) -> Any:
         tree.write(changed)
         opensim.Logger.setLevelString("error")
         return opensim.Model(str(changed))
+
+
+def _read(path: Path) -> tuple[Any, list[str]]:
+    """The file, and which of KEPT it has not."""
+    try:
+        tree = ElementTree.parse(path)
+    except (OSError, ElementTree.ParseError) as error:
+        raise HricError(f"no OpenSim model in {path}: {error}") from error
+    return tree, sorted(KEPT - {force.get("name", "") for force in tree.iterfind(".//ForceSet/objects/*")})
 
 
 def _insert(force: ElementTree.Element) -> None:

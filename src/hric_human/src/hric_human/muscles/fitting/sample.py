@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import opensim
+from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from hric_control.geometry import FloatArray
@@ -32,7 +33,7 @@ class Samples:
     arms: FloatArray
     pulls: Mapping[str, FloatArray]
 
-    def part(self, rows: slice) -> "Samples":
+    def part(self, rows: slice | NDArray[np.bool_]) -> "Samples":
         """Some of the poses."""
         pulls = {centre: pull[rows] for centre, pull in self.pulls.items()}
         return Samples(self.q[rows], self.length[rows], self.arms[rows], pulls)

@@ -1,0 +1,31 @@
+"""What is computed once and kept for later: where, and how it is written."""
+
+import os
+import tempfile
+from pathlib import Path
+
+
+def cache_folder(kind: str) -> Path | None:
+    """Where things of a kind are kept: hric/<kind> below XDG_CACHE_HOME, or ~/.cache; None without a home. It may be
+    removed at any time."""
+    for base in (os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~/.cache")):
+        if os.path.isabs(base):  # the XDG base directory specification: a relative path is to be ignored
+            return Path(base) / "hric" / kind
+    return None
+
+
+def write_whole(target: Path, content: bytes) -> None:
+    """Write a file so that it is there whole or as it was before, also when several processes write it at once.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        os.chmod(name, 0o644)
+        os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,217 @@
+"""Which coordinates of a model are the joints of our arm, by geometry: how bones move and where joints are.
+
+Names only say which bodies are the bones. Axes of bodies are taken as anatomical: what geometry finds is brought to the
+nearest axis, and a zero to the nearest quarter of a turn.
+"""
+
+import logging
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray
+from hric_human.muscles.fitting.model import Coordinate
+from hric_human.muscles.fitting.posture import AXES, FAR, Posture, circle_centre, nearest_axes, rotation_vector, unit
+
+LOG = logging.getLogger("hric.human.muscles")
+SHOULDER, WRIST = ("sh_flex", "sh_abd", "sh_rot"), ("wr_flex", "wr_dev")
+SMALLEST_CIRCLE = 0.004
+"""Of the wrist's centre about the axis of pronation, below which its direction says nothing [m]; project default."""
+_QUARTER = 0.5 * math.pi
+
+
+class Hinge(NamedTuple):
+    """A joint of ours that is one coordinate of a model: angle = sign coordinate + offset.
+
+    Attributes:
+        coordinate: of the model.
+        sign: 1 or -1.
+        offset: [rad].
+    """
+
+    coordinate: Coordinate
+    sign: float
+    offset: float
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Of the angle [rad]."""
+        ends = [self.sign * end + self.offset for end in (self.coordinate.lower, self.coordinate.upper)]
+        return min(ends), max(ends)
+
+    def at(self, angle: float) -> dict[str, float]:
+        """The coordinate at an angle [rad]."""
+        return {self.coordinate.name: self.sign * (angle - self.offset)}
+
+
+class Matching:
+    """Joints of a model's arm.
+
+    Attributes:
+        posture: of the model.
+        hinges: by joint of ours, those that are one coordinate.
+        shoulder: the three coordinates that turn the humerus; none where the shoulder is a hinge.
+
+    Raises:
+        HricError: coordinates do not match the joints of an arm.
+    """
+
+    def __init__(self, posture: Posture) -> None:
+        self.posture, self._name = posture, posture.model.name
+        self._thorax = self._axes_of_thorax()
+        self.hinges = dict[str, Hinge]()
+        elbow, sign = self._bending()
+        self._humerus = self._axes_of_humerus(elbow, sign)
+        self._add("el_flex", elbow, sign, self._bent())
+        posture.put(self.hinges["el_flex"].at(0.0))
+        self._match_pronation()
+        self._match_wrist()
+        self.shoulder = self._match_shoulder()
+
+    def R_ground_thorax(self) -> FloatArray:
+        """In our axes, shape (3, 3)."""
+        return np.asarray(self.posture.frame(self.posture.bones.thorax)[0] @ self._thorax)
+
+    def R_ground_humerus(self) -> FloatArray:
+        """In our axes, shape (3, 3)."""
+        return np.asarray(self.posture.frame(self.posture.bones.humerus)[0] @ self._humerus)
+
+    def R_thorax_humerus(self) -> FloatArray:
+        """In our axes, shape (3, 3)."""
+        return np.asarray(self.R_ground_thorax().T @ self.R_ground_humerus())
+
+    def _axes_of_thorax(self) -> FloatArray:
+        """Up is against gravity; right is where the shoulder is beside the body's origin."""
+        R_ground_body, origin = self.posture.frame(self.posture.bones.thorax)
+        up = self.posture.model.up
+        beside = self.posture.shoulder - origin
+        right = unit(beside - up * (up @ beside))
+        axes = np.array([right, up, np.cross(right, up)]).T
+        return nearest_axes(R_ground_body.T @ axes, f"{self._name}, thorax")
+
+    def _bending(self) -> tuple[Coordinate, float]:
+        """The coordinate that bends the elbow, and its sense."""
+        posture, bones = self.posture, self.posture.bones
+        forearm = unit(posture.wrist - posture.elbow)
+        across = {
+            one: float(np.linalg.norm(np.cross(posture.axis(one, bones.ulna), forearm)))
+            for one in posture.between(bones.humerus, bones.ulna)
+        }
+        if not across:
+            raise HricError(f"{self._name} has no coordinate that bends the elbow")
+        elbow = max(across, key=lambda one: across[one])
+        bent = []
+        for end in (elbow.lower, elbow.upper):
+            posture.put({elbow.name: max(-math.pi, min(math.pi, end))})
+            upper_arm, forearm = posture.elbow - posture.shoulder, posture.wrist - posture.elbow
+            bent.append(math.acos(max(-1.0, min(1.0, float(unit(upper_arm) @ unit(forearm))))))
+        posture.put({elbow.name: elbow.default})
+        return elbow, 1.0 if bent[1] > bent[0] else -1.0
+
+    def _axes_of_humerus(self, elbow: Coordinate, sign: float) -> FloatArray:
+        """Up is along the bone, right along the axis of flexion."""
+        posture = self.posture
+        up = unit(posture.shoulder - posture.elbow)
+        axis = sign * posture.axis(elbow, posture.bones.ulna)
+        right = unit(axis - up * (up @ axis))
+        axes = np.array([right, up, np.cross(right, up)]).T
+        return nearest_axes(posture.frame(posture.bones.humerus)[0].T @ axes, f"{self._name}, humerus")
+
+    def _bent(self) -> float:
+        """Angle of the elbow now, in the plane across its axis [rad]."""
+        _, y, z = self.R_ground_humerus().T @ (self.posture.wrist - self.posture.elbow)
+        return math.atan2(-z, -y)
+
+    def _match_pronation(self) -> None:
+        """The coordinate about the forearm, with a straight elbow."""
+        posture, bones = self.posture, self.posture.bones
+        for one in reversed(posture.between(bones.humerus, bones.radius)):
+            along = float((self.R_ground_humerus().T @ posture.axis(one, bones.radius))[1])
+            if abs(along) > math.cos(FAR):
+                self._add("pro_sup", one, math.copysign(1.0, along), self._pronated(one, math.copysign(1.0, along)))
+                posture.put(self.hinges["pro_sup"].at(0.0))
+                return
+
+    def _pronated(self, coordinate: Coordinate, sign: float) -> float:
+        """Angle of pronation now: the thumb is forward where the wrist's centre is forward of the axis, or where
+        there is none beside the axis, in the middle of the coordinate's range [rad]."""
+        at, wrist = self.posture.angles[coordinate.name], []
+        for angle in (at, at + 1.0, at - 1.0):
+            self.posture.put({coordinate.name: angle})
+            wrist.append(self.R_ground_humerus().T @ self.posture.wrist)
+        self.posture.put({coordinate.name: at})
+        x, _, z = wrist[0] - circle_centre(*wrist)
+        if math.hypot(x, z) > SMALLEST_CIRCLE:
+            return math.atan2(-x, -z)
+        return sign * (at - 0.5 * (coordinate.lower + coordinate.upper))
+
+    def _match_wrist(self) -> None:
+        """Coordinates of the hand about the axes of our wrist, straight at 0, with the thumb forward."""
+        posture, bones = self.posture, self.posture.bones
+        if not bones.hand:
+            return
+        R = self.R_ground_humerus().T
+        axes = {one: R @ posture.axis(one, bones.hand) for one in posture.between(bones.radius, bones.hand)}
+        for joint in WRIST:
+            along = {one: float(axis @ AXES[joint]) for one, axis in axes.items()}
+            if not along:
+                return
+            one = max(along, key=lambda one: abs(along[one]))
+            if abs(along[one]) > math.cos(FAR):
+                sign = math.copysign(1.0, along[one])
+                self._add(joint, one, sign, sign * posture.angles[one.name])
+                del axes[one]
+            else:
+                off = math.degrees(math.acos(abs(along[one])))
+                LOG.warning(
+                    "%s: %s has no muscles: of the coordinates of the hand %s is nearest to its axis, %.0f deg off",
+                    self._name,
+                    joint,
+                    one.name,
+                    off,
+                )
+
+    def _match_shoulder(self) -> tuple[Coordinate, ...]:
+        """Three coordinates nearest to the humerus, or a hinge."""
+        bones = self.posture.bones
+        found = self.posture.between(bones.thorax, bones.humerus)
+        if len(found) == 1:
+            self._match_shoulder_hinge(found[0])
+            return ()
+        if len(found) < len(SHOULDER):
+            raise HricError(
+                f"{self._name} has {len(found)} coordinates at the shoulder; valid: one, or three that turn the "
+                "humerus to any orientation, beside those that couplers give"
+            )
+        if resting := [one.name for one in found[: -len(SHOULDER)]]:
+            LOG.warning(
+                "%s: %s stay where they are by default, since no coupler lets them follow the arm",
+                self._name,
+                ", ".join(resting),
+            )
+        return tuple(found[-len(SHOULDER) :])
+
+    def _match_shoulder_hinge(self, coordinate: Coordinate) -> None:
+        axis = self.R_ground_thorax().T @ self.posture.axis(coordinate, self.posture.bones.humerus)
+        joint = max(SHOULDER, key=lambda name: abs(float(axis @ AXES[name])))
+        along = float(axis @ AXES[joint])
+        if abs(along) < math.cos(FAR):
+            raise HricError(
+                f"{self._name}: the axis of {coordinate.name} is that of none of the joints {', '.join(SHOULDER)}"
+            )
+        angle = float(rotation_vector(self.R_thorax_humerus()) @ AXES[joint])
+        self._add(joint, coordinate, math.copysign(1.0, along), angle)
+
+    def _add(self, joint: str, coordinate: Coordinate, sign: float, angle: float) -> None:
+        """A hinge that has an angle now [rad]."""
+        offset = math.remainder(angle - sign * self.posture.angles[coordinate.name], 2.0 * math.pi)
+        nearest = _QUARTER * round(offset / _QUARTER)
+        if abs(offset - nearest) > FAR:
+            raise HricError(
+                f"{self._name}: where {coordinate.name} is 0, {joint} is {math.degrees(offset):.0f} deg; valid: within "
+                f"{math.degrees(FAR):.0f} deg of a quarter of a turn"
+            )
+        self.hinges[joint] = Hinge(coordinate, sign, nearest)
+        LOG.info("%s: %s is %+.0f %s %+.0f deg", self._name, joint, sign, coordinate.name, math.degrees(nearest))

@@ -1,0 +1,127 @@
+"""A MuJoCo model as the fit needs it: muscles are actuators with MuJoCo's muscle gain on a tendon."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray
+from hric_human.muscles.fitting.model import ArmModel, Coordinate, Strengths
+
+_SHIFT = 1e-5
+"""Of a body, by which the pull across its joint is found [m]."""
+
+
+class MujocoArm(ArmModel):
+    """See `ArmModel`. Equalities of joints are evaluated; other constraints are not kept.
+
+    Raises:
+        HricError: MuJoCo cannot read it, or it has no muscles.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._model = mujoco.MjModel.from_xml_path(str(path))
+        except ValueError as error:
+            raise HricError(f"{path} is no MuJoCo model: {str(error).splitlines()[0]}") from error
+        model = self._model
+        self._data = mujoco.MjData(model)
+        self.name, self.credits = path.stem, ""
+        self._actuators = [
+            k
+            for k in range(model.nu)
+            if model.actuator_gaintype[k] == mujoco.mjtGain.mjGAIN_MUSCLE
+            and model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_TENDON
+        ]
+        self.muscles = [model.actuator(k).name for k in self._actuators]
+        if not self.muscles:
+            raise HricError(f"{path} has no muscles: no actuator with MuJoCo's muscle gain on a tendon")
+        self._tendons = model.actuator_trnid[self._actuators, 0]
+        names = ["", *(model.body(i).name or f"body {i}" for i in range(1, model.nbody))]
+        self._bodies = {name: i for i, name in enumerate(names)}
+        self.parents = {names[i]: names[model.body_parentid[i]] for i in range(1, model.nbody)}
+        self._equal = [
+            e for e in range(model.neq) if model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and model.eq_active0[e]
+        ]
+        given = {int(model.eq_obj1id[e]) for e in self._equal}
+        self.coordinates = [
+            self._coordinate(j, names[model.jnt_bodyid[j]])
+            for j in range(model.njnt)
+            if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE and j not in given and model.joint(j).name
+        ]
+        down = model.opt.gravity
+        self.up = -down / np.linalg.norm(down) if np.any(down) else np.array([0.0, 0.0, 1.0])
+        self.put({})
+
+    def _coordinate(self, joint: int, body: str) -> Coordinate:
+        model = self._model
+        low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.pi, np.pi)
+        default = float(np.clip(model.qpos0[model.jnt_qposadr[joint]], low, high))
+        return Coordinate(model.joint(joint).name, body, float(low), float(high), default)
+
+    def put(self, angles: Mapping[str, float]) -> None:
+        """Coordinates by name [rad]; others stay."""
+        model, qpos = self._model, self._data.qpos
+        for name, angle in angles.items():
+            qpos[model.joint(name).qposadr[0]] = angle
+        for e in self._equal:
+            first, second = model.jnt_qposadr[model.eq_obj1id[e]], model.eq_obj2id[e]
+            at = 0.0
+            if second >= 0:
+                other = model.jnt_qposadr[second]
+                at = qpos[other] - model.qpos0[other]
+            qpos[first] = model.qpos0[first] + np.polyval(model.eq_data[e, 4::-1], at)
+        self._update()
+
+    def _update(self) -> None:
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_tendon(self._model, self._data)
+
+    def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
+        """Of a body in the ground: rotation and origin [m]."""
+        i = self._bodies[body]
+        return np.array(self._data.xmat[i]).reshape(3, 3), np.array(self._data.xpos[i])
+
+    def centre(self, body: str) -> FloatArray:
+        """Of the joint before a body, in the ground [m]."""
+        i = self._bodies[body]
+        return np.array(
+            self._data.xanchor[self._model.body_jntadr[i]] if self._model.body_jntnum[i] else self._data.xpos[i]
+        )
+
+    def mass_centre(self, body: str) -> FloatArray:
+        """In the ground [m]."""
+        return np.array(self._data.xipos[self._bodies[body]])
+
+    def lengths(self) -> FloatArray:
+        """Of muscles with their tendons [m]."""
+        return np.array(self._data.ten_length[self._tendons])
+
+    def pulls(self, body: str) -> FloatArray:
+        """By virtual work: how lengths change when the body moves away from its parent."""
+        number, R_ground_parent = self._bodies[body], self.frame(self.parents[body])[0]
+        rows = []
+        for axis in np.eye(3):
+            lengths = []
+            for shift in (_SHIFT, -_SHIFT):
+                at = self._model.body_pos[number].copy()
+                self._model.body_pos[number] += shift * R_ground_parent.T @ axis
+                self._update()
+                lengths.append(self.lengths())
+                self._model.body_pos[number] = at
+            rows.append((lengths[1] - lengths[0]) / (2.0 * _SHIFT))
+        self._update()
+        return np.array(rows).T
+
+    def strengths(self) -> Strengths:
+        """Of MuJoCo's parameters: the range of a path's length is that of its fibres beside the tendon."""
+        model, of = self._model, self._actuators
+        shortest, longest, force, scale = model.actuator_gainprm[of, :4].T
+        low, high = model.actuator_lengthrange[of].T
+        optimal = (high - low) / (longest - shortest)
+        return Strengths(
+            np.where(force < 0.0, scale / model.actuator_acc0[of], force), optimal, low - shortest * optimal
+        )

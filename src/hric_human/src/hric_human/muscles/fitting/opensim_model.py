@@ -1,0 +1,166 @@
+"""An OpenSim model as the fit needs it."""
+
+import logging
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import opensim
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray
+from hric_human.muscles.fitting.model import ArmModel, Coordinate, Strengths
+from hric_human.muscles.fitting.sample import Paths
+
+LOG = logging.getLogger("hric.human.muscles")
+_TRANSLATION = 2
+"""OpenSim's number of that kind of coordinate."""
+_UNSAID = opensim.Model().getCredits(), opensim.Model().getPublications()
+"""What OpenSim fills in where a file has no credits."""
+
+
+class _Coupler:
+    """A coordinate that is a function of others."""
+
+    def __init__(self, constraint: Any) -> None:
+        names = constraint.getIndependentCoordinateNames()
+        self.of = [names.get(i) for i in range(names.getSize())]
+        self.name = constraint.getDependentCoordinateName()
+        self._function, self._constraint = constraint.getFunction(), constraint
+        self._scale = float(constraint.getPropertyByName("scale_factor").toString())
+
+    def value(self, angles: Mapping[str, float]) -> float:
+        given = opensim.Vector(len(self.of), 0.0)
+        for i, name in enumerate(self.of):
+            given.set(i, angles[name])
+        return float(self._scale * self._function.calcValue(given))
+
+
+class OpenSimArm(ArmModel):
+    """See `ArmModel`. Couplers of coordinates are evaluated; other constraints are not kept.
+
+    Raises:
+        HricError: OpenSim cannot read it, or it has no muscles with points on bodies.
+    """
+
+    def __init__(self, path: Path) -> None:
+        opensim.Logger.removeFileSink()
+        opensim.Logger.setLevelString("error")
+        try:
+            model = opensim.Model(str(path))
+            for one in _members(model.getCoordinateSet()):
+                one.set_clamped(False)
+            self._paths = Paths(model)
+        except RuntimeError as error:
+            raise HricError(f"{path} is no OpenSim model: {str(error).strip().splitlines()[0]}") from error
+        self._model, self._state = model, self._paths.state
+        self.name, self.muscles = model.getName(), self._paths.names
+        self.credits = "; ".join(
+            " ".join(text.split())
+            for text in (model.getCredits(), model.getPublications())
+            if text.strip() and text not in _UNSAID
+        )
+        pathless = [
+            muscle.getName()
+            for muscle in _members(model.getMuscles())
+            if opensim.GeometryPath.safeDownCast(muscle.getPath()) is None
+        ]
+        if pathless or not self.muscles:
+            raise HricError(f"{path} has no muscles" + (f" with points on bodies: {pathless[0]}" if pathless else ""))
+        self._joints = {_body(joint.getChildFrame()): joint for joint in _members(model.getJointSet())}
+        bodies = [body.getName() for body in _members(model.getBodySet())]
+        self.parents = _sorted({body: self._parent(body) for body in bodies})
+        self._couplers = list(_couplers(model, self._state))
+        given = {coupler.name for coupler in self._couplers}
+        self.coordinates = [
+            Coordinate(
+                one.getName(),
+                _body(one.getJoint().getChildFrame()),
+                one.getRangeMin(),
+                one.getRangeMax(),
+                one.getDefaultValue(),
+            )
+            for one in _members(model.getCoordinateSet())
+            if one.getName() not in given and one.getMotionType() != _TRANSLATION and not one.getLocked(self._state)
+        ]
+        down = model.getGravity().to_numpy()
+        self.up = -down / np.linalg.norm(down) if np.any(down) else np.array([0.0, 1.0, 0.0])
+        self._angles = {one.getName(): one.getDefaultValue() for one in _members(model.getCoordinateSet())}
+        self.put({})
+
+    def _parent(self, body: str) -> str:
+        joint = self._joints.get(body)
+        name = _body(joint.getParentFrame()) if joint is not None else ""
+        return "" if name == self._model.getGround().getName() else name
+
+    def put(self, angles: Mapping[str, float]) -> None:
+        """Coordinates by name [rad]; others stay."""
+        self._angles |= angles
+        for coupler in self._couplers:
+            self._angles[coupler.name] = coupler.value(self._angles)
+        self._paths.put(self._angles)
+
+    def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
+        """Of a body in the ground: rotation and origin [m]."""
+        return self._paths.frame(body)
+
+    def centre(self, body: str) -> FloatArray:
+        """Of the joint before a body, in the ground [m]."""
+        return np.asarray(self._joints[body].getParentFrame().getPositionInGround(self._state).to_numpy())
+
+    def mass_centre(self, body: str) -> FloatArray:
+        """In the ground [m]."""
+        one = self._model.getBodySet().get(body)
+        return np.asarray(one.findStationLocationInGround(self._state, one.getMassCenter()).to_numpy())
+
+    def lengths(self) -> FloatArray:
+        """Of muscles with their tendons [m]."""
+        return self._paths.lengths()
+
+    def pulls(self, body: str) -> FloatArray:
+        """Force on a body and all behind it per force of each muscle, in the ground [1]."""
+        behind = {body}
+        for other, parent in self.parents.items():
+            if parent in behind:
+                behind.add(other)
+        return self._paths.lines().pull(self._paths.numbers(sorted(behind)))
+
+    def strengths(self) -> Strengths:
+        """Of the muscles."""
+        of = [self._model.getMuscles().get(name) for name in self.muscles]
+        along = np.cos([muscle.getPennationAngleAtOptimalFiberLength() for muscle in of])
+        return Strengths(
+            along * [muscle.getMaxIsometricForce() for muscle in of],
+            along * [muscle.getOptimalFiberLength() for muscle in of],
+            np.array([muscle.getTendonSlackLength() for muscle in of]),
+        )
+
+
+def _couplers(model: Any, state: Any) -> Iterator[_Coupler]:
+    for constraint in _members(model.getConstraintSet()):
+        coupler = opensim.CoordinateCouplerConstraint.safeDownCast(constraint)
+        if not constraint.isEnforced(state):
+            continue
+        if coupler is None:
+            LOG.warning(
+                "%s: the constraint %s couples no coordinates, and is left out", model.getName(), constraint.getName()
+            )
+        else:
+            yield _Coupler(coupler)
+
+
+def _members(group: Any) -> list[Any]:
+    return [group.get(i) for i in range(group.getSize())]
+
+
+def _body(frame: Any) -> str:
+    return str(frame.findBaseFrame().getName())
+
+
+def _sorted(parents: Mapping[str, str]) -> dict[str, str]:
+    """Parents before their children."""
+    made = dict[str, str]()
+    while len(made) < len(parents):
+        made |= {body: parent for body, parent in parents.items() if body not in made and parent in {"", *made}}
+    return made

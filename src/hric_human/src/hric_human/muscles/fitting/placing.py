@@ -1,0 +1,138 @@
+"""A model's right arm at angles of our joints, and what its muscles are there."""
+
+import numpy as np
+
+from hric_control.geometry import FloatArray
+from hric_control.geometry.transforms import rotation_about
+from hric_human.body.joints import ARM
+from hric_human.muscles.anatomy import CENTRES
+from hric_human.muscles.fitting.matching import SHOULDER, Hinge, Matching
+from hric_human.muscles.fitting.model import ArmModel, Coordinate
+from hric_human.muscles.fitting.posture import AXES, STEP, Posture, rotation_vector, small_rotation
+from hric_human.muscles.fitting.sample import R_LINK_OPENSIM
+
+ACCURACY = 1e-8
+"""Of the orientation of the humerus [rad]."""
+_STEPS, _STARTS, _LONGEST, _DAMPING = 30, 4, 0.5, 1e-12
+"""Of the search for it: steps and starts at most, length of a step [rad], damping [1]."""
+_SINGULAR = 1e4
+"""Condition of the rates of the humerus, beyond which slopes by its angles are noise [1]."""
+
+
+class Placing:
+    """A model's arm that goes where ours is.
+
+    Attributes:
+        joints: ours that the model has, in their order.
+        hinges: by joint, those that are one coordinate.
+
+    Raises:
+        HricError: the model has no arm, or its coordinates do not match the joints of one.
+    """
+
+    def __init__(self, model: ArmModel) -> None:
+        self._posture, self._model = Posture(model), model
+        self._matching = Matching(self._posture)
+        self.hinges: dict[str, Hinge] = self._matching.hinges
+        self._shoulder = self._matching.shoulder
+        found = {*self.hinges, *(SHOULDER if self._shoulder else ())}
+        self.joints = tuple(row.name for row in ARM if row.name in found)
+        self._solved: list[tuple[FloatArray, FloatArray]] = []
+
+    def put(self, q: FloatArray) -> bool:
+        """Angles of `joints`, shape (m,) [rad]; returns whether the model reaches them within its ranges."""
+        for name, angle in zip(self.joints, q.tolist(), strict=True):
+            if name in self.hinges:
+                self._posture.put(self.hinges[name].at(angle))
+        return not self._shoulder or self._orient(q[: len(SHOULDER)])
+
+    def slopes(self, q: FloatArray) -> FloatArray | None:
+        """Of lengths by the angles of `joints` where the arm was put, shape (K, m) [m/rad]; None where coordinates of
+        the shoulder are singular."""
+        made = {name: hinge.sign * self._differences(hinge.coordinate)[0] for name, hinge in self.hinges.items()}
+        if self._shoulder:
+            by_coordinate, rates = map(np.array, zip(*map(self._differences, self._shoulder), strict=True))
+            if np.linalg.cond(rates) > _SINGULAR:
+                return None
+            R_1 = rotation_about(AXES["sh_flex"], q[0])
+            R_2 = R_1 @ rotation_about(AXES["sh_abd"], q[1])
+            ours = np.array([AXES["sh_flex"], R_1 @ AXES["sh_abd"], R_2 @ AXES["sh_rot"]])
+            made |= dict(zip(SHOULDER, np.linalg.solve(rates.T, ours.T).T @ by_coordinate, strict=True))
+        return np.array([made[name] for name in self.joints]).T
+
+    def pulls(self) -> dict[str, FloatArray]:
+        """By joint centre, see `Samples`, shape (K, 3) [1]."""
+        bones, R = self._posture.bones, (self._matching.R_ground_thorax(), self._matching.R_ground_humerus())
+        return {
+            centre: self._model.pulls(body) @ axes @ R_LINK_OPENSIM.T
+            for centre, body, axes in zip(CENTRES, (bones.shoulder, bones.forearm), R, strict=True)
+        }
+
+    def reference(self) -> dict[str, float]:
+        """Lengths of the segments, as a subject's are named [m]; without the forearm's where there is no hand."""
+        posture = self._posture
+        ends = {"upper_arm": posture.elbow - posture.shoulder}
+        if posture.bones.wrist:
+            ends["forearm"] = posture.wrist - posture.elbow
+        return {name: float(np.linalg.norm(vector)) for name, vector in ends.items()}
+
+    def _differences(self, coordinate: Coordinate) -> tuple[FloatArray, FloatArray]:
+        """Slopes of lengths by a coordinate, shape (K,) [m/rad], and rate of the humerus in the thorax, shape (3,)."""
+        at, lengths, R = self._posture.angles[coordinate.name], [], []
+        for angle in (at + STEP, at - STEP):
+            self._posture.put({coordinate.name: angle})
+            lengths.append(self._model.lengths())
+            R.append(self._matching.R_thorax_humerus())
+        self._posture.put({coordinate.name: at})
+        return (lengths[0] - lengths[1]) / (2.0 * STEP), small_rotation(R[0] @ R[1].T) / (2.0 * STEP)
+
+    def _orient(self, angles: FloatArray) -> bool:
+        """Turn the humerus to angles of SHOULDER [rad]."""
+        R_target = np.eye(3)
+        for name, angle in zip(SHOULDER, angles, strict=True):
+            R_target = R_target @ rotation_about(AXES[name], angle)
+        for start in self._starts(angles):
+            found = self._search(R_target, start)
+            if found is not None:
+                self._solved.append((angles, found))
+                return True
+        return False
+
+    def _starts(self, angles: FloatArray) -> FloatArray:
+        """Coordinates to begin at: those of the nearest pose so far, the defaults, and some in their ranges."""
+        lower, upper = self._ranges()
+        drawn = lower + (upper - lower) * np.random.default_rng(0).random((_STARTS, len(lower)))
+        near = [min(self._solved, key=lambda pose: float(np.linalg.norm(pose[0] - angles)))[1]] if self._solved else []
+        return np.array([*near, [one.default for one in self._shoulder], *drawn])
+
+    def _ranges(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper ends of the shoulder's coordinates, shape (3,) each [rad]."""
+        return np.array([one.lower for one in self._shoulder]), np.array([one.upper for one in self._shoulder])
+
+    def _search(self, R_target: FloatArray, start: FloatArray) -> FloatArray | None:
+        """Newton's steps from coordinates to those of an orientation; None where they end elsewhere or beyond the
+        ranges."""
+        c, names = start.copy(), [one.name for one in self._shoulder]
+        for _ in range(_STEPS):
+            self._posture.put(dict(zip(names, c.tolist(), strict=True)))
+            missing = rotation_vector(R_target @ self._matching.R_thorax_humerus().T)
+            if np.linalg.norm(missing) < ACCURACY:
+                lower, upper = self._ranges()
+                periods = np.round((c - 0.5 * (lower + upper)) / (2.0 * np.pi))
+                c -= 2.0 * np.pi * periods
+                self._posture.put(dict(zip(names, c.tolist(), strict=True)))
+                return c if bool(np.all((lower - ACCURACY <= c) & (c <= upper + ACCURACY))) else None
+            J = self._rates()
+            step = np.linalg.solve(J.T @ J + _DAMPING * np.eye(len(c)), J.T @ missing)
+            c += step * min(1.0, _LONGEST / max(_LONGEST, float(np.abs(step).max())))
+        return None
+
+    def _rates(self) -> FloatArray:
+        """Of the humerus in the thorax by each coordinate of the shoulder, shape (3, 3)."""
+        columns, R = [], self._matching.R_thorax_humerus()
+        for one in self._shoulder:
+            at = self._posture.angles[one.name]
+            self._posture.put({one.name: at + STEP})
+            columns.append(small_rotation(self._matching.R_thorax_humerus() @ R.T) / STEP)
+            self._posture.put({one.name: at})
+        return np.array(columns).T

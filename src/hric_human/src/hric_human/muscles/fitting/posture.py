@@ -1,0 +1,134 @@
+"""A model of an arm in a posture: where its bones and joints are, and what its coordinates turn.
+
+Axes here are x right, y up, z back of an arm that hangs with its thumb forward, see `hric_human.body.joints`.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray
+from hric_human.body.joints import ARM
+from hric_human.muscles.fitting.bones import chain, find_bones
+from hric_human.muscles.fitting.model import ArmModel, Coordinate
+from hric_human.muscles.fitting.sample import R_LINK_OPENSIM
+
+AXES = {row.name: np.array(row.axis, np.float64) @ R_LINK_OPENSIM for row in ARM}
+"""Of our joints, of length 1, shape (3,)."""
+STEP = 1e-4
+"""Of differences [rad]."""
+FAR = math.radians(30.0)
+"""Between what geometry finds and the nearest axis or quarter of a turn, beyond which it is none of ours; project
+default."""
+SLOW = 1e-3
+"""Rate of a bone per rate of a coordinate below which it does not turn the bone [1]."""
+
+
+class Posture:
+    """A model with angles of its coordinates.
+
+    Attributes:
+        model: as it is now.
+        bones: of its right arm.
+        angles: of its coordinates now [rad].
+
+    Raises:
+        HricError: it has no right arm.
+    """
+
+    def __init__(self, model: ArmModel) -> None:
+        self.model, self.bones = model, find_bones(model)
+        self.angles = {one.name: one.default for one in model.coordinates}
+        self.model.put(self.angles)
+
+    def put(self, angles: Mapping[str, float]) -> None:
+        """Some of the coordinates [rad]; others stay."""
+        self.angles |= angles
+        self.model.put(angles)
+
+    def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
+        """Rotation of shape (3, 3) and origin [m] of a body, or of the ground, in the ground."""
+        return self.model.frame(body) if body else (np.eye(3), np.zeros(3))
+
+    @property
+    def shoulder(self) -> FloatArray:
+        """Its centre in the ground, shape (3,) [m]."""
+        return self.model.centre(self.bones.shoulder)
+
+    @property
+    def elbow(self) -> FloatArray:
+        """Its centre in the ground, shape (3,) [m]."""
+        return self.model.centre(self.bones.forearm)
+
+    @property
+    def wrist(self) -> FloatArray:
+        """Its centre in the ground; the forearm's centre of mass in a model without a hand. Shape (3,) [m]."""
+        bones = self.bones
+        return self.model.centre(bones.wrist) if bones.wrist else self.model.mass_centre(bones.radius)
+
+    def between(self, proximal: str, distal: str) -> list[Coordinate]:
+        """Coordinates of joints behind one body, up to another, that turn the latter."""
+        bodies = chain(self.model, proximal, distal)
+        found = [one for one in self.model.coordinates if one.body in bodies and self.axis(one, distal).any()]
+        return sorted(found, key=lambda one: bodies.index(one.body))
+
+    def axis(self, coordinate: Coordinate, body: str) -> FloatArray:
+        """About which a coordinate turns a body in the ground, of length 1, or 0 where it does not, shape (3,)."""
+        at, frames = self.angles[coordinate.name], []
+        for angle in (at + STEP, at - STEP):
+            self.put({coordinate.name: angle})
+            frames.append(self.frame(body)[0])
+        self.put({coordinate.name: at})
+        rate = small_rotation(frames[0] @ frames[1].T) / (2.0 * STEP)
+        return unit(rate) if np.linalg.norm(rate) > SLOW else np.zeros(3)
+
+
+def unit(vector: FloatArray) -> FloatArray:
+    """Of length 1."""
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def rotation_vector(R: FloatArray) -> FloatArray:
+    """Axis times angle [rad] of a rotation of shape (3, 3)."""
+    return np.asarray(Rotation.from_matrix(R).as_rotvec())
+
+
+def small_rotation(R: FloatArray) -> FloatArray:
+    """Axis times sine of the angle [rad] of a rotation of shape (3, 3)."""
+    return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+
+
+def nearest_axes(axes: FloatArray, what: str) -> FloatArray:
+    """The rotation by quarters of turns that is nearest to axes of shape (3, 3).
+
+    Raises:
+        HricError: the nearest is further than FAR away.
+    """
+    quarters = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            R = np.zeros((3, 3))
+            R[order, range(3)] = signs
+            if np.linalg.det(R) > 0.0:
+                quarters.append(R)
+    nearest = max(quarters, key=lambda R: float(np.sum(R * axes)))
+    off = float(np.linalg.norm(rotation_vector(axes @ nearest.T)))
+    if off > FAR:
+        raise HricError(
+            f"{what}: its body's axes are {math.degrees(off):.0f} deg from those of the bone, which are right, up and "
+            f"back; valid: along them in any order, up to {math.degrees(FAR):.0f} deg"
+        )
+    return nearest
+
+
+def circle_centre(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Of the circle through three points of shape (3,); one of them where they are one."""
+    ab, ac = b - a, c - a
+    n = np.cross(ab, ac)
+    if not np.linalg.norm(n) > 0.0:
+        return a
+    return np.asarray(a + (np.cross(n, ab) * (ac @ ac) + np.cross(ac, n) * (ab @ ab)) / (2.0 * (n @ n)))
