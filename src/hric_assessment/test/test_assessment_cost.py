@@ -37,10 +37,12 @@ def test_rula_and_reba_of_a_minute_at_100_hz_cost_less_than_a_thousandth_of_it_e
 
 def test_the_separation_of_an_arm_and_a_whole_body_costs_less_than_a_twentieth_of_the_time() -> None:
     random = np.random.default_rng(2)
-    base, swing = random.uniform(-1, 1, (28, 2, 3)), random.uniform(-0.3, 0.3, (28, 2, 3))
+    middle, half, swing = random.uniform(-0.5, 0.5, (3, 28, 1, 3)) * np.array([1.0, 0.3, 0.4])[:, None, None, None]
+    ends = np.concatenate([middle - half, middle + half], axis=1)
+    ends[8:] += np.array([1.0, 0.0, 0.0])
 
     def moved(chosen: slice) -> Callable[[np.ndarray], np.ndarray]:
-        return lambda t: base[chosen] + swing[chosen] * np.sin(3.0 * t[:, None, None, None])
+        return lambda t: ends[chosen] + swing[chosen] * np.sin(3.0 * t[:, None, None, None])
 
     arm, person = moved(slice(8)), moved(slice(8, None))
     cost = share(lambda: separation(0.0, MINUTE, arm, np.full(8, 0.06), person, np.full(20, 0.05)))

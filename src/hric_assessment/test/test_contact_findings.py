@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from bodies import body
 
 from hric_assessment.contact.assess import FORCE_ONLY, Where, assess
 from hric_assessment.contact.episodes import Episode, episodes
@@ -187,6 +188,13 @@ def test_no_contact_with_the_head_is_within_limits(regions: tuple[str, ...], lim
     for area in (None, LARGE):
         assert assess(hit(0.01), where(regions, contact_area=area), limits).outcome == Outcome.ABOVE
     assert assess(None, where(regions, kind="rigid"), limits).outcome == Outcome.ABOVE
+
+
+def test_a_contact_with_the_head_of_a_simulated_body_is_above_limits() -> None:
+    met = RegionContact("head", body().regions["head"], ROBOT, "penalty", 0.0, 0.1)
+    finding = assess(hit(0.01), Where.of(met), ISO)
+    assert finding.outcome == Outcome.ABOVE
+    assert finding.reason.endswith("is within limits, and which of these was met is not known")
 
 
 def test_a_neck_alone_may_be_touched() -> None:

@@ -58,6 +58,14 @@ def test_no_speed_is_permitted_towards_head_or_face(region: str, limits: Limits)
     assert found.force_transient is None
 
 
+def test_of_areas_with_forces_of_their_own_the_one_that_permits_least_counts() -> None:
+    found = speed_limit(BGIA, "neck", 4.0)
+    mu = 1.0 / (1.0 / 1.2 + 1.0 / 4.0)
+    assert found.area == "front, larynx"
+    assert float(found.transient) == pytest.approx(35.0 / np.sqrt(mu * 10e3))
+    assert float(found.transient) < 190.0 / np.sqrt(mu * 50e3)
+
+
 def test_the_standards_estimate_of_the_mass_is_half_of_what_moves_and_the_payload() -> None:
     assert half_mass(16.06) == pytest.approx(8.03)
     assert half_mass(16.06, 1.5) == pytest.approx(9.53)

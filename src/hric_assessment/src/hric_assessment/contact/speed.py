@@ -14,7 +14,8 @@ import numpy as np
 
 from hric_assessment.contact.limits import Limit, Limits
 from hric_assessment.findings import NotAssessableError
-from hric_control.errors import HricError
+from hric_assessment.tables import REGIONS
+from hric_control.errors import HricError, check_known
 from hric_control.geometry import FloatArray
 from hric_human.body.regions import REGION_MODELS
 
@@ -46,7 +47,7 @@ class SpeedLimit:
     """Up to which speed a contact of one region stays within the limits.
 
     Attributes:
-        region: that permits least.
+        region, area: that permits least; area "": the whole region.
         mass: mu, shape of the robot's mass [kg].
         force_transient, force_quasi_static: limits that give the speeds [N]; transient None: not permitted.
         transient: speed [m/s]; 0 where contact is not permitted.
@@ -56,6 +57,7 @@ class SpeedLimit:
     """
 
     region: str
+    area: str
     mass: FloatArray
     force_transient: float | None
     force_quasi_static: float
@@ -68,7 +70,7 @@ class SpeedLimit:
 def speed_limit(
     limits: Limits, region: str, robot_mass: Mass, contact_area: float | None = None, dominant: bool | None = None
 ) -> SpeedLimit:
-    """Of one region.
+    """Of one region; of several areas with forces of their own, that of the one that permits least.
 
     Args:
         limits: a table's.
@@ -79,16 +81,27 @@ def speed_limit(
 
     Raises:
         NotAssessableError: the table, or the body model, has no such region.
-        HricError: a mass or an area that is not positive.
+        HricError: no such region, or a mass or an area that is not positive.
     """
     check_positive("robot_mass", robot_mass, "kg")
-    limit = limits.at((region,), dominant=dominant)
-    if limit is None or region not in REGION_MODELS:
+    check_known("region", [region], REGIONS, "ISO/TS 15066 or BG/BGIA")
+    rows = limits.table.force_rows(region)
+    if not rows or region not in REGION_MODELS:
         raise NotAssessableError(f"no speed for {region!r} by {limits.table.title}; valid: {', '.join(REGION_MODELS)}")
-    held, transient, by_pressure = _forces(limit, contact_area)
     mu = reduced_mass(REGION_MODELS[region].mass, robot_mass)
+    found = [_of_area(limits, region, row.area, mu, contact_area, dominant) for row in rows]
+    return min(found, key=lambda one: (one.transient.max(), one.quasi_static.max()))
+
+
+def _of_area(
+    limits: Limits, region: str, area: str | None, mu: FloatArray, contact_area: float | None, dominant: bool | None
+) -> SpeedLimit:
+    limit = limits.at((region,), area, dominant)
+    assert limit is not None, "its row of forces is there"
+    held, transient, by_pressure = _forces(limit, contact_area)
     return SpeedLimit(
         region,
+        area or "",
         mu,
         transient,
         held,

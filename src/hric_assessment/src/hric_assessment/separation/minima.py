@@ -3,7 +3,8 @@
     found = separation(0.0, 60.0, ends_of_arm, arm.radii, ends_of_person, person.radii)
     found.closest.distance, found.violations(protective_distance(...).total)
 
-Between two instants it is not known; a minimum between two of the first ones is met by those around it.
+Between two instants it is not known: a dip of another pair of capsules may be missed there, of half a centimetre at
+most for each m/s at which the two come nearer.
 """
 
 from collections.abc import Callable
