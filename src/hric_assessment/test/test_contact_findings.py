@@ -230,6 +230,23 @@ def test_an_area_of_contact_that_none_has_is_refused(area: float) -> None:
         assess(hit(1.0), where(contact_area=area), ISO)
 
 
+def test_a_finding_has_the_values_of_both_parts() -> None:
+    force = step(0.2, 0.3, 200.0) + step(0.3, 1.2, 90.0)
+    values = assess(one(force), where(contact_area=LARGE), ISO).values
+    assert values == {
+        "transient peak [N]": 200.0,
+        "quasi-static peak [N]": 90.0,
+        "duration [s]": pytest.approx(0.999),
+        "quasi-static duration [s]": pytest.approx(0.499),
+        "impulse [N s]": pytest.approx(0.1 * 200.0 + 0.9 * 90.0, abs=0.2),
+        "energy by the table's spring [J]": pytest.approx(200.0**2 / (2.0 * 75e3)),
+        "work [J]": None,
+        "contact area [m^2]": LARGE,
+        "transient mean pressure [Pa]": 2e5,
+        "quasi-static mean pressure [Pa]": 9e4,
+    }
+
+
 def test_a_finding_has_its_signals_and_what_is_missing() -> None:
     finding = assess(hit(1.0), where(), ISO, ["/sim/contacts"])
     assert finding.signals == ("/sim/contacts",)

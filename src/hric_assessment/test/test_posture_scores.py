@@ -14,6 +14,7 @@ from hric_assessment.ergonomics import Posture, Task, of_joints, rula
 from hric_assessment.ergonomics import reba as reba_method
 from hric_assessment.ergonomics.posture import ANGLES
 from hric_assessment.ergonomics.scoring import Scores
+from hric_assessment.tables import PostureTable, reba_table, rula_table
 from hric_control.errors import HricError
 
 Score = Callable[..., Scores]
@@ -362,6 +363,28 @@ def test_each_step_says_its_reason() -> None:
     ]
     assert found.reasons(0)[-1] == "load +2: static or repeated load of 2 to 10 kg"
     assert found.level(0) == "investigate and change soon"
+
+
+@pytest.mark.parametrize(
+    ("table", "levels"),
+    [
+        (rula_table(), ["acceptable"] * 2 + ["investigate further"] * 2 + ["investigate and change soon"] * 2),
+        (reba_table(), ["negligible", *["low"] * 2, *["medium"] * 4, *["high"] * 3, *["very high"] * 5]),
+    ],
+    ids=["rula", "reba"],
+)
+def test_each_score_has_its_level(table: PostureTable, levels: list[str]) -> None:
+    assert [table.level(score) for score in range(1, len(levels) + 1)] == levels
+
+
+def test_the_highest_score_of_rula_is_to_be_changed_now() -> None:
+    assert rula_table().level(7) == "investigate and change now"
+
+
+def test_a_band_that_does_not_count_says_why() -> None:
+    found = rula.score(Posture(trunk_flexion=1.0, trunk_supported=np.array([False, True])))
+    assert "trunk +3: trunk flexion 20 to 60 deg (57.3 deg)" in found.reasons(0)
+    assert "trunk +1: trunk supported (57.3 deg)" in found.reasons(1)
 
 
 def test_fields_of_different_lengths_are_refused_by_name() -> None:

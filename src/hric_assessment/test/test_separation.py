@@ -191,12 +191,20 @@ def test_instants_are_a_hundredth_apart_and_a_thousandth_around_a_minimum() -> N
 
 def test_the_nearest_pair_is_named_and_local_minima_are_all_found() -> None:
     def two(t: np.ndarray) -> np.ndarray:
-        return np.concatenate([passing(1.0, 0.5, 0.6)(t), passing(1.0, -0.3, 1.4)(t)], axis=1)
+        return np.concatenate([passing(1.0, 0.5, 0.6042)(t), passing(1.0, -0.3, 1.4042)(t)], axis=1)
 
     found = separation(0.0, 2.0, still, STILL.radii, two, np.array([0.05, 0.05]))
     assert [(one.arm, one.person) for one in found.minima] == [(0, 0), (0, 1)]
-    assert [one.time for one in found.minima] == pytest.approx([0.6, 1.4], abs=1e-3)
-    assert [one.distance for one in found.minima] == pytest.approx([0.4, 0.2], abs=1e-5)
+    assert [one.time for one in found.minima] == pytest.approx([0.6042, 1.4042], abs=5.1e-4)
+    assert [one.distance for one in found.minima] == pytest.approx([0.4, 0.2], abs=1e-6)
+
+
+def test_each_violation_is_one_of_its_own() -> None:
+    def again(t: np.ndarray) -> np.ndarray:
+        return passing(1.0, 0.3, 0.5)(t % 1.0)
+
+    found = separation(0.0, 2.0, still, STILL.radii, again, STILL.radii)
+    assert [one.time for one in found.violations(0.25)] == pytest.approx([0.5, 1.5], abs=1e-3)
 
 
 def test_a_separation_that_does_not_change_has_one_minimum() -> None:
