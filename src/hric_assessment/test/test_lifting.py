@@ -71,6 +71,12 @@ def test_rounded_multipliers_give_the_manuals_printed_limit_beside_the_one_at_fu
     assert round(pounds(found, rounded=False), 1) == full
 
 
+def test_halves_of_a_hundredth_are_rounded_upwards() -> None:
+    found = rate(replace(BEST, vertical=1.60, load=1.0))
+    assert found.multipliers.vertical == pytest.approx(0.745)
+    assert found.rounded_limit == pytest.approx(23.0 * 0.75)
+
+
 def test_the_manuals_multipliers_are_those_of_its_worksheet() -> None:
     assert [f"{one:.2f}" for one in rate(PICK).multipliers] == ["1.00", "0.94", "0.87", "1.00", "0.88", "0.95"]
 

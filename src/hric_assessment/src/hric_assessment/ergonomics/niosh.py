@@ -109,11 +109,16 @@ def rate(lift: Lift, table: NioshTable | None = None) -> Rated:
     _check(lift, table)
     multipliers = multipliers_of(lift, table)
     limit = table["load_constant"] * math.prod(multipliers)
-    rounded = table["load_constant"] * math.prod(round(one, 2) for one in multipliers)
+    rounded = table["load_constant"] * math.prod(rounded_multiplier(one) for one in multipliers)
     assumptions = (f"speed is not known: taken as up to {table['speed_limit']:g} m/s",) * (lift.speed is None)
     index = _index(lift.load, limit)
     level = _level(index, table)
     return Rated(multipliers, limit, index, level, rounded, _index(lift.load, rounded), assumptions)
+
+
+def rounded_multiplier(multiplier: float) -> float:
+    """To two decimals, halves upwards, as by hand; 0.745 is a half though its binary number is below it."""
+    return math.floor(100.0 * multiplier + 0.5 + 1e-9) / 100.0
 
 
 def _level(index: float, table: NioshTable) -> str:
