@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hric_assessment.tables import episode_table
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
 from hric_control import urdf
 from hric_control.errors import HricError
@@ -25,9 +26,8 @@ from hric_human.body import describe, surfaces
 from hric_human.participant.settings import HumanSettings
 from urdf_to_osim.mass_matrix import mass_matrix, point_jacobian
 
-LASTING = 0.5
-"""A contact of this duration is a press, whose force the commanded torque balances [s] (unconfirmed: ISO/PAS 5672 cuts
-the quasi-static force there)."""
+LASTING = episode_table()["transient_time"]
+"""A contact of this duration is a press, whose force the commanded torque balances [s]."""
 SETTLED, MEAN = 2.0, 0.1
 """When after the first touch a press is judged, or at its end, by the mean of the time before [s] (the demand of this
 project on a clamped contact; project default, unconfirmed)."""

@@ -1,0 +1,1 @@
+"""Contacts of a person with a robot held against what he bears."""

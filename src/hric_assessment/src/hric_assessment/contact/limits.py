@@ -1,0 +1,129 @@
+"""What a person bears where, by a table of limits, in SI.
+
+    limits = Limits(limit_table())
+    limits.at(("hand, fingers",), dominant=True).force.transient          # [N]
+
+Where several regions or areas may have been met, and it is not known which, the lowest of their limits holds.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from hric_assessment.tables import REGIONS, UNITS, LimitTable, PressureRow, Row
+from hric_control.errors import check_known
+from hric_human.body.regions import REGION_MODELS
+
+NOT_PERMITTED = ("skull, forehead", "face")
+"""No contact with these is within limits, whatever a table has: ISO/TS 15066:2016, Annex A (confirmed twice). Their
+quasi-static values are for information."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A quasi-static and a transient limit, both in N or Pa.
+
+    Attributes:
+        transient: None: there is none, a touch is not permitted.
+        region, area: whose quasi-static one it is; area "": of the whole region.
+        mark: of its row, and its sources.
+    """
+
+    quasi_static: float
+    transient: float | None
+    region: str
+    area: str
+    mark: str
+
+    @property
+    def label(self) -> str:
+        """For findings."""
+        return f"{self.region}: {self.area}" if self.area else self.region
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What holds at one place of a body.
+
+    Attributes:
+        force: [N].
+        pressure: [Pa]; None: the table has none.
+        permitted: False where it may be one of NOT_PERMITTED.
+        stiffness: of the stiffest region that may have been met [N/m].
+        missing: what the table does not have of the regions that may have been met.
+    """
+
+    force: Pair
+    pressure: Pair | None
+    permitted: bool
+    stiffness: float
+    missing: tuple[str, ...]
+
+
+class Limits:
+    """Limits by region.
+
+    Args:
+        table: of limits.
+    """
+
+    def __init__(self, table: LimitTable) -> None:
+        self.table = table
+
+    def at(self, regions: Sequence[str], area: str | None = None, dominant: bool | None = None) -> Limit | None:
+        """What holds where one of some regions was met.
+
+        Args:
+            regions: of `hric_human.body.regions`, or the foot's; which of several was met is not known.
+            area: of the table's, which says which of the regions it was; None: not known.
+            dominant: whether it is on the side of the dominant hand; None: not known.
+
+        Returns:
+            the limit; None: the table has none for any of them.
+
+        Raises:
+            HricError: no such region, or no such area in one of them.
+        """
+        check_known("region", regions, REGIONS, "ISO/TS 15066 or BG/BGIA")
+        if area is not None:
+            check_known("area", [area], self.areas(regions), self.table.title)
+            regions = [region for region in regions if area in self.areas([region])]
+        hand = None if dominant is None else "dominant" if dominant else "other"
+        forces = [row for region in regions for row in self.table.force_rows(region, area)]
+        pressures: Sequence[Row] = [row for region in regions for row in self.table.pressure_rows(region, area, hand)]
+        if not forces:
+            return None
+        springs = [
+            row.stiffness * UNITS["stiffness"] if row.stiffness else REGION_MODELS[row.region].stiffness
+            for row in forces
+        ]
+        return Limit(
+            self._lowest(forces, UNITS["force"], self.table.force_factor),
+            self._lowest(pressures, UNITS["pressure"], self.table.pressure_factor) if pressures else None,
+            not any(region in NOT_PERMITTED for region in regions),
+            max(springs),
+            tuple(
+                f"{name} of {region}"
+                for name, rows in (("force", forces), ("pressure", pressures))
+                for region in regions
+                if not any(row.region == region for row in rows)
+            ),
+        )
+
+    def areas(self, regions: Iterable[str]) -> list[str]:
+        """Names of the areas of some regions."""
+        rows: list[Row] = [*self.table.forces, *self.table.pressures]
+        return list(dict.fromkeys(row.area for row in rows if row.region in regions and row.area))
+
+    def _lowest(self, rows: Sequence[Row], unit: float, factor: float | None) -> Pair:
+        lowest = min(rows, key=lambda row: row.quasi_static)
+        transients = [row.transient_by(factor) for row in rows]
+        transient = min(math.inf if one is None else one for one in transients) * unit
+        hand = f", {lowest.hand} hand" if isinstance(lowest, PressureRow) and lowest.hand else ""
+        return Pair(
+            lowest.quasi_static * unit,
+            None if None in transients else transient,
+            lowest.region,
+            f"{lowest.area or ''}{hand}",
+            f"{self.table.mark_of(lowest)} ({', '.join(self.table.source_of(lowest)) or 'no source given'})",
+        )

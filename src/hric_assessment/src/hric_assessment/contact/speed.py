@@ -1,0 +1,161 @@
+"""At which speed a contact would reach a limit: the closed form of two masses and a spring, ISO/TS 15066:2016, Annex A.
+
+    mu = 1/(1/m_H + 1/m_R),   E = F^2/(2 k) = mu v^2/2,   v = F/sqrt(mu k) = p A/sqrt(mu k)
+
+m_H and k are the standard's body model (`hric_human.body.regions`). For m_R the standard has M/2 + m_L; the mass that
+is met is the reflected one in the direction of the contact, m_u = 1/(u' J M^-1 J' u), which whoever knows the arm
+gives. Where m_u is the larger, the standard's estimate permits a speed that is too high.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hric_assessment.contact.limits import Limit, Limits
+from hric_assessment.findings import NotAssessableError
+from hric_assessment.tables import REGIONS
+from hric_control.errors import HricError, check_known
+from hric_control.geometry import FloatArray
+from hric_human.body.regions import REGION_MODELS
+
+Mass = FloatArray | float
+
+
+def reduced_mass(human: Mass, robot: Mass) -> FloatArray:
+    """mu [kg] of both masses [kg]."""
+    return np.asarray(1.0 / (1.0 / np.asarray(human) + 1.0 / np.asarray(robot)))
+
+
+def half_mass(moving: float, payload: float = 0.0) -> float:
+    """The standard's estimate of m_R [kg]: half of the moving mass of the arm, and the payload with the tool [kg]."""
+    return 0.5 * moving + payload
+
+
+def transfer_energy(force: float, stiffness: float) -> float:
+    """E = F^2/(2 k) [J] of a force [N] on a spring [N/m]."""
+    return force * force / (2.0 * stiffness)
+
+
+def permitted_speed(force: float, mass: Mass, stiffness: float) -> FloatArray:
+    """v = F/sqrt(mu k) [m/s] of a force [N], mu [kg] and a spring [N/m]."""
+    return np.asarray(force / np.sqrt(np.asarray(mass) * stiffness))
+
+
+@dataclass(frozen=True)
+class SpeedLimit:
+    """Up to which speed a contact of one region stays within the limits.
+
+    Attributes:
+        region, area: that permits least; area "": the whole region.
+        mass: mu, shape of the robot's mass [kg].
+        force_transient, force_quasi_static: limits that give the speeds [N]; transient None: not permitted.
+        transient: speed [m/s]; 0 where contact is not permitted.
+        quasi_static: speed by the quasi-static limit, for information where contact is not permitted [m/s].
+        energy: that the transient limit takes up, of regions where contact is not permitted the quasi-static [J].
+        by_pressure: the limits follow from the pressure over the contact's area.
+    """
+
+    region: str
+    area: str
+    mass: FloatArray
+    force_transient: float | None
+    force_quasi_static: float
+    transient: FloatArray
+    quasi_static: FloatArray
+    energy: float
+    by_pressure: bool
+
+
+def speed_limit(
+    limits: Limits, region: str, robot_mass: Mass, contact_area: float | None = None, dominant: bool | None = None
+) -> SpeedLimit:
+    """Of one region; of several areas with forces of their own, that of the one that permits least.
+
+    Args:
+        limits: a table's.
+        region: of `hric_human.body.regions`.
+        robot_mass: m_R, one or an array [kg].
+        contact_area: the smaller of the robot's and the body's [m^2]; None: not known, by the force alone.
+        dominant: whether it is on the side of the dominant hand; None: not known.
+
+    Raises:
+        NotAssessableError: the table, or the body model, has no such region.
+        HricError: no such region, or a mass or an area that is not positive.
+    """
+    check_positive("robot_mass", robot_mass, "kg")
+    check_known("region", [region], REGIONS, "ISO/TS 15066 or BG/BGIA")
+    rows = limits.table.force_rows(region)
+    if not rows or region not in REGION_MODELS:
+        raise NotAssessableError(f"no speed for {region!r} by {limits.table.title}; valid: {', '.join(REGION_MODELS)}")
+    mu = reduced_mass(REGION_MODELS[region].mass, robot_mass)
+    found = [_of_area(limits, region, row.area, mu, contact_area, dominant) for row in rows]
+    return min(found, key=lambda one: (one.transient.max(), one.quasi_static.max()))
+
+
+def _of_area(
+    limits: Limits, region: str, area: str | None, mu: FloatArray, contact_area: float | None, dominant: bool | None
+) -> SpeedLimit:
+    limit = limits.at((region,), area, dominant)
+    assert limit is not None, "its row of forces is there"
+    held, transient, by_pressure = _forces(limit, contact_area)
+    return SpeedLimit(
+        region,
+        area or "",
+        mu,
+        transient,
+        held,
+        permitted_speed(transient or 0.0, mu, limit.stiffness),
+        permitted_speed(held, mu, limit.stiffness),
+        transfer_energy(transient or held, limit.stiffness),
+        by_pressure,
+    )
+
+
+def _forces(limit: Limit, contact_area: float | None) -> tuple[float, float | None, bool]:
+    """(quasi-static force, transient force, whether the pressure sets them) [N]."""
+    force, pressure = limit.force, limit.pressure
+    transient = force.transient if limit.permitted else None
+    if contact_area is None or pressure is None:
+        return force.quasi_static, transient, False
+    check_positive("contact_area", contact_area, "m^2")
+    held = pressure.quasi_static * contact_area
+    short = None if pressure.transient is None or transient is None else pressure.transient * contact_area
+    by_pressure = held < force.quasi_static or (short or math.inf) < (transient or math.inf)
+    lower = None if short is None or transient is None else min(transient, short)
+    return min(force.quasi_static, held), lower, by_pressure
+
+
+def check_positive(name: str, value: Mass, unit: str) -> None:
+    """Raises HricError where a value is not finite, or not above 0."""
+    if not np.all(np.isfinite(value) & (np.asarray(value) > 0.0)):
+        raise HricError(f"{name} is {value}; valid: a finite number above 0 [{unit}]")
+
+
+@dataclass(frozen=True)
+class BothMasses:
+    """The speed by the reflected mass beside that by the standard's estimate.
+
+    Attributes:
+        reflected, standard: by m_u, and by M/2 + m_L.
+        unsafe: where the standard's estimate permits more than the reflected mass does, shape of m_u.
+    """
+
+    reflected: SpeedLimit
+    standard: SpeedLimit
+    unsafe: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+
+
+def both_masses(
+    limits: Limits,
+    region: str,
+    reflected_mass: Mass,
+    moving_mass: float,
+    payload: float = 0.0,
+    contact_area: float | None = None,
+) -> BothMasses:
+    """Both speeds of one region; arguments as those of `speed_limit`, `half_mass`. Raises likewise."""
+    standard_mass = half_mass(moving_mass, payload)
+    reflected = speed_limit(limits, region, reflected_mass, contact_area)
+    standard = speed_limit(limits, region, standard_mass, contact_area)
+    return BothMasses(reflected, standard, np.asarray(np.asarray(reflected_mass) > standard_mass))

@@ -1,0 +1,191 @@
+"""The revised NIOSH lifting equation: recommended weight limit and index of a lift, at its origin or destination.
+
+    rated = niosh.rate(Lift(phase="pick-up", load=12.0, horizontal=0.4, vertical=0.3, distance=0.7))
+    rated.limit, rated.index, rated.multipliers
+
+    RWL = LC HM VM DM AM FM CM,   LI = L / RWL
+
+NIOSH Publication 94-110 (public domain). By its own text it is for lifts of a standing person with both hands, so that
+of a load that human and robot carry together only picking up and putting down can be rated, with the human's share of
+the load; all else is refused. The values are in config/tables/niosh.yaml.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hric_assessment.findings import NotAssessableError
+from hric_assessment.tables import UNITS, NioshTable, niosh_table
+from hric_control.errors import HricError
+
+PHASES = ("pick-up", "put-down")
+"""What may be rated."""
+POSITIONS = ("standing",)
+HOUR = 3600.0
+
+
+@dataclass(frozen=True)
+class Lift:
+    """One end of a lift: its origin, or its destination.
+
+    Attributes:
+        phase: of PHASES.
+        load: mass that the person carries, of a shared load the measured share [kg].
+        horizontal: of the hands from the middle of the ankles [m].
+        vertical: of the hands above the floor [m].
+        distance: by which the load travels up or down [m].
+        asymmetry: of the load out of the sagittal plane [rad].
+        frequency: lifts per minute [1/min].
+        duration: of the work [s].
+        coupling: of the hands with the load: good, fair, poor.
+        hands: that lift.
+        position: of the person, standing.
+        stable: the load does not shift, as liquids do.
+        speed: largest, vertical [m/s]; None: not known, taken as within the scope.
+    """
+
+    phase: str
+    load: float
+    horizontal: float
+    vertical: float
+    distance: float
+    asymmetry: float = 0.0
+    frequency: float = 0.2
+    duration: float = HOUR
+    coupling: str = "good"
+    hands: int = 2
+    position: str = "standing"
+    stable: bool = True
+    speed: float | None = None
+
+
+class Multipliers(NamedTuple):
+    """Of the load constant [1]."""
+
+    horizontal: float
+    vertical: float
+    distance: float
+    asymmetry: float
+    frequency: float
+    coupling: float
+
+
+@dataclass(frozen=True)
+class Rated:
+    """A lift that was rated.
+
+    Attributes:
+        multipliers: at full precision.
+        limit: recommended weight limit [kg].
+        index: lifting index [1]; infinite where the limit is 0.
+        level: of the index, in words.
+        rounded_limit, rounded_index: of multipliers rounded to two decimals, as the manual's worksheets have them.
+        assumptions: a sentence for what was not known.
+    """
+
+    multipliers: Multipliers
+    limit: float
+    index: float
+    level: str
+    rounded_limit: float
+    rounded_index: float
+    assumptions: tuple[str, ...]
+
+
+def rate(lift: Lift, table: NioshTable | None = None) -> Rated:
+    """A lift within the scope of the equation.
+
+    Args:
+        lift: one end of it.
+        table: by default the one that comes with the package.
+
+    Raises:
+        NotAssessableError: it is outside the scope; all reasons, a line each.
+        HricError: a value that no lift has.
+    """
+    table = table or niosh_table()
+    _check(lift, table)
+    multipliers = multipliers_of(lift, table)
+    limit = table["load_constant"] * math.prod(multipliers)
+    rounded = table["load_constant"] * math.prod(rounded_multiplier(one) for one in multipliers)
+    assumptions = (f"speed is not known: taken as up to {table['speed_limit']:g} m/s",) * (lift.speed is None)
+    index = _index(lift.load, limit)
+    level = _level(index, table)
+    return Rated(multipliers, limit, index, level, rounded, _index(lift.load, rounded), assumptions)
+
+
+def rounded_multiplier(multiplier: float) -> float:
+    """To two decimals, halves upwards, as by hand; 0.745 is a half though its binary number is below it."""
+    return math.floor(100.0 * multiplier + 0.5 + 1e-9) / 100.0
+
+
+def _level(index: float, table: NioshTable) -> str:
+    goal, high = table["design_goal"], table["high"]
+    if index <= goal:
+        return f"up to the design goal of {goal:g}"
+    return "above the design goal" if index <= high else "high"
+
+
+def _index(load: float, limit: float) -> float:
+    return load / limit if limit > 0.0 else math.inf
+
+
+def multipliers_of(lift: Lift, table: NioshTable) -> Multipliers:
+    """All six; lengths in cm, as the table has them."""
+    h, v, d = (length / UNITS["length"] for length in (lift.horizontal, lift.vertical, lift.distance))
+    low = v < table["vertical"]
+    degrees = math.degrees(lift.asymmetry)
+    slope, offset = table["distance_slope"], table["distance_offset"]
+    return Multipliers(
+        0.0 if h > table["horizontal_limit"] else table["horizontal"] / max(h, table["horizontal"]),
+        0.0 if v > table["vertical_limit"] else 1.0 - table["vertical_slope"] * abs(v - table["vertical"]),
+        0.0 if d > table["distance_limit"] else 1.0 if d <= table["distance"] else offset + slope / d,
+        0.0 if degrees > table["asymmetry_limit"] else 1.0 - table["asymmetry_slope"] * degrees,
+        frequency_multiplier(lift.frequency, lift.duration, low, table),
+        table.couplings[lift.coupling][0 if low else 1],
+    )
+
+
+def frequency_multiplier(frequency: float, duration: float, low: bool, table: NioshTable) -> float:
+    """FM, by straight lines between the rows of the table.
+
+    Args:
+        frequency: [1/min].
+        duration: of the work [s].
+        low: the hands are lower than where couplings and frequencies change.
+        table: of the values.
+    """
+    rows = np.array(table.frequencies)
+    column = 1 + 2 * int(np.searchsorted(table.durations, duration / HOUR)) + (0 if low else 1)
+    return float(np.interp(frequency, rows[:, 0], rows[:, column], right=0.0))
+
+
+def _check(lift: Lift, table: NioshTable) -> None:
+    if lift.coupling not in table.couplings:
+        raise HricError(f"no coupling {lift.coupling!r}; valid: {', '.join(table.couplings)}")
+    for name in ("load", "horizontal", "vertical", "distance", "asymmetry", "frequency", "duration"):
+        value = getattr(lift, name)
+        if not (math.isfinite(value) and value >= 0.0):
+            raise HricError(f"{name} of a lift is {value}; valid: a finite number of 0 or more")
+    hours, speed = table.durations[-1], table["speed_limit"]
+    refusals = [
+        f"{name} is {value}; valid: {valid}"
+        for name, value, valid, within in (
+            (
+                "phase",
+                lift.phase,
+                f"{', '.join(PHASES)} (carrying, pushing, pulling cannot be rated)",
+                lift.phase in PHASES,
+            ),
+            ("hands", lift.hands, "2", lift.hands == 2),
+            ("position", lift.position, ", ".join(POSITIONS), lift.position in POSITIONS),
+            ("stable", lift.stable, "a load that does not shift", lift.stable),
+            ("duration", f"{lift.duration / HOUR:g} h", f"up to {hours:g} h", lift.duration <= hours * HOUR),
+            ("speed", lift.speed, f"up to {speed:g} m/s", lift.speed is None or abs(lift.speed) <= speed),
+        )
+        if not within
+    ]
+    if refusals:
+        raise NotAssessableError(f"outside the scope of the {table.title}: " + "\n".join(refusals))

@@ -1,0 +1,83 @@
+"""RULA: a score from 1 to 7 of the load on arm, neck, trunk and legs; McAtamney & Corlett, Appl. Ergon. 24:91, 1993.
+
+    scores = rula.score(Posture(upper_arm_flexion=..., elbow_flexion=...), Task(load=1.5))
+    scores.score, scores.reasons(0), scores.assumptions
+
+The values are in config/tables/rula.yaml, table A in two versions.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hric_assessment.ergonomics.posture import NOTHING_KNOWN, Posture, Task
+from hric_assessment.ergonomics.scoring import IntArray, Scorer, Scores, cells, index, scored
+from hric_assessment.tables import RulaTable, rula_table
+from hric_control.errors import UnknownNameError
+
+VERSIONS = ("current", "older")
+"""Of table A; the first is the default."""
+Rows = Mapping[str, tuple[int, ...]]
+
+
+def table_a(table: RulaTable, version: str) -> Rows:
+    """Rows of table A. Raises UnknownNameError: no such version."""
+    if version not in VERSIONS:
+        raise UnknownNameError("version of RULA's table A", version, VERSIONS)
+    return {**table.table_a, **(table.older_rows if version == VERSIONS[1] else {})}
+
+
+def score(
+    posture: Posture, task: Task = NOTHING_KNOWN, version: str = VERSIONS[0], table: RulaTable | None = None
+) -> Scores:
+    """Scores over time.
+
+    Args:
+        posture: one arm and the rest of the person.
+        task: of that arm; its load and muscle use count for the rest of the person, too.
+        version: of table A, one of VERSIONS.
+        table: by default the one that comes with the package.
+
+    Raises:
+        HricError: fields of different lengths, or no such version.
+    """
+    table = table or rula_table()
+    rows = table_a(table, version)
+    fields = ("load", "static", "shock", "held", "repeats")
+    mark = table.mark if version == VERSIONS[0] else table.older_mark
+    method = f"{table.name}, table A {version} ({mark})"
+    return scored(table, method, posture, task, fields, lambda scorer: _total(scorer, table, rows))
+
+
+def _total(scorer: Scorer, table: RulaTable, rows_a: Rows) -> IntArray:
+    arm = [scorer.part(name) for name in ("upper_arm", "lower_arm", "wrist", "wrist_twist")]
+    rest = [scorer.part(name) for name in ("neck", "trunk", "legs")]
+    added = _muscle_use(scorer, table) + _load(scorer, table)
+    a = cells(rows_a, index(arm[:2], (6, 3)), index(arm[2:], (4, 2)))
+    b = cells(table.table_b, rest[0], index(rest[1:], (6, 2)))
+    total = cells(table.table_c, a + added, b + added)
+    scorer.parts.update(table_a=a, table_b=b, score=total)
+    return total
+
+
+def _muscle_use(scorer: Scorer, table: RulaTable) -> IntArray:
+    known = scorer.known
+    used = (known["held"] > table.static_time) | (known["repeats"] >= table.repeats)
+    reason = f"held for more than {table.static_time:g} s, or {table.repeats:g} times a minute or more"
+    return scorer.flagged("muscle use", 1, reason, used)
+
+
+def _load(scorer: Scorer, table: RulaTable) -> IntArray:
+    known, light, heavy = scorer.known, table.light, table.heavy
+    load = known["load"]
+    size = np.where(load > heavy, 2, np.where(load >= light, 1, 0))
+    case = np.where(known["shock"], 5, np.where(known["static"] & (size > 0), size + 2, size))
+    reasons = (
+        f"load below {light:g} kg",
+        f"intermittent load of {light:g} to {heavy:g} kg",
+        f"intermittent load above {heavy:g} kg",
+        f"static or repeated load of {light:g} to {heavy:g} kg",
+        f"static or repeated load above {heavy:g} kg",
+        "load with a shock",
+    )
+    return scorer.cases("load", (0, 1, 2, 2, 3, 3), reasons, case)

@@ -1,0 +1,225 @@
+"""Scores of parts of a body by a table, over time, with the reason of each step."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hric_assessment.ergonomics.posture import Known, Posture, Task
+from hric_assessment.tables import Adder, Band, Condition, PostureTable
+from hric_control.geometry import FloatArray
+
+IntArray = np.ndarray[Any, np.dtype[np.int64]]
+Total = Callable[["Scorer"], IntArray]
+VARIATION = 5.0
+"""By how much the chosen thresholds are moved, to see what they decide [deg]."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One addition to a score.
+
+    Attributes:
+        part: of the body, or of the method.
+        points: shape (n,).
+        reasons: sentences, one of which holds at each instant.
+        case: index of it, shape (n,).
+        angle: that gives the points, shape (n,) [rad]; None: a flag.
+    """
+
+    part: str
+    points: IntArray
+    reasons: tuple[str, ...]
+    case: IntArray
+    angle: FloatArray | None = None
+
+    def reason(self, index: int) -> str:
+        """At one instant."""
+        value = "" if self.angle is None else f" ({math.degrees(self.angle[index]):.1f} deg)"
+        return f"{self.part} {self.points[index]:+d}: {self.reasons[self.case[index]]}{value}"
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores over time.
+
+    Attributes:
+        method: title and edition of the table, with the version of it.
+        table: their basis.
+        score: shape (n,).
+        parts: of the body and of tables A, B and C, each of shape (n,).
+        steps: what they are made of.
+        stricter, looser: the score with all chosen thresholds smaller, and larger, by VARIATION, shape (n,).
+        assumptions: what stood in for what is not known. The angles are those that score least, so that the score can
+            only be higher; support of arm or trunk that is not known would lower it.
+    """
+
+    method: str
+    table: PostureTable
+    score: IntArray
+    parts: Mapping[str, IntArray]
+    steps: tuple[Step, ...]
+    stricter: IntArray
+    looser: IntArray
+    assumptions: tuple[str, ...]
+
+    def reasons(self, index: int) -> list[str]:
+        """At one instant: each step that counts."""
+        return [step.reason(index) for step in self.steps if step.points[index] != 0]
+
+    def level(self, index: int) -> str:
+        """Name of the level at one instant."""
+        return self.table.level(int(self.score[index]))
+
+    @property
+    def chosen(self) -> list[str]:
+        """The thresholds that no source has, and what they decide here."""
+        moved = int(np.count_nonzero((self.stricter != self.score) | (self.looser != self.score)))
+        lines = [f"{name}: {one.value:g} deg, chosen here: {one.text}" for name, one in self.table.chosen.items()]
+        return [*lines, f"{VARIATION:g} deg either way change {moved} of {len(self.score)} scores"]
+
+
+class Scorer:
+    """Points by a table.
+
+    Args:
+        table: RULA's or REBA's.
+        known: what is known of the posture.
+        shift: of all chosen thresholds [deg].
+
+    Attributes:
+        steps: of all parts so far.
+        parts: their scores, and those of tables.
+    """
+
+    def __init__(self, table: PostureTable, known: Known, shift: float) -> None:
+        self.known = known
+        self.table = table
+        self.steps: list[Step] = []
+        self.parts: dict[str, IntArray] = {}
+        self._chosen = {name: max(0.0, one.value + shift) for name, one in table.chosen.items()}
+
+    def part(self, name: str) -> IntArray:
+        """Score of a part of the body, 1 at least, shape (n,)."""
+        part = self.table.parts[name]
+        label = name.replace("_", " ")
+        steps = [self._band(label, band) for band in part.bands] + [self._adder(label, adder) for adder in part.add]
+        if part.start:
+            steps.insert(0, self.constant(label, part.start, "to begin with"))
+        self.steps += steps
+        self.parts[name] = np.maximum(1, sum((step.points for step in steps), np.zeros(self.known.count, np.int64)))
+        return self.parts[name]
+
+    def constant(self, part: str, points: int, reason: str) -> Step:
+        """A step that is the same at all instants."""
+        zeros = np.zeros(self.known.count, np.int64)
+        return Step(part, zeros + points, (reason,), zeros)
+
+    def flagged(self, part: str, points: int, reason: str, flag: Any) -> IntArray:
+        """A step where a flag holds, shape (n,)."""
+        case = np.asarray(flag, np.int64)
+        step = Step(part, points * case, (f"not {reason}", reason), case)
+        self.steps.append(step)
+        return step.points
+
+    def cases(self, part: str, points: Sequence[int], reasons: Sequence[str], case: IntArray) -> IntArray:
+        """A step of several cases, shape (n,)."""
+        step = Step(part, np.array(points)[case], tuple(reasons), case)
+        self.steps.append(step)
+        return step.points
+
+    def _band(self, label: str, band: Band) -> Step:
+        angle = self.known[band.angle]
+        bounds = [self._bound(bound) for bound in band.bounds]
+        case = np.zeros(len(angle), np.int64)
+        for bound, below, above in zip(bounds, band.scores, band.scores[1:], strict=False):
+            upper_counts = (above < below) != (bound in band.higher_on)
+            reached = angle >= math.radians(bound) if upper_counts else angle > math.radians(bound)
+            case += reached
+        reasons = [f"{band.angle.replace('_', ' ')} {between}" for between in _ranges(bounds)]
+        points = np.array(band.scores)[case]
+        if band.unless is not None:
+            spared = self.known[band.unless]
+            reasons.append(band.unless.replace("_", " "))
+            points, case = np.where(spared, band.then, points), np.where(spared, len(bounds) + 1, case)
+        return Step(label, points, tuple(reasons), case, angle)
+
+    def _adder(self, label: str, adder: Adder) -> Step:
+        case = np.any([self._met(condition) for condition in adder.any], axis=0).astype(np.int64)
+        only = adder.any[0].angle if len(adder.any) == 1 else None
+        angle = None if only is None else self.known[only]
+        return Step(label, adder.score * case, (f"not {adder.text}", adder.text), case, angle)
+
+    def _met(self, condition: Condition) -> Any:
+        if condition.flag is not None:
+            return self.known[condition.flag]
+        angle = self.known[str(condition.angle)]
+        if condition.above is not None:
+            return angle > math.radians(self._chosen[condition.above])
+        return np.abs(angle) > math.radians(self._chosen[str(condition.beyond)])
+
+    def _bound(self, bound: float | str) -> float:
+        if isinstance(bound, str):
+            return (-1.0 if bound.startswith("-") else 1.0) * self._chosen[bound.lstrip("-")] + 0.0  # no -0
+        return bound
+
+
+def scored(
+    table: PostureTable, method: str, posture: Posture, task: Task, task_fields: Sequence[str], total: Total
+) -> Scores:
+    """Scores by a table.
+
+    Args:
+        table: RULA's or REBA's.
+        method: its name and version.
+        posture, task: as given.
+        task_fields: those that the method needs of the task.
+        total: what makes the score of the parts.
+
+    Raises:
+        HricError: fields of different lengths.
+    """
+    known = Known(posture, task, [*needed(table), *task_fields])
+    scorers = [Scorer(table, known, shift) for shift in (0.0, -VARIATION, VARIATION)]
+    score, stricter, looser = (total(scorer) for scorer in scorers)
+    own = scorers[0]
+    return Scores(method, table, score, own.parts, tuple(own.steps), stricter, looser, tuple(known.assumptions))
+
+
+def _ranges(bounds: Sequence[float]) -> list[str]:
+    inner = [f"{low:g} to {high:g} deg" for low, high in pairwise(bounds)]
+    return [f"below {bounds[0]:g} deg", *inner, f"above {bounds[-1]:g} deg"]
+
+
+def needed(table: PostureTable) -> list[str]:
+    """Fields of a posture that the parts of a table need."""
+    found: dict[str, None] = {}
+    for part in table.parts.values():
+        for band in part.bands:
+            found |= dict.fromkeys(filter(None, (band.angle, band.unless)))
+        for adder in part.add:
+            found |= dict.fromkeys(filter(None, (one.flag or one.angle for one in adder.any)))
+    return list(found)
+
+
+def cells(rows: Mapping[str, Sequence[int]], row: IntArray, column: IntArray) -> IntArray:
+    """Of a table, shape (n,).
+
+    Args:
+        rows: of the table, in order.
+        row, column: counted from 1 on, shape (n,); beyond the last the last counts.
+    """
+    table = np.array(list(rows.values()), np.int64)
+    return np.asarray(table[np.minimum(row, table.shape[0]) - 1, np.minimum(column, table.shape[1]) - 1])
+
+
+def index(scores: Sequence[IntArray], sizes: Sequence[int]) -> IntArray:
+    """Running number from 1 on of scores counted from 1 on, the last the fastest, shape (n,); as tables of several
+    scores in a row have them."""
+    found = np.zeros_like(scores[0])
+    for score, size in zip(scores, sizes, strict=True):
+        found = found * size + score - 1
+    return found + 1

@@ -1,0 +1,83 @@
+"""Distances between capsules, in closed form, for many at once."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_control.geometry import FloatArray
+from hric_human.body import Body
+
+IntArray = np.ndarray[Any, np.dtype[np.int64]]
+_TINY = 1e-300
+"""In place of the square of a length that is zero: a capsule may be a ball."""
+
+
+@dataclass(frozen=True)
+class Capsules:
+    """Capsules of the links of a model.
+
+    Attributes:
+        links: that they belong to, k names; a link may have several.
+        ends: of the straight parts, in axes of the links, shape (k, 2, 3) [m].
+        radii: shape (k,) [m].
+    """
+
+    links: tuple[str, ...]
+    ends: FloatArray
+    radii: FloatArray
+
+    def placed(self, T_world_link: FloatArray) -> FloatArray:
+        """Ends in the world, shape (n, k, 2, 3) [m]; T_world_link: of the link of each capsule, shape (n, k, 4, 4)."""
+        R, p = T_world_link[..., :3, :3], T_world_link[..., None, :3, 3]
+        return np.asarray(np.einsum("nkij,kej->nkei", R, self.ends) + p)
+
+
+def of_body(body: Body) -> Capsules:
+    """Those of a simulated person, one for each segment."""
+    segments = list(body.segments.values())
+    return Capsules(
+        tuple(segment.link for segment in segments),
+        np.array([segment.straight for segment in segments]),
+        np.array([segment.radius for segment in segments]),
+    )
+
+
+def segment_distance(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Distance of line segments, shape (...,) [m].
+
+    The square of the distance is a convex quadratic of the positions s and t along both on the unit square. Its minimum
+    on the whole plane, brought back into the square by one coordinate after the other, is the one in the square
+    (Ericson, Real-Time Collision Detection, 5.1.9); of parallel segments, which have no single one, an end of the first
+    leads there.
+
+    Args:
+        a, b: both ends of each, shape (..., 2, 3) [m]; shapes that broadcast.
+    """
+    u, v, w = a[..., 1, :] - a[..., 0, :], b[..., 1, :] - b[..., 0, :], a[..., 0, :] - b[..., 0, :]
+    uu, vv, uv = _dot(u, u), _dot(v, v), _dot(u, v)
+    uw, vw, ww = _dot(u, w), _dot(v, w), _dot(w, w)
+    safe_u, safe_v = np.maximum(uu, _TINY), np.maximum(vv, _TINY)
+    determinant = uu * vv - uv * uv
+    s = np.clip((uv * vw - vv * uw) / np.maximum(determinant, _TINY), 0.0, 1.0)
+    best = np.full(np.shape(ww), np.inf)
+    for start in (s, np.zeros_like(s), np.ones_like(s)):
+        t = np.clip((uv * start + vw) / safe_v, 0.0, 1.0)
+        near = np.clip((uv * t - uw) / safe_u, 0.0, 1.0)
+        square = ww + near * (near * uu + 2.0 * uw) + t * (t * vv - 2.0 * vw) - 2.0 * near * t * uv
+        best = np.minimum(best, square)
+    return np.asarray(np.sqrt(np.maximum(best, 0.0)))
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("...i,...i->...", a, b))
+
+
+def distances(a: FloatArray, radii_a: FloatArray, b: FloatArray, radii_b: FloatArray) -> FloatArray:
+    """Distance of each capsule of one model from each of another, shape (n, k, m) [m]; below 0 where they overlap.
+
+    Args:
+        a, b: ends, shapes (n, k, 2, 3) and (n, m, 2, 3) [m].
+        radii_a, radii_b: shapes (k,) and (m,) [m].
+    """
+    return segment_distance(a[:, :, None], b[:, None]) - radii_a[:, None] - radii_b

@@ -1,0 +1,159 @@
+"""The separation of an arm and a person over a run, closely around its minima, and where it was too small.
+
+    found = separation(0.0, 60.0, ends_of_arm, arm.radii, ends_of_person, person.radii)
+    found.closest.distance, found.violations(protective_distance(...).total)
+
+Between two instants it is not known: a dip of another pair of capsules may be missed there, of half a centimetre at
+most for each m/s at which the two come nearer.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hric_assessment.separation.capsules import IntArray, distances
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray
+
+Ends = Callable[[FloatArray], FloatArray]
+"""Robot times, shape (n,) [s] -> ends of the capsules of a model in the world then, shape (n, k, 2, 3) [m]."""
+RATE, CLOSE_RATE = 100.0, 1000.0
+"""Of all instants, and of those around each minimum [Hz]; project defaults."""
+BLOCK = 250
+"""Instants at once: arrays of some MB."""
+
+
+@dataclass(frozen=True)
+class Closest:
+    """A minimum of the separation.
+
+    Attributes:
+        time: robot time [s].
+        distance: [m].
+        arm, person: index of the two capsules.
+    """
+
+    time: float
+    distance: float
+    arm: int
+    person: int
+
+
+@dataclass(frozen=True)
+class Violation:
+    """A stretch in which the separation is below what it should be.
+
+    Attributes:
+        begin, end: robot time of its first and last instant [s].
+        time: of the smallest margin [s].
+        margin: separation less the protective distance there, below 0 [m].
+    """
+
+    begin: float
+    end: float
+    time: float
+    margin: float
+
+
+@dataclass(frozen=True)
+class Separation:
+    """Over a run.
+
+    Attributes:
+        time: instants, closer around the minima, shape (n,) [s].
+        distance: of the nearest capsules, shape (n,) [m].
+        arm, person: index of these two, shape (n,).
+        minima: all local ones, in order of time.
+    """
+
+    time: FloatArray
+    distance: FloatArray
+    arm: IntArray
+    person: IntArray
+    minima: tuple[Closest, ...]
+
+    @property
+    def closest(self) -> Closest:
+        """The smallest of the minima."""
+        return min(self.minima, key=lambda one: one.distance)
+
+    def violations(self, protective: FloatArray | float) -> list[Violation]:
+        """Where the separation is below S_p; protective: of each instant, shape (n,), or of all [m]."""
+        margin = self.distance - protective
+        below = np.flatnonzero(margin < 0.0)
+        groups = np.split(below, np.flatnonzero(np.diff(below) > 1) + 1)
+        return [self._violation(group, margin) for group in groups if len(group)]
+
+    def _violation(self, group: IntArray, margin: FloatArray) -> Violation:
+        worst = group[np.argmin(margin[group])]
+        begin, end = self.time[group[0]], self.time[group[-1]]
+        return Violation(float(begin), float(end), float(self.time[worst]), float(margin[worst]))
+
+
+def separation(
+    begin: float, end: float, arm: Ends, arm_radii: FloatArray, person: Ends, person_radii: FloatArray
+) -> Separation:
+    """Of two models over a stretch of time.
+
+    Args:
+        begin, end: robot time [s].
+        arm, person: where the capsules are; time between the samples of a recording is for the caller to interpolate.
+        arm_radii, person_radii: shapes (k,) and (m,) [m].
+
+    Raises:
+        HricError: end is not after begin, or a place is not finite.
+    """
+    if not end > begin:
+        raise HricError(f"separation from {begin} to {end} s; valid: an end after the begin")
+    time = np.linspace(begin, end, int(np.ceil((end - begin) * RATE)) + 1)
+    coarse = _nearest(time, arm, arm_radii, person, person_radii)
+    around = _around(time, coarse[0])
+    close = _nearest(around, arm, arm_radii, person, person_radii)
+    times = np.concatenate([time, around])
+    order = np.argsort(times, kind="stable")
+    distance, first, second = (np.concatenate(pair)[order] for pair in zip(coarse, close, strict=True))
+    times = times[order]
+    minima = tuple(
+        Closest(float(times[k]), float(distance[k]), int(first[k]), int(second[k])) for k in _minima(distance)
+    )
+    return Separation(times, distance, first.astype(np.int64), second.astype(np.int64), minima)
+
+
+def _nearest(
+    time: FloatArray, arm: Ends, arm_radii: FloatArray, person: Ends, person_radii: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(distance, capsule of the arm, capsule of the person) at each instant, shape (n,) each."""
+    found = []
+    for start in range(0, len(time), BLOCK):
+        block = time[start : start + BLOCK]
+        apart = distances(arm(block), arm_radii, person(block), person_radii).reshape(len(block), -1)
+        if not np.all(np.isfinite(apart)):
+            at = block[np.flatnonzero(~np.isfinite(apart).all(axis=1))[0]]
+            raise HricError(f"a place of arm or person is not finite at {at:.3f} s; valid: finite numbers")
+        nearest = np.argmin(apart, axis=1)
+        found.append((apart[np.arange(len(block)), nearest], *np.divmod(nearest, len(person_radii))))
+    if not found:
+        return np.empty(0), np.empty(0), np.empty(0)
+    distance, first, second = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return distance, first, second
+
+
+def _minima(distance: FloatArray) -> IntArray:
+    """Indices of the local minima, ends included; of equal neighbours the first."""
+    padded = np.concatenate([[np.inf], distance, [np.inf]])
+    falls = padded[1:-1] < padded[:-2]
+    change = np.concatenate([distance[1:] != distance[:-1], [True]])
+    # Behind equal neighbours it is their last that says whether the distance rises.
+    last = np.flatnonzero(change)[np.searchsorted(np.flatnonzero(change), np.arange(len(distance)))]
+    return np.flatnonzero(falls & (padded[last + 2] > distance))
+
+
+def _around(time: FloatArray, distance: FloatArray) -> FloatArray:
+    """Instants at the close rate, between those beside each minimum, without those that there are."""
+    step = time[1] - time[0]
+    parts = int(np.ceil(step * CLOSE_RATE))
+    offsets = np.arange(-parts + 1, parts) * (step / parts)
+    offsets = offsets[offsets != 0.0]
+    instants = (time[_minima(distance)][:, None] + offsets).ravel()
+    return np.unique(instants[(instants > time[0]) & (instants < time[-1])])

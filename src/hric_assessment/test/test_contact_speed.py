@@ -1,0 +1,131 @@
+"""At which speed a contact reaches its limits, against noted values, and errors of public code."""
+
+import numpy as np
+import pytest
+
+from hric_assessment.contact.limits import Limits
+from hric_assessment.contact.speed import both_masses, half_mass, reduced_mass, speed_limit
+from hric_assessment.findings import NotAssessableError
+from hric_assessment.tables import FOOT, limit_table
+from hric_control.errors import HricError
+from hric_human.body.regions import REGION_MODELS
+
+ISO, BGIA = Limits(limit_table("iso_ts_15066")), Limits(limit_table("bgia2011"))
+HAND = "hand, fingers"
+
+
+def test_a_hand_and_4_kg_have_the_noted_mass_speeds_and_energy() -> None:
+    found = speed_limit(ISO, HAND, 4.0)
+    assert f"{found.mass:.4f}" == "0.5217"
+    assert (f"{found.quasi_static:.4f}", f"{found.transient:.4f}") == ("0.7077", "1.4155")
+    assert f"{0.5 * found.mass * found.transient**2:.4f}" == "0.5227"
+    assert found.energy == pytest.approx(0.5 * float(found.mass * found.transient**2))
+
+
+def test_two_masses_on_the_spring_reach_the_limit_at_that_speed() -> None:
+    limit = speed_limit(ISO, HAND, 4.0)
+    robot, person, k = 4.0, REGION_MODELS[HAND].mass, REGION_MODELS[HAND].stiffness
+    step, x, v, peak = 1e-7, np.zeros(2), np.array([float(limit.transient), 0.0]), 0.0
+    for _ in range(60000):  # 6 ms, until they part
+        force = k * (x[0] - x[1])
+        v += step * force * np.array([-1.0 / robot, 1.0 / person])
+        x += step * v
+        peak = max(peak, force)
+    assert peak == pytest.approx(280.0, rel=1e-4)
+
+
+def test_the_area_limits_the_speed_where_its_pressure_is_the_lower_limit() -> None:
+    large, small = speed_limit(ISO, HAND, 4.0, 1e-3), speed_limit(ISO, HAND, 4.0, 0.5e-4)
+    assert (large.by_pressure, small.by_pressure) == (False, True)
+    assert large.transient == speed_limit(ISO, HAND, 4.0).transient
+    # The back of the other hand bears least: 190 N/cm^2.
+    assert (small.force_transient, small.force_quasi_static) == (pytest.approx(190.0), pytest.approx(95.0))
+    assert float(small.transient / large.transient) == pytest.approx(190.0 / 280.0)
+
+
+def test_the_dominant_hand_bears_more_pressure_than_the_other() -> None:
+    area = 0.5e-4
+    dominant, other = (speed_limit(ISO, HAND, 4.0, area, dominant=side) for side in (True, False))
+    assert dominant.force_quasi_static / other.force_quasi_static == pytest.approx(200.0 / 190.0)
+    assert speed_limit(ISO, HAND, 4.0, area).force_quasi_static == other.force_quasi_static
+
+
+@pytest.mark.parametrize("region", ["skull, forehead", "face"])
+@pytest.mark.parametrize("limits", [ISO, BGIA], ids=["iso", "bgia"])
+def test_no_speed_is_permitted_towards_head_or_face(region: str, limits: Limits) -> None:
+    found = speed_limit(limits, region, np.array([2.0, 8.0]))
+    assert found.transient.tolist() == [0.0, 0.0]
+    assert found.force_transient is None
+
+
+def test_of_areas_with_forces_of_their_own_the_one_that_permits_least_counts() -> None:
+    found = speed_limit(BGIA, "neck", 4.0)
+    mu = 1.0 / (1.0 / 1.2 + 1.0 / 4.0)
+    assert found.area == "front, larynx"
+    assert float(found.transient) == pytest.approx(35.0 / np.sqrt(mu * 10e3))
+    assert float(found.transient) < 190.0 / np.sqrt(mu * 50e3)
+
+
+def test_the_standards_estimate_of_the_mass_is_half_of_what_moves_and_the_payload() -> None:
+    assert half_mass(16.06) == pytest.approx(8.03)
+    assert half_mass(16.06, 1.5) == pytest.approx(9.53)
+
+
+def test_both_masses_say_where_the_standards_estimate_is_unsafe() -> None:
+    found = both_masses(ISO, HAND, np.array([2.21, 8.03, 10.05]), 16.06)
+    assert found.unsafe.tolist() == [False, False, True]
+    assert (found.standard.transient > found.reflected.transient).tolist() == [False, False, True]
+
+
+def test_a_region_that_the_table_or_the_body_model_does_not_have_has_no_speed() -> None:
+    with pytest.raises(NotAssessableError, match="no speed for 'foot, toes, ankle' by ISO/TS 15066"):
+        speed_limit(ISO, FOOT, 4.0)
+    with pytest.raises(HricError, match="no region 'hand'"):
+        speed_limit(ISO, "hand", 4.0)
+    with pytest.raises(HricError, match=r"robot_mass is 0.0; valid: a finite number above 0 \[kg\]"):
+        speed_limit(ISO, HAND, 0.0)
+
+
+# Public implementations have these errors: each has other values for what is asserted here.
+
+
+def test_a_hand_weighs_0_6_kg_not_as_much_as_an_arm_with_it() -> None:
+    assert REGION_MODELS[HAND].mass == 0.6
+
+
+def test_a_thigh_and_a_lower_leg_weigh_as_much_as_the_person() -> None:
+    assert [REGION_MODELS[region].mass for region in ("thigh, knee", "lower leg")] == [75.0, 75.0]
+
+
+def test_a_head_weighs_4_4_kg() -> None:
+    assert [REGION_MODELS[region].mass for region in ("skull, forehead", "face")] == [4.4, 4.4]
+
+
+def test_a_skull_has_no_transient_limit() -> None:
+    limit = ISO.at(("skull, forehead",))
+    assert limit is not None
+    assert (limit.force.quasi_static, limit.force.transient, limit.permitted) == (130.0, None, False)
+
+
+def test_palm_and_forearm_have_the_forces_of_the_specification() -> None:
+    for region, area, expected in ((HAND, "palm", (140.0, 280.0)), ("lower arm, wrist", None, (160.0, 320.0))):
+        limit = ISO.at((region,), area)
+        assert limit is not None
+        assert (limit.force.quasi_static, limit.force.transient) == expected
+
+
+def test_the_pressures_of_one_set_do_not_come_with_the_forces_of_the_other() -> None:
+    iso, bgia = (limits.at(("abdomen",)) for limits in (ISO, BGIA))
+    assert iso is not None and bgia is not None and iso.pressure is not None and bgia.pressure is not None
+    assert (iso.force.transient, iso.pressure.quasi_static) == (220.0, 140e4)
+    assert (bgia.force.transient, bgia.pressure.quasi_static) == (160.0, 35e4)
+
+
+def test_the_units_of_spring_and_pressure_are_si() -> None:
+    limit = BGIA.at(("chest",))
+    assert limit is not None and limit.pressure is not None
+    assert (limit.stiffness, limit.pressure.quasi_static) == (25e3, 45e4)
+
+
+def test_masses_that_are_large_leave_the_other_as_the_reduced_one() -> None:
+    assert reduced_mass(0.6, 1e9) == pytest.approx(0.6)

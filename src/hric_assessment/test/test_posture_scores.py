@@ -1,0 +1,425 @@
+"""RULA and REBA of postures: each threshold, each cell through a posture, an independent scorer, and public errors."""
+
+import math
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import published_tables as published
+import pytest
+from bodies import Posed, body
+
+from hric_assessment.ergonomics import Posture, Task, of_joints, rula
+from hric_assessment.ergonomics import reba as reba_method
+from hric_assessment.ergonomics.posture import ANGLES
+from hric_assessment.ergonomics.scoring import Scores
+from hric_assessment.tables import PostureTable, reba_table, rula_table
+from hric_control.errors import HricError
+
+Score = Callable[..., Scores]
+STEP = 0.01
+"""[deg]"""
+METHODS = {"rula": rula.score, "reba": reba_method.score}
+THRESHOLDS = [
+    # method, part, angle, threshold [deg], score of the part one step below, on and one step above it
+    ("rula", "upper_arm", "upper_arm_flexion", -20, (2, 1, 1)),
+    ("rula", "upper_arm", "upper_arm_flexion", 20, (1, 1, 2)),
+    ("rula", "upper_arm", "upper_arm_flexion", 45, (2, 2, 3)),
+    ("rula", "upper_arm", "upper_arm_flexion", 90, (3, 3, 4)),
+    ("rula", "upper_arm", "shoulder_elevation", 10, (1, 1, 2)),
+    ("rula", "upper_arm", "upper_arm_abduction", 20, (1, 1, 2)),
+    ("rula", "lower_arm", "elbow_flexion", 60, (2, 1, 1)),
+    ("rula", "lower_arm", "elbow_flexion", 100, (1, 1, 2)),
+    ("rula", "lower_arm", "forearm_inward", 30, (1, 1, 2)),
+    ("rula", "lower_arm", "forearm_inward", -30, (2, 1, 1)),
+    ("rula", "wrist", "wrist_flexion", -15, (3, 2, 2)),
+    ("rula", "wrist", "wrist_flexion", -5, (2, 1, 1)),
+    ("rula", "wrist", "wrist_flexion", 5, (1, 1, 2)),
+    ("rula", "wrist", "wrist_flexion", 15, (2, 2, 3)),
+    ("rula", "wrist", "wrist_deviation", 10, (1, 1, 2)),
+    ("rula", "wrist", "wrist_deviation", -10, (2, 1, 1)),
+    ("rula", "wrist_twist", "pronation", 60, (1, 1, 2)),
+    ("rula", "wrist_twist", "pronation", -60, (2, 1, 1)),
+    ("rula", "neck", "neck_flexion", 0, (4, 1, 1)),
+    ("rula", "neck", "neck_flexion", 10, (1, 1, 2)),
+    ("rula", "neck", "neck_flexion", 20, (2, 2, 3)),
+    ("rula", "neck", "neck_twist", 10, (1, 1, 2)),
+    ("rula", "neck", "neck_twist", -10, (2, 1, 1)),
+    ("rula", "neck", "neck_bend", 10, (1, 1, 2)),
+    ("rula", "neck", "neck_bend", -10, (2, 1, 1)),
+    ("rula", "trunk", "trunk_flexion", -60, (4, 3, 3)),
+    ("rula", "trunk", "trunk_flexion", -20, (3, 2, 2)),
+    ("rula", "trunk", "trunk_flexion", -5, (2, 1, 1)),
+    ("rula", "trunk", "trunk_flexion", 5, (1, 1, 2)),
+    ("rula", "trunk", "trunk_flexion", 20, (2, 2, 3)),
+    ("rula", "trunk", "trunk_flexion", 60, (3, 3, 4)),
+    ("rula", "trunk", "trunk_twist", 10, (1, 1, 2)),
+    ("rula", "trunk", "trunk_twist", -10, (2, 1, 1)),
+    ("rula", "trunk", "trunk_bend", 10, (1, 1, 2)),
+    ("rula", "trunk", "trunk_bend", -10, (2, 1, 1)),
+    ("reba", "neck", "neck_flexion", 0, (2, 1, 1)),
+    ("reba", "neck", "neck_flexion", 20, (1, 1, 2)),
+    ("reba", "neck", "neck_twist", 10, (1, 1, 2)),
+    ("reba", "neck", "neck_bend", -10, (2, 1, 1)),
+    ("reba", "trunk", "trunk_flexion", -20, (3, 2, 2)),
+    ("reba", "trunk", "trunk_flexion", -5, (2, 1, 1)),
+    ("reba", "trunk", "trunk_flexion", 5, (1, 1, 2)),
+    ("reba", "trunk", "trunk_flexion", 20, (2, 2, 3)),
+    ("reba", "trunk", "trunk_flexion", 60, (3, 3, 4)),
+    ("reba", "trunk", "trunk_twist", -10, (2, 1, 1)),
+    ("reba", "trunk", "trunk_bend", 10, (1, 1, 2)),
+    ("reba", "legs", "knee_flexion", 30, (1, 2, 2)),
+    ("reba", "legs", "knee_flexion", 60, (2, 2, 3)),
+    ("reba", "upper_arm", "upper_arm_flexion", -20, (2, 1, 1)),
+    ("reba", "upper_arm", "upper_arm_flexion", 20, (1, 1, 2)),
+    ("reba", "upper_arm", "upper_arm_flexion", 45, (2, 2, 3)),
+    ("reba", "upper_arm", "upper_arm_flexion", 90, (3, 3, 4)),
+    ("reba", "upper_arm", "upper_arm_abduction", 20, (1, 1, 2)),
+    ("reba", "upper_arm", "upper_arm_rotation", 30, (1, 1, 2)),
+    ("reba", "upper_arm", "upper_arm_rotation", -30, (2, 1, 1)),
+    ("reba", "upper_arm", "shoulder_elevation", 10, (1, 1, 2)),
+    ("reba", "lower_arm", "elbow_flexion", 60, (2, 1, 1)),
+    ("reba", "lower_arm", "elbow_flexion", 100, (1, 1, 2)),
+    ("reba", "wrist", "wrist_flexion", -15, (2, 1, 1)),
+    ("reba", "wrist", "wrist_flexion", 15, (1, 1, 2)),
+    ("reba", "wrist", "wrist_deviation", -10, (2, 1, 1)),
+    ("reba", "wrist", "pronation", 60, (1, 1, 2)),
+]
+
+
+@pytest.mark.parametrize(("method", "part", "angle", "threshold", "expected"), THRESHOLDS)
+def test_a_posture_one_step_below_on_and_above_a_threshold(
+    method: str, part: str, angle: str, threshold: float, expected: tuple[int, int, int]
+) -> None:
+    degrees = np.array([threshold - STEP, threshold, threshold + STEP])
+    found = METHODS[method](Posture(**{angle: np.radians(degrees)})).parts[part]
+    assert tuple(found) == expected
+
+
+LOADS = [
+    ("rula", {}, 2.0, (0, 1, 1)),
+    ("rula", {}, 10.0, (1, 1, 2)),
+    ("rula", {"static": True}, 2.0, (0, 2, 2)),
+    ("rula", {"static": True}, 10.0, (2, 2, 3)),
+    ("rula", {"shock": True}, 10.0, (3, 3, 3)),
+    ("reba", {}, 5.0, (0, 1, 1)),
+    ("reba", {}, 10.0, (1, 1, 2)),
+    ("reba", {"shock": True}, 10.0, (2, 2, 3)),
+]
+
+
+@pytest.mark.parametrize(("method", "how", "threshold", "expected"), LOADS)
+def test_a_load_one_step_below_on_and_above_a_threshold(
+    method: str, how: dict[str, bool], threshold: float, expected: tuple[int, int, int]
+) -> None:
+    found = METHODS[method](Posture(), Task(load=threshold + STEP * np.array([-1.0, 0.0, 1.0]), **how))
+    assert tuple(sum(step.points for step in found.steps if step.part == "load")) == expected
+
+
+@pytest.mark.parametrize(
+    ("method", "part", "field", "threshold", "expected"),
+    [
+        ("rula", "muscle use", "held", 60.0, (0, 0, 1)),
+        ("rula", "muscle use", "repeats", 4.0, (0, 1, 1)),
+        ("reba", "activity", "held", 60.0, (0, 0, 1)),
+        ("reba", "activity", "repeats", 4.0, (0, 0, 1)),
+    ],
+)
+def test_muscle_use_and_activity_one_step_below_on_and_above_a_threshold(
+    method: str, part: str, field: str, threshold: float, expected: tuple[int, int, int]
+) -> None:
+    found = METHODS[method](Posture(), Task(**{field: threshold + STEP * np.array([-1.0, 0.0, 1.0])}))
+    assert tuple(sum(step.points for step in found.steps if step.part == part)) == expected
+
+
+@pytest.mark.parametrize(
+    ("method", "part", "posture", "expected"),
+    [
+        ("rula", "upper_arm", {"upper_arm_flexion": 1.0, "arm_supported": True}, 2),
+        ("rula", "upper_arm", {"arm_supported": True}, 1),
+        ("rula", "trunk", {"trunk_flexion": 1.2, "trunk_supported": True}, 1),
+        ("rula", "legs", {"unbalanced": True}, 2),
+        ("reba", "legs", {"knee_flexion": 1.5, "sitting": True}, 1),
+        ("reba", "legs", {"knee_flexion": 1.5, "unbalanced": True}, 4),
+        ("reba", "neck", {"neck_twist": 1.0, "neck_bend": 1.0}, 2),
+        ("reba", "wrist", {"wrist_deviation": 1.0, "pronation": 1.3}, 2),
+    ],
+)
+def test_support_balance_and_conditions_that_count_once(
+    method: str, part: str, posture: dict[str, Any], expected: int
+) -> None:
+    assert METHODS[method](Posture(**posture)).parts[part] == expected
+
+
+# The scorer that is compared with: one posture at a time, by the words of the worksheets and the noted tables.
+
+
+def band(value: float, *bounds: tuple[float, int]) -> int:
+    """Score of the first bound that the value does not exceed."""
+    return next(score for bound, score in bounds if value <= bound)
+
+
+def rula_by_hand(p: dict[str, Any], older: bool = False) -> int:
+    flexion = p["upper_arm_flexion"]
+    arm = 2 if flexion < -20 else band(flexion, (20, 1), (45, 2), (90, 3), (999, 4))
+    arm += (p["shoulder_elevation"] > 10) + (p["upper_arm_abduction"] > 20) - p["arm_supported"]
+    lower = (1 if 60 <= p["elbow_flexion"] <= 100 else 2) + (abs(p["forearm_inward"]) > 30)
+    wrist = band(abs(p["wrist_flexion"]), (5, 1), (15, 2), (999, 3)) + (abs(p["wrist_deviation"]) > 10)
+    twist = 2 if abs(p["pronation"]) > 60 else 1
+    neck = 4 if p["neck_flexion"] < 0 else band(p["neck_flexion"], (10, 1), (20, 2), (999, 3))
+    neck += (abs(p["neck_twist"]) > 10) + (abs(p["neck_bend"]) > 10)
+    trunk = 1 if p["trunk_supported"] else band(abs(p["trunk_flexion"]), (5, 1), (20, 2), (60, 3), (999, 4))
+    trunk += (abs(p["trunk_twist"]) > 10) + (abs(p["trunk_bend"]) > 10)
+    legs = 1 + p["unbalanced"]
+    a = published.rula_a(older)[max(1, arm), lower][2 * (wrist - 1) + twist - 1]
+    b = published.by_row(published.RULA_B)[neck][2 * (trunk - 1) + legs - 1]
+    use = p["held"] > 60 or p["repeats"] >= 4
+    load = 0 if p["load"] < 2 else (2 if p["static"] else 1) if p["load"] <= 10 else (3 if p["static"] else 2)
+    added = use + (3 if p["shock"] else load)
+    return published.by_row(published.RULA_C)[min(8, a + added)][min(7, b + added) - 1]
+
+
+def reba_by_hand(p: dict[str, Any]) -> int:
+    neck = 1 if 0 <= p["neck_flexion"] <= 20 else 2
+    neck += abs(p["neck_twist"]) > 10 or abs(p["neck_bend"]) > 10
+    lean = p["trunk_flexion"]
+    trunk = 3 if lean < -20 else 2 if lean < -5 else band(lean, (5, 1), (20, 2), (60, 3), (999, 4))
+    trunk += abs(p["trunk_twist"]) > 10 or abs(p["trunk_bend"]) > 10
+    knee = 0 if p["sitting"] or p["knee_flexion"] < 30 else 1 if p["knee_flexion"] <= 60 else 2
+    legs = 1 + p["unbalanced"] + knee
+    arm = 2 if p["upper_arm_flexion"] < -20 else band(p["upper_arm_flexion"], (20, 1), (45, 2), (90, 3), (999, 4))
+    arm += p["upper_arm_abduction"] > 20 or abs(p["upper_arm_rotation"]) > 30
+    arm += (p["shoulder_elevation"] > 10) - p["arm_supported"]
+    lower = 1 if 60 <= p["elbow_flexion"] <= 100 else 2
+    wrist = 1 if abs(p["wrist_flexion"]) <= 15 else 2
+    wrist += abs(p["wrist_deviation"]) > 10 or abs(p["pronation"]) > 60
+    a = published.reba_a()[neck][4 * (trunk - 1) + legs - 1]
+    b = published.reba_b()[max(1, arm)][3 * (lower - 1) + wrist - 1]
+    a += (0 if p["load"] < 5 else 1 if p["load"] <= 10 else 2) + p["shock"]
+    c = published.by_row(published.REBA_C)[a][b + 1 - 1]  # a fair coupling adds 1
+    return c + (p["held"] > 60) + (p["repeats"] > 4) + p["rapid"]
+
+
+COUNT = 4000
+
+
+@pytest.fixture(scope="module")
+def streamed() -> dict[str, np.ndarray]:
+    """A motion through all ranges, whole degrees so that thresholds are met, with changing tasks."""
+    random = np.random.default_rng(18)
+    ranges = {"elbow_flexion": (0, 150), "knee_flexion": (0, 120), "upper_arm_flexion": (-60, 150)}
+    found = {name: random.integers(*ranges.get(name, (-90, 91)), COUNT).astype(float) for name in ANGLES}
+    for name in ("neck_twist", "neck_bend", "trunk_twist", "trunk_bend", "wrist_deviation", "wrist_flexion"):
+        found[name] = random.integers(-20, 21, COUNT).astype(float)
+    found |= {name: random.integers(0, 2, COUNT).astype(bool) for name in FLAGS}
+    found |= {"load": random.integers(0, 13, COUNT).astype(float), "held": random.integers(58, 63, COUNT).astype(float)}
+    return found | {"repeats": random.integers(2, 7, COUNT).astype(float)}
+
+
+FLAGS = ("arm_supported", "trunk_supported", "unbalanced", "sitting", "static", "shock", "rapid")
+
+
+def given(streamed: dict[str, np.ndarray]) -> tuple[Posture, Task]:
+    values = {name: np.radians(value) if name in ANGLES else value for name, value in streamed.items()}
+    posture = {field.name: values[field.name] for field in fields(Posture)}
+    return Posture(**posture), Task(**{name: value for name, value in values.items() if name not in posture})
+
+
+@pytest.mark.parametrize("version", rula.VERSIONS)
+def test_rula_of_a_streamed_motion_is_that_of_another_scorer_at_every_sample(
+    streamed: dict[str, np.ndarray], version: str
+) -> None:
+    found = rula.score(*given(streamed), version)
+    expected = [rula_by_hand({k: v[i].item() for k, v in streamed.items()}, version == "older") for i in range(COUNT)]
+    assert found.score.tolist() == expected
+    assert set(expected) >= set(range(3, 8))
+
+
+def test_reba_of_a_streamed_motion_is_that_of_another_scorer_at_every_sample(streamed: dict[str, np.ndarray]) -> None:
+    posture, task = given(streamed)
+    found = reba_method.score(posture, Task(**{**vars(task), "coupling": "fair"}))
+    expected = [reba_by_hand({k: v[i].item() for k, v in streamed.items()}) for i in range(COUNT)]
+    assert found.score.tolist() == expected
+    assert set(expected) >= set(range(4, 16))
+
+
+@pytest.mark.parametrize(("method", "sizes"), [("rula", (144, 72)), ("reba", (60, 36))])
+def test_every_cell_of_tables_a_and_b_is_reached_by_a_posture(
+    streamed: dict[str, np.ndarray], method: str, sizes: tuple[int, int]
+) -> None:
+    names = {
+        "rula": (("upper_arm", "lower_arm", "wrist", "wrist_twist"), ("neck", "trunk", "legs")),
+        "reba": (("neck", "trunk", "legs"), ("upper_arm", "lower_arm", "wrist")),
+    }[method]
+    parts = METHODS[method](*given({**streamed, **rare()})).parts
+    for chosen, size in zip(names, sizes, strict=True):
+        assert len(set(zip(*(parts[name].tolist() for name in chosen), strict=True))) == size
+
+
+def rare() -> dict[str, np.ndarray]:
+    """Angles for which the rare scores are as frequent as the others."""
+    random = np.random.default_rng(19)
+    chosen = {
+        "upper_arm_flexion": (0, 30, 60, 100),
+        "neck_flexion": (-5, 5, 15, 30),
+        "trunk_flexion": (0, 10, 40, 70),
+        "wrist_flexion": (0, 10, 20),
+        "knee_flexion": (0, 40, 70),
+        "elbow_flexion": (80, 120),
+        "shoulder_elevation": (0, 20),
+        "upper_arm_abduction": (0, 30),
+    }
+    flags = {"arm_supported": np.zeros(COUNT, bool), "trunk_supported": np.zeros(COUNT, bool)}
+    return {name: random.choice(np.array(values, float), COUNT) for name, values in chosen.items()} | flags
+
+
+@pytest.mark.parametrize(
+    ("cell", "expected"),
+    [((2, 2, 2, 1), 3), ((6, 3, 4, 2), 9)],
+)
+def test_rula_table_a_has_the_cells_of_public_test_suites(cell: tuple[int, ...], expected: int) -> None:
+    upper, lower, wrist, twist = cell
+    assert rula.table_a(rula.rula_table(), "current")[f"{upper},{lower}"][2 * (wrist - 1) + twist - 1] == expected
+
+
+def test_reba_of_a_published_example_is_4() -> None:
+    posture = Posture(
+        neck_flexion=math.radians(30),
+        trunk_flexion=math.radians(10),
+        unbalanced=True,
+        upper_arm_flexion=0.0,
+        elbow_flexion=math.radians(30),
+        wrist_flexion=math.radians(20),
+        wrist_deviation=np.radians([0.0, 15.0]),
+    )
+    found = reba_method.score(posture)
+    assert found.parts["wrist"].tolist() == [2, 3]
+    assert (found.parts["table_a"][1], found.parts["table_b"].tolist()) == (4, [2, 3])
+    assert found.score.tolist() == [4, 4]
+
+
+# Public implementations have these errors.
+
+
+def test_a_neck_bent_by_up_to_10_deg_scores_1_in_rula() -> None:
+    assert rula.score(Posture(neck_flexion=np.radians([0.0, 5.0, 10.0]))).parts["neck"].tolist() == [1, 1, 1]
+
+
+def test_flexion_alone_gives_an_upper_arm_no_more_than_4() -> None:
+    angles = np.radians(np.arange(-180.0, 181.0))
+    assert all(method(Posture(upper_arm_flexion=angles)).parts["upper_arm"].max() == 4 for method in METHODS.values())
+
+
+def test_the_last_cells_of_reba_a_are_7_8_9_9() -> None:
+    knees = np.radians([0.0, 40.0, 70.0, 70.0])
+    posture = Posture(
+        neck_flexion=0.5, neck_twist=0.5, trunk_flexion=1.2, trunk_bend=0.5, knee_flexion=knees,
+        unbalanced=np.array([False, False, False, True]),
+    )  # fmt: skip
+    assert reba_method.score(posture).parts["table_a"].tolist() == [7, 8, 9, 9]
+
+
+# What is not known, what was chosen, and how it is said.
+
+
+def test_what_is_not_known_is_said_and_scores_least() -> None:
+    found = rula.score(Posture(upper_arm_flexion=1.0))
+    assert "neck_flexion is not known: taken as 0 deg" in found.assumptions
+    assert "elbow_flexion is not known: taken as 80 deg" in found.assumptions
+    assert not any(line.startswith("upper_arm_flexion") for line in found.assumptions)
+    random = np.random.default_rng(3)
+    known = Posture(upper_arm_flexion=1.0, **{name: random.uniform(-1.5, 1.5, 500) for name in ANGLES[1:]})
+    assert rula.score(known).score.min() >= found.score[0]
+
+
+def test_a_sample_that_is_not_known_is_said_and_does_not_score_as_extension() -> None:
+    found = rula.score(Posture(neck_flexion=np.array([0.1, math.nan, 0.1])))
+    assert found.parts["neck"].tolist() == [1, 1, 1]
+    assert "neck_flexion is not known at 1 of 3 instants: taken as 0 deg there" in found.assumptions
+
+
+def test_a_score_is_given_also_for_chosen_thresholds_5_deg_either_way() -> None:
+    posture = Posture(upper_arm_abduction=np.radians([14.0, 16.0, 24.0, 26.0]), upper_arm_flexion=1.0)
+    found = rula.score(posture, Task(load=3.0))
+    arm = found.score
+    assert found.stricter.tolist() == [arm[0], arm[3], arm[3], arm[3]]
+    assert found.looser.tolist() == [arm[0], arm[0], arm[0], arm[3]]
+    assert arm[0] < arm[3]
+    assert "abducted: 20 deg, chosen here: abduction beyond which an upper arm is abducted" in found.chosen
+    assert found.chosen[-1] == "5 deg either way change 2 of 4 scores"
+
+
+def test_thresholds_that_a_source_has_are_not_moved() -> None:
+    found = rula.score(Posture(upper_arm_flexion=np.radians(np.arange(-60.0, 150.0))))
+    assert (found.stricter.tolist(), found.looser.tolist()) == (found.score.tolist(),) * 2
+
+
+def test_each_step_says_its_reason() -> None:
+    found = rula.score(Posture(upper_arm_flexion=math.radians(50), shoulder_elevation=0.3), Task(load=3.0, static=True))
+    assert found.reasons(0)[:2] == [
+        "upper arm +3: upper arm flexion 45 to 90 deg (50.0 deg)",
+        "upper arm +1: shoulder raised (17.2 deg)",
+    ]
+    assert found.reasons(0)[-1] == "load +2: static or repeated load of 2 to 10 kg"
+    assert found.level(0) == "investigate and change soon"
+
+
+@pytest.mark.parametrize(
+    ("table", "levels"),
+    [
+        (rula_table(), ["acceptable"] * 2 + ["investigate further"] * 2 + ["investigate and change soon"] * 2),
+        (reba_table(), ["negligible", *["low"] * 2, *["medium"] * 4, *["high"] * 3, *["very high"] * 5]),
+    ],
+    ids=["rula", "reba"],
+)
+def test_each_score_has_its_level(table: PostureTable, levels: list[str]) -> None:
+    assert [table.level(score) for score in range(1, len(levels) + 1)] == levels
+
+
+def test_the_highest_score_of_rula_is_to_be_changed_now() -> None:
+    assert rula_table().level(7) == "investigate and change now"
+
+
+def test_a_band_that_does_not_count_says_why() -> None:
+    found = rula.score(Posture(trunk_flexion=1.0, trunk_supported=np.array([False, True])))
+    assert "trunk +3: trunk flexion 20 to 60 deg (57.3 deg)" in found.reasons(0)
+    assert "trunk +1: trunk supported (57.3 deg)" in found.reasons(1)
+
+
+def test_fields_of_different_lengths_are_refused_by_name() -> None:
+    with pytest.raises(HricError, match=r"elbow_flexion has the shape \(2,\); valid: one value, or \(3,\)"):
+        rula.score(Posture(upper_arm_flexion=np.zeros(3), elbow_flexion=np.zeros(2)))
+
+
+def test_an_unknown_version_and_coupling_are_refused_with_the_valid_ones() -> None:
+    with pytest.raises(HricError, match="no version of RULA's table A 'new'; valid: current, older"):
+        rula.score(Posture(), version="new")
+    with pytest.raises(HricError, match="no coupling 'great' in REBA; valid: fair, good, poor, unacceptable"):
+        reba_method.score(Posture(), Task(coupling="great"))
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_the_angles_of_a_body_are_those_of_its_links(side: str) -> None:
+    angles = {"sh_flex": 40.0, "sh_abd": 25.0, "sh_rot": 35.0, "el_flex": 70.0}
+    made = body(parts="upper_body")
+    posed = Posed(made, **{f"{side}_{name}": value for name, value in angles.items()})
+    names = list(made.joints)
+    q = np.radians([[angles.get(name.removeprefix(f"{side}_"), 0.0) if side in name else 0.0 for name in names]])
+    found = of_joints(names, q, side)
+    link = {"right": "r", "left": "l"}[side]
+    arm = posed.point(f"{link}_elbow") - posed.point(f"{link}_shoulder")
+    forearm = posed.point(f"{link}_wrist") - posed.point(f"{link}_elbow")
+    outward = {"right": -1.0, "left": 1.0}[side]
+    assert float(found.upper_arm_flexion[0]) == pytest.approx(math.atan2(arm[0], -arm[2]))
+    assert float(found.upper_arm_abduction[0]) == pytest.approx(math.asin(outward * arm[1] / np.linalg.norm(arm)))
+    across = -outward * forearm[1] / np.linalg.norm(forearm)
+    assert float(found.forearm_inward[0]) == pytest.approx(math.asin(across))
+
+
+def test_an_arm_alone_has_no_trunk_and_says_so() -> None:
+    names = list(body(parts="right_arm").joints)
+    found = rula.score(of_joints(names, np.zeros((3, len(names))), "right"))
+    assert "trunk_flexion is not known: taken as 0 deg" in found.assumptions
+    with pytest.raises(HricError, match="no arm 'both'; valid: right, left"):
+        of_joints(names, np.zeros((3, len(names))), "both")
