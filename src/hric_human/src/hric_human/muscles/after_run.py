@@ -9,7 +9,7 @@ co-contraction that nobody needs, are not in it. All of it is a model's estimate
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,8 @@ class MuscleLoad:
         centres: where they act, in the world, by joint centre, shape (n, 3) [m].
         outside: whether the posture is outside the range that muscle paths were fitted in, by side, shape (n,); what
             its muscles have there is of the range's edge.
+        lost: whether his motion or the force on his hand was not measured, by side, shape (n,): then all is NaN. Empty:
+            never.
     """
 
     time: FloatArray
@@ -85,10 +87,13 @@ class MuscleLoad:
     contact: Mapping[str, FloatArray]
     centres: Mapping[str, FloatArray]
     outside: Mapping[str, NDArray[np.bool_]]
+    lost: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def known(self, name: str) -> NDArray[np.bool_]:
-        """When the load of a muscle or a joint, by its name with its side, is one of the fitted range, shape (n,)."""
-        return ~self.outside[name.partition("_")[0]]
+        """When the load of a muscle or a joint, by its name with its side, is known, and one of the fitted range, shape
+        (n,)."""
+        side = name.partition("_")[0]
+        return ~(self.outside[side] | self.lost[side] if self.lost else self.outside[side])
 
 
 def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rate: float = RATE) -> Motion:

@@ -286,21 +286,15 @@ def _between(forces: deque[HandForce], time: FloatArray) -> tuple[FloatArray, ND
 
 def _trusted(load: MuscleLoad, lost: Mapping[str, NDArray[np.bool_]]) -> MuscleLoad:
     """The load with NaN for what is not known of it; lost: by side, shape (n,)."""
-    unknown = {side: gone | load.outside[side] for side, gone in lost.items()}
-
-    def masked(names: tuple[str, ...], values: FloatArray, masks: Mapping[str, NDArray[np.bool_]]) -> FloatArray:
-        mask = np.stack([masks[name.partition("_")[0]] for name in names], axis=1)
-        return np.where(mask, np.nan, values)
-
+    load = replace(load, lost=lost)
+    gone = np.stack([lost[name.partition("_")[0]] for name in load.joints], axis=1)
+    muscles, joints = (np.stack([load.known(name) for name in names], axis=1) for names in (load.names, load.joints))
     return replace(
         load,
-        activation=masked(load.names, load.activation, unknown),
-        force=masked(load.names, load.force, unknown),
-        torque=masked(load.joints, load.torque, lost),
-        share=masked(load.joints, load.share, lost),
-        shortfall=masked(load.joints, load.shortfall, unknown),
-        contact={
-            name: np.where(unknown[name.partition("_")[0]][:, None], np.nan, force)
-            for name, force in load.contact.items()
-        },
+        activation=np.where(muscles, load.activation, np.nan),
+        force=np.where(muscles, load.force, np.nan),
+        torque=np.where(gone, np.nan, load.torque),
+        share=np.where(gone, np.nan, load.share),
+        shortfall=np.where(joints, load.shortfall, np.nan),
+        contact={name: np.where(load.known(name)[:, None], force, np.nan) for name, force in load.contact.items()},
     )
