@@ -123,7 +123,7 @@ def test_a_c3d_that_begins_later_is_loaded_at_the_times_of_the_run(
     assert rms(found, recorded.load) <= 1e-3
 
 
-def test_opensim_opens_its_files_and_has_the_forces_in_its_ground(recorded: Result, tmp_path: Path) -> None:
+def test_opensim_opens_its_files_and_has_the_forces_in_its_ground(run: Path, recorded: Result, tmp_path: Path) -> None:
     paths = {path.stem: path for path in muscle_load.write(recorded, tmp_path)}
     assert {"activation", "force", "torque", "joint_reactions"} <= set(paths)
     load = recorded.load
@@ -136,7 +136,8 @@ def test_opensim_opens_its_files_and_has_the_forces_in_its_ground(recorded: Resu
     )
     assert_allclose(np.stack([forward, -right, up], axis=1), load.contact["right_shoulder"])
     height = reactions.getDependentColumn("right_shoulder_on_distal_in_ground_py").to_numpy()
-    assert_allclose(height, recorded.person.settings.root(recorded.person.body).position[2])
+    described = muscle_load.described_by(str(run))
+    assert_allclose(height, described.settings.root(described.body).position[2])
 
 
 def test_the_command_prints_tables_and_leaves_files(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -26,7 +26,7 @@ from hric_control.geometry.transforms import R_YUP_ZUP, rotation_from_quaternion
 from hric_control.plants import WindowlessConfig
 from hric_control.trial.c3d import read_trial
 from hric_control.trial.plates import TrialPlate
-from hric_experiments.analysis import human_record
+from hric_experiments.analysis import human_record, tracked_person
 from hric_experiments.analysis.human_record import GripRecord, HumanRecord
 from hric_experiments.analysis.run import bag_of
 from hric_experiments.definition import experiment
@@ -42,6 +42,7 @@ from hric_human.muscles.fatigue import Fatigue
 from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.muscles.static_optimization import MINIMUM
 from hric_human.participant.settings import HumanSettings
+from hric_perception.person.settings import PersonSettings
 
 FOLDER = "muscle_load"
 NO_PLATES: Mapping[int, str] = MappingProxyType({})
@@ -101,13 +102,13 @@ class Result:
 
     Attributes:
         load: of the muscles.
-        person: whose.
+        body: whose.
         anatomy: of the muscles.
         notes: for people: how the motion was found, and what is not in it.
     """
 
     load: MuscleLoad
-    person: Described
+    body: Body
     anatomy: Anatomy
     notes: tuple[str, ...]
 
@@ -180,6 +181,28 @@ def _against(load: MuscleLoad, record: HumanRecord) -> str:
     ]
     error = np.sqrt(np.mean((load.torque[inside] - np.transpose(columns)) ** 2))
     return f"joint torque is {error:.3f} N m RMS from what the run logged"
+
+
+def of_tracked(given: str, root: Path | None = None, factor: float = 1.0) -> Result:
+    """Of the real person before the cameras of a run, tracked again from its frames.
+
+    Args:
+        given: a run folder, its name, or "latest".
+        root: folder of all runs.
+        factor: of the strength of muscles.
+
+    Raises:
+        HricError: the run has no section `person`, or its bag does not show him.
+    """
+    folder = RunFolder.open(given, root)
+    run = folder.read()
+    section = (run.get("definition") or {}).get("person")
+    if section is None:
+        raise MuscleLoadError(f"{folder.path.name} tracked nobody; valid: a run of an experiment with a section person")
+    with bag_reader.opened(bag_of(folder, run)) as reader:
+        settings = PersonSettings.of(section, "person")
+        of_him = tracked_person.tracked(reader, bag_reader.read(reader).robot_time, settings, factor)
+    return Result(of_him.found.load, of_him.body, of_him.anatomy, of_him.notes)
 
 
 def of_c3d(
@@ -266,7 +289,7 @@ def _result(person: Described, motion: Motion, factor: float, notes: list[str], 
                 f"{side} arm: outside the range that muscle paths were fitted in for {100 * outside.mean():.1f} % of "
                 "the time, where its muscles are left out"
             )
-    return Result(found, person, anatomy, tuple(notes))
+    return Result(found, person.body, anatomy, tuple(notes))
 
 
 def write(result: Result, folder: Path) -> list[Path]:
@@ -314,7 +337,7 @@ def render(result: Result, fatigue: bool = False) -> str:
     """
     load = result.load
     span = load.time[-1] - load.time[0]
-    code = result.person.body.subject.code
+    code = result.body.subject.code
     head = [f"muscle load of {code} over {span:.2f} s, a model's estimate", *result.notes]
     blocks = [_muscles(load, _fatigued(result) if fatigue else None), _joints(load), _contacts(load)]
     return "\n\n".join(["\n".join(head), *("\n".join(text.rows(cells, head=2)) for cells in blocks)]) + "\n"
@@ -339,9 +362,10 @@ def _joints(load: MuscleLoad) -> list[list[str]]:
         ["", "N m", "% of strength", "% of strength", "N m"],
     ]
     for j, name in enumerate(load.joints):
-        share, short = 100.0 * load.share[:, j], np.abs(load.shortfall[load.known(name), j])
-        row = np.abs(load.torque[:, j]).max(), share.mean(), share.max()
-        cells.append([name, *(f"{value:.1f}" for value in row), f"{short.max():.1f}" if len(short) else "-"])
+        measured, short = np.isfinite(load.torque[:, j]), np.abs(load.shortfall[load.known(name), j])
+        share, torque = 100.0 * load.share[measured, j], np.abs(load.torque[measured, j])
+        row = [f"{v:.1f}" for v in (torque.max(), share.mean(), share.max())] if len(share) else list("---")
+        cells.append([name, *row, f"{short.max():.1f}" if len(short) else "-"])
     return cells
 
 
@@ -371,6 +395,10 @@ def main(arguments: Sequence[str]) -> int:
     given = _parser().parse_args(list(arguments))
     root = runs_root(given.runs)
     recording, output = Path(given.recording).expanduser(), given.output
+    if given.tracked and (recording.suffix.lower() == ".c3d" or given.cutoff != CUTOFF):
+        raise MuscleLoadError(
+            "--tracked is for a run, whose person is smoothed as he was live; valid: without --cutoff"
+        )
     if recording.suffix.lower() == ".c3d":
         if given.person is None:
             raise MuscleLoadError(
@@ -382,7 +410,10 @@ def main(arguments: Sequence[str]) -> int:
     else:
         if given.person is not None or given.plate:
             raise MuscleLoadError("--person and --plate are for a c3d file; a run says who is in it, and what he holds")
-        result = of_run(described_by(given.recording, root), given.cutoff, given.strength)
+        if given.tracked:
+            result = of_tracked(given.recording, root, given.strength)
+        else:
+            result = of_run(described_by(given.recording, root), given.cutoff, given.strength)
         output = output or RunFolder.open(given.recording, root).path / FOLDER
     output.mkdir(parents=True, exist_ok=True)
     paths = write(result, output)
@@ -424,6 +455,11 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         metavar="N=LINK",
         help="of a c3d file: the link of the body that presses on its force plate N, as 1=r_wrist; may be repeated",
+    )
+    parser.add_argument(
+        "--tracked",
+        action="store_true",
+        help="of a run: the real person before its cameras (section person), tracked again from its frames",
     )
     parser.add_argument(
         "--cutoff", type=float, default=CUTOFF, metavar="HZ", help=f"of the filter of joint angles ({CUTOFF:g})"
