@@ -265,11 +265,13 @@ def test_frames_that_are_too_few_or_too_far_apart_give_nothing() -> None:
     assert fed(LiveLoad(BODY, ANATOMY, None), slow) == []
 
 
-def test_a_time_that_does_not_rise_begins_again() -> None:
+@pytest.mark.parametrize("later", [-1.0, 1e9])
+def test_another_clock_begins_again(later: float) -> None:
     live = LiveLoad(BODY, ANATOMY, "right")
     fed(live, held(), pressed())
-    found = fed(live, held(), pressed())
-    assert joined(found, lambda one: one.load.time)[0] == pytest.approx(WINDOW, abs=0.01)
+    frames, forces = ([one._replace(time=one.time + later) for one in some] for some in (held(), pressed()))
+    found = fed(live, frames, forces)
+    assert joined(found, lambda one: one.load.time)[0] == pytest.approx(later + WINDOW, abs=0.011)
     assert set(np.concatenate([one.force for one in found])) == {MEASURED}
 
 

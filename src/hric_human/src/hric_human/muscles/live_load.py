@@ -42,6 +42,8 @@ PATIENCE = 0.3
 """So much longer than for frames an instant waits for the force [s]."""
 REACH = 0.5
 """Between the hand's centre of mass and the point of the force; one that is farther off is not on the hand [m]."""
+ANOTHER_CLOCK = 3600.0
+"""Frames that are farther apart are of different clocks [s]."""
 STAMP = 1e-6
 """Differences of times that are smaller are rounding [s]."""
 UNMEASURED, MISSING, AWAY = "none", "missing", "away"
@@ -133,8 +135,8 @@ class LiveLoad:
         self._next: int | None = None
 
     def add(self, one: Estimate) -> None:
-        """Take a frame; one that is not after the last one begins again."""
-        if self._frames and one.time <= self._frames[-1].time:
+        """Take a frame; one that is not after the last one, or is of another clock, begins again."""
+        if self._frames and not 0.0 < one.time - self._frames[-1].time < ANOTHER_CLOCK:
             self.restart()
         orientation = np.array(one.root.orientation)
         if self._frames and orientation @ self._frames[-1].values[-4:] < 0.0:
@@ -189,12 +191,11 @@ class LiveLoad:
         derivatives = np.array([one.derivatives for one in found])
         motion, root = _motion(time, derivatives, self._count)
         force, acting, distance = self._acting(time, motion, root)
-        loads = [acting] if self._hand is not None else []
-        known = [load._replace(force=np.nan_to_num(load.force), torque=np.nan_to_num(load.torque)) for load in loads]
+        known = acting._replace(force=np.nan_to_num(acting.force), torque=np.nan_to_num(acting.torque))
         worst = np.array([one.states for one in found])
         states = {side: self._state(side, worst, force) for side in self._chains}
         lost = {side: np.array(state) == LOST for side, state in states.items()}
-        return PersonLoad(_trusted(self._after.of(motion, known, root), lost), states, force, acting, distance)
+        return PersonLoad(_trusted(self._after.of(motion, [known], root), lost), states, force, acting, distance)
 
     def _state(self, side: str, worst: NDArray[np.int8], force: tuple[str, ...]) -> tuple[str, ...]:
         """Of an arm at n instants; worst: state of each joint and the root in the window of each."""

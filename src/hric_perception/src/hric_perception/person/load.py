@@ -27,6 +27,8 @@ PORTION = 0.05
 of this file are project defaults, unconfirmed."""
 BACKLOG = 1000
 """Frames and samples of the force that may wait; the oldest give way."""
+RECENT = 1.0
+"""Samples of the force count while frames that show him are no older [s of the stamps]."""
 WAIT = 0.1
 """Between looks at whether the node ends [s]."""
 FULL = 1.0 - 1e-9
@@ -149,7 +151,7 @@ class LoadThread:
         self._came, self._stop = threading.Event(), threading.Event()
         self._live: LiveLoad | None = None
         self._messages: LoadMessages | None = None
-        self._taken = -math.inf
+        self._seen = self._taken = -math.inf
         self._tally = _Tally(settings.source)
         self._load = node.advertise(f"{where}/load", PersonLoadMessage, queue_size=100)
         self._parts = {
@@ -189,17 +191,17 @@ class LoadThread:
             began = time.thread_time()
             while self._queue:
                 one = self._queue.popleft()
-                if isinstance(one, HandForce):
-                    if self._live is not None:
-                        self._live.add_force(one)
-                else:
+                if isinstance(one, Frame):
                     self._take(one)
+                elif self._live is not None and one.time - self._seen < RECENT:
+                    self._live.add_force(one)
             self._tally.cost += time.thread_time() - began
 
     def _take(self, frame: Frame) -> None:
         if frame.live is not self._live:
             self._live, self._messages = frame.live, LoadMessages(frame.live, self._side)
         frame.live.add(frame.one)
+        self._seen = frame.one.time
         if 0.0 <= frame.one.time - self._taken < PORTION:
             return
         self._taken = frame.one.time
