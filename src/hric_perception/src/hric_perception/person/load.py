@@ -151,7 +151,7 @@ class LoadThread:
         self._came, self._stop = threading.Event(), threading.Event()
         self._live: LiveLoad | None = None
         self._messages: LoadMessages | None = None
-        self._seen = self._taken = -math.inf
+        self._newest = self._taken = -math.inf
         self._tally = _Tally(settings.source)
         self._load = node.advertise(f"{where}/load", PersonLoadMessage, queue_size=100)
         self._parts = {
@@ -193,7 +193,7 @@ class LoadThread:
                 one = self._queue.popleft()
                 if isinstance(one, Frame):
                     self._take(one)
-                elif self._live is not None and one.time - self._seen < RECENT:
+                elif self._live is not None and one.time - self._newest < RECENT:
                     self._live.add_force(one)
             self._tally.cost += time.thread_time() - began
 
@@ -201,7 +201,7 @@ class LoadThread:
         if frame.live is not self._live:
             self._live, self._messages = frame.live, LoadMessages(frame.live, self._side)
         frame.live.add(frame.one)
-        self._seen = frame.one.time
+        self._newest = frame.one.time
         if 0.0 <= frame.one.time - self._taken < PORTION:
             return
         self._taken = frame.one.time
