@@ -364,3 +364,14 @@ def test_the_controllers_yaml_configures_every_named_instance() -> None:
     assert motion | {"joint_state_controller", "franka_state_controller"} <= {
         name for name, value in values.items() if "type" in value
     }
+
+
+@EVERYWHERE
+def test_a_section_person_starts_the_node_that_tracks_him(environment: tuple[str, ...], tmp_path: Path) -> None:
+    path = tmp_path / "seen.yaml"
+    packaged = Path(launch_file()).parents[2] / "hric_experiments" / "config" / "experiments" / "marker_tracking.yaml"
+    path.write_text(packaged.read_text() + "person: {asset: him, force: {source: robot, hand: left}}\n")
+    config = loaded(*environment, f"experiment:={path}", "record:=false")
+    assert nodes(config)["/person"] == "hric_perception/person" and "/natnet_client" in nodes(config)
+    assert parameters(config)["/person"] == {"asset": "him", "force": {"source": "robot", "hand": "left"}}
+    assert "/person" not in nodes(loaded(*environment, *STEP))

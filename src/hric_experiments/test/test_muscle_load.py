@@ -126,7 +126,7 @@ def test_a_c3d_that_begins_later_is_loaded_at_the_times_of_the_run(
     assert rms(found, recorded.load) <= 1e-3
 
 
-def test_opensim_opens_its_files_and_has_the_forces_in_its_ground(recorded: Result, tmp_path: Path) -> None:
+def test_opensim_opens_its_files_and_has_the_forces_in_its_ground(run: Path, recorded: Result, tmp_path: Path) -> None:
     paths = {path.stem: path for path in muscle_load.write(recorded, tmp_path)}
     assert {"activation", "force", "torque", "joint_reactions"} <= set(paths)
     load = recorded.load
@@ -139,7 +139,8 @@ def test_opensim_opens_its_files_and_has_the_forces_in_its_ground(recorded: Resu
     )
     assert_allclose(np.stack([forward, -right, up], axis=1), load.contact["right_shoulder"])
     height = reactions.getDependentColumn("right_shoulder_on_distal_in_ground_py").to_numpy()
-    assert_allclose(height, recorded.person.settings.root(recorded.person.body).position[2])
+    described = muscle_load.described_by(str(run))
+    assert_allclose(height, described.settings.root(described.body).position[2])
 
 
 def test_the_command_prints_tables_and_leaves_files(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -165,9 +166,9 @@ def test_the_command_takes_the_muscles_of_a_users_model(
 def test_human_osim_of_a_run_with_muscles_has_them_with_the_same_moment_arms(run: Path, tmp_path: Path) -> None:
     person = muscle_load.described_by(str(run))
     muscles = MuscleSet(person.body, find("delft", "anatomy"))
-    section = RunFolder.open(str(run)).read()["definition"]["human"]
+    section = RunFolder.open(str(run)).read()["definition"]["human"] | {"drive": "muscle"}
     assert person.record is not None
-    human_opensim.write(tmp_path, section, person.record, person.gravity, muscles)
+    human_opensim.write(tmp_path, section, person.record, person.gravity)
     model = opensim.Model(str(tmp_path / human_opensim.MODEL))
     state = model.initSystem()
     q = dict(zip(person.record.joints, person.record.position[-1].tolist(), strict=True))

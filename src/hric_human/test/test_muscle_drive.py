@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 from hric_control.errors import ParameterError
 from hric_human.control import HumanControl, Person
 from hric_human.muscles import curves
+from hric_human.muscles.anatomy import BUILT_IN, load
 from hric_human.muscles.drive import MuscleDrive
-from hric_human.muscles.muscle_set import STIFFNESS
-from hric_human.muscles.settings import MuscleSettings
+from hric_human.muscles.muscle_set import STIFFNESS, MuscleSet
 
 CYCLE = 1e-3
 Q = [0.7, 0.3, 0.2, 1.3, 0.1, 0.1, 0.0]
@@ -23,8 +23,8 @@ def person(parts: str = "right_arm") -> Person:
     return HumanControl(body(parts=parts), {}, 0).person
 
 
-def drive(one: Person | None = None, **settings: float) -> MuscleDrive:
-    return MuscleDrive(one or person(), MuscleSettings.of(settings, "muscles"), CYCLE, "muscles.")
+def drive(one: Person | None = None, strength: float = 1.0, **settings: float) -> MuscleDrive:
+    return MuscleDrive(MuscleSet((one or person()).body, load(BUILT_IN), strength), CYCLE, **settings)
 
 
 def updated(muscles: MuscleDrive, tau: Sequence[float], cycles: int) -> list[float]:
@@ -135,8 +135,6 @@ def test_a_restart_gives_what_the_first_start_gave() -> None:
     assert [muscles.update(Q, [0.01 * n] * 7, weight) for n in range(15)] == first
 
 
-def test_a_rate_of_no_whole_number_of_cycles_and_an_anatomy_that_is_not_there_are_named() -> None:
-    with pytest.raises(ParameterError, match=r"muscles\.rate is 300\.0; valid: a whole part of the 1000 cycles"):
+def test_a_rate_of_no_whole_number_of_cycles_is_named() -> None:
+    with pytest.raises(ParameterError, match=r"human\.muscles\.rate is 300\.0; valid: a whole part of the 1000 cycles"):
         drive(rate=300.0)
-    with pytest.raises(ParameterError, match=r"muscles\.anatomy.*nothing\.json"):
-        MuscleDrive(person(), MuscleSettings(anatomy="nothing.json"), CYCLE, "muscles.")

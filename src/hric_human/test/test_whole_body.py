@@ -10,7 +10,7 @@ from hric_control.errors import HricError
 from hric_control.geometry import Pose, from_rotation_vector
 from hric_control.geometry.transforms import rotation_from_quaternion
 from hric_human.body import Body
-from hric_human.control.whole_body import Load, WholeBody, floor_wrench
+from hric_human.control.whole_body import Load, RootMotion, WholeBody, floor_wrench
 
 ROOT = Pose((0.85, -0.2, 0.3), from_rotation_vector((0.0, 0.0, 2.5)))
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -103,6 +103,27 @@ def test_a_motion_with_loads_on_links_needs_what_an_independent_library_says(par
                 assert_allclose(found.position[t, at], T.translation, atol=1e-12)
                 assert_allclose(found.force[t, at], T.rotation @ force.linear, rtol=1e-10, atol=1e-9)
                 assert_allclose(found.moment[t, at], T.rotation @ force.angular, rtol=1e-10, atol=1e-9)
+
+
+def test_a_root_that_moves_needs_what_an_independent_library_says() -> None:
+    one = body(parts="upper_body")
+    whole, oracle, random = WholeBody(one), OnAFreeBase(one), np.random.default_rng(4)
+    states = [random_state(one, random) for _ in range(4)]
+    q, dq, ddq = (np.array(rows) for rows in zip(*states, strict=True))
+    omega, alpha, velocity, acceleration = random.uniform(-3.0, 3.0, (4, 4, 3))
+    at_rest = RootMotion.at_rest(ROOT, 4)
+    moving = at_rest._replace(omega=omega, alpha=alpha, acceleration=acceleration)
+    found = whole.inverse_dynamics(q, dq, ddq, moving)
+    R = rotation_from_quaternion(ROOT.orientation).T  # pinocchio has the root's velocity and its rate in its own axes
+    for t in range(4):
+        v, a = oracle.v(dq[t]), oracle.v(ddq[t])
+        v[:3], v[3:6] = R @ velocity[t], R @ omega[t]
+        a[:3], a[3:6] = R @ (acceleration[t] - np.cross(omega[t], velocity[t])), R @ alpha[t]
+        tau = pinocchio.rnea(oracle.model, oracle.data, oracle.q(q[t]), v, a)
+        assert_allclose(found.torque[t], tau[oracle.columns], rtol=1e-11, atol=1e-9)
+    assert_allclose(
+        whole.inverse_dynamics(q, dq, ddq, at_rest).torque, whole.inverse_dynamics(q, dq, ddq, ROOT).torque, atol=0.0
+    )
 
 
 def test_a_load_on_a_link_that_is_not_there_is_refused_by_name() -> None:

@@ -1,5 +1,7 @@
 """Somebody who moves his whole upper body in a laboratory, with markers on him, as pinocchio has him."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pinocchio
 
@@ -15,13 +17,20 @@ class Mover:
         body: his, as it really is.
         speed: of the swings, a factor [1].
         seed: of phases and rates.
+        within: lower and upper angle by joint, where he swings in less than its range [rad].
     """
 
-    def __init__(self, body: Body, speed: float = 1.0, seed: int = 1) -> None:
+    def __init__(
+        self,
+        body: Body,
+        speed: float = 1.0,
+        seed: int = 1,
+        within: Mapping[str, tuple[float, float]] | None = None,
+    ) -> None:
         self.body, self._random = body, np.random.default_rng(seed)
         self.model = pinocchio.buildModelFromXML(body.urdf, pinocchio.JointModelFreeFlyer())
         self.data = self.model.createData()
-        low, high = np.array([joint.range for joint in body.joints.values()]).T
+        low, high = np.array([(within or {}).get(name, joint.range) for name, joint in body.joints.items()]).T
         high = np.minimum(high, np.radians(75))
         self._middle, self._swing = 0.5 * (low + high), 0.4 * (high - low)
         self._phase = self._random.uniform(0, 2 * np.pi, len(low))
@@ -40,6 +49,25 @@ class Mover:
         x, y = 0.05 * np.sin(1.3 * time), 0.05 * np.sin(0.9 * time)
         turn = pinocchio.exp3(np.array([x, y, 2.5 + 0.3 * np.sin(time)]))
         return pinocchio.SE3(turn, np.array([0.8 + 0.1 * np.sin(0.8 * time), -0.3 + 0.05 * np.sin(time), 0.95]))
+
+    def state(self, time: float) -> np.ndarray:
+        """Positions as the model has them."""
+        q = np.zeros(self.model.nq)
+        q[:7], q[self._q] = pinocchio.SE3ToXYZQUAT(self.root(time)), self.joints(time)[0]
+        return q
+
+    def torque(self, time: float, link: str, force: np.ndarray, torque: np.ndarray, point: np.ndarray) -> np.ndarray:
+        """What his joints need, n [N m], beside a force [N] at a point [m] and a torque [N m] on a link, in axes of the
+        world; root and joints move with differences of their positions."""
+        h = 1e-4
+        before, now, after = (self.state(time + dt) for dt in (-h, 0.0, h))
+        forth, back = (pinocchio.difference(self.model, *pair) / h for pair in ((now, after), (before, now)))
+        acting = pinocchio.StdVec_Force([pinocchio.Force.Zero() for _ in range(self.model.njoints)])
+        pinocchio.forwardKinematics(self.model, self.data, now)
+        joint = self.model.frames[self.model.getFrameId(link)].parentJoint
+        acting[joint] = self.data.oMi[joint].actInv(pinocchio.Force(force, torque + np.cross(point, force)))
+        tau = pinocchio.rnea(self.model, self.data, now, (forth + back) / 2.0, (forth - back) / h, acting)
+        return np.asarray(tau[self._v])
 
     def place(self, time: float, joints: np.ndarray | None = None) -> None:
         """Put the model where he is; joints: in place of those that swing [rad]."""

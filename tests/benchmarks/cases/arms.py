@@ -21,8 +21,9 @@ from hric_control.urdf import read
 from hric_experiments.definition.overrides import SIMULATORS
 from hric_human.body import Subject, describe
 from hric_human.control import HumanControl
+from hric_human.muscles.anatomy import BUILT_IN, load
 from hric_human.muscles.drive import MuscleDrive
-from hric_human.muscles.settings import MuscleSettings
+from hric_human.muscles.muscle_set import MuscleSet
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 SETPOINT = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
@@ -231,7 +232,7 @@ def human_law(muscles: bool) -> Iterator[Block]:
     law = HumanControl(body, {"parameters": {"reference": REFERENCE}}, 0, root)
     law.start(0.0)
     q, dq = law.posture, [0.0] * 7
-    drive = MuscleDrive(law.person, MuscleSettings(), 1e-3) if muscles else None
+    drive = MuscleDrive(MuscleSet(body, load(BUILT_IN)), 1e-3) if muscles else None
 
     def run(n: int) -> None:
         for k in range(n):

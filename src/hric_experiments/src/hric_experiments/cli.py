@@ -20,7 +20,16 @@ from hric_experiments.definition import experiment, overrides, study
 
 DESCRIBED = {"robot": "robot", "limits": "joint_limits", "controllers": "controllers", "mocap": "mocap"}
 """What `describe` prints as YAML, and the function of `parameters` that returns it."""
-NODES = ("natnet_client", "emulated_human", "emg", "emulated_emg", "force_plate", "emulated_plate", "synchronizer")
+NODES = (
+    "natnet_client",
+    "emulated_human",
+    "emg",
+    "emulated_emg",
+    "force_plate",
+    "emulated_plate",
+    "synchronizer",
+    "person",
+)
 """Nodes of motion capture and sensors whose private parameters it prints."""
 
 

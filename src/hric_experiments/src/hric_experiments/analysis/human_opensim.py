@@ -19,31 +19,25 @@ from hric_control.urdf import write_origin
 from hric_experiments.analysis.human_record import HumanRecord
 from hric_experiments.definition.parameters import HUMAN
 from hric_human.body import describe
+from hric_human.muscles.choose import find
 from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.muscles.opensim_paths import with_muscles
-from hric_human.participant.settings import HumanSettings
+from hric_human.participant.settings import MUSCLE, HumanSettings
 from urdf_to_osim.transforms import base_pose
 
 MODEL, MOTION = "human.osim", "human.mot"
 LOADS, LOADS_SETUP = "human_external_loads.mot", "human_external_loads.xml"
 
 
-def write(
-    folder: Path,
-    section: Mapping[str, Any],
-    record: HumanRecord,
-    gravity: tuple[float, ...],
-    muscles: MuscleSet | None = None,
-) -> None:
+def write(folder: Path, section: Mapping[str, Any], record: HumanRecord, gravity: tuple[float, ...]) -> None:
     """Write human.osim and human.mot, and with a grip human_external_loads, replacing those that are there. OpenSim's
-    inverse dynamics of the three is the torque of his joints.
+    inverse dynamics of the three is the torque of his joints. Muscles that moved him are in his model.
 
     Args:
         folder: of the run.
         section: `human` of the experiment.
         record: from the bag.
         gravity: in the world, 3 floats [m/s^2].
-        muscles: that drove him, to be in his model.
 
     Raises:
         HricError: the files cannot be written.
@@ -54,7 +48,9 @@ def write(
     options = urdf_to_osim.Options(gravity=gravity, inertia="keep", stops=False, friction="none", meshes=False)
     conversion = urdf_to_osim.convert(urdf, options)
     urdf_to_osim.write(conversion, folder / MODEL)
-    if muscles is not None:
+    if settings.drive == MUSCLE:
+        anatomy = find(settings.muscles.anatomy, "human.muscles.anatomy")
+        muscles = MuscleSet(body, anatomy, settings.muscles.strength)
         text = with_muscles((folder / MODEL).read_text(), muscles)
         with atomic(folder / MODEL) as path:
             path.write_text(text)

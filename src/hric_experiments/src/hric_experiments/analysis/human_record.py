@@ -15,6 +15,8 @@ from hric_control.geometry import Vector
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE, CONTACTS_TYPE = "hric_msgs/msg/HumanEvent", "hric_msgs/msg/RegionContacts"
+REAL = "/hric/person/"
+"""In topics of a real person before the cameras, which are none of the simulated human."""
 
 
 @dataclass(frozen=True)
@@ -167,9 +169,11 @@ def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> Human
     }
     states: list[tuple[float, Any]] = []
     with opened(bag) as reader:
-        torque_topics = {c.topic for c in reader.connections if c.msgtype == TORQUE_TYPE}
+        torque_topics = {c.topic for c in reader.connections if c.msgtype == TORQUE_TYPE and REAL not in c.topic}
         state_topics = {f"{topic.rpartition('/')[0]}/joint_states" for topic in torque_topics}
-        for connection, _, raw in reader.chosen(lambda c: c.msgtype in found or c.topic in state_topics):
+        topics = torque_topics | state_topics
+        kinds = set(found) - {TORQUE_TYPE}
+        for connection, _, raw in reader.chosen(lambda c: c.msgtype in kinds or c.topic in topics):
             message = reader.deserialize(raw, connection.msgtype)
             rows = found.get(connection.msgtype, states)
             rows.append((robot_time(seconds(message.header.stamp)), message))

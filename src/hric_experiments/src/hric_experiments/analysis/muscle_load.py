@@ -26,7 +26,7 @@ from hric_control.geometry.transforms import R_YUP_ZUP, rotation_from_quaternion
 from hric_control.plants import WindowlessConfig
 from hric_control.trial.c3d import read_trial
 from hric_control.trial.plates import TrialPlate
-from hric_experiments.analysis import human_record
+from hric_experiments.analysis import human_record, tracked_person
 from hric_experiments.analysis.human_record import GripRecord, HumanRecord
 from hric_experiments.analysis.run import bag_of
 from hric_experiments.definition import experiment
@@ -41,10 +41,12 @@ from hric_human.muscles.choose import NAME, find
 from hric_human.muscles.fatigue import Fatigue
 from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.muscles.static_optimization import MINIMUM
-from hric_human.participant.settings import HumanSettings
+from hric_human.participant.settings import HumanSettings, MuscleSettings
+from hric_perception.person.settings import PersonSettings
 
 FOLDER = "muscle_load"
 NO_PLATES: Mapping[int, str] = MappingProxyType({})
+AS_SHIPPED = MuscleSettings()
 HIGH = 0.3
 """Activation above which a muscle is counted as highly active [1]; project default."""
 POOR_FIT, WORST_FIT = 0.015, 0.05
@@ -74,6 +76,11 @@ class Described:
     record: HumanRecord | None
     source: str
 
+    def with_muscles(self, anatomy: str | None, strength: float | None) -> "Described":
+        """The same person with another anatomy, or another factor of the strength of his muscles; None: his own."""
+        muscles = _chosen(self.settings.muscles, anatomy, strength)
+        return replace(self, settings=replace(self.settings, muscles=muscles))
+
     def loads(self, time: FloatArray) -> list[Load]:
         """What his grips do to his links, shape (n,) of instants [s]."""
         grips = {} if self.record is None else self.record.grips
@@ -84,6 +91,11 @@ class Described:
                 if body.startswith(own):
                     found.append(_load(grip, body.removeprefix(own), sign, time))
         return found
+
+
+def _chosen(own: MuscleSettings, anatomy: str | None, strength: float | None) -> MuscleSettings:
+    """With what is given instead."""
+    return replace(own, anatomy=anatomy or own.anatomy, strength=own.strength if strength is None else strength)
 
 
 def _load(grip: GripRecord, link: str, sign: float, time: FloatArray) -> Load:
@@ -101,13 +113,13 @@ class Result:
 
     Attributes:
         load: of the muscles.
-        person: whose.
+        body: whose.
         anatomy: of the muscles.
         notes: for people: how the motion was found, and what is not in it.
     """
 
     load: MuscleLoad
-    person: Described
+    body: Body
     anatomy: Anatomy
     notes: tuple[str, ...]
 
@@ -151,14 +163,12 @@ def _described(
     return Described(settings, describe(settings.person), (x, y, z), record, source)
 
 
-def of_run(person: Described, cutoff: float = CUTOFF, factor: float = 1.0, anatomy: Anatomy | None = None) -> Result:
+def of_run(person: Described, cutoff: float = CUTOFF) -> Result:
     """Of the motion that a run recorded.
 
     Args:
         person: of the run.
         cutoff: of the low-pass filter of angles [Hz].
-        factor: of the strength of muscles.
-        anatomy: of them; None: the built-in one.
 
     Raises:
         HricError: no record of a motion, too short a motion, a body without arms.
@@ -168,7 +178,7 @@ def of_run(person: Described, cutoff: float = CUTOFF, factor: float = 1.0, anato
         raise MuscleLoadError(f"{person.source} describes somebody, and has no motion; valid: a run, or a c3d file")
     columns = [record.joints.index(name) for name in person.body.joints]
     motion = smoothed(record.time, record.position[:, columns], cutoff)
-    result = _result(person, motion, factor, anatomy, [f"motion: joint states of {person.source}"])
+    result = _result(person, motion, [f"motion: joint states of {person.source}"])
     return replace(result, notes=(*result.notes, _against(result.load, record)))
 
 
@@ -183,20 +193,41 @@ def _against(load: MuscleLoad, record: HumanRecord) -> str:
     return f"joint torque is {error:.3f} N m RMS from what the run logged"
 
 
+def of_tracked(given: str, root: Path | None = None, muscles: MuscleSettings = AS_SHIPPED) -> Result:
+    """Of the real person before the cameras of a run, tracked again from its frames.
+
+    Args:
+        given: a run folder, its name, or "latest".
+        root: folder of all runs.
+        muscles: their anatomy and strength.
+
+    Raises:
+        HricError: the run has no section `person`, or its bag does not show him.
+    """
+    folder = RunFolder.open(given, root)
+    run = folder.read()
+    section = (run.get("definition") or {}).get("person")
+    if section is None:
+        raise MuscleLoadError(f"{folder.path.name} tracked nobody; valid: a run of an experiment with a section person")
+    anatomy = find(muscles.anatomy, "--muscles")
+    with bag_reader.opened(bag_of(folder, run)) as reader:
+        settings = PersonSettings.of(section, "person")
+        of_him = tracked_person.tracked(reader, bag_reader.read(reader).robot_time, settings, anatomy, muscles.strength)
+    return Result(of_him.found.load, of_him.body, anatomy, of_him.notes)
+
+
 def of_c3d(
     path: Path,
     person: Described,
     cutoff: float = CUTOFF,
-    factor: float = 1.0,
     plates: Mapping[int, str] = NO_PLATES,
-    anatomy: Anatomy | None = None,
 ) -> Result:
     """Of the markers in a c3d file. Its laboratory is the person's world, and the begin of its clock, if the file has
     none, that of the run.
 
     Args:
         path: of the file.
-        person, cutoff, factor, anatomy: see `of_run`.
+        person, cutoff: see `of_run`.
         plates: links of the body that press on force plates of the file, by the plates' numbers from 1 on.
 
     Raises:
@@ -225,7 +256,7 @@ def of_c3d(
     note = f"motion: {len(names)} markers of {path.name}, {1e3 * worst:.1f} mm from those of the body (median)"
     if worst > POOR_FIT:
         note += f": another body than that of {person.source}, or markers elsewhere on it; measure both"
-    return _result(person, motion, factor, anatomy, [note], pressed)
+    return _result(person, motion, [note], pressed)
 
 
 def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> Load:
@@ -258,17 +289,16 @@ def _labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dict[str,
 def _result(
     person: Described,
     motion: Motion,
-    factor: float,
-    anatomy: Anatomy | None,
     notes: list[str],
     pressed: Sequence[Load] = (),
 ) -> Result:
-    anatomy = find(NAME, "anatomy") if anatomy is None else anatomy
-    muscles = MuscleSet(person.body, anatomy, factor)
+    settings = person.settings.muscles
+    anatomy = find(settings.anatomy, "human.muscles.anatomy")
+    muscles = MuscleSet(person.body, anatomy, settings.strength)
     root = person.settings.root(person.body)
     loads = [*person.loads(motion.time), *pressed]
     found = AfterRun(person.body, muscles, anatomy, root, person.gravity).of(motion, loads)
-    notes.append(f"muscles: {anatomy.name}, {muscles.muscle_count} of them, strength {factor:g}")
+    notes.append(f"muscles: {anatomy.name}, {muscles.muscle_count} of them, strength {settings.strength:g}")
     notes.append(f"forces act on: {', '.join(load.link for load in loads) or 'none'}")
     for contact in (person.record.contacts if person.record is not None else {}).values():
         notes.append(
@@ -280,7 +310,7 @@ def _result(
                 f"{side} arm: outside the range that muscle paths were fitted in for {100 * outside.mean():.1f} % of "
                 "the time, where its muscles are left out"
             )
-    return Result(found, person, anatomy, tuple(notes))
+    return Result(found, person.body, anatomy, tuple(notes))
 
 
 def write(result: Result, folder: Path) -> list[Path]:
@@ -328,7 +358,7 @@ def render(result: Result, fatigue: bool = False) -> str:
     """
     load = result.load
     span = load.time[-1] - load.time[0]
-    code = result.person.body.subject.code
+    code = result.body.subject.code
     head = [f"muscle load of {code} over {span:.2f} s, a model's estimate", *result.notes]
     blocks = [_muscles(load, _fatigued(result) if fatigue else None), _joints(load), _contacts(load)]
     return "\n\n".join(["\n".join(head), *("\n".join(text.rows(cells, head=2)) for cells in blocks)]) + "\n"
@@ -353,9 +383,10 @@ def _joints(load: MuscleLoad) -> list[list[str]]:
         ["", "N m", "% of strength", "% of strength", "N m"],
     ]
     for j, name in enumerate(load.joints):
-        share, short = 100.0 * load.share[:, j], np.abs(load.shortfall[load.known(name), j])
-        row = np.abs(load.torque[:, j]).max(), share.mean(), share.max()
-        cells.append([name, *(f"{value:.1f}" for value in row), f"{short.max():.1f}" if len(short) else "-"])
+        measured, short = np.isfinite(load.torque[:, j]), np.abs(load.shortfall[load.known(name), j])
+        share, torque = 100.0 * load.share[measured, j], np.abs(load.torque[measured, j])
+        row = [f"{v:.1f}" for v in (torque.max(), share.mean(), share.max())] if len(share) else list("---")
+        cells.append([name, *row, f"{short.max():.1f}" if len(short) else "-"])
     return cells
 
 
@@ -385,19 +416,27 @@ def main(arguments: Sequence[str]) -> int:
     given = _parser().parse_args(list(arguments))
     root = runs_root(given.runs)
     recording, output = Path(given.recording).expanduser(), given.output
-    anatomy = find(given.muscles, "--muscles")
+    if given.tracked and (recording.suffix.lower() == ".c3d" or given.cutoff != CUTOFF):
+        raise MuscleLoadError(
+            "--tracked is for a run, whose person is smoothed as he was live; valid: without --cutoff"
+        )
     if recording.suffix.lower() == ".c3d":
         if given.person is None:
             raise MuscleLoadError(
                 f"{recording.name} does not say whose markers it has; add --person RUN|EXPERIMENT.yaml"
             )
         plates = dict(map(_plate, given.plate))
-        result = of_c3d(recording, described_by(given.person, root), given.cutoff, given.strength, plates, anatomy)
+        person = described_by(given.person, root).with_muscles(given.muscles, given.strength)
+        result = of_c3d(recording, person, given.cutoff, plates)
         output = output or recording.with_name(f"{recording.stem}_{FOLDER}")
     else:
         if given.person is not None or given.plate:
             raise MuscleLoadError("--person and --plate are for a c3d file; a run says who is in it, and what he holds")
-        result = of_run(described_by(given.recording, root), given.cutoff, given.strength, anatomy)
+        if given.tracked:
+            result = of_tracked(given.recording, root, _chosen(AS_SHIPPED, given.muscles, given.strength))
+        else:
+            person = described_by(given.recording, root).with_muscles(given.muscles, given.strength)
+            result = of_run(person, given.cutoff)
         output = output or RunFolder.open(given.recording, root).path / FOLDER
     output.mkdir(parents=True, exist_ok=True)
     paths = write(result, output)
@@ -441,19 +480,29 @@ def _parser() -> argparse.ArgumentParser:
         help="of a c3d file: the link of the body that presses on its force plate N, as 1=r_wrist; may be repeated",
     )
     parser.add_argument(
+        "--tracked",
+        action="store_true",
+        help="of a run: the real person before its cameras (section person), tracked again from its frames",
+    )
+    parser.add_argument(
         "--cutoff", type=float, default=CUTOFF, metavar="HZ", help=f"of the filter of joint angles ({CUTOFF:g})"
     )
-    parser.add_argument(
-        "--muscles",
-        default=NAME,
-        metavar="FILE",
-        help=f"their anatomy: {NAME}, built in (default); a .json file of fit_muscles; a model of a right arm, "
-        ".osim or .xml of MuJoCo, which is fitted at its first use",
-    )
-    parser.add_argument("--strength", type=float, default=1.0, metavar="FACTOR", help="of the muscles (1)")
-    parser.add_argument(
-        "--fatigue", action="store_true", help="add how far muscles are fatigued (3CC-r, which was NOT reproduced)"
-    )
+    _add_muscles(parser)
     parser.add_argument("--output", type=Path, metavar="DIR", help=f"where to write (default: {FOLDER}/ of the run)")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
     return parser
+
+
+def _add_muscles(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--muscles",
+        metavar="FILE",
+        help=f"their anatomy: {NAME}, built in; a .json file of fit_muscles; a model of a right arm, "
+        ".osim or .xml of MuJoCo, which is fitted at its first use (default: as the person has it)",
+    )
+    parser.add_argument(
+        "--strength", type=float, metavar="FACTOR", help="of the muscles (default: as the person has it)"
+    )
+    parser.add_argument(
+        "--fatigue", action="store_true", help="add how far muscles are fatigued (3CC-r, which was NOT reproduced)"
+    )

@@ -149,9 +149,9 @@ def _beside(name: str) -> Any:
     return Parameter("mapping", "a mapping", convert, None, text=text, shape=shape)
 
 
-_KEPT = ("human",)
+_KEPT = ("human", "person")
 """Sections that are kept as they are given: whoever they are for reads them himself."""
-_BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync", "human")}
+_BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync", "human", "person")}
 
 
 @dataclass(frozen=True)
@@ -179,6 +179,7 @@ class Experiment(Settings):
     force_plate: "PlateSection | None" = _BESIDE["force_plate"]
     sync: "SyncSection | None" = _BESIDE["sync"]
     human: Mapping[str, Any] | None = _BESIDE["human"]
+    person: Mapping[str, Any] | None = _BESIDE["person"]
 
     @property
     def sensors(self) -> "list[EmgSection | PlateSection]":

@@ -30,6 +30,8 @@ LOAD_SERVICE = "franka_control/set_load"
 """Service that sets the payload which a Franka holds."""
 MOCAP_CLIENT, EMULATED_HUMAN = "natnet_client", "emulated_human"
 """Names of the motion capture's nodes."""
+PERSON = "person"
+"""Name of the node that tracks a real person."""
 
 
 def description(spec: RobotSpec) -> str:
@@ -240,7 +242,7 @@ def _three(description: Mapping[str, Any], name: str) -> list[float]:
 
 def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
     """Private parameters of the sensors' nodes, by their names: drivers, emulated devices, and the synchroniser of all
-    that measures. Empty without one of the sections `emg`, `force_plate`, `sync`."""
+    that measures. Empty without one of the sections `emg`, `force_plate`, `sync`, `person`."""
     found = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed).items()}
     plate = experiment.force_plate
     if plate is not None and plate.measures_him:
@@ -250,7 +252,16 @@ def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
         device["activation"] = {"side": _following_side(experiment), **device["activation"]}
     if experiment.sync is not None:
         found |= experiment.sync.nodes(_joints(experiment), [part.source for part in experiment.sources])
+    if experiment.person is not None:
+        found[PERSON] = _from_root(experiment.person)
     return found
+
+
+def _from_root(section: Mapping[str, Any]) -> dict[str, Any]:
+    """The section `person`, whose files have their path from the root: the node runs in another folder."""
+    given = {key: value for key in ("subject", "calibration") if isinstance(value := section.get(key), str)}
+    files = {key: value for key, value in given.items() if value.endswith((".yaml", ".yml"))}
+    return {**section, **{key: str(Path(value).expanduser().absolute()) for key, value in files.items()}}
 
 
 def _following_side(experiment: Experiment) -> str:

@@ -1,5 +1,5 @@
 """The sections of an experiment file for what runs beside the robot: `mocap`, `emg`, `force_plate`,
-`sync` and `human`.
+`sync`, `human` and `person`.
 
 Each is declared once: files are read by it, parameters of nodes and sources of the synchroniser follow from it, and
 INTERFACE.md prints it. Mappings that a node reads itself are checked by the declarations of that node's package and
@@ -36,6 +36,7 @@ from hric_perception.emg.muscles import AMPLITUDE, Program, TopicActivation, mus
 from hric_perception.emg.muscles import PROGRAM as ACTIVATION
 from hric_perception.emulation import Faults
 from hric_perception.lsl import LslSettings
+from hric_perception.person.settings import PersonSettings
 from hric_perception.plate import loads
 from hric_perception.plate.geometry import CHANNELS, PLATE_ID, PLATE_SIZE, PlatePose
 from hric_perception.replayed import RecordedEmg, RecordedLoad
@@ -397,11 +398,19 @@ class SyncSection(Settings):
         return {"synchronizer": {"plan": plan, "rates": list(self.rates)}}
 
 
+@dataclass(frozen=True)
+class PersonSection(PersonSettings):
+    """The section `person`: what the node of that name takes."""
+
+    separator = "."
+
+
 SECTIONS: dict[str, type[Settings]] = {
     "mocap": MocapSection,
     "emg": EmgSection,
     "force_plate": PlateSection,
     "sync": SyncSection,
     "human": HumanSettings,
+    "person": PersonSection,
 }
 """What each section declares."""

@@ -5,7 +5,7 @@
 #include <math.h>
 
 enum { NUMBERS = 18 }; /* parent, joint, offset, axis, mass, com, inertia by its upper triangle (see take_link) */
-enum { POSE = 7, LOAD = 9 };
+enum { MOTION = 16, LOAD = 9 }; /* of the root: pose (7), omega, alpha, acceleration */
 
 typedef struct {
     int parent, joint; /* -1: the root, and fixed */
@@ -155,18 +155,20 @@ static void solve_instant(Tree *tree, const double *q, const double *dq, const d
 
 /* ---- Python ---- */
 
-enum { Q, DQ, DDQ, LOADS, TORQUE, FORCE, MOMENT, POSITION, ROTATION, ARRAYS };
+enum { ROOT, Q, DQ, DDQ, LOADS, TORQUE, FORCE, MOMENT, POSITION, ROTATION, ARRAYS };
 
-static void place_root(Tree *tree, const double pose[POSE])
+static void place_root(Tree *tree, const double motion[MOTION])
 {
     Moving *root = tree->moving + tree->links;
-    const double x = pose[3], y = pose[4], z = pose[5], w = pose[6];
+    const double x = motion[3], y = motion[4], z = motion[5], w = motion[6];
     const double R[9] = {1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z),       2.0 * (x * z + w * y),
                          2.0 * (x * y + w * z),       1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
                          2.0 * (x * z - w * y),       2.0 * (y * z + w * x),       1.0 - 2.0 * (x * x + y * y)};
-    memset(root, 0, sizeof *root);
     memcpy(root->R, R, sizeof R);
-    memcpy(root->p, pose, sizeof root->p);
+    memcpy(root->p, motion, sizeof root->p);
+    memcpy(root->omega, motion + 7, sizeof root->omega);
+    memcpy(root->alpha, motion + 10, sizeof root->alpha);
+    memcpy(root->a, motion + 13, sizeof root->a);
 }
 
 static void solve_all(Tree *tree, const double gravity[3], const int *loaded, int loads, int instants,
@@ -174,6 +176,7 @@ static void solve_all(Tree *tree, const double gravity[3], const int *loaded, in
 {
     const int j = tree->joints;
     for (int t = 0; t < instants; t++) {
+        place_root(tree, array[ROOT] + t * MOTION);
         solve_instant(tree, array[Q] + t * j, array[DQ] + t * j, array[DDQ] + t * j, gravity, loaded,
                       array[LOADS] + t * loads * LOAD, loads, array[TORQUE] + t * j);
         for (int i = 0; i < tree->links; i++) {
@@ -209,8 +212,8 @@ static PyObject *solve_buffers(Tree *tree, const double *gravity, PyObject *indi
 {
     const Py_ssize_t loads = PyList_GET_SIZE(indices), j = tree->joints, l = tree->links;
     const Py_ssize_t size = sizeof(double), n = j > 0 ? view[Q].len / (size * j) : 0;
-    const Py_ssize_t length[ARRAYS] = {n * j,     n * j,     n * j,     n * loads * LOAD, n * j,
-                                       3 * n * l, 3 * n * l, 3 * n * l, 9 * n * l};
+    const Py_ssize_t length[ARRAYS] = {n * MOTION, n * j,     n * j,     n * j,     n * loads * LOAD,
+                                       n * j,      3 * n * l, 3 * n * l, 3 * n * l, 9 * n * l};
     double *array[ARRAYS];
     for (int i = 0; i < ARRAYS; i++) {
         array[i] = view[i].buf;
@@ -229,26 +232,25 @@ static PyObject *solve_buffers(Tree *tree, const double *gravity, PyObject *indi
 
 static PyObject *tree_solve(Tree *tree, PyObject *const *given, Py_ssize_t count)
 {
-    double pose[POSE], gravity[3];
-    if (!expect(count, 3 + ARRAYS,
-                "solve(root, gravity, links, q, dq, ddq, loads, torque, force, moment, position, "
+    double gravity[3];
+    if (!expect(count, 2 + ARRAYS,
+                "solve(gravity, links, root, q, dq, ddq, loads, torque, force, moment, position, "
                 "rotation)"))
         return NULL;
-    if (!take(given[0], POSE, pose) || !take(given[1], 3, gravity))
+    if (!take(given[0], 3, gravity))
         return NULL;
-    if (!PyList_Check(given[2])) {
+    if (!PyList_Check(given[1])) {
         PyErr_SetString(PyExc_TypeError, "the links of the loads must be a list");
         return NULL;
     }
-    place_root(tree, pose);
     Py_buffer view[ARRAYS];
     int taken = 0;
     for (; taken < ARRAYS; taken++) {
         const int flags = taken < TORQUE ? PyBUF_C_CONTIGUOUS : PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE;
-        if (PyObject_GetBuffer(given[3 + taken], view + taken, flags) < 0)
+        if (PyObject_GetBuffer(given[2 + taken], view + taken, flags) < 0)
             break;
     }
-    PyObject *done = taken == ARRAYS ? solve_buffers(tree, gravity, given[2], view) : NULL;
+    PyObject *done = taken == ARRAYS ? solve_buffers(tree, gravity, given[1], view) : NULL;
     while (taken > 0)
         PyBuffer_Release(view + --taken);
     return done;
@@ -304,7 +306,7 @@ static void tree_free(Tree *tree)
 
 static PyMethodDef methods[] = {
     {"solve", FAST(tree_solve),
-     "(root, gravity, links, q, dq, ddq, loads, torque, force, moment, position, rotation): the last five are written"},
+     "(gravity, links, root, q, dq, ddq, loads, torque, force, moment, position, rotation): the last five are written"},
     {0}};
 
 static PyTypeObject type = {

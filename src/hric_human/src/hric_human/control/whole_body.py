@@ -34,6 +34,29 @@ class Load(NamedTuple):
     point: FloatArray
 
 
+class RootMotion(NamedTuple):
+    """Of a root link that moves, at n instants, in axes of the world.
+
+    Attributes:
+        position: of its origin, shape (n, 3) [m].
+        orientation: unit quaternions (x, y, z, w), shape (n, 4).
+        omega, alpha: angular velocity and acceleration, shape (n, 3) [rad/s], [rad/s^2].
+        acceleration: of its origin, shape (n, 3) [m/s^2].
+    """
+
+    position: FloatArray
+    orientation: FloatArray
+    omega: FloatArray
+    alpha: FloatArray
+    acceleration: FloatArray
+
+    @classmethod
+    def at_rest(cls, T_world_root: Pose, instants: int) -> "RootMotion":
+        """Of a root that does not move."""
+        rows, none = np.ones((instants, 1)), np.zeros((instants, 3))
+        return cls(rows * T_world_root.position, rows * T_world_root.orientation, none, none, none)
+
+
 class Needed(NamedTuple):
     """What a motion needs, at n instants of a body of j joints and l links, in axes of the world.
 
@@ -123,7 +146,7 @@ class WholeBody:
         q: FloatArray,
         dq: FloatArray,
         ddq: FloatArray,
-        T_world_root: Pose,
+        root: Pose | RootMotion,
         loads: Sequence[Load] = (),
         gravity: Vector = GRAVITY,
     ) -> Needed:
@@ -131,7 +154,7 @@ class WholeBody:
 
         Args:
             q, dq, ddq: joint positions, velocities, accelerations, shape (n, j) each [rad], [rad/s], [rad/s^2].
-            T_world_root: pose of the root link, which is at rest.
+            root: pose of the root link in the world where it is at rest, or its motion.
             loads: on links.
             gravity: in axes of the world [m/s^2].
 
@@ -145,11 +168,11 @@ class WholeBody:
         acting = np.zeros((n, len(loads), 9))
         for at, one in enumerate(loads):
             acting[:, at] = np.hstack([one.force, one.torque, one.point])
-        given = [np.ascontiguousarray(values, np.float64) for values in (q, dq, ddq)]
+        moved = RootMotion.at_rest(root, n) if isinstance(root, Pose) else root
+        given = [np.ascontiguousarray(values, np.float64) for values in (np.hstack(moved), q, dq, ddq)]
         force, moment, position = (np.empty((n, links, 3)) for _ in range(3))
-        needed = Needed(np.zeros((n, given[0].shape[1])), force, moment, position, np.empty((n, links, 3, 3)))
-        root = (*T_world_root.position, *T_world_root.orientation)
-        self._tree.solve(root, gravity, [self.index[one.link] for one in loads], *given, acting, *needed)
+        needed = Needed(np.zeros(given[1].shape), force, moment, position, np.empty((n, links, 3, 3)))
+        self._tree.solve(gravity, [self.index[one.link] for one in loads], *given, acting, *needed)
         return needed
 
     def poses(self, q: Sequence[float], T_world_root: Pose) -> dict[str, Pose]:

@@ -9,7 +9,7 @@ co-contraction that nobody needs, are not in it. All of it is a model's estimate
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from hric_control.geometry import FloatArray, Pose, Vector
 from hric_human.body import Body
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.strength import strength
-from hric_human.control.whole_body import Load, WholeBody
+from hric_human.control.whole_body import Load, RootMotion, WholeBody
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.joint_contact import JointContact
 from hric_human.muscles.muscle_set import MuscleSet
@@ -71,6 +71,8 @@ class MuscleLoad:
         centres: where they act, in the world, by joint centre, shape (n, 3) [m].
         outside: whether the posture is outside the range that muscle paths were fitted in, by side, shape (n,); what
             its muscles have there is of the range's edge.
+        lost: whether his motion or the force on his hand was not measured, by side, shape (n,): then all is NaN. Empty:
+            never.
     """
 
     time: FloatArray
@@ -85,10 +87,13 @@ class MuscleLoad:
     contact: Mapping[str, FloatArray]
     centres: Mapping[str, FloatArray]
     outside: Mapping[str, NDArray[np.bool_]]
+    lost: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def known(self, name: str) -> NDArray[np.bool_]:
-        """When the load of a muscle or a joint, by its name with its side, is one of the fitted range, shape (n,)."""
-        return ~self.outside[name.partition("_")[0]]
+        """When the load of a muscle or a joint, by its name with its side, is known, and one of the fitted range, shape
+        (n,)."""
+        side = name.partition("_")[0]
+        return ~(self.outside[side] | self.lost[side] if self.lost else self.outside[side])
 
 
 def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rate: float = RATE) -> Motion:
@@ -131,8 +136,13 @@ class AfterRun:
         body: whose.
         muscles: of the body.
         anatomy: of them, for their pulls.
-        T_world_root: pose of the body's root link, which is at rest.
+        T_world_root: pose of the body's root link, where it is at rest.
         gravity: in axes of the world [m/s^2].
+
+    Attributes:
+        names: of muscles and actuators.
+        joints: that they act on, names.
+        links: that the force in each joint centre acts on, by its name.
     """
 
     def __init__(
@@ -143,33 +153,36 @@ class AfterRun:
         self._contact = JointContact(self._whole, anatomy, muscles.names)
         low, high = strength(body)
         self._strength = np.array([low, high])[:, list(muscles.joints)]
-        self._names = tuple(list(body.joints)[index] for index in muscles.joints)
+        self.names, self.links = muscles.names, self._contact.links
+        self.joints = tuple(list(body.joints)[index] for index in muscles.joints)
 
-    def of(self, motion: Motion, loads: Sequence[Load] = ()) -> MuscleLoad:
+    def of(self, motion: Motion, loads: Sequence[Load] = (), root: RootMotion | None = None) -> MuscleLoad:
         """Over a motion.
 
         Args:
             motion: of all joints of the body.
             loads: on its links, at the instants of the motion.
+            root: of the root link, at these instants; None: at rest.
 
         Raises:
             HricError: a load on a link that the body has not.
         """
-        needed = self._whole.inverse_dynamics(motion.q, motion.dq, motion.ddq, self._root, loads, self._gravity)
+        where = self._root if root is None else root
+        needed = self._whole.inverse_dynamics(motion.q, motion.dq, motion.ddq, where, loads, self._gravity)
         torque = needed.torque[:, list(self._muscles.joints)]
         activation, force, shortfall = self._shared(motion, torque)
         low, high = self._strength
         return MuscleLoad(
             motion.time,
-            self._muscles.names,
+            self.names,
             self._muscles.is_muscle,
-            self._names,
+            self.joints,
             activation,
             force,
             torque,
             torque / np.where(torque < 0.0, low, high),
             shortfall,
-            self._contact.over(motion.q, self._root, needed, force),
+            self._contact.over(motion.q, where, needed, force),
             {name: needed.position[:, self._whole.index[link]] for name, link in self._contact.links.items()},
             self._outside(motion.q),
         )
@@ -178,7 +191,7 @@ class AfterRun:
         """Whether an angle is beyond the range that muscle paths were fitted in, by side."""
         order, anatomy = list(self._whole.body.joints), self._anatomy
         found = dict[str, NDArray[np.bool_]]()
-        for side in {name.partition("_")[0]: None for name in self._names}:
+        for side in {name.partition("_")[0]: None for name in self.joints}:
             own = q[:, [order.index(f"{side}_{joint}") for joint in anatomy.joints]]
             found[side] = np.any((own < anatomy.lower) | (own > anatomy.upper), axis=1)
         return found
@@ -186,8 +199,8 @@ class AfterRun:
     def _shared(self, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Activation, force and shortfall at all instants."""
         n, k = len(motion.time), len(self._muscles.names)
-        solver = StaticOptimization(k, len(self._names))
-        activation, force, shortfall = np.empty((n, k)), np.empty((n, k)), np.empty((n, len(self._names)))
+        solver = StaticOptimization(k, len(self.joints))
+        activation, force, shortfall = np.empty((n, k)), np.empty((n, k)), np.empty((n, len(self.joints)))
         for t, (q, dq, tau) in enumerate(zip(motion.q.tolist(), motion.dq.tolist(), torque, strict=True)):
             state = self._muscles.at(q, dq)
             found = solver.solve(state.arms, state.gain, tau - state.passive @ state.arms)

@@ -1,7 +1,7 @@
 """From a desired joint torque to muscles and back: activations are decided a hundred times a second, and what the
 muscles give with them holds over each step.
 
-    drive = MuscleDrive(person, MuscleSettings(), cycle=1e-3)
+    drive = MuscleDrive(MuscleSet(body, find("delft", "anatomy")), cycle=1e-3)
     tau = drive.update(q, dq, control.update(time, q, dq))      # each cycle
 
 A decision shares the desired torque among the muscles (static optimisation), and chooses the excitations by which their
@@ -17,11 +17,8 @@ import numpy as np
 from hric_control.geometry import FloatArray
 from hric_control.native import load
 from hric_control.parameters import refused
-from hric_human.control import Person
 from hric_human.muscles import curves
-from hric_human.muscles.choose import find
 from hric_human.muscles.muscle_set import DAMPING_TIME, MuscleSet, MuscleState
-from hric_human.muscles.settings import MuscleSettings
 from hric_human.muscles.static_optimization import StaticOptimization
 
 FULL = 1.0 - 1e-6
@@ -34,14 +31,14 @@ class MuscleDrive:
     """One body's. One thread calls it.
 
     Args:
-        person: whose joints the muscles move; those without muscles are driven by the torque itself.
-        settings: muscles and law.
+        muscles: of the body, whose joints they move; those without muscles are driven by the torque itself.
         cycle: time between two updates [s].
-        where: name of the settings, for messages.
+        rate: of decisions [Hz].
+        co_contraction: activation of all muscles beyond the minimum [1].
+        where: prefix of the names of parameters, for messages.
 
     Attributes:
-        anatomy: of an arm.
-        muscles: the set, with actuators of the wrists behind the muscles of each side.
+        muscles: as given, with actuators of the wrists behind the muscles of each side.
         state: of the last cycle; None before the first.
         excitation, activation: of each muscle and actuator, shape (k,) [1].
         force: of each muscle [N], torque of each actuator [N m], shape (k,).
@@ -51,23 +48,27 @@ class MuscleDrive:
         shortfall: desired torque that the muscles cannot give, per joint of `muscles.joints`, shape (m,) [N m].
 
     Raises:
-        ParameterError: an anatomy that is not there or does not fit the body, or a rate that is no whole part of the
-            cycles.
+        ParameterError: a rate that is no whole part of the cycles.
     """
 
-    def __init__(self, person: Person, settings: MuscleSettings, cycle: float, where: str = "human.muscles.") -> None:
-        period = 1.0 / (settings.rate * cycle)
+    def __init__(
+        self,
+        muscles: MuscleSet,
+        cycle: float,
+        rate: float = 100.0,
+        co_contraction: float = 0.0,
+        where: str = "human.muscles.",
+    ) -> None:
+        period = 1.0 / (rate * cycle)
         if abs(period - round(period)) > 1e-6:
-            raise refused(f"{where}rate", settings.rate, f"a whole part of the {1.0 / cycle:g} cycles of a second")
-        self._period, self._cycle = round(period), cycle
-        self.anatomy = find(settings.anatomy, f"{where}anatomy")
-        self.muscles = MuscleSet(person.body, self.anatomy, settings.strength)
+            raise refused(f"{where}rate", rate, f"a whole part of the {1.0 / cycle:g} cycles of a second")
+        self._period, self._cycle, self.muscles = round(period), cycle, muscles
         k, m = len(self.muscles.names), len(self.muscles.joints)
         self._size = 2 * k + m
         self._columns = np.array(self.muscles.joints, np.intc)
         self._constants = np.array([curves.RISE, curves.FALL, curves.SMOOTHING, DAMPING_TIME, cycle])
         self._law = StaticOptimization(k, m)
-        self._raised = np.where(self.muscles.is_muscle, settings.co_contraction, 0.0)
+        self._raised = np.where(self.muscles.is_muscle, co_contraction, 0.0)
         self.restart()
 
     def restart(self) -> None:

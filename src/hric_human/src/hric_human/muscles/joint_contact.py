@@ -18,7 +18,7 @@ from hric_control.geometry import FloatArray, Pose, Vector
 from hric_control.geometry.transforms import rotation_from_quaternion
 from hric_human.body.segments import ROOT
 from hric_human.control.kinematics import GRAVITY
-from hric_human.control.whole_body import Load, Needed, WholeBody
+from hric_human.control.whole_body import Load, Needed, RootMotion, WholeBody
 from hric_human.muscles.anatomy import CENTRES, Anatomy
 from hric_human.muscles.polynomial import IntArray, exponents
 
@@ -135,12 +135,12 @@ class JointContact:
                 self._joints[f"{side}_{centre}"] = _Joint(whole, side, centre, rows)
         self.links = {name: whole.links[joint.link].name for name, joint in self._joints.items()}
 
-    def over(self, q: FloatArray, T_world_root: Pose, needed: Needed, forces: FloatArray) -> dict[str, FloatArray]:
+    def over(self, q: FloatArray, root: Pose | RootMotion, needed: Needed, forces: FloatArray) -> dict[str, FloatArray]:
         """At n instants.
 
         Args:
             q: joint positions, shape (n, j) [rad].
-            T_world_root: pose of the root link.
+            root: of the root link in the world, see `WholeBody.inverse_dynamics`.
             needed: by this motion, see `WholeBody.inverse_dynamics`.
             forces: of muscles, along their lines of action, shape (n, k) [N]; those of actuators do not matter.
 
@@ -148,7 +148,7 @@ class JointContact:
             force of the proximal on the distal bone, in axes of the world, by joint, shape (n, 3) each [N].
         """
         pulls = {side: self._pulls.at(q[:, columns]) for side, columns in self._angles.items()}
-        R_world_root = rotation_from_quaternion(T_world_root.orientation)
+        R_world_root = _rotation(root)
         found = {}
         for name, joint in self._joints.items():
             pull = (forces[:, None, joint.rows] @ pulls[joint.side][joint.centre])[:, 0]
@@ -181,3 +181,10 @@ class JointContact:
         needed = self._whole.inverse_dynamics(angles, speeds, rates, T_world_root, loads, gravity)
         found = self.over(angles, T_world_root, needed, np.asarray(forces)[None])
         return {name: (float(x), float(y), float(z)) for name, ((x, y, z),) in found.items()}
+
+
+def _rotation(root: Pose | RootMotion) -> FloatArray:
+    """Of the root link, shape (3, 3), or (n, 3, 3) where it moves."""
+    if isinstance(root, Pose):
+        return rotation_from_quaternion(root.orientation)
+    return np.array([rotation_from_quaternion(one) for one in root.orientation.tolist()])

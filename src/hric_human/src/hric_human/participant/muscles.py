@@ -14,11 +14,12 @@ from hric_control.plant import Contact
 from hric_control.robot_time import stamps
 from hric_human.control import Person
 from hric_human.control.whole_body import Load, WholeBody
+from hric_human.muscles.choose import find
 from hric_human.muscles.drive import MuscleDrive
 from hric_human.muscles.joint_contact import JointContact
 from hric_human.muscles.muscle_set import MuscleSet, MuscleState
-from hric_human.muscles.settings import MuscleSettings
 from hric_human.participant.grip import Grip, Happened
+from hric_human.participant.settings import MuscleSettings
 from hric_msgs.msg import JointReactions, MuscleActivation, MuscleForce
 
 WORLD = "world"
@@ -55,7 +56,7 @@ class Muscles:
         happened: gets each event.
 
     Raises:
-        ParameterError: see MuscleDrive.
+        ParameterError: an anatomy that is not there, or see MuscleDrive.
     """
 
     def __init__(
@@ -71,9 +72,11 @@ class Muscles:
     ) -> None:
         self._own, self._cycle, self._root, self._gravity = f"{name}::", person.cycle, root, gravity
         self._happened = happened
-        self._drive = drive = MuscleDrive(person, settings, person.cycle, where)
+        anatomy = find(settings.anatomy, f"{where}anatomy")
+        muscles = MuscleSet(person.body, anatomy, settings.strength)
+        self._drive = drive = MuscleDrive(muscles, person.cycle, settings.rate, settings.co_contraction, where)
         self._whole = WholeBody(person.body)
-        self._contact = JointContact(self._whole, drive.anatomy, drive.muscles.names)
+        self._contact = JointContact(self._whole, anatomy, muscles.names)
         beside = node.beside(f"hric/{name}")
         self._activation = realtime.publisher(node, f"{beside}/activation", MuscleActivation, lossless=True)
         self._force = realtime.publisher(node, f"{beside}/muscle_force", MuscleForce, lossless=True)

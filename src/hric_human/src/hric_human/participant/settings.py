@@ -26,7 +26,6 @@ from hric_human.body import Body, Subject, load
 from hric_human.body.joints import joints
 from hric_human.body.subject import PARTS
 from hric_human.control.surroundings import checked
-from hric_human.muscles.settings import MuscleSettings
 
 SUBJECTS = Path(__file__).resolve().parents[3] / "config" / "subjects"
 """Bodies that come with the package, by the names of their files."""
@@ -108,6 +107,27 @@ class GripSettings(Settings):
     )
     close: CloseSettings = section(CloseSettings)
     release: ReleaseSettings = section(ReleaseSettings)
+
+
+@dataclass(frozen=True)
+class MuscleSettings(Settings):
+    """The muscles of a body and the law that shares torques out among them."""
+
+    separator = "."
+    anatomy: str = text(
+        "delft",
+        empty=False,
+        text="`delft`, which comes with the package, or address of a fitted file or of a model of an arm",
+    )
+    rate: float = number(
+        100.0,
+        minimum=10.0,
+        maximum=1000.0,
+        unit="Hz",
+        text="of decisions about activations; a whole part of the cycles",
+    )
+    co_contraction: float = number(0.0, minimum=0.0, maximum=0.5, text="activation of all muscles beyond the least")
+    strength: float = number(1.0, above=0.0, maximum=5.0, text="of all muscles, times that of the subject")
 
 
 @dataclass(frozen=True)

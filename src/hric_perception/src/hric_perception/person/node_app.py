@@ -1,4 +1,4 @@
-"""The node `person`: joints of a real person from the markers of motion capture."""
+"""The node `person`: joints of a real person from the markers of motion capture, and the load of his muscles."""
 
 import threading
 import time
@@ -11,12 +11,16 @@ from tf2_msgs.msg import TFMessage
 from hric_control.errors import CommandError, HricError
 from hric_control.geometry import FloatArray
 from hric_control.realtime import LatestValue
+from hric_control.robot_time.follower import RobotTime
 from hric_control.ros import RosNode, run
 from hric_control.ros.process import NodeApp
 from hric_human.body import Body
+from hric_human.muscles import BUILT_IN, load
+from hric_human.muscles.live_load import LiveLoad
 from hric_human.tracking import LOST, Estimate, PersonTracker, StillPose, calibrate
 from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.frames import PERSON, MarkerRows, Messages
+from hric_perception.person.load import Frame, LoadThread
 from hric_perception.person.settings import PersonSettings
 from hric_perception.sensor import Reporter
 from hric_perception.stream import ERROR, OK, START, WARN, Health
@@ -36,10 +40,12 @@ class _Known(NamedTuple):
 
     tracker: PersonTracker
     messages: Messages
+    live: LiveLoad
 
     @classmethod
-    def of(cls, body: Body, calibrated: bool, names: tuple[str, ...]) -> "_Known":
-        return cls(PersonTracker(body, names), Messages(body, calibrated))
+    def of(cls, body: Body, calibrated: bool, settings: PersonSettings) -> "_Known":
+        live = LiveLoad(body, load(BUILT_IN), settings.side)
+        return cls(PersonTracker(body, settings.worn), Messages(body, calibrated), live)
 
 
 class PersonNode(NodeApp):
@@ -56,7 +62,7 @@ class PersonNode(NodeApp):
         self._node, self._settings = node, PersonSettings.read(node)
         self._names = self._settings.worn
         body, calibrated = self._settings.known()
-        self._known = LatestValue(_Known.of(body, calibrated, self._names))
+        self._known = LatestValue(_Known.of(body, calibrated, self._settings))
         self._rows = MarkerRows(self._names, self._settings.labels, self._settings.asset)
         where = node.beside(f"hric/{PERSON}")
         self._states = node.advertise(f"{where}/joint_states", JointState, queue_size=10)
@@ -64,6 +70,8 @@ class PersonNode(NodeApp):
         self._tf = node.advertise("/tf", TFMessage, queue_size=10)
         node.set_param(f"{where}/robot_description", body.urdf)
         self._reporter, self._health = Reporter(node, "tracking"), _Tally(calibrated)
+        self._load_reporter, self._robot_time = Reporter(node, "load"), RobotTime(node)
+        self._load = LoadThread(node, where, self._settings.force, self._settings.side, self._robot_time.now)
         self._newest: LatestValue[Any] = LatestValue(None)
         self._came, self._stop = threading.Event(), threading.Event()
         self._next_tf = 0.0
@@ -75,14 +83,18 @@ class PersonNode(NodeApp):
         node.subscribe(node.beside(FRAMES), MocapData, self._on_frame, queue_size=1)
 
     def tick(self) -> None:
-        """Report."""
+        """Report. Raises HricError in a run that is not paced."""
+        self._robot_time.tick()
         self._reporter.report(self._health.report())
+        self._load_reporter.report(self._load.report())
 
     def close(self) -> None:
         """End."""
         self._stop.set()
         self._came.set()
         self._thread.join(1.0)
+        self._load.close()
+        self._robot_time.close()
 
     # -- frames --------------------------------------------------------------------------------------------------------
 
@@ -108,6 +120,7 @@ class PersonNode(NodeApp):
         one = known.tracker.update(stamp, positions)
         if one is not None:
             self._publish(known.messages, message.header, one)
+            self._load.add(Frame(known.live, one, message.header.frame_id))
         self._health.took(stamp, one, time.thread_time() - began)
 
     def _publish(self, messages: Messages, head: Any, one: Estimate) -> None:
@@ -137,7 +150,7 @@ class PersonNode(NodeApp):
         if settings.calibration:
             fitted.save(settings.path)
             saved = f", in {settings.path}"
-        self._known.set(_Known.of(fitted.body, True, self._names))
+        self._known.set(_Known.of(fitted.body, True, settings))
         self._node.set_param(f"{self._node.beside(f'hric/{PERSON}')}/robot_description", fitted.body.urdf)
         self._health.calibrated = True
         return f"calibrated; markers were {1e3 * fitted.residual:.1f} mm from their places (rms){saved}"

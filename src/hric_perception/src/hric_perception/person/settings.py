@@ -5,15 +5,41 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hric_control.errors import HricError
-from hric_control.parameters import Mistakes, Settings, choice, mapping, names, number, text, unknown
+from hric_control.geometry import ORIGIN, Vector
+from hric_control.geometry.poses import PoseSettings
+from hric_control.parameters import Mistakes, Settings, choice, mapping, names, number, numbers, section, text, unknown
 from hric_human.body import Body, Subject, describe
 from hric_human.participant.settings import SUBJECT
 from hric_human.tracking import Calibration, PersonTracker
+from hric_perception.plate.geometry import PLATE_ID
+
+NONE, ROBOT, PLATE = "none", "robot", "plate"
+DOMINANT = "dominant"
+
+
+@dataclass(frozen=True)
+class HandForceSettings(PoseSettings):
+    """What measures the force on his hand, and where that is in the frame of the markers."""
+
+    xyz: Vector = numbers(
+        3, ORIGIN, unit="m", text="of the robot's base, or of the middle of the plate, in the frame of the markers"
+    )
+    source: str = choice(
+        NONE, ROBOT, PLATE, text="what measures the force on his hand: the external wrench of the robot, or a plate"
+    )
+    hand: str = choice(DOMINANT, "right", "left", text="on which hand it acts")
+    id: str = PLATE_ID
+
+    def side(self, subject: Subject) -> str | None:
+        """Of the hand on which the force acts; None: it is not measured."""
+        if self.source == NONE:
+            return None
+        return subject.dominant_hand if self.hand == DOMINANT else self.hand
 
 
 @dataclass(frozen=True)
 class PersonSettings(Settings):
-    """Whose body, which markers are his, and how he is calibrated."""
+    """Whose body, which markers are his, how he is calibrated, and what measures the force on his hand."""
 
     subject: Subject = SUBJECT
     parts: str = choice("upper_body", "whole_body", text="what of his body is estimated")
@@ -33,6 +59,7 @@ class PersonSettings(Settings):
     calibration: str = text(
         "", text="YAML file that `calibrate` writes, and that is read at the start where it is there; empty: none"
     )
+    force: HandForceSettings = section(HandForceSettings)
 
     def check(self, where: str) -> None:
         """Refuse markers and joints that the body does not have, and too few markers."""
@@ -53,6 +80,11 @@ class PersonSettings(Settings):
     def person(self) -> Subject:
         """The subject with `parts` of here."""
         return replace(self.subject, parts=self.parts)
+
+    @property
+    def side(self) -> str | None:
+        """Of the hand whose force is measured; None: that of none."""
+        return self.force.side(self.subject)
 
     @property
     def worn(self) -> tuple[str, ...]:

@@ -1,0 +1,108 @@
+"""The real person before the cameras of a run, after it: the frames and the force on his hand that the bag has, through
+what the node `person` of hric_perception does live. No ROS."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_bags.parts import PartsReader
+from hric_bags.reader import BagError, seconds
+from hric_human.body import Body
+from hric_human.muscles import Anatomy
+from hric_human.muscles.live_load import AWAY, MISSING, LiveLoad, PersonLoad
+from hric_human.tracking import BRIDGED, LOST, PersonTracker
+from hric_perception.person.frames import MarkerRows
+from hric_perception.person.hand_force import source_of
+from hric_perception.person.settings import PersonSettings
+
+FRAMES = "hric_msgs/msg/MocapData"
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """What came of it.
+
+    Attributes:
+        found: the load at all instants.
+        body: his.
+        notes: for people: how he was tracked, and what is not known.
+    """
+
+    found: PersonLoad
+    body: Body
+    notes: tuple[str, ...]
+
+
+def tracked(
+    reader: PartsReader,
+    robot_time: Callable[[float], float],
+    settings: PersonSettings,
+    anatomy: Anatomy,
+    strength: float = 1.0,
+) -> Tracked:
+    """The load of his muscles over a run.
+
+    Args:
+        reader: of the bag.
+        robot_time: from stamps [s].
+        settings: who he is, and what measures the force on his hand.
+        anatomy: of his muscles.
+        strength: factor of theirs.
+
+    Raises:
+        HricError: the bag has no frames, or none that show him; his calibration cannot be read.
+    """
+    body, calibrated = settings.known()
+    live, tracker = LiveLoad(body, anatomy, settings.side, strength), PersonTracker(body, settings.worn)
+    source, rows = source_of(settings.force), MarkerRows(settings.worn, settings.labels, settings.asset)
+    if source is not None:
+        for time, message in _messages(reader, robot_time, lambda c: c.topic.endswith(f"/{source.topic}")):
+            live.add_force(source.read(time, message))
+    frames, residuals = 0, list[float]()
+    for time, message in _messages(reader, robot_time, lambda c: c.msgtype == FRAMES):
+        frames += 1
+        if (one := tracker.update(time, rows.positions(message))) is not None:
+            live.add(one)
+            residuals.append(one.residual)
+    found = live.take()
+    if found is None:
+        raise BagError(
+            f"the bag has {frames} frames of motion capture, and none of them shows the person; a load needs some of "
+            f"{', '.join(settings.worn)}, three or more on his trunk"
+        )
+    fitted = "fitted to him in a still pose" if calibrated else "NOT calibrated"
+    note = f"motion: {frames} frames, markers {1e3 * np.nanmean(residuals):.1f} mm from those of the body, {fitted}"
+    return Tracked(found, body, (note, _of_force(found, settings), *_of_arms(found)))
+
+
+def _messages(
+    reader: PartsReader, robot_time: Callable[[float], float], chosen: Callable[[Any], bool]
+) -> Iterator[tuple[float, Any]]:
+    """Times [s] and messages of topics."""
+    for connection, _, raw in reader.chosen(chosen):
+        message = reader.deserialize(raw, connection.msgtype)
+        yield robot_time(seconds(message.header.stamp)), message
+
+
+def _of_force(found: PersonLoad, settings: PersonSettings) -> str:
+    if settings.side is None:
+        return "forces act on: none; nothing measured one (person.force.source)"
+    shares = {state: 100.0 * np.mean(np.array(found.force) == state) for state in (MISSING, AWAY)}
+    return (
+        f"forces act on: the {settings.side} hand, measured by the {settings.force.source}; not on it for "
+        f"{shares[AWAY]:.1f} % of the time, missing for {shares[MISSING]:.1f} %"
+    )
+
+
+def _of_arms(found: PersonLoad) -> list[str]:
+    notes = []
+    for side, states in found.states.items():
+        lost, bridged = (100.0 * np.mean(np.array(states) == state) for state in (LOST, BRIDGED))
+        outside = 100.0 * found.load.outside[side].mean()
+        notes.append(
+            f"{side} arm: lost for {lost:.1f} % of the time, bridged for {bridged:.1f} %, outside the range that "
+            f"muscle paths were fitted in, where its muscles are left out, for {outside:.1f} %"
+        )
+    return notes

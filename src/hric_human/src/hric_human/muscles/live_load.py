@@ -1,0 +1,301 @@
+"""What a motion costs the arms of a real person, while he moves: from the frames of his tracker and the measured force
+on a hand.
+
+    live = LiveLoad(body, anatomy, "right")
+    live.add(estimate), live.add_force(force)          # as they come
+    live.take()                                        # the load at the instants that have become known
+
+At each instant of an even grid cubics through the frames around it, by least squares, give the joints and the root with
+their first two derivatives (Savitzky & Golay, Anal. Chem. 36:1627, 1964, for frames that need not be even): the load is
+late by half a window. All else is `AfterRun`. What is fed from a recording gives the same, whatever the portions.
+"""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray, Pose, Vector, transformed
+from hric_human.body import Body
+from hric_human.control.kinematics import GRAVITY, HandChain
+from hric_human.control.whole_body import Load, RootMotion
+from hric_human.muscles.after_run import RATE, AfterRun, Motion, MuscleLoad
+from hric_human.muscles.anatomy import Anatomy
+from hric_human.muscles.muscle_set import MuscleSet
+from hric_human.tracking import BRIDGED, LOST, MEASURED, Estimate
+
+WINDOW = 0.125
+"""Half of the span of the frames around an instant [s]. The constants of this file are project defaults,
+unconfirmed."""
+DEGREE = 3
+"""Of the polynomials."""
+FEWEST = 6
+"""Frames in a window, below which nothing is said of its instant."""
+GAP = 0.1
+"""Furthest that frames, and samples of the force, may be apart [s]."""
+PATIENCE = 0.3
+"""So much longer than for frames an instant waits for the force [s]."""
+REACH = 0.5
+"""Between the hand's centre of mass and the point of the force; one that is farther off is not on the hand [m]."""
+ANOTHER_CLOCK = 3600.0
+"""Frames that are farther apart are of different clocks [s]."""
+STAMP = 1e-6
+"""Differences of times that are smaller are rounding [s]."""
+UNMEASURED, MISSING, AWAY = "none", "missing", "away"
+"""States of the force beside MEASURED: there is nothing that measures it; it has not come; it is not on the hand, which
+then holds nothing."""
+_ORDER = (MEASURED, BRIDGED, LOST)
+
+
+class HandForce(NamedTuple):
+    """What acts on a hand, in axes of the markers' frame.
+
+    Attributes:
+        time: of the sample [s].
+        force: on the hand [N].
+        torque: on the hand, about `point` [N m].
+        point: where the force acts [m].
+    """
+
+    time: float
+    force: Vector
+    torque: Vector
+    point: Vector
+
+
+@dataclass(frozen=True)
+class PersonLoad:
+    """At n instants.
+
+    Attributes:
+        load: of the muscles. NaN: torque, and all that follows from it, of an arm that is lost; what muscles do, of an
+            arm outside the range that muscle paths were fitted in.
+        states: MEASURED, BRIDGED or LOST, by side: the worst that a window has of the joints from the root to the hand,
+            and LOST while the force on that hand is MISSING.
+        force: state of the force: UNMEASURED, MEASURED, MISSING or AWAY.
+        acting: on the hand, as it went into the load; zero while it is AWAY, NaN while it is MISSING.
+        distance: between hand and force, shape (n,) [m]; NaN without a force.
+    """
+
+    load: MuscleLoad
+    states: Mapping[str, tuple[str, ...]]
+    force: tuple[str, ...]
+    acting: Load
+    distance: FloatArray
+
+
+class _Frame(NamedTuple):
+    """Of the tracker: joints, position and orientation of the root, and the rows of their states in _ORDER."""
+
+    time: float
+    values: FloatArray
+    states: NDArray[np.int8]
+
+
+class LiveLoad:
+    """Of one person. One thread calls it.
+
+    Args:
+        body: his, with arms.
+        anatomy: of his muscles.
+        hand: "right" or "left", on which the measured force acts; None: no force is measured.
+        strength: factor of that of his muscles.
+        gravity: in axes of the markers' frame [m/s^2].
+
+    Attributes:
+        names, joints, links: see `AfterRun`.
+
+    Raises:
+        HricError: the body has no such hand.
+    """
+
+    def __init__(
+        self, body: Body, anatomy: Anatomy, hand: str | None, strength: float = 1.0, gravity: Vector = GRAVITY
+    ) -> None:
+        sides = [side for side in ("right", "left") if f"{side}_hand" in body.segments]
+        if hand is not None and hand not in sides:
+            raise HricError(f"the body of {body.subject.code} has no {hand} hand; valid: {', '.join(sides) or 'none'}")
+        muscles = MuscleSet(body, anatomy, strength)
+        self._after = AfterRun(body, muscles, anatomy, Pose(), gravity)
+        self.names, self.joints, self.links = self._after.names, self._after.joints, self._after.links
+        self._chains = {side: HandChain(body, side) for side in sides}
+        self._count, self._hand = len(body.joints), hand
+        self._link = body.segments[f"{hand or sides[0]}_hand"].link
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what came before."""
+        self._frames: deque[_Frame] = deque()
+        self._forces: deque[HandForce] = deque()
+        self._next: int | None = None
+
+    def add(self, one: Estimate) -> None:
+        """Take a frame; one that is not after the last one, or is of another clock, begins again."""
+        if self._frames and not 0.0 < one.time - self._frames[-1].time < ANOTHER_CLOCK:
+            self.restart()
+        orientation = np.array(one.root.orientation)
+        if self._frames and orientation @ self._frames[-1].values[-4:] < 0.0:
+            orientation = -orientation  # the same rotation, and a smooth curve
+        states = np.array([_ORDER.index(state) for state in (*one.states, one.root_state)], np.int8)
+        values = np.concatenate([one.q, one.root.position, orientation])
+        self._frames.append(_Frame(one.time, values, states))
+        if self._next is None:
+            self._next = math.ceil((one.time + WINDOW - STAMP) * RATE)
+
+    def add_force(self, force: HandForce) -> None:
+        """Take a sample of the force on the hand; one that is not after the last one begins the force again, one with a
+        value that is not finite is none."""
+        if not all(map(math.isfinite, (*force.force, *force.torque, *force.point))):
+            return
+        if self._forces and force.time <= self._forces[-1].time:
+            self._forces.clear()
+        self._forces.append(force)
+
+    def take(self) -> PersonLoad | None:
+        """The load at all instants that have become known since the last call; None: there is none."""
+        instants = self._due()
+        if not instants:
+            return None
+        frames = _Fitted(self._frames)
+        found = [one for one in (frames.at(instant / RATE) for instant in instants) if one is not None]
+        result = self._of(found) if found else None
+        self._forget()
+        return result
+
+    def _due(self) -> list[int]:
+        """Numbers of the instants whose window has passed, and for which the force has come, or did not in time."""
+        if self._next is None:
+            return []
+        newest, first = self._frames[-1].time - WINDOW + STAMP, self._next
+        if self._hand is not None and not (self._forces and self._forces[-1].time >= newest):
+            newest = max(newest - PATIENCE, min(newest, self._forces[-1].time if self._forces else -math.inf))
+        self._next = max(first, math.floor(newest * RATE) + 1)
+        return list(range(first, self._next))
+
+    def _forget(self) -> None:
+        """What no window needs any more."""
+        assert self._next is not None
+        time = self._next / RATE
+        while self._frames[0].time < time - WINDOW - GAP and len(self._frames) > 1:
+            self._frames.popleft()
+        while len(self._forces) > 1 and self._forces[1].time < time:
+            self._forces.popleft()
+
+    def _of(self, found: "list[_Instant]") -> PersonLoad:
+        time = np.array([one.time for one in found])
+        derivatives = np.array([one.derivatives for one in found])
+        motion, root = _motion(time, derivatives, self._count)
+        force, acting, distance = self._acting(time, motion, root)
+        known = acting._replace(force=np.nan_to_num(acting.force), torque=np.nan_to_num(acting.torque))
+        worst = np.array([one.states for one in found])
+        states = {side: self._state(side, worst, force) for side in self._chains}
+        lost = {side: np.array(state) == LOST for side, state in states.items()}
+        return PersonLoad(_trusted(self._after.of(motion, [known], root), lost), states, force, acting, distance)
+
+    def _state(self, side: str, worst: NDArray[np.int8], force: tuple[str, ...]) -> tuple[str, ...]:
+        """Of an arm at n instants; worst: state of each joint and the root in the window of each."""
+        rows = worst[:, [*self._chains[side].joints, self._count]].max(axis=1)
+        unknown = np.array(force) == MISSING if side == self._hand else np.zeros(len(rows), np.bool_)
+        return tuple(LOST if gone else _ORDER[row] for row, gone in zip(rows.tolist(), unknown, strict=True))
+
+    def _acting(self, time: FloatArray, motion: Motion, root: RootMotion) -> tuple[tuple[str, ...], Load, FloatArray]:
+        """State of the force, what acts on the hand, and how far that is from it, at n instants."""
+        n, nothing = len(time), np.zeros((len(time), 3))
+        if self._hand is None:
+            return (UNMEASURED,) * n, Load(self._link, nothing, nothing, nothing), np.full(n, np.nan)
+        values, known = _between(self._forces, time)
+        force, torque, point = values.reshape(n, 3, 3).swapaxes(0, 1)
+        chain = self._chains[self._hand]
+        poses = map(Pose, map(tuple, root.position.tolist()), map(tuple, root.orientation.tolist()))
+        hand = [transformed(pose, chain.pose(q).position) for pose, q in zip(poses, motion.q.tolist(), strict=True)]
+        distance = np.linalg.norm(point - hand, axis=1)
+        away = known & (distance > REACH)
+        states = np.where(away, AWAY, np.where(known, MEASURED, MISSING))
+        force, torque = (np.where(away[:, None], 0.0, one) for one in (force, torque))
+        return tuple(states.tolist()), Load(self._link, force, torque, np.nan_to_num(point)), distance
+
+
+class _Instant(NamedTuple):
+    """Attributes:
+    time: [s].
+    derivatives: of the values of a frame, from the zeroth to the second, shape (3, values).
+    states: the worst of each in the window, as rows of _ORDER.
+    """
+
+    time: float
+    derivatives: FloatArray
+    states: NDArray[np.int8]
+
+
+class _Fitted:
+    """Cubics through frames."""
+
+    def __init__(self, frames: deque[_Frame]) -> None:
+        self._time = np.array([frame.time for frame in frames])
+        self._values, self._states = (np.array([frame[part] for frame in frames]) for part in (1, 2))
+
+    def at(self, time: float) -> _Instant | None:
+        """At a time [s]; None: there are too few frames around it."""
+        first, last = np.searchsorted(self._time, (time - WINDOW - STAMP, time + WINDOW + STAMP))
+        since = self._time[first:last] - time
+        edges = np.concatenate([[-WINDOW], since, [WINDOW]])
+        if last - first < FEWEST or np.diff(edges).max() > GAP:
+            return None
+        powers = np.vander(since / WINDOW, DEGREE + 1, increasing=True)
+        coefficients = np.linalg.lstsq(powers, self._values[first:last], rcond=None)[0]
+        scale = np.array([1.0, 1.0 / WINDOW, 2.0 / WINDOW**2])
+        return _Instant(time, scale[:, None] * coefficients[:3], self._states[first:last].max(axis=0))
+
+
+def _motion(time: FloatArray, derivatives: FloatArray, joints: int) -> tuple[Motion, RootMotion]:
+    """Of joints and root; derivatives: of frames, shape (n, 3, values)."""
+    q, dq, ddq = derivatives[:, :, :joints].swapaxes(0, 1)
+    position, _, acceleration = derivatives[:, :, joints : joints + 3].swapaxes(0, 1)
+    orientation, rate, change = derivatives[:, :, joints + 3 :].swapaxes(0, 1)
+    length = np.linalg.norm(orientation, axis=1, keepdims=True)
+    turned = RootMotion(
+        position, orientation / length, _turning(orientation, rate), _turning(orientation, change), acceleration
+    )
+    return Motion(time, q, dq, ddq), turned
+
+
+def _turning(q: FloatArray, rate: FloatArray) -> FloatArray:
+    """Vector part of 2 rate / q, quaternions of shape (n, 4): with the first derivative of q its angular velocity, with
+    the second its angular acceleration, shape (n, 3)."""
+    v, w, dv, dw = q[:, :3], q[:, 3:], rate[:, :3], rate[:, 3:]
+    return np.asarray(2.0 * (w * dv - dw * v - np.cross(dv, v)) / (q * q).sum(axis=1, keepdims=True))
+
+
+def _between(forces: deque[HandForce], time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Force, torque and point at n instants, on lines between samples, shape (n, 9); NaN, and not known, where these
+    are too far apart."""
+    if len(forces) < 2:
+        return np.full((len(time), 9), np.nan), np.zeros(len(time), np.bool_)
+    sampled = np.array([force.time for force in forces])
+    rows = np.array([[*force.force, *force.torque, *force.point] for force in forces])
+    after = np.searchsorted(sampled, time).clip(1, len(sampled) - 1)
+    inside = (time >= sampled[0] - STAMP) & (time <= sampled[-1] + STAMP)
+    known = inside & (sampled[after] - sampled[after - 1] <= GAP)
+    values = np.stack([np.interp(time, sampled, column) for column in rows.T], axis=1)
+    return np.where(known[:, None], values, np.nan), known
+
+
+def _trusted(load: MuscleLoad, lost: Mapping[str, NDArray[np.bool_]]) -> MuscleLoad:
+    """The load with NaN for what is not known of it; lost: by side, shape (n,)."""
+    load = replace(load, lost=lost)
+    gone = np.stack([lost[name.partition("_")[0]] for name in load.joints], axis=1)
+    muscles, joints = (np.stack([load.known(name) for name in names], axis=1) for names in (load.names, load.joints))
+    return replace(
+        load,
+        activation=np.where(muscles, load.activation, np.nan),
+        force=np.where(muscles, load.force, np.nan),
+        torque=np.where(gone, np.nan, load.torque),
+        share=np.where(gone, np.nan, load.share),
+        shortfall=np.where(joints, load.shortfall, np.nan),
+        contact={name: np.where(load.known(name)[:, None], force, np.nan) for name, force in load.contact.items()},
+    )

@@ -1,0 +1,53 @@
+"""The force on a person's hand, from the messages of what measures it. No node."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from geometry_msgs.msg import WrenchStamped
+
+from franka_msgs.msg import FrankaState
+from hric_control.geometry import Pose, transformed
+from hric_control.geometry.quaternions import rotated
+from hric_human.muscles.live_load import HandForce
+from hric_perception.person.settings import PLATE, ROBOT, HandForceSettings
+
+
+class Source(NamedTuple):
+    """A topic of a robot, beside the node.
+
+    Attributes:
+        topic, type: of it.
+        read: time [s] and a message to the force on the hand.
+    """
+
+    topic: str
+    type: type
+    read: Callable[[float, Any], HandForce]
+
+
+def source_of(settings: HandForceSettings) -> Source | None:
+    """What measures the force; None: nothing."""
+    if settings.source == ROBOT:
+        topic = "franka_state_controller/franka_states"
+        return Source(topic, FrankaState, lambda time, message: of_robot(time, message, settings.pose))
+    if settings.source == PLATE:
+        topic = f"hric/perception/force_plate/{settings.id}/wrench"
+        return Source(topic, WrenchStamped, lambda time, message: of_plate(time, message, settings.pose))
+    return None
+
+
+def of_robot(time: float, message: Any, T_markers_base: Pose) -> HandForce:
+    """Of a franka_msgs/FrankaState: its estimated external wrench is what the arm exerts, at the origin of the
+    stiffness frame K."""
+    T, (kx, ky, kz) = message.O_T_EE, message.EE_T_K[12:15]
+    x, y, z = (T[12 + i] + T[i] * kx + T[4 + i] * ky + T[8 + i] * kz for i in range(3))
+    fx, fy, fz, mx, my, mz = message.O_F_ext_hat_K
+    force, torque = (rotated(T_markers_base.orientation, one) for one in ((fx, fy, fz), (mx, my, mz)))
+    return HandForce(time, force, torque, transformed(T_markers_base, (x, y, z)))
+
+
+def of_plate(time: float, message: Any, T_markers_plate: Pose) -> HandForce:
+    """Of a geometry_msgs/WrenchStamped: a plate measures what presses on it, about the middle of its surface."""
+    f, m = message.wrench.force, message.wrench.torque
+    force, torque = (rotated(T_markers_plate.orientation, (-one.x, -one.y, -one.z)) for one in (f, m))
+    return HandForce(time, force, torque, T_markers_plate.position)

@@ -1,0 +1,287 @@
+"""The load of a person's muscles beside his tracking: a thread of its own, since markers do not wait for it."""
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import Point, Vector3, Wrench
+from numpy.typing import NDArray
+
+from hric_control.geometry import FloatArray, stamped
+from hric_control.node import Node
+from hric_control.robot_time import stamps
+from hric_human.muscles.live_load import AWAY, MISSING, HandForce, LiveLoad, PersonLoad
+from hric_human.tracking import LOST, MEASURED, Estimate
+from hric_msgs.msg import JointReactions, JointTorque, MuscleActivation
+from hric_msgs.msg import PersonLoad as PersonLoadMessage
+from hric_perception.person.hand_force import source_of
+from hric_perception.person.settings import HandForceSettings
+from hric_perception.stream import OK, START, WARN, Health
+
+PORTION = 0.05
+"""Frames are taken together for so long, since many instants cost little more than one [s of the stamps]. The constants
+of this file are project defaults, unconfirmed."""
+BACKLOG = 1000
+"""Frames and samples of the force that may wait; the oldest give way."""
+RECENT = 1.0
+"""Samples of the force count while frames that show him are no older [s of the stamps]."""
+WAIT = 0.1
+"""Between looks at whether the node ends [s]."""
+FULL = 1.0 - 1e-9
+"""Activation of a muscle that gives all it can, and share of a joint at its strength [1]."""
+
+
+class Frame(NamedTuple):
+    """A frame of the tracker.
+
+    Attributes:
+        live: of the body that was tracked.
+        one: its estimate.
+        frame_id: of the markers.
+    """
+
+    live: LiveLoad
+    one: Estimate
+    frame_id: str
+
+
+class Arrivals:
+    """How often each of some values has come to its limit.
+
+    Attributes:
+        counts: of each.
+        there: whether each is there now.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.counts, self.there = np.zeros(size, int), np.zeros(size, np.bool_)
+
+    def update(self, there: NDArray[np.bool_]) -> None:
+        """Whether they are there now."""
+        self.counts += there & ~self.there
+        self.there = there
+
+
+class LoadMessages:
+    """Of one body.
+
+    Args:
+        live: of the body.
+        hand: side of the hand whose force is measured; "": that of none.
+    """
+
+    def __init__(self, live: LiveLoad, hand: str) -> None:
+        self._links, self._hand = live.links, hand
+        self._strong, self._full = Arrivals(len(live.joints)), Arrivals(len(live.names))
+
+    def count(self, one: PersonLoad, row: int) -> None:
+        """The next instant; before its messages."""
+        self._strong.update(np.abs(one.load.share[row]) >= FULL)
+        self._full.update(one.load.activation[row] >= FULL)
+
+    def torque(self, head: Any, one: PersonLoad, row: int) -> Any:
+        """hric_msgs/JointTorque; NaN of an arm that is lost."""
+        return JointTorque(
+            header=head,
+            name=one.load.joints,
+            torque=one.load.torque[row].tolist(),
+            strength_share=one.load.share[row].tolist(),
+            at_strength=self._strong.there.tolist(),
+            clipped=self._strong.counts.tolist(),
+        )
+
+    def activation(self, head: Any, one: PersonLoad, row: int) -> Any:
+        """hric_msgs/MuscleActivation; static optimisation knows no excitation."""
+        return MuscleActivation(
+            header=head,
+            name=one.load.names,
+            excitation=[math.nan] * len(one.load.names),
+            activation=one.load.activation[row].tolist(),
+            at_limit=self._full.there.tolist(),
+            limited=self._full.counts.tolist(),
+        )
+
+    def reactions(self, head: Any, one: PersonLoad, row: int) -> Any:
+        """hric_msgs/JointReactions: contact forces between his bones."""
+        names = list(one.load.contact)
+        return JointReactions(
+            header=head,
+            joint_names=names,
+            link_names=[self._links[name] for name in names],
+            positions=[_point(one.load.centres[name][row]) for name in names],
+            wrenches=[Wrench(_vector(one.load.contact[name][row]), Vector3()) for name in names],
+        )
+
+    def load(self, head: Any, one: PersonLoad, row: int, behind: float) -> Any:
+        """hric_msgs/PersonLoad."""
+        return PersonLoadMessage(
+            header=head,
+            side=list(one.states),
+            state=[states[row] for states in one.states.values()],
+            outside=[bool(one.load.outside[side][row]) for side in one.states],
+            hand=self._hand,
+            force=one.force[row],
+            wrench=Wrench(_vector(one.acting.force[row]), _vector(one.acting.torque[row])),
+            point=_point(one.acting.point[row]),
+            distance=float(one.distance[row]),
+            behind=behind,
+        )
+
+
+class LoadThread:
+    """Publishes from its construction on.
+
+    Args:
+        node: private node.
+        where: prefix of the topics.
+        settings: what measures the force on his hand.
+        side: of that hand; None: the force is not measured.
+        now: robot time [s]; None while it is not known.
+    """
+
+    def __init__(
+        self, node: Node, where: str, settings: HandForceSettings, side: str | None, now: Callable[[], float | None]
+    ) -> None:
+        self._now, self._side = now, side or ""
+        self._queue: deque[Frame | HandForce] = deque(maxlen=BACKLOG)
+        self._came, self._stop = threading.Event(), threading.Event()
+        self._live: LiveLoad | None = None
+        self._messages: LoadMessages | None = None
+        self._newest = self._taken = -math.inf
+        self._tally = _Tally(settings.source)
+        self._load = node.advertise(f"{where}/load", PersonLoadMessage, queue_size=100)
+        self._parts = {
+            node.advertise(f"{where}/joint_torque", JointTorque, queue_size=100): LoadMessages.torque,
+            node.advertise(f"{where}/activation", MuscleActivation, queue_size=100): LoadMessages.activation,
+            node.advertise(f"{where}/joint_reactions", JointReactions, queue_size=100): LoadMessages.reactions,
+        }
+        self._thread = threading.Thread(target=self._run, name="load", daemon=True)
+        self._thread.start()
+        if (source := source_of(settings)) is not None:
+            self._read = source.read
+            node.subscribe(node.beside(source.topic), source.type, self._on_force, queue_size=0)
+
+    def add(self, one: Frame | HandForce) -> None:
+        """Of frames and forces, each in its order; from any thread."""
+        self._queue.append(one)
+        if isinstance(one, Frame):
+            self._came.set()
+
+    def _on_force(self, message: Any) -> None:
+        self.add(self._read(message.header.stamp.to_sec(), message))
+
+    def report(self) -> Health:
+        """Once a second."""
+        return self._tally.report()
+
+    def close(self) -> None:
+        """End."""
+        self._stop.set()
+        self._came.set()
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            self._came.wait(WAIT)
+            self._came.clear()
+            began = time.thread_time()
+            while self._queue:
+                one = self._queue.popleft()
+                if isinstance(one, Frame):
+                    self._take(one)
+                elif self._live is not None and one.time - self._newest < RECENT:
+                    self._live.add_force(one)
+            self._tally.cost += time.thread_time() - began
+
+    def _take(self, frame: Frame) -> None:
+        if frame.live is not self._live:
+            self._live, self._messages = frame.live, LoadMessages(frame.live, self._side)
+        frame.live.add(frame.one)
+        self._newest = frame.one.time
+        if 0.0 <= frame.one.time - self._taken < PORTION:
+            return
+        self._taken = frame.one.time
+        if (found := frame.live.take()) is not None:
+            self._publish(found, frame.frame_id)
+
+    def _publish(self, found: PersonLoad, frame_id: str) -> None:
+        assert self._messages is not None
+        now = self._now()
+        for row, instant in enumerate(found.load.time.tolist()):
+            head = stamped.header(stamps.to_time(instant), frame_id)
+            behind = math.nan if now is None else now - instant
+            self._messages.count(found, row)
+            self._load.publish(self._messages.load(head, found, row, behind))
+            for publisher, make in self._parts.items():
+                if publisher.subscribers():
+                    publisher.publish(make(self._messages, head, found, row))
+        self._tally.took(found, now)
+
+
+class _Tally:
+    """What diagnostics say; written by one thread, read by another.
+
+    Attributes:
+        cost: of processor [s].
+    """
+
+    def __init__(self, source: str) -> None:
+        self.cost, self._source, self._made = 0.0, source, time.monotonic()
+        self._before = time.monotonic(), 0.0, 0
+        self._instants, self._behind = 0, 0.0
+        self._last: PersonLoad | None = None
+
+    def took(self, found: PersonLoad, now: float | None) -> None:
+        """Instants were published."""
+        self._instants += len(found.load.time)
+        self._last = found
+        if now is not None:
+            self._behind = max(self._behind, now - float(found.load.time[0]))
+
+    def report(self) -> Health:
+        """Once a second."""
+        one, instants, cost = self._last, self._instants, self.cost
+        now, (then, cost_then, instants_then) = time.monotonic(), self._before
+        self._before, span = (now, cost, instants), max(now - then, 1e-3)
+        values = {
+            "instants": str(instants),
+            "rate [Hz]": f"{(instants - instants_then) / span:.0f}",
+            "behind at most [s]": f"{self._behind:.3f}",
+            "processor [1]": f"{(cost - cost_then) / span:.3f}",
+            "force": self._source,
+        }
+        self._behind = 0.0
+        if one is None or instants == instants_then:
+            starts = not instants and now - self._made < START
+            return Health(OK if starts else WARN, "waits for frames that show him", values)
+        values |= {f"{side} arm": states[-1] for side, states in one.states.items()}
+        if math.isfinite(one.distance[-1]):
+            values["force from the hand [m]"] = f"{one.distance[-1]:.3f}"
+        return Health(*_said(one), values)
+
+
+def _said(one: PersonLoad) -> tuple[int, str]:
+    """Level and sentence about the newest instant."""
+    if one.force[-1] == MISSING:
+        return WARN, "the force on his hand does not come: the load of that arm is not known"
+    if lost := [side for side, states in one.states.items() if states[-1] == LOST]:
+        return WARN, f"lost for want of markers: {' and '.join(lost)} arm"
+    if one.force[-1] == AWAY:
+        return OK, f"the force is {one.distance[-1]:.2f} m from his hand, and does not count"
+    if outside := [side for side, rows in one.load.outside.items() if rows[-1]]:
+        return OK, f"outside the range of muscle paths: {' and '.join(outside)} arm"
+    return OK, "the load is known" if one.force[-1] == MEASURED else "the load is known, without a force on a hand"
+
+
+def _vector(values: FloatArray) -> Any:
+    x, y, z = values.tolist()
+    return Vector3(x, y, z)
+
+
+def _point(values: FloatArray) -> Any:
+    x, y, z = values.tolist()
+    return Point(x, y, z)
