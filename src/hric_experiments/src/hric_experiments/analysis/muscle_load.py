@@ -68,6 +68,7 @@ class Described:
         gravity: in the world [m/s^2].
         record: from a run's bag; None: of an experiment file, from which nothing acts on him.
         source: what described him, for people.
+        anatomy: what names the anatomy of his muscles, for messages.
     """
 
     settings: HumanSettings
@@ -75,11 +76,13 @@ class Described:
     gravity: Vector
     record: HumanRecord | None
     source: str
+    anatomy: str = "human.muscles.anatomy"
 
     def with_muscles(self, anatomy: str | None, strength: float | None) -> "Described":
         """The same person with another anatomy, or another factor of the strength of his muscles; None: his own."""
         muscles = _chosen(self.settings.muscles, anatomy, strength)
-        return replace(self, settings=replace(self.settings, muscles=muscles))
+        where = self.anatomy if anatomy is None else "--muscles"
+        return replace(self, settings=replace(self.settings, muscles=muscles), anatomy=where)
 
     def loads(self, time: FloatArray) -> list[Load]:
         """What his grips do to his links, shape (n,) of instants [s]."""
@@ -293,7 +296,7 @@ def _result(
     pressed: Sequence[Load] = (),
 ) -> Result:
     settings = person.settings.muscles
-    anatomy = find(settings.anatomy, "human.muscles.anatomy")
+    anatomy = find(settings.anatomy, person.anatomy)
     muscles = MuscleSet(person.body, anatomy, settings.strength)
     root = person.settings.root(person.body)
     loads = [*person.loads(motion.time), *pressed]
