@@ -15,6 +15,7 @@ SHORT = ("docs/howto/salvage_a_bag.md",)
 ENDS = re.compile(r"\s(?P<by>\|\||&&|[|&;>])\s?")
 OF_THE_WORKSPACE = re.compile(r"(\w+=\S+ )*(scripts/|rosrun |roslaunch )")
 VARIABLE = re.compile(r"[A-Z_]+=")
+PRINTED_INTO = re.compile(r">>? *([\w.-]+)(?=\s)")
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,12 @@ def commands(taken: Iterable[Step]) -> Iterator[Command]:
 
 
 def write(taken: Iterable[Step], folder: Path) -> None:
-    """The files that the reader of a page writes."""
+    """The files that the reader of a page writes; those into which its commands print stay empty."""
     for step in taken:
         if isinstance(step, WrittenFile):
             path = folder / step.path
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(step.text)
+        elif isinstance(step, Commands):
+            for name in PRINTED_INTO.findall(step.text):
+                (folder / name).touch()

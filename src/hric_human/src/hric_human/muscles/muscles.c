@@ -202,7 +202,8 @@ static int muscles_init(Muscles *self, PyObject *args, PyObject *Py_UNUSED(kwarg
         return -1;
     }
     const Py_ssize_t count = PyList_GET_SIZE(arms);
-    self->constant = copied(constant, (size_t)self->muscles * (size_t)(4 + self->columns), sizeof(double), "the constants");
+    self->constant =
+        copied(constant, (size_t)self->muscles * (size_t)(4 + self->columns), sizeof(double), "the constants");
     self->arm = PyMem_Calloc((size_t)count + 1, sizeof(Arm));
     if (self->constant == NULL || self->arm == NULL)
         return PyErr_Occurred() != NULL ? -1 : (PyErr_NoMemory(), -1);
