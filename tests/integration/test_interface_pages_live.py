@@ -15,8 +15,6 @@ import rosservice
 import yaml
 from live_system import READY_TIMEOUT, ROOT, LiveSystem, wait_for
 
-from hric_perception.emg.muscles import PARTS
-
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from interface_pages import Row, pages, rows
 
@@ -32,8 +30,6 @@ OTHER_NAMES = {"<body>/ground_pose"}
 """Topics of `natnet_client` under the names of another driver, of which it publishes one set at a time
 (mocap_natnet/test/test_publisher.py)."""
 EXPERIMENT = ROOT / "src/hric_experiments/config/experiments/data_collection.yaml"
-MUSCLES = [f"right_{part}" for parts in PARTS.values() for part in parts]
-"""That the usual channels of EMG measure."""
 
 
 def documented(section: str) -> list[Row]:
@@ -77,12 +73,13 @@ class Graph:
 
 
 def a_long_collection(folder: Path) -> Path:
-    """The data collection, with the sources that hear something: activation from a topic, the load from contacts, and
-    cameras that see a human of the robot's plant."""
+    """The data collection, with the sources that hear something: activation from a human with muscles in the robot's
+    plant, whom the cameras see, and the load from contacts."""
     content = yaml.safe_load(EXPERIMENT.read_text()) | {"duration": 3600.0, "setpoints": []}
     content["emg"]["emulated"]["activation"] = {"program": "topic"}
     content["human"] = {
         "position": [0.9, -0.4],
+        "drive": "muscle",
         "grips": {"guide": {"held": "panda_hand", "close": {"by_service": True}}},
     }
     content["mocap"]["human"] = {"program": "body"}
@@ -109,12 +106,6 @@ def sensors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
         )  # fmt: skip
         stack.callback(system.close)
         system.wait_running("joint_pd_controller")
-        # His body has no muscles here, and the emulated EMG sends nothing until it knows their activation.
-        activation = json.dumps({"header": {"stamp": "now"}, "name": MUSCLES, "activation": [0.1] * len(MUSCLES)})
-        kind = "hric_msgs/MuscleActivation"
-        stack.enter_context(
-            system.started("rostopic", "pub", "-s", "-r", "200", "/hric/human/activation", kind, activation)
-        )
         for command in (
             ("hric_perception", "synchronizer", "__name:=single", f"_plan:={plan}"),
             ("mocap_natnet", "calibrate"),
