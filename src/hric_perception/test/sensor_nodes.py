@@ -87,7 +87,13 @@ class Nodes:
 
 
 @pytest.fixture
-def nodes() -> Iterator[Nodes]:
+def nodes(ros: str) -> Iterator[Nodes]:
+    import rospy
+
+    # The master may be that of tests which gave nodes of these names other parameters.
+    for name in [path.name for path in NODES.iterdir()]:
+        if rospy.has_param(f"/{name}"):
+            rospy.delete_param(f"/{name}")
     made = Nodes()
     yield made
     made.close()

@@ -3,7 +3,6 @@ messages come."""
 
 import os
 import threading
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -14,7 +13,7 @@ import yaml
 from geometry_msgs.msg import PoseStamped
 from moving_body import BODY, PERIOD, PERSON, Oracle, joint_state
 from sensor_msgs.msg import JointState
-from sensor_nodes import Nodes, TellsTime, TopicActivation, nodes, run, wait
+from sensor_nodes import Diagnosis, Nodes, TellsTime, TopicActivation, nodes, run, wait
 
 from hric_control.testing import free_port, ros, roscore
 from hric_msgs.msg import MocapData, MuscleActivation
@@ -166,8 +165,6 @@ def test_a_plate_that_measures_nobody_says_so_and_sends_nothing(run: TellsTime, 
     output = process.communicate(timeout=30)[0]
     assert process.returncode == 2
     assert "/wrong/person is not set, and {program: body} measures the human in the robot's plant" in output
-    waiting = nodes.start(
-        "emulated_plate", f"_session:=nobody_{os.getpid()}", "_load:={program: body}", PERSON_ARGUMENT
-    )
-    time.sleep(3.0)
-    assert "nothing is known of the human in the robot's plant" in nodes.end(waiting)
+    said = Diagnosis("emulated_plate")
+    nodes.start("emulated_plate", f"_session:=nobody_{os.getpid()}", "_load:={program: body}", PERSON_ARGUMENT)
+    wait(lambda: said.says("nothing is known of the human in the robot's plant"))
