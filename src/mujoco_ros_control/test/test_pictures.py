@@ -8,7 +8,7 @@ import pytest
 
 from hric_control.errors import HricError
 from hric_control.geometry import FloatArray, homogeneous
-from mujoco_ros_control.pictures import Camera, CameraSettings, camera_matrix, optical_frame
+from mujoco_ros_control.pictures import BACKGROUND, Camera, CameraSettings, camera_matrix, optical_frame
 
 RADIUS = 0.1
 BALL = np.array([0.6, 0.7, 0.4])
@@ -60,6 +60,8 @@ def test_a_ball_stands_where_the_camera_matrix_says_and_as_far_as_it_is(make_cam
     found = where(distances, middle - 1.01 * RADIUS, middle)
     assert np.abs(found - pixel).max() < 0.5
     assert distances[round(pixel[1]), round(pixel[0])] == pytest.approx(middle - RADIUS, abs=1e-3)
+    nothing = np.isinf(distances)
+    assert nothing[0, 0] and (picture[nothing] == BACKGROUND).all() and (picture[~nothing] != BACKGROUND).any()
 
 
 def test_a_ball_that_moves_is_seen_where_it_was_said_to_be(make_camera: Make) -> None:

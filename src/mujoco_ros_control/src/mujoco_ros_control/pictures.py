@@ -28,6 +28,8 @@ _R_CAMERA_MUJOCO: FloatArray = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.
 _GREY = (0.7, 0.7, 0.7, 1.0)
 NEAR, FAR = 0.02, 20.0
 """What is nearer or farther is not seen [m] (project default, unconfirmed)."""
+BACKGROUND = (224, 230, 236)
+"""Colour of what is farther, red, green and blue."""
 Picture = npt.NDArray[np.uint8]
 
 
@@ -117,7 +119,7 @@ class Camera:
             self._m = built.spec.compile()
             self._d = mujoco.MjData(self._m)
             self._m.vis.map.znear, self._m.vis.map.zfar = NEAR / self._m.stat.extent, FAR / self._m.stat.extent
-            self._renderer = mujoco.Renderer(self._m, settings.height, settings.width)
+            self._canvas = _Canvas(self._m, settings.width, settings.height)
         except Exception as error:  # of OpenGL's own kinds, by platform
             raise HricError(f"the camera cannot draw: {error}") from error
 
@@ -138,7 +140,8 @@ class Camera:
     def take(
         self, positions: Mapping[str, float], poses: Mapping[str, FloatArray], *, depth: bool
     ) -> tuple[Picture, npt.NDArray[np.float32] | None]:
-        """A picture, shape (height, width, 3), and the distance along the optical axis, shape (height, width) [m].
+        """A picture, shape (height, width, 3), and the distance along the optical axis, shape (height, width) [m];
+        inf, as in REP 118: nothing is there.
 
         Args:
             positions: of the robot's joints [rad or m]; what is not named stays.
@@ -154,33 +157,57 @@ class Camera:
                 self._d.joint(joint).qpos[:] = [*poses[name][:3, 3], *quaternion(poses[name][:3, :3])]
         mujoco.mj_kinematics(self._m, self._d)
         mujoco.mj_camlight(self._m, self._d)
-        self._renderer.update_scene(self._d, camera="camera")
-        picture: Picture = self._renderer.render()
-        if not depth:
-            return picture, None
-        self._renderer.enable_depth_rendering()
-        distances = self._renderer.render().astype(np.float32)
-        self._renderer.disable_depth_rendering()
-        return picture, distances
+        return self._canvas.draw(self._d, depth=depth)
 
     def close(self) -> None:
         """Give OpenGL back."""
-        self._renderer.close()
+        self._canvas.close()
+
+
+class _Canvas:
+    """Where the scene is drawn. Colours and distances come of one drawing, and edges are not smoothed, which would take
+    three times as long without a graphics card."""
+
+    def __init__(self, m: mujoco.MjModel, width: int, height: int) -> None:
+        m.vis.quality.offsamples = 0
+        m.vis.global_.offwidth, m.vis.global_.offheight = width, height
+        self._m, self._shape, self._rect = m, (height, width), mujoco.MjrRect(0, 0, width, height)
+        self._gl = mujoco.GLContext(width, height)
+        self._gl.make_current()
+        self._scene, self._option = mujoco.MjvScene(m, maxgeom=m.ngeom), mujoco.MjvOption()
+        self._view, self._idle = mujoco.MjvCamera(), mujoco.MjvPerturb()
+        self._view.type, self._view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, 0
+        self._context = mujoco.MjrContext(m, mujoco.mjtFontScale.mjFONTSCALE_50)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+
+    def draw(self, d: mujoco.MjData, *, depth: bool) -> tuple[Picture, npt.NDArray[np.float32] | None]:
+        """As Camera.take."""
+        every = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(self._m, d, self._option, self._idle, self._view, every, self._scene)
+        mujoco.mjr_render(self._rect, self._scene, self._context)
+        picture, buffer = np.empty((*self._shape, 3), np.uint8), np.empty(self._shape, np.float32)
+        mujoco.mjr_readPixels(picture, buffer, self._rect, self._context)
+        picture[buffer == 0.0] = BACKGROUND
+        # Rows come from below.
+        return picture[::-1].copy(), _distances(buffer[::-1]) if depth else None
+
+    def close(self) -> None:
+        """Give OpenGL back."""
+        self._context.free()
+        self._gl.free()
+
+
+def _distances(buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Along the optical axis [m], of what OpenGL's projection has made of them: 1 at NEAR, 0 at FAR."""
+    found = NEAR * FAR / (NEAR + buffer.astype(np.float64) * (FAR - NEAR))
+    return np.where(buffer == 0.0, np.inf, found).astype(np.float32)
 
 
 def _add_light(spec: mujoco.MjSpec) -> None:
-    """From where the camera is, and a bright background: MuJoCo's own are dim, and black."""
+    """From where the camera is: MuJoCo's own is dim."""
     head = spec.visual.headlight
     head.ambient, head.diffuse, head.specular = [0.3] * 3, [0.5] * 3, [0.1] * 3
-    spec.add_texture(
-        name="background",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.80, 0.86, 0.92],
-        rgb2=[0.95, 0.95, 0.95],
-        width=32,
-        height=6 * 32,
-    )
 
 
 def optical_frame(T_parent_camera: FloatArray) -> FloatArray:
