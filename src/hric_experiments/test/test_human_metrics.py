@@ -12,7 +12,7 @@ import opensim
 import pytest
 from rosbags.highlevel import AnyReader
 
-from hric_bags.export.opensim_text import read_storage
+from hric_control.trial.opensim_text import read_storage
 from hric_experiments.analysis import human, study_human
 from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord
 from hric_experiments.definition import experiment, study
@@ -182,7 +182,8 @@ def test_opensims_inverse_dynamics_of_the_files_of_a_run_is_the_torque_of_his_jo
     tool.setResultsDir(str(tmp_path))
     tool.setOutputGenForceFileName("torques.sto")
     assert tool.run()
-    time, columns = read_storage(tmp_path / "torques.sto")
+    solved = read_storage(tmp_path / "torques.sto")
+    time, columns = solved.time, solved.columns
     with AnyReader([next(folder.glob("*.bag"))]) as bag:
         (connection,) = [c for c in bag.connections if c.topic == "/hric/human/joint_torque"]
         messages = [bag.deserialize(raw, connection.msgtype) for _, _, raw in bag.messages(connections=[connection])]

@@ -6,6 +6,7 @@ from typing import Any
 
 import ezc3d
 import numpy as np
+import opensim
 import pytest
 from bodies import Posed, body
 from numpy.testing import assert_allclose
@@ -104,6 +105,39 @@ def test_a_c3d_file_is_a_reference_too(tmp_path: Path) -> None:
     assert_allclose(reference.at(0.3)[0][:4], q[30][:4], atol=1e-4)  # single precision in the file
 
 
+def test_a_trc_file_with_y_up_and_the_name_of_an_asset_before_its_markers_is_a_reference_too(tmp_path: Path) -> None:
+    one = body(parts="right_arm")
+    q = swings(one, 50)
+    y_up = {f"body_{name}": rows[:, [0, 2, 1]] * [1.0, 1.0, -1.0] for name, rows in markers_of(one, q, T=True).items()}
+    table = opensim.TimeSeriesTableVec3()
+    table.setColumnLabels(list(y_up))
+    for k in range(len(q)):
+        row = [opensim.Vec3(*(1e3 * rows[k]).tolist()) for rows in y_up.values()]
+        table.appendRow(k / RATE, opensim.RowVectorVec3(row))
+    table.addTableMetaDataString("DataRate", str(RATE))
+    table.addTableMetaDataString("Units", "mm")
+    opensim.TRCFileAdapter.write(table, str(tmp_path / "trial.trc"))
+    reference = control(one, program="trc", path=str(tmp_path / "trial.trc"), root_in_lab=TURNED)
+    reference.start(0.0)
+    assert_allclose(reference.at(0.3)[0][:4], q[30][:4], atol=1e-4)
+
+
+@pytest.mark.parametrize("degrees", ["yes", "no"])
+def test_a_mot_file_is_a_reference_too_and_columns_of_other_joints_are_left_out(tmp_path: Path, degrees: str) -> None:
+    one, scale = body(parts="right_arm"), 180.0 / math.pi if degrees == "yes" else 1.0
+    table = opensim.TimeSeriesTable()
+    table.setColumnLabels(["/jointset/elbow/right_el_flex/value", "right_sh_rot", "knee_angle_r"])
+    for k in range(101):
+        table.appendRow(k / RATE, opensim.RowVector([scale * (0.5 + 0.01 * k), scale * 0.1, 5.0]))
+    table.addTableMetaDataString("inDegrees", degrees)
+    opensim.STOFileAdapter.write(table, str(tmp_path / "trial.mot"))
+    reference = control(one, program="mot", path=str(tmp_path / "trial.mot"))
+    reference.start(0.0)
+    q, dq = reference.at(0.5)
+    assert (q[3], q[2], dq[3]) == pytest.approx((1.0, 0.1, 1.0), abs=1e-6)
+    assert q[4:] == [0.0] * 3
+
+
 def test_recorded_angles_are_followed_and_other_joints_rest() -> None:
     one = body(parts="right_arm")
     angles = {"right_el_flex": np.linspace(0.5, 1.5, 101), "right_sh_rot": [0.1] * 101}
@@ -126,12 +160,15 @@ BAD = {
     "none of the markers is on the body; valid: RSHO, RUPA": {"markers": {"LASI": [[0, 0, 0]]}},
     "markers must have as many rows of x, y, z each": {"markers": {"RELB": [[0, 0, 0]], "RWRA": [[0, 0]]}},
     "path: c3d file .*none.c3d: No such file": {"path": "none.c3d"},
+    "path: .*none.mot: No such file": {"path": "none.mot"},
+    "path: .*none.trc: No such file": {"path": "none.trc"},
 }
 
 
 @pytest.mark.parametrize("message", BAD)
 def test_what_cannot_be_a_recorded_motion_is_refused(message: str) -> None:
     (kind,) = BAD[message]
-    program = "c3d" if kind == "path" else kind
+    file = BAD[message].get("path")
+    program = kind if file is None else file.rpartition(".")[2]
     with pytest.raises(ParameterError, match=message):
-        control(body(parts="right_arm"), program=program, **BAD[message], **({} if kind == "path" else {"rate": RATE}))
+        control(body(parts="right_arm"), program=program, **BAD[message], **({"rate": RATE} if file is None else {}))

@@ -16,7 +16,7 @@ from typing import Any
 from hric_bags import run_folder
 from hric_control.limits import load_limits
 from hric_control.node import Node
-from hric_control.trial.c3d import PROGRAM as RECORDED
+from hric_control.trial.c3d import PROGRAMS as RECORDED
 from hric_control.urdf import ONE_COORDINATE, read
 from hric_experiments.definition.experiment import Experiment, package_path, to_dict
 
@@ -153,7 +153,7 @@ def _without_folder(values: Mapping[str, Any]) -> dict[str, Any]:
     path = values.get("path")
     return (
         {**values, "path": Path(path).name}
-        if values.get("program") == RECORDED and isinstance(path, str)
+        if values.get("program") in RECORDED and isinstance(path, str)
         else dict(values)
     )
 

@@ -13,11 +13,12 @@ import opensim
 import urdf_to_osim
 from hric_bags import text
 from hric_bags.export import batches, opensim_files, recording
-from hric_bags.export.opensim_text import read_storage, write_storage
+from hric_bags.export.opensim_text import write_storage
 from hric_bags.export.recording import Source
 from hric_bags.export.solving import SolveError, exported, load_model, only, output_folder, output_to, run_tool
 from hric_bags.export.table import FloatArray, Table
 from hric_control.plants import rotor_inertia
+from hric_control.trial.opensim_text import read_storage
 
 MARGIN = 0.05
 """Left out at both ends, where the tool's splines have nothing beyond; project default, unconfirmed [s]."""
@@ -120,7 +121,8 @@ def _compared(
     log: Table, names: tuple[str, ...], inertia: tuple[float, ...], age: float, torques: Path, model: Path, file: Path
 ) -> Dynamics:
     effort_time = log.time - age * float(np.median(np.diff(log.time)))
-    time, columns = read_storage(torques)
+    solved = read_storage(torques)
+    time, columns = solved.time, solved.columns
     velocity, effort = log.below("velocity"), log.below("effort")
     inside = (time >= log.time[0] + MARGIN) & (time <= log.time[-1] - MARGIN)
     time = time[inside]

@@ -10,10 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from hric_bags.export import frames, opensim_formats, recording
 from hric_bags.export.opensim_formats import MOCAP_TYPE, RIGID_BODIES, Markers
-from hric_bags.export.opensim_text import marker_name, read_storage
+from hric_bags.export.opensim_text import marker_name
 from hric_bags.export.recording import Source
 from hric_bags.export.solving import SolveError, exported, load_model, only, output_folder, run_tool
 from hric_bags.export.table import FloatArray, Table
+from hric_control.trial.opensim_text import read_storage
 
 MIN_MARKERS = 3
 ACCURACY = 1e-9
@@ -164,7 +165,8 @@ def _run(model_path: Path, trc: Path, motion: Path, time: FloatArray, names: lis
 def _compared(
     body: str, model: Path, motion: Path, markers: Markers, points: dict[str, FloatArray], poses: FloatArray
 ) -> Solution:
-    time, columns = read_storage(motion)
+    solved = read_storage(motion)
+    time, columns = solved.time, solved.columns
     T = np.tile(np.eye(4), (len(time), 1, 1))
     T[:, :3, :3] = Rotation.from_euler(
         "XYZ", np.column_stack([columns[name] for name in COORDINATES[:3]]), degrees=True

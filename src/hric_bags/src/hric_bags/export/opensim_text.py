@@ -1,5 +1,5 @@
 """The text formats of OpenSim: .trc for markers, .mot and .sto for everything else; written as its own readers want
-them."""
+them. They are read by `hric_control.trial.opensim_text`."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -87,17 +87,6 @@ def label(text: str) -> str:
 def marker_name(text: str) -> str:
     """A marker's name as OpenSim takes it: no path in it."""
     return "_".join(text.replace("/", " ").replace("\\", " ").replace("*", " ").replace("+", " ").split())
-
-
-def read_storage(path: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """(time (n,) [s], columns by label) of a .mot or .sto file, as the tools of OpenSim write it."""
-    lines = path.read_text().splitlines()
-    start = lines.index("endheader") + 1
-    labels = lines[start].split()
-    matrix = np.array([[float(cell) for cell in line.split()] for line in lines[start + 1 :] if line.strip()]).reshape(
-        -1, len(labels)
-    )
-    return matrix[:, 0], {name: matrix[:, k] for k, name in enumerate(labels) if k}
 
 
 def _number(value: float) -> str:

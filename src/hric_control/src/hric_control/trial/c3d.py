@@ -20,8 +20,8 @@ from hric_control.geometry import UP_AXES, FloatArray
 from hric_control.geometry.transforms import vectors_z_up
 from hric_control.trial.plates import PlateError, TrialPlate, read_plates
 
-PROGRAM = "c3d"
-"""Name of the programs of emulated sensors that replay a trial."""
+PROGRAMS = ("c3d", "trc", "mot")
+"""Names of the programs that replay a recorded file: of emulated sensors the first, of a simulated human all."""
 METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0}
 """Unit of POINT:UNITS -> metres."""
 VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
@@ -131,7 +131,7 @@ def located(tree: Any, folder: Path) -> Any:
         return tree
     found = {key: located(value, folder) for key, value in tree.items()}
     path = found.get("path")
-    if found.get("program") == PROGRAM and isinstance(path, str) and path and not path.startswith(PACKAGE):
+    if found.get("program") in PROGRAMS and isinstance(path, str) and path and not path.startswith(PACKAGE):
         found["path"] = str((folder / Path(path).expanduser()).absolute())
     return found
 

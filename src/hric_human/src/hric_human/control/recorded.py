@@ -1,20 +1,20 @@
-"""Recorded motions as references of the joints: angles, or markers of the body's set by inverse kinematics.
+"""Recorded motions as references of the joints: angles, or markers of the body's set by inverse kinematics; given as
+values, or in a file of a laboratory (c3d) or of OpenSim (.trc, .mot)."""
 
-Of files, c3d is read here. Whoever reads .mot gives angles, whoever reads .trc gives markers.
-"""
-
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from hric_control.errors import HricError, ParameterError
-from hric_control.geometry import FloatArray, Pose
+from hric_control.geometry import UP_AXES, FloatArray, Pose
 from hric_control.geometry.poses import PoseSettings, inverse
-from hric_control.geometry.transforms import rotation_from_quaternion
-from hric_control.parameters import Mistakes, mapping, number, refused, section, text, unknown
+from hric_control.geometry.transforms import rotation_from_quaternion, vectors_z_up
+from hric_control.parameters import Mistakes, choice, mapping, number, refused, section, text, unknown
 from hric_control.trial.c3d import read_trial, resolve
+from hric_control.trial.opensim_text import rate_of, read_markers, read_storage
 from hric_human.control.controller import Person
 from hric_human.control.inverse_kinematics import Solver, Task
 from hric_human.control.marked_body import ROOT_MOTIONS, MarkedBody
@@ -62,6 +62,33 @@ class MarkerSolver:
         return task
 
 
+def _followed(person: Person, rate: float, columns: Mapping[str, FloatArray], where: str) -> Reference:
+    """Recorded angles of some joints; the others rest.
+
+    Args:
+        person: whose joints.
+        rate: of the rows [Hz].
+        columns: by joint, shape (rows,) each [rad].
+        where: of the columns, for messages.
+
+    Raises:
+        ParameterError: an angle outside the range of its joint.
+    """
+    mistakes = Mistakes()
+    rows = np.tile(person.rest, (len(next(iter(columns.values()))), 1))
+    for name, column in columns.items():
+        index = person.joints.index(name)
+        low, high = person.lower[index], person.upper[index]
+        outside = np.flatnonzero(~((column >= low) & (column <= high)))
+        if len(outside):
+            with mistakes.noted():
+                value = float(column[outside[0]])
+                raise refused(f"{where}.{name}[{outside[0]}]", value, f"{low:.3f} to {high:.3f} [rad]")
+        rows[:, index] = column
+    mistakes.raise_all()
+    return Rows(1.0 / rate, rows.tolist())
+
+
 @dataclass(frozen=True)
 class Angles(ReferenceSettings):
     """Recorded joint angles."""
@@ -73,29 +100,44 @@ class Angles(ReferenceSettings):
 
     def reference(self, person: Person) -> Reference:
         """See the base."""
-        columns, mistakes = {}, Mistakes()
+        columns, mistakes, where = {}, Mistakes(), f"{self.prefix}angles"
         for name, values in self.angles.items():
             with mistakes.noted():
-                columns[name] = self._column(name, values, person)
+                if name not in person.joints:
+                    raise unknown("joint", name, person.joints, where)
+                columns[name] = _array(values, f"{where}.{name}", 1)
         mistakes.raise_all()
         if not columns or len({len(column) for column in columns.values()}) > 1:
-            raise ParameterError(f"{self.prefix}angles must have one joint or more, with as many values each")
-        rows = np.tile(person.rest, (len(next(iter(columns.values()))), 1))
-        for name, column in columns.items():
-            rows[:, person.joints.index(name)] = column
-        return Rows(1.0 / self.rate, rows.tolist())
+            raise ParameterError(f"{where} must have one joint or more, with as many values each")
+        return _followed(person, self.rate, columns, where)
 
-    def _column(self, name: str, values: Any, person: Person) -> FloatArray:
-        """Of a joint, shape (rows,) [rad]."""
-        where = f"{self.prefix}angles"
-        if name not in person.joints:
-            raise unknown("joint", name, person.joints, where)
-        column = _array(values, f"{where}.{name}", 1)
-        low, high = (ends[person.joints.index(name)] for ends in (person.lower, person.upper))
-        outside = np.flatnonzero(~((column >= low) & (column <= high)))
-        if len(outside):
-            raise refused(f"{where}.{name}[{outside[0]}]", float(column[outside[0]]), f"{low:.3f} to {high:.3f} [rad]")
-        return column
+
+@dataclass(frozen=True)
+class MotionFile(ReferenceSettings):
+    """Joint angles of a .mot or .sto file of OpenSim, such as `human.mot` of a run; columns that are no joint of the
+    body are left out."""
+
+    path: str = text(valid="a .mot or .sto file, path or package:// address,", empty=False)
+
+    def reference(self, person: Person) -> Reference:
+        """See the base."""
+        path, where = resolve(self.path), f"{self.prefix}path"
+        try:
+            stored = read_storage(path)
+            rate = rate_of(path, stored.time)
+        except ParameterError as error:
+            raise ParameterError(f"{where}: {error}") from error
+        scale = np.pi / 180.0 if stored.degrees else 1.0
+        named = {_coordinate(label): scale * column for label, column in stored.columns.items()}
+        columns = {name: named[name] for name in person.joints if name in named}
+        if not columns:
+            raise ParameterError(f"{where}: {path} has no joint of the body; valid: {', '.join(person.joints)}")
+        return _followed(person, rate, columns, f"{where}: {path.name}")
+
+
+def _coordinate(label: str) -> str:
+    """Of `el_flex`, or of a state's path `/jointset/elbow/el_flex/value`."""
+    return label.removesuffix("/value").rpartition("/")[2]
 
 
 @dataclass(frozen=True)
@@ -113,6 +155,7 @@ class Captured(ReferenceSettings):
     def reference(self, person: Person) -> Reference:
         """See the base."""
         rate, markers = self.motion()
+        markers = _own(markers, person.body.markers)
         names = [name for name in person.body.markers if name in markers]
         if not names:
             raise ParameterError(
@@ -158,8 +201,37 @@ class C3dFile(Captured):
         return trial.rate, {name: trial.positions[:, index] for index, name in enumerate(trial.labels)}
 
 
-RECORDED: dict[str, type[ReferenceSettings]] = {"angles": Angles, "markers": Markers, "c3d": C3dFile}
+@dataclass(frozen=True)
+class TrcFile(Captured):
+    """Those of a .trc file of OpenSim."""
+
+    path: str = text(valid="a .trc file, path or package:// address,", empty=False)
+    up: str = choice(*UP_AXES, default="y", text="axis that points up in the file")
+
+    def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
+        """See the base."""
+        path = resolve(self.path)
+        try:
+            rows = read_markers(path)
+            rate = rate_of(path, rows.time)
+        except ParameterError as error:
+            raise ParameterError(f"{self.prefix}path: {error}") from error
+        return rate, {name: vectors_z_up(self.up, positions) for name, positions in rows.markers.items()}
+
+
+RECORDED: dict[str, type[ReferenceSettings]] = {
+    "angles": Angles,
+    "mot": MotionFile,
+    "markers": Markers,
+    "trc": TrcFile,
+    "c3d": C3dFile,
+}
 """By the word `program`."""
+
+
+def _own(markers: Mapping[str, FloatArray], valid: Collection[str]) -> Mapping[str, FloatArray]:
+    """By the body's names, also where each has that of an asset before it: `body/RELB`, `subject:RELB`, `body_RELB`."""
+    return {name if name in valid else re.split("[/:_]", name)[-1]: rows for name, rows in markers.items()}
 
 
 def _array(values: Any, where: str, dimensions: int) -> FloatArray:
