@@ -80,6 +80,14 @@ TOOLS = [
         r"no model 'sofa'.*valid: board",
     ),
     ("hric_experiments run co_transport human.position:=[3,0]", r"1\.\d+ m from the right shoulder; valid: up to 0\.6"),
+    (
+        "hric_experiments run co_transport human.control.parameters.load:=45",
+        r"/load is 45\.0; valid: up to \d+(\.\d)? \[kg\], which his right_\w+ holds",
+    ),
+    (
+        "hric_experiments run hand_guidance human.watches:=panda_elbow",
+        r"no link 'panda_elbow' in .*/watches; valid: panda_hand",
+    ),
     ("hric_experiments run not.yaml", r"not\.yaml is not YAML: .*line 2, column 1"),
     ("hric_experiments run wrong.yaml", r"2 mistakes\n +no parameter 'controlers'; valid: controllers.*\n +duration"),
     ("hric_experiments run study.yaml", r"forms\.a\.compared\[0\]\.runs is 'c'; valid: two of b"),

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from hric_control.geometry import Pose, Vector
 from hric_human.body import Body
 from hric_human.control import HumanControl, HumanController, OutOfReachError, Person, Senses
 from hric_human.control.impedance import STIFFNESS
+from hric_human.control.kinematics import own_weight
 from hric_human.control.strength import MEAN_MASS, STRENGTH, strength
 
 ARM = body(parts="right_arm")
@@ -396,6 +398,20 @@ def test_wrong_parameters_are_refused_in_one_block_with_what_is_valid(user_packa
         "no human controller 'my_humans/Held' in human.control.type; valid: hric_human/ImpedanceArm, my_humans/Hold "
         "(did you mean my_humans/Hold?)"
     ]
+
+
+def test_a_load_that_a_joint_is_too_weak_for_is_refused_with_the_heaviest_that_he_holds() -> None:
+    (line,) = refusals(impedance(load=45.0))
+    found = re.fullmatch(
+        r"human\.control\.parameters\.load is 45\.0; valid: up to (.*) \[kg\], which his (.*) holds as he begins", line
+    )
+    assert found is not None, line
+    heaviest, joint = float(found[1]), found[2]
+    person = HumanControl(ARM, impedance(load=heaviest), 0).person
+    index, hand = person.joints.index(joint), ARM.segments["right_hand"].link
+    for load, holds in ((heaviest, True), (heaviest + 0.2, False)):
+        torque = own_weight(ARM, person.gravity, {hand: load})(person.rest)[index]
+        assert (person.weakest[index] <= torque <= person.strongest[index]) is holds
 
 
 def test_joint_references_out_of_range_are_refused_together() -> None:

@@ -233,6 +233,7 @@ def test_a_reset_puts_him_back_with_his_grip_and_he_waits_again(lab: Any, plant_
         ),
         ({"grips": {"guide": {"held": "tail"}}}, "no link 'tail' in .*human/grips/guide; valid: .*panda_hand"),
         ({"grips": {"guide": {}}}, "grips.guide.held is not set"),
+        ({"watches": "panda_elbow"}, "no link 'panda_elbow' in .*human/watches; valid: .*panda_hand"),
         ({"rate": 0}, "rate is 0; valid: .*above 0"),
     ],
 )

@@ -106,9 +106,6 @@ DENSITY = {
 """[kg/m^3]: Winter, Biomechanics and Motor Control of Human Movement, 3rd ed. 2005, as quoted in the tables of a course
 (University of Rhode Island, BME 207, 2016)."""
 
-MASSES = tuple(ENDS)
-LENGTHS = (*ENDS, "shoulder_drop", *OTHER_LENGTHS)
-
 
 def scaled_lengths(sex: str, height: float) -> dict[str, float]:
     """Lengths by name [m].

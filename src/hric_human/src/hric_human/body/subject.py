@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hric_control.node import REQUIRED
-from hric_control.parameters import Mistakes, Settings, choice, mapping, number, read_yaml, text, unknown
-from hric_human.body.anthropometry import LENGTHS, MASSES
+from hric_control.parameters import Mistakes, Settings, choice, mapping, number, read_yaml, refused, text, unknown
+from hric_human.body.anthropometry import scaled_lengths, scaled_masses
 
 PARTS = {
     "right_arm": ("right_arm",),
@@ -17,6 +17,9 @@ PARTS = {
     "whole_body": ("trunk", "right_arm", "left_arm", "right_leg", "left_leg"),
 }
 """What is described, by its chains of joints in their order; the trunk is with the head."""
+FAR = {"length": 2.0, "mass": 3.0}
+"""How many times the table's value, or what share of it, a measured one may be: more is another unit (project default,
+unconfirmed)."""
 _CODE = re.compile(r"(?=\D*\d)[A-Za-z0-9]{1,12}")
 
 
@@ -54,13 +57,21 @@ class Subject(Settings):
         return PARTS[self.parts]
 
     def check(self, where: str) -> None:
-        """Refuse measures of what the table does not have."""
+        """Refuse measures of what the table does not have, and those that are far from it."""
+        lengths, masses = scaled_lengths(self.sex, self.height), scaled_masses(self.sex, self.mass)
         mistakes = Mistakes()
-        for kind, given, valid in (("length", self.lengths, LENGTHS), ("mass", self.masses, MASSES)):
-            for name in given:
-                if name not in valid:
-                    with mistakes.noted():
-                        raise unknown(kind, name, valid, where.rstrip(":. "))
+        for kind, given, published, unit in (
+            ("length", self.lengths, lengths, "m"),
+            ("mass", self.masses, masses, "kg"),
+        ):
+            for name, value in given.items():
+                with mistakes.noted():
+                    if name not in published:
+                        raise unknown(kind, name, published, where.rstrip(":. "))
+                    low, high = published[name] / FAR[kind], published[name] * FAR[kind]
+                    if not low <= value <= high:
+                        plural = "masses" if kind == "mass" else "lengths"
+                        raise refused(f"{where}{plural}.{name}", value, f"{low:.3g} to {high:.3g} [{unit}]")
         mistakes.raise_all()
 
 

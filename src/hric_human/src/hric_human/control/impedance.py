@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from hric_control.geometry import Vector
-from hric_control.parameters import Settings, number, per_joint, variant
+from hric_control.parameters import Settings, number, per_joint, refused, variant
 from hric_human.control.controller import HumanController, Person, Senses
 from hric_human.control.kinematics import own_weight
 from hric_human.control.recorded import RECORDED
@@ -75,7 +75,12 @@ class ImpedanceSettings(Settings):
         "once (project default, unconfirmed)",
     )
     load: float = number(
-        0.0, minimum=0.0, maximum=50.0, unit="kg", text="mass in his hand that he expects, and holds as his own weight"
+        0.0,
+        minimum=0.0,
+        maximum=50.0,
+        unit="kg",
+        text="mass in his hand that he expects, and holds as his own weight; refused where a joint is too weak for it "
+        "as he begins",
     )
 
 
@@ -102,6 +107,23 @@ class ImpedanceArm(HumanController):
             self._weight = own_weight(person.body, person.gravity, {hand: settings.load})
         self._reference: Reference = settings.reference.reference(person)
         self.end = self._reference.end
+        if settings.load > 0.0:
+            self._check_load(person, settings)
+
+    def _check_load(self, person: Person, settings: ImpedanceSettings) -> None:
+        """Refuse a load that a joint is too weak for where the motion begins. Torques are linear in the load."""
+        posture = self.posture()
+        alone, loaded, held = person.own_weight(posture), self._weight(posture), {}
+        for joint, own, both, low, high in zip(
+            person.joints, alone, loaded, person.weakest, person.strongest, strict=True
+        ):
+            per_kilogram = (both - own) / settings.load
+            if per_kilogram:
+                held[joint] = max(0.0, ((high if per_kilogram > 0.0 else low) - own) / per_kilogram)
+        weakest = min(held, key=held.__getitem__, default=None)
+        if weakest is not None and settings.load > held[weakest]:
+            valid = f"up to {math.floor(10.0 * held[weakest]) / 10.0:g} [kg], which his {weakest} holds as he begins"
+            raise refused(f"{settings.prefix}load", settings.load, valid)
 
     def posture(self) -> Sequence[float]:
         """Where the reference begins."""

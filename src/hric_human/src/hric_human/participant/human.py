@@ -62,6 +62,7 @@ class Human(Participant):
         self._grips = [self._new_grip(grip) for grip in settings.grips]
         self._feeling = [grip for grip in self._grips if settings.grips[grip.name].holder == HAND]
         self._muscles = self._new_muscles()
+        self._check_sight()
         beside = f"{node.beside('hric')}/{name}"
         calls: dict[str, Callable[[], object]] = {"start": self._start}
         for grip in self._grips:
@@ -107,6 +108,15 @@ class Human(Participant):
         except UnknownNameError as error:
             where = f"{below(self._where)}grips/{name}"
             raise UnknownNameError(error.kind, error.name, error.valid, where) from None
+
+    def _check_sight(self) -> None:
+        """Refuse to watch a link that is not there."""
+        if self._settings.watches:
+            try:
+                self._plant.link_state(self._settings.watches)
+            except UnknownNameError as error:
+                where = f"{below(self._where)}watches"
+                raise UnknownNameError(error.kind, error.name, error.valid, where) from None
 
     # -- the loop ------------------------------------------------------------------------------------------------------
 
