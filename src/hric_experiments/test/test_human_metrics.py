@@ -13,7 +13,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from hric_control.trial.opensim_text import read_storage
-from hric_experiments.analysis import human, study_human
+from hric_experiments.analysis import human, human_difference, stability, study_human
 from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord
 from hric_experiments.definition import experiment, study
 from hric_experiments.definition.experiment import ExperimentError
@@ -91,6 +91,44 @@ def test_a_grip_that_pulls_longer_than_three_seconds_after_the_motion_is_unstabl
     found = human.metrics(record([grip(force=pulse(5.0, 1.0, until))]), {})["settling"]
     assert found["verdict"] == verdict
     assert found["after"]["guide"] == (None if after is None else pytest.approx(after, abs=0.011))
+
+
+def test_a_run_whose_human_does_not_come_to_rest_is_unstable_and_says_why() -> None:
+    def settling(until: float) -> Any:
+        return human.metrics(record([grip(force=pulse(5.0, 1.0, until))]), {})["settling"]
+
+    judged = {"verdict": stability.STABLE, "reasons": [], "joints": {}}
+    assert stability.also(judged, human.unrest(settling(3.5))) == judged
+    assert stability.also(judged, human.unrest(None)) == judged
+    found = stability.also(judged, human.unrest(settling(9.0)))
+    assert found["verdict"] == stability.UNSTABLE
+    (reason,) = found["reasons"]
+    assert "do not come to rest within 3 s after his motion" in reason and "guide never" in reason
+
+
+def test_two_humans_are_as_far_apart_as_their_joints_and_grip_forces_since_each_began() -> None:
+    late = [replace(event, time=event.time + 0.25) for event in (STARTED, ENDED)]
+    way = np.sin(np.outer(TIME, np.arange(1.0, 8.0)))
+    shifted = np.sin(np.outer(TIME - 0.25, np.arange(1.0, 8.0)))
+    shifted[TIME > 4.0, 3] += 2e-3
+    a = record([grip(force=pulse(5.0, 1.0, 3.0))], way)
+    b = record([grip(force=pulse(5.5, 1.25, 3.25)), grip("other")], shifted, late)
+    found = human_difference.difference(a, b)
+    assert found["joint_difference_max"] == pytest.approx(2e-3, rel=1e-6)
+    assert found["joints"]["right_el_flex"]["peak_difference"] == found["joint_difference_max"]
+    assert found["joints"]["right_el_flex"]["peak_time"] > 4.0 - 0.75
+    assert found["joints"]["right_sh_flex"]["peak_difference"] < 1e-9
+    assert list(found["grips"]) == ["guide"] and found["force_difference_max"] == pytest.approx(0.5, abs=1e-9)
+    said = human_difference.line(found)
+    assert "joints within 2.0e-03 rad (right_el_flex" in said and "grips within 5.0e-01 N (guide" in said
+    assert human_difference.difference(a, a)["joint_difference_max"] == 0.0
+
+
+def test_humans_without_a_common_joint_or_time_have_no_difference() -> None:
+    a = record()
+    other = replace(a, joints=tuple(f"left{name.removeprefix('right')}" for name in JOINTS))
+    found = human_difference.difference(a, other)
+    assert found["joint_difference_max"] is None and "nothing that both have" in human_difference.line(found)
 
 
 def test_a_force_below_a_twentieth_of_the_peak_has_faded() -> None:

@@ -93,6 +93,24 @@ def test_a_difference_above_its_bound_falls_short_and_one_below_holds(tmp_path: 
     assert run(study_of(compared=[PAIR | {"at_most": 1.0}]), tmp_path, "duration:=0.5").passed
 
 
+def test_joints_and_grip_force_of_a_human_have_bounds_too(tmp_path: Path) -> None:
+    stiffness = "parameters.cartesian_impedance_controller.translational_stiffness"
+    runs = {"soft": [f"{stiffness}:=100"], "stiff": [f"{stiffness}:=300"]}
+    pair = {"runs": ["soft", "stiff"], "at_most": 3.0, "force_bound": 1e-3}
+    study = study_of(
+        experiment="hand_guidance",
+        changes=["simulator:=mujoco"],
+        runs=runs,
+        compared=[pair, {"runs": ["soft", "stiff"]}],
+    )
+    result = run(study, tmp_path, "duration:=1.5")
+    bounded, reported = result.metrics["forms"]["one"]["compared"]
+    assert not bounded["passed"] and reported["passed"] is None
+    assert bounded["human_force_difference_max"] > 0.1 and 0.0 < bounded["human_joint_difference_max"] < 0.1
+    (line,) = [line for line in result.metrics["report"].splitlines() if "FALLS SHORT" in line]
+    assert f"{bounded['human_force_difference_max']:.2e}" in line and "1.0e-03" in line
+
+
 def test_a_pair_without_bound_is_only_reported(tmp_path: Path) -> None:
     result = run(study_of(compared=[{"runs": ["a", "b"]}]), tmp_path, "duration:=0.2")
     assert result.passed and "reported" in result.metrics["report"]

@@ -7,14 +7,16 @@ from typing import Any
 from hric_bags import files
 from hric_bags import reader as bag_reader
 from hric_bags import text as text_table
+from hric_bags.reader import RunRecord
 from hric_bags.run_folder import RunFolder, RunFolderError
 from hric_control.errors import UnknownNameError
-from hric_experiments.analysis import comparison
+from hric_experiments.analysis import comparison, human_difference, human_record
+from hric_experiments.analysis.comparison import Comparison
 from hric_experiments.analysis.run import bag_of, joint_orders
 
 SHOWN_JOINT = 5
 """Column of the joint shown large: the sixth, as in the thesis's figure 13."""
-SHOWN_SETTINGS = ("robot", "controllers", "parameters", "mocap", "duration")
+SHOWN_SETTINGS = ("robot", "controllers", "parameters", "human", "mocap", "duration")
 """Keys of an experiment by which two runs differ."""
 
 
@@ -45,7 +47,8 @@ def compare(
         HricError: a bag cannot be used, or the runs do not match.
     """
     runs = [a.read(), b.read()]
-    records = [bag_reader.read(bag_of(run_folder, run)) for run_folder, run in zip((a, b), runs, strict=True)]
+    bags = [bag_of(run_folder, run) for run_folder, run in zip((a, b), runs, strict=True)]
+    records = [bag_reader.read(bag) for bag in bags]
     compared = comparison.overlay(records[0], records[1], joint_orders(runs[0]), joint_orders(runs[1]), fit=fit)
     shown = _shown(compared.joint_names, joint)
     names = (a.path.name, b.path.name) if labels is None else (labels[0], labels[1])
@@ -54,15 +57,26 @@ def compare(
         "aligned_by": "positions" if fit else "setpoints",
         "shift": compared.shift,
         "setpoints": comparison.difference_metrics(compared),
+        "human": _people(bags, records, compared.shift),
         "settings": comparison.settings(settings_of(runs[0]), settings_of(runs[1])),
     }
     _write(folder, result, report := render(result))
     if figures:
-        from hric_experiments.report import comparison_figures, drawing
-
-        pair = comparison_figures.pair_figures(compared, names, shown)
-        drawing.draw(folder / drawing.FOLDER, pair, " and ".join(names))
+        _draw(folder, compared, names, shown)
     return {**result, "report": report}
+
+
+def _draw(folder: Path, compared: Comparison, names: tuple[str, str], shown: int) -> None:
+    from hric_experiments.report import comparison_figures, drawing
+
+    pair = comparison_figures.pair_figures(compared, names, shown)
+    drawing.draw(folder / drawing.FOLDER, pair, " and ".join(names))
+
+
+def _people(bags: Sequence[Path], records: Sequence[RunRecord], shift: float) -> dict[str, Any] | None:
+    """How far the humans of two runs are apart; None: one of them has nobody."""
+    a, b = (human_record.read(bag, record.robot_time) for bag, record in zip(bags, records, strict=True))
+    return None if a is None or b is None else human_difference.difference(a, b, shift)
 
 
 def _write(folder: Path, result: Mapping[str, Any], report: str) -> None:
@@ -107,6 +121,8 @@ def render(result: Mapping[str, Any]) -> str:
         + (f", B shifted by {1e3 * result['shift']:+.3f} ms" if result["shift"] else "")
     )
     parts = ["\n".join(lines), *(_move(move) for move in result["setpoints"])]
+    if result["human"]:
+        parts.append(human_difference.line(result["human"]))
     if result["settings"]:
         settings = (f"- {item['key']}: {_set(item['a'])}; {_set(item['b'])}" for item in result["settings"])
         parts.append("\n".join(["set differently (A; B):", *settings]))

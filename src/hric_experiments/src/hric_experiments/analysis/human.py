@@ -202,6 +202,13 @@ def _settling(
     return {"after": found, "verdict": SETTLES if fades else UNSTABLE}
 
 
+def unrest(settling: Mapping[str, Any] | None) -> list[str]:
+    """Why a run is unstable, for `stability.reasons`; settling: of metrics.json."""
+    if settling is None or settling["verdict"] != UNSTABLE:
+        return []
+    return [f"robot and human do not come to rest within {SETTLING_TIME:g} s after his motion: {_after(settling)}"]
+
+
 def _faded(time: FloatArray, values: FloatArray, begin: float, end: float) -> float | None:
     """Time after the end from which values stay below their share of the motion's peak; None: they do not [s]."""
     peak = float(values[(time >= begin) & (time <= end)].max())
@@ -303,5 +310,9 @@ def _press(one: Mapping[str, Any]) -> str:
 
 
 def _settled(settling: Mapping[str, Any]) -> str:
+    return f"{settling['verdict']} ({_after(settling)})"
+
+
+def _after(settling: Mapping[str, Any]) -> str:
     parts = [f"{name} {'never' if t is None else f'{t:.2f} s'}" for name, t in settling["after"].items()]
-    return f"{settling['verdict']} (below {100 * SETTLED:.0f} % of the peak after: {', '.join(parts)})"
+    return f"below {100 * SETTLED:.0f} % of the peak after: {', '.join(parts)}"

@@ -66,7 +66,7 @@ def analyse(
         step("metrics of motion, contacts and samples")
         result = _metrics(run, reader, record, tolerances)
         person = human.analyse(reader, run, folder.description(), record)
-    result["human"] = None if person is None else person.values
+    result |= _of_human(person, result["stability"])
     result["tracking"] = None if followed is None else followed.values
     result |= _compared(definition, run.get("parameters") or {}, result)
     files.write_json(folder.metrics_path, result)
@@ -76,6 +76,13 @@ def analyse(
     if figures:
         _draw(folder, run, bag, record, followed, person, tolerances, step)
     return {**result, "report": report}
+
+
+def _of_human(person: Person | None, judged: Mapping[str, Any]) -> dict[str, Any]:
+    """What a human adds to metrics.json; judged: the verdict on the control loop, to which he may add reasons."""
+    if person is None:
+        return {"human": None}
+    return {"human": person.values, "stability": stability.also(judged, human.unrest(person.values["settling"]))}
 
 
 def _export(folder: RunFolder, run: Mapping[str, Any], record: RunRecord, person: Person | None) -> None:

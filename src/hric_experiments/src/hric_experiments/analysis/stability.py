@@ -1,7 +1,7 @@
 """Whether the control loop of a run was stable.
 
-Unstable are: a simulation that diverged; an arm that ended its motion for `instability_detected`; and chatter, which is
-defined here. A joint's torque tau_k of cycle k is the requested one where the joint is commanded by effort, else the
+Unstable are: a simulation that diverged; an arm that ended its motion for `instability_detected`; a human and a robot that
+do not come to rest after his motion (`human.unrest`); and chatter, which is defined here. A joint's torque tau_k of cycle k is the requested one where the joint is commanded by effort, else the
 measured one. The log is cut into pieces of PIECE cycles; r_k is what is left of tau_k when its least-squares parabola
 over the piece is taken away: motion and gravity go, periods of up to about half a piece remain. Over each stretch of
 STRETCH pieces in a row
@@ -13,7 +13,7 @@ STRETCH pieces in a row
 A joint chatters where share >= CHATTER_SHARE and periodicity >= PERIODICITY, or where share >= WILD_SHARE.
 """  # noqa: E501
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -146,6 +146,12 @@ def judge(run: Mapping[str, Any], log: ControlRecord, limits: Mapping[str, Mappi
         "lags": LAGS,
     }
     return {"verdict": verdict, "reasons": reasons, "joints": joints, "thresholds": thresholds}
+
+
+def also(found: Mapping[str, Any], reasons: Sequence[str]) -> dict[str, Any]:
+    """The same verdict with further reasons why the run is unstable, after its own; found: of `judge`."""
+    verdict = UNSTABLE if reasons else found["verdict"]
+    return {**found, "verdict": verdict, "reasons": [*found["reasons"], *reasons]}
 
 
 def _text(name: str, values: Mapping[str, float]) -> str:

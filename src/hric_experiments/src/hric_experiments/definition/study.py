@@ -37,7 +37,11 @@ class Pair(Settings):
         None,
         above=0.0,
         unit="rad",
-        text="largest difference of a joint position that the study accepts; none: reported only",
+        text="largest difference of a joint position, of the robot or a human, that the study accepts; none: reported "
+        "only",
+    )
+    force_bound: float | None = number(
+        None, above=0.0, unit="N", text="largest difference of a grip's force that it accepts; none: reported only"
     )
 
 

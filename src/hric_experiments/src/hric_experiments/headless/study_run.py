@@ -25,6 +25,12 @@ from hric_experiments.definition.study import Form, Pair, Study
 from hric_experiments.headless import runner as headless
 from hric_experiments.headless.runner import Result
 
+PEOPLE = {
+    "human_joint_difference_max": "of a human's joint",
+    "human_force_difference_max": "of a grip's force [N]",
+}
+"""Headings of largest differences that only runs with a human have."""
+
 
 @dataclass(frozen=True)
 class StudyResult:
@@ -156,15 +162,29 @@ def _pair(pair: Pair, runs: Mapping[str, Result], folder: Path, figures: bool) -
     peak = max(move["peak_difference_max"] for move in found["setpoints"])
     steady = max(move["steady_difference_max"] for move in found["setpoints"])
     rms = max(joint["rms_difference"] for move in found["setpoints"] for joint in move["joints"].values())
+    person = found["human"] or {}
+    apart = {
+        "peak_difference_max": peak,
+        "human_joint_difference_max": person.get("joint_difference_max"),
+        "human_force_difference_max": person.get("force_difference_max"),
+    }
     return {
         "runs": [a, b],
-        "peak_difference_max": peak,
+        **apart,
         "rms_difference_max": rms,
         "steady_difference_max": steady,
         "at_most": pair.at_most,
-        "passed": None if pair.at_most is None else peak <= pair.at_most,
+        "force_bound": pair.force_bound,
+        "passed": _passed(pair, *apart.values()),
         "settling_time": {name: _settling(runs[name]) for name in (a, b)},
     }
+
+
+def _passed(pair: Pair, robot: float, person: float | None, force: float | None) -> bool | None:
+    """Whether joints of robot and human, and grip forces, are within the bounds of a pair; None: it has none."""
+    bounds = ((robot, pair.at_most), (person, pair.at_most), (force, pair.force_bound))
+    held = [apart <= bound for apart, bound in bounds if apart is not None and bound is not None]
+    return all(held) if held else None
 
 
 def _settling(result: Result) -> dict[str, Any]:
@@ -237,13 +257,20 @@ def render(result: Mapping[str, Any]) -> str:
 
 
 def _differences(pairs: Sequence[Mapping[str, Any]]) -> list[str]:
-    cells = [["joint positions apart [rad]", "largest", "rms", "steady", "at most", ""]]
+    people = [key for key in PEOPLE if any(pair[key] is not None for pair in pairs)]
+    forces = any(pair["force_bound"] is not None for pair in pairs)
+    head = ["joint positions apart [rad]", "largest", "rms", "steady", *(PEOPLE[key] for key in people), "at most"]
+    cells = [[*head, *(["at most [N]"] if forces else []), ""]]
     for pair in pairs:
-        bound = "-" if pair["at_most"] is None else f"{pair['at_most']:.1e}"
         verdict = {None: "reported", True: "holds", False: "FALLS SHORT"}[pair["passed"]]
-        figures = [f"{pair[key]:.2e}" for key in ("peak_difference_max", "rms_difference_max", "steady_difference_max")]
-        cells.append([" - ".join(pair["runs"]), *figures, bound, verdict])
+        keys = ("peak_difference_max", "rms_difference_max", "steady_difference_max", *people)
+        bounds = [_small(pair["at_most"]), *([_small(pair["force_bound"])] if forces else [])]
+        cells.append([" - ".join(pair["runs"]), *(_small(pair[key], ".2e") for key in keys), *bounds, verdict])
     return text_table.rows(cells)
+
+
+def _small(value: float | None, digits: str = ".1e") -> str:
+    return "-" if value is None else f"{value:{digits}}"
 
 
 def start_poses(definition: Experiment) -> dict[str, FloatArray]:
