@@ -12,6 +12,7 @@ import opensim
 import pytest
 from rosbags.highlevel import AnyReader
 
+from hric_bags.export import exporting, recording
 from hric_control.trial.opensim_text import read_storage
 from hric_experiments.analysis import human, human_difference, stability, study_human
 from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord
@@ -230,3 +231,12 @@ def test_opensims_inverse_dynamics_of_the_files_of_a_run_is_the_torque_of_his_jo
         own = np.interp(time, at, [m.torque[j] for m in messages])
         assert np.ptp(own) > 0.01
         assert np.abs(columns[f"{joint}_moment"] - own).max() < 0.02, joint
+    exported = exporting.export(recording.find(str(folder)), exporting.Request(("external_loads",)), tmp_path / "out")
+    assert not exported.failures, exported.failures
+    theirs = read_storage(tmp_path / "out" / "external_loads" / "external_loads.mot").columns
+    written = read_storage(folder / "human_external_loads.mot").columns
+    assert list(theirs) == list(written) and np.abs(written["guide_force_vy"]).max() > 0.5
+    for name, values in written.items():
+        np.testing.assert_allclose(theirs[name], values, atol=1e-9, err_msg=name)
+    setup = opensim.ExternalLoads(str(tmp_path / "out" / "external_loads" / "external_loads.xml"), True)
+    assert [setup.get(k).get_applied_to_body() for k in range(setup.getSize())] == ["r_wrist"]

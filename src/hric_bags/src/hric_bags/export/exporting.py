@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from hric_bags.export import batches, c3d_trial, frames, opensim_formats, recording, unbatched
+from hric_bags.export import batches, c3d_trial, frames, loads, opensim_formats, recording, unbatched
 from hric_bags.export.output import Output
 from hric_bags.export.recording import Source
 from hric_bags.export.table import ExportError, Table
@@ -20,7 +20,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "trc": (opensim_formats.MOCAP_TYPE, frames.STATIC),
     "mot": (batches.CONTROL_LOG, opensim_formats.JOINTS_TYPE),
     "sto": (*opensim_formats.SIGNALS, batches.LAYOUT),
-    "external_loads": (batches.CHUNK, frames.STATIC),
+    "external_loads": (batches.CHUNK, loads.GRIP, frames.STATIC),
     "c3d": (opensim_formats.MOCAP_TYPE, batches.CHUNK, frames.STATIC, c3d_trial.TRIGGER_TYPE, c3d_trial.PHASE_TYPE),
 }
 """Message types that a format needs; other formats need all."""
@@ -33,7 +33,7 @@ class Request:
     Attributes:
         formats: some of FORMATS.
         topics: names; empty: all.
-        load_body: body of a model that the plates' loads act on; empty: no set-up file for them.
+        load_body: body of a model that the plates' loads act on; empty: they are in no set-up file.
         surface: height of the plates' surface over their electrical origin [m].
     """
 
@@ -182,19 +182,19 @@ class _Job:
 
     def _write_loads(self) -> bool:
         plates = [table for table in self.tables.values() if opensim_formats.is_plate(table)]
-        body, surface = self.request.load_body, self.request.surface
-        if not plates:
+        grips = [table for table in self.tables.values() if table.type_name == loads.GRIP]
+        given = self.request
+        found = [loads.of_plate(table, self._frames, given.load_body, given.surface) for table in plates]
+        found += [one for table in grips for one in loads.of_grips(table, self._frames)]
+        if not found:
             self.notes.append(
-                f"external_loads: no force plate among the topics ({batches.CHUNK} with "
-                f"{' '.join(opensim_formats.CHANNELS)}), nothing to write"
+                f"external_loads: no force plate ({batches.CHUNK} with {' '.join(opensim_formats.CHANNELS)}) and no "
+                f"hand that holds something ({loads.GRIP}) among the topics, nothing to write"
             )
             return False
-        name = "external_loads"
-        self.output.write(
-            name, f"{name}.mot", lambda path: opensim_formats.write_loads(plates, self._frames, path, surface)
-        )
-        if body:
-            bodies = {opensim_formats.plate_name(table): body for table in plates}
-            setup = opensim_formats.loads_setup(bodies, f"{name}.mot")
+        name, source = "external_loads", " ".join(table.topic for table in (*plates, *grips))
+        self.output.write(name, f"{name}.mot", lambda path: loads.write(found, path, source))
+        if bodies := {one.name: one.body for one in found if one.body}:
+            setup = loads.setup(bodies, f"{name}.mot")
             self.output.write(name, f"{name}.xml", lambda path: path.write_text(setup))
         return True

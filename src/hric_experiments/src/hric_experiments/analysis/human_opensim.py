@@ -6,13 +6,10 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import SubElement
 
-import numpy as np
-
 import urdf_to_osim
-from hric_bags.export import opensim_formats
-from hric_bags.export.opensim_text import GROUND, write_storage
+from hric_bags.export import loads
+from hric_bags.export.opensim_text import write_storage
 from hric_bags.files import atomic
-from hric_bags.reader import FloatArray
 from hric_control.geometry import Pose, homogeneous
 from hric_control.geometry.transforms import rotation_from_quaternion
 from hric_control.urdf import write_origin
@@ -76,15 +73,12 @@ def _standing(urdf: str, root: Pose) -> str:
 
 def _write_loads(folder: Path, record: HumanRecord, bodies: Mapping[str, str]) -> None:
     """Loads of grips on the bodies of the hands that hold."""
-    R, columns = base_pose("y")[:3, :3], dict[str, FloatArray]()
-    grips = [record.grips[name] for name in bodies]
-    time = max((grip.time for grip in grips), key=len)
-    for grip in grips:
-        for what, values in (("force_v", grip.force), ("force_p", grip.point), ("torque_", grip.torque)):
-            for k, axis in enumerate("xyz"):
-                columns[f"{grip.name}_{what}{axis}"] = np.interp(time, grip.time, values @ R[k])
-    about = {"units": "s, N, m, N m", "axes": GROUND}
+    R, grips = base_pose("y")[:3, :3], [record.grips[name] for name in bodies]
+    found = [
+        loads.load(grip.name, bodies[grip.name], grip.time, R, (grip.force, grip.point, grip.torque), "")
+        for grip in grips
+    ]
     with atomic(folder / LOADS) as path:
-        write_storage(path, time, columns, "External loads", about=about)
+        loads.write(found, path)
     with atomic(folder / LOADS_SETUP) as path:
-        path.write_text(opensim_formats.loads_setup(bodies, LOADS))
+        path.write_text(loads.setup(bodies, LOADS))

@@ -1,0 +1,151 @@
+"""What acts on a body from outside, for OpenSim's own tools: force plates below it, and what its hands hold."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from hric_bags.export.frames import Frames
+from hric_bags.export.opensim_formats import CHANNELS, THRESHOLD, plate_name
+from hric_bags.export.opensim_text import GROUND, write_storage
+from hric_bags.export.table import FloatArray, Table
+
+GRIP = "hric_msgs/msg/HumanGrip"
+
+
+class Load(NamedTuple):
+    """A force on a body over time.
+
+    Attributes:
+        name: of its columns.
+        body: of a model, on which it acts; empty: not known.
+        time: shape (n,) [s].
+        columns: `<name>_force_v[xyz]` [N], `<name>_force_p[xyz]` [m] and `<name>_torque_[xyz]` [N m] in ground axes,
+            the torque about the point; shape (n,) each.
+        axes: how the ground was found, for people.
+    """
+
+    name: str
+    body: str
+    time: FloatArray
+    columns: dict[str, FloatArray]
+    axes: str
+
+
+def load(
+    name: str, body: str, time: FloatArray, R: FloatArray, vectors: tuple[FloatArray, FloatArray, FloatArray], axes: str
+) -> Load:
+    """A force of given vectors.
+
+    Args:
+        name, body, time, axes: see Load.
+        R: from their axes to those of the ground, shape (3, 3).
+        vectors: force [N], point from the ground's origin [m] and torque about it [N m], shape (n, 3) each.
+    """
+    columns = {
+        f"{name}_{what}{axis}": values @ R[k]
+        for what, values in zip(("force_v", "force_p", "torque_"), vectors, strict=True)
+        for k, axis in enumerate("xyz")
+    }
+    return Load(name, body, time, columns, axes)
+
+
+def of_plate(table: Table, frames: Frames, body: str = "", surface: float = 0.0) -> Load:
+    """What a plate does to the body that presses it.
+
+    The channels are what acts on the plate, in its frame at the middle of the surface with z along the normal, the
+    moments about its electrical origin:
+
+        px = (pz Fx - My) / Fz,  py = (Mx + pz Fy) / Fz,  Tz = Mz - px Fy + py Fx
+
+    Args:
+        table: see `is_plate`.
+        frames: where the plate is.
+        body: on which it acts.
+        surface: height pz of the surface over that origin [m].
+    """
+    time, rows = np.unique(table.time, return_index=True)
+    values = {
+        column.name: np.asarray(column.values, dtype=float)[rows] for column in table.columns if column.name in CHANNELS
+    }
+    F, M = (np.column_stack([values[name] for name in names]) for names in (CHANNELS[:3], CHANNELS[3:]))
+    loaded = np.abs(F[:, 2]) > THRESHOLD
+    Fz = np.where(loaded, F[:, 2], 1.0)
+    px = np.where(loaded, (surface * F[:, 0] - M[:, 1]) / Fz, 0.0)
+    py = np.where(loaded, (M[:, 0] + surface * F[:, 1]) / Fz, 0.0)
+    Tz = np.where(loaded, M[:, 2] - px * F[:, 1] + py * F[:, 0], 0.0)
+    F = np.where(loaded[:, None], F, 0.0)
+    T, axes = frames.in_ground(table.frame)
+    R, zero = T[:3, :3], np.zeros_like(Tz)
+    point = np.column_stack([px, py, zero]) + T[:3, 3] @ R
+    return load(plate_name(table), body, time, R, (-F, point, -np.column_stack([zero, zero, Tz])), axes)
+
+
+def of_grips(table: Table, frames: Frames) -> list[Load]:
+    """What each grip does to the hand that holds. Grips of the robot's own links are left out: they are on no body of
+    the human's model."""
+    if table.type_name != GRIP:
+        return []
+    T, axes = frames.in_ground(table.frame)
+    columns = table.named()
+    names, holders = (columns[key].values for key in ("name", "holder"))
+    found = []
+    for name in dict.fromkeys(names.tolist()):
+        own = np.flatnonzero(names == name)
+        _, model, body = str(holders[own[0]]).rpartition("::")
+        if model:
+            time, first = np.unique(table.time[own], return_index=True)
+            force, point, torque = (
+                np.column_stack([columns[f"{key}.{axis}"].values[own][first].astype(float) for axis in "xyz"])
+                for key in ("wrench.force", "point", "wrench.torque")
+            )
+            R = T[:3, :3]
+            found.append(load(name, body, time, R, (force, point + T[:3, 3] @ R, torque), axes))
+    return found
+
+
+def write(loads: Sequence[Load], path: Path, source: str = "") -> None:
+    """A .mot file with all loads at the times of the fastest; the others between their samples.
+
+    Args:
+        loads: with names that differ.
+        path: where to.
+        source: topics, for its header.
+    """
+    time = max((one.time for one in loads), key=len)
+    columns = {name: np.interp(time, one.time, values) for one in loads for name, values in one.columns.items()}
+    about = {"units": "s, N, m, N m", "axes": "; ".join(filter(None, (GROUND, loads[0].axes)))}
+    write_storage(path, time, columns, "External loads", about=about | ({"source": source} if source else {}))
+
+
+LOADS_XML = """<?xml version="1.0" encoding="UTF-8" ?>
+<OpenSimDocument Version="40500">
+  <ExternalLoads name="loads">
+    <objects>
+{forces}
+    </objects>
+    <datafile>{data}</datafile>
+  </ExternalLoads>
+</OpenSimDocument>
+"""
+FORCE_XML = """      <ExternalForce name="{load}">
+        <applied_to_body>{body}</applied_to_body>
+        <force_expressed_in_body>ground</force_expressed_in_body>
+        <point_expressed_in_body>ground</point_expressed_in_body>
+        <force_identifier>{load}_force_v</force_identifier>
+        <point_identifier>{load}_force_p</point_identifier>
+        <torque_identifier>{load}_torque_</torque_identifier>
+      </ExternalForce>"""
+
+
+def setup(bodies: Mapping[str, str], data: str) -> str:
+    """The set-up file that applies loads to bodies of a model.
+
+    Args:
+        bodies: name of each load, as in the columns of the file, and the body that it acts on.
+        data: name of that file.
+    """
+    return LOADS_XML.format(
+        forces="\n".join(FORCE_XML.format(load=load, body=body) for load, body in bodies.items()), data=data
+    )
