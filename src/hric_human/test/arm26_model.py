@@ -103,7 +103,7 @@ class Arm26:
                     Polynomial(joints, ORDER, tuple(part)) for part in found.T[3 * k : 3 * k + 3].tolist()
                 )
         none = Polynomial((), 0, (0.0,))
-        muscles = {name: Muscle(name, 1.0, 1.0, 0.0, none, pulls) for name, pulls in fitted.items()}
+        muscles = {name: Muscle(name, 1.0, 1.0, 0.0, none, pulls, ()) for name, pulls in fitted.items()}
         return Anatomy("arm26", joints, lower, upper, muscles, {}, "see arm26/README.md", {})
 
     def _pulls(self, q: FloatArray) -> dict[str, FloatArray]:

@@ -24,7 +24,7 @@ Q, DQ, DDQ = (
 def anatomy() -> Anatomy:
     """One muscle across the shoulder that pulls up and to the right, along z and y of the torso."""
     length, x, y, z = (Polynomial(("sh_flex",), 0, (value,)) for value in (0.2, 0.0, -0.6, 0.8))
-    muscle = Muscle("puller", 100.0, 0.1, 0.1, length, {"shoulder": (x, y, z)})
+    muscle = Muscle("puller", 100.0, 0.1, 0.1, length, {"shoulder": (x, y, z)}, ())
     return Anatomy("one", JOINTS, (-3.0,) * 5, (3.0,) * 5, {"puller": muscle}, {}, "", {})
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hric_control.errors import HricError
+from hric_control.geometry import Vector
 from hric_human.body.joints import ROWS
 from hric_human.muscles.polynomial import Polynomial, exponents
 
@@ -21,6 +22,11 @@ BUILT_IN = Path(__file__).parents[3] / "config" / "muscles" / "delft.json"
 """Shoulder, elbow and forearm of the Delft model; its notice and its licence are beside it."""
 CENTRES = ("shoulder", "elbow")
 """Joint centres across which muscles pull."""
+SEGMENTS = ("torso", "upper_arm", "forearm")
+"""Segments that a muscle's course goes along; the first two have their origin in the shoulder, the third in the
+elbow."""
+Course = tuple[tuple[str, Vector], ...]
+"""Points of a line: segment, and place in axes of its link [m]."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,7 @@ class Muscle:
         length: of fibres and tendon [m]; its negative gradient are the moment arms.
         pulls: by joint centre that it crosses: force on what lies distal, per force of the muscle [1], x, y and z in
             axes of the proximal link (torso, upper arm).
+        course: where the line goes in the resting posture, to draw it; nothing is computed from it.
     """
 
     name: str
@@ -43,6 +50,7 @@ class Muscle:
     slack_length: float
     length: Polynomial
     pulls: Mapping[str, tuple[Polynomial, Polynomial, Polynomial]]
+    course: Course
 
 
 @dataclass(frozen=True)
@@ -141,7 +149,10 @@ def _muscle(row: Mapping[str, Any]) -> Muscle:
     pulls = {}
     for centre, (x, y, z) in row["pulls"].items():
         pulls[centre] = _polynomial(x), _polynomial(y), _polynomial(z)
-    return Muscle(row["name"], force, optimal, slack, _polynomial(row["length"]), pulls)
+    course = tuple((str(segment), (float(x), float(y), float(z))) for segment, (x, y, z) in row["course"])
+    if len(course) < 2 or not {segment for segment, _ in course} <= set(SEGMENTS):
+        raise ValueError(f"the course of {row['name']} is {course}")
+    return Muscle(row["name"], force, optimal, slack, _polynomial(row["length"]), pulls, course)
 
 
 def _polynomial(row: Any) -> Polynomial:

@@ -24,7 +24,7 @@ VALID = (
     f"{NAME}, the built-in one; a .json file of `rosrun hric_human fit_muscles`; a model of a right arm of OpenSim "
     "(.osim) or MuJoCo (.xml)"
 )
-FIT_VERSION = b"1"
+FIT_VERSION = b"2"
 """Part of every key of the cache: to be changed with what a fit gives."""
 
 

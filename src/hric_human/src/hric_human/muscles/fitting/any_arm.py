@@ -14,7 +14,7 @@ import numpy as np
 
 from hric_control.errors import HricError
 from hric_control.geometry import FloatArray
-from hric_human.muscles.anatomy import CENTRES, Anatomy, FitError, Muscle
+from hric_human.muscles.anatomy import CENTRES, Anatomy, Course, FitError, Muscle
 from hric_human.muscles.fitting.delft import RANGE, SAMPLES, UNSEEN
 from hric_human.muscles.fitting.fit import NO_ARM, arm_errors, fit_error, fit_muscle, rounded
 from hric_human.muscles.fitting.model import ArmModel
@@ -56,12 +56,12 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
     lower, upper = _range(placing)
     count = min(SAMPLES, FEWEST_SAMPLES * 2 ** (len(lower) - 1))
     samples = _sampled(placing, model, poses(lower, upper, count + count // SHARE))
-    strengths = model.strengths()
+    strengths, courses = model.strengths(), placing.courses()
     credits = f"Fitted from {source}, whose terms hold for it, too. Its credits: {model.credits or 'none in the file'}"
     muscles, errors = dict[str, Muscle](), dict[str, FitError]()
     for k, name in enumerate(model.muscles):
         numbers = [rounded(float(values[k])) for values in strengths]
-        made = _fitted(samples, k, placing.joints, name, numbers)
+        made = _fitted(samples, k, placing.joints, name, numbers, courses[k])
         if isinstance(made, str):
             LOG.warning("%s: %s is left out: %s", model.name, name, made)
         else:
@@ -128,7 +128,7 @@ def _sampled(placing: Placing, model: ArmModel, requested: FloatArray) -> Sample
 
 
 def _fitted(
-    samples: Samples, k: int, joints: tuple[str, ...], name: str, numbers: list[float]
+    samples: Samples, k: int, joints: tuple[str, ...], name: str, numbers: list[float], course: Course
 ) -> tuple[Muscle, FitError] | str:
     """A muscle and its errors, or why it cannot be used."""
     force, optimal, slack = numbers
@@ -141,10 +141,10 @@ def _fitted(
     seen = np.arange(len(whole)) < len(whole) * SHARE // (SHARE + 1)
     if not np.abs(samples.arms[whole & seen, k]).max() > NO_ARM:
         return "it acts on none of these joints"
-    made = fit_muscle(samples.part(whole & seen), k, joints, name, force, optimal, slack)
+    made = fit_muscle(samples.part(whole & seen), k, joints, name, force, optimal, slack, course)
     near = np.abs(arm_errors(samples, k, joints, made)).max(axis=1) < FAR_OFF
     if not near[whole & seen].all():
-        made = fit_muscle(samples.part(whole & seen & near), k, joints, name, force, optimal, slack)
+        made = fit_muscle(samples.part(whole & seen & near), k, joints, name, force, optimal, slack, course)
         near = np.abs(arm_errors(samples, k, joints, made)).max(axis=1) < FAR_OFF
     error = fit_error(samples.part(whole & near & ~seen), k, joints, made)
     jumps = 1.0 - float((whole & near).mean())

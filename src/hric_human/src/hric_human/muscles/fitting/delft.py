@@ -13,7 +13,8 @@ import numpy as np
 
 from hric_control.geometry import FloatArray
 from hric_control.geometry.transforms import rotation_about
-from hric_human.muscles.anatomy import CENTRES, Anatomy, FitError, Muscle
+from hric_human.muscles.anatomy import CENTRES, SEGMENTS, Anatomy, Course, FitError, Muscle
+from hric_human.muscles.fitting.course import course, frames_of, resting
 from hric_human.muscles.fitting.fit import fit_error, fit_muscle, rounded
 from hric_human.muscles.fitting.girdle import Girdle, angles_yzx, angles_yzy
 from hric_human.muscles.fitting.groups import GROUPS, Group
@@ -108,6 +109,15 @@ class DelftArm:
         elbow = lines.pull(self._forearm) @ R_ground_humerus @ R_LINK_OPENSIM.T
         return self.paths.lengths(), -np.array(slopes).T, shoulder, elbow
 
+    def courses(self) -> list[Course]:
+        """Of the elements, in the resting posture."""
+        q = resting(JOINTS)
+        self.put(q)
+        R_ground_thorax, _ = self.paths.frame("thorax")
+        R_ground_humerus = R_ground_thorax @ _humerus(q)
+        frames = frames_of(R_ground_thorax, R_ground_humerus @ _X, *self.paths.centres(("gh1", "hu", "radiocarpal")))
+        return [course(points, _segment, frames) for points in self.paths.courses()]
+
     def reference(self) -> dict[str, float]:
         """Lengths of the segments, as a subject's are named [m]."""
         self.put(np.zeros(len(JOINTS)))
@@ -116,6 +126,12 @@ class DelftArm:
             "upper_arm": rounded(float(np.linalg.norm(elbow - shoulder))),
             "forearm": rounded(float(np.linalg.norm(wrist - elbow))),
         }
+
+
+def _segment(body: str) -> str:
+    """Of SEGMENTS; the girdle is drawn with the trunk."""
+    torso, upper_arm, forearm = SEGMENTS
+    return upper_arm if body in _UPPER_ARM else forearm if body in _FOREARM else torso
 
 
 def fit(path: Path) -> Anatomy:
@@ -132,21 +148,22 @@ def fit(path: Path) -> Anatomy:
     weights = shares / summed[:, None]
     lines = elements.joined(weights)
     seen, unseen = lines.part(slice(None, SAMPLES)), lines.part(slice(SAMPLES, None))
-    muscles, errors = dict[str, Muscle](), dict[str, FitError]()
+    muscles, errors, courses = dict[str, Muscle](), dict[str, FitError](), arm.courses()
     for k, group in enumerate(GROUPS):
         numbers = float(summed[k]), float(weights[k] @ optimal), float(weights[k] @ slack)
+        drawn = courses[int(shares[k].argmax())]  # of the strongest element
         if group.arm:
-            muscles[group.name], errors[group.name] = _constant(group, *numbers), FitError(0.0, 0.0, 0.0, {})
+            muscles[group.name], errors[group.name] = _constant(group, *numbers, drawn), FitError(0.0, 0.0, 0.0, {})
         else:
-            muscles[group.name] = _usable(fit_muscle(seen, k, JOINTS, group.name, *numbers), seen)
+            muscles[group.name] = _usable(fit_muscle(seen, k, JOINTS, group.name, *numbers, drawn), seen)
             errors[group.name] = fit_error(unseen, k, JOINTS, muscles[group.name])
     return Anatomy("delft", JOINTS, LOWER, UPPER, muscles, arm.reference(), NOTICE, errors)
 
 
-def _constant(group: Group, force: float, optimal: float, slack: float) -> Muscle:
+def _constant(group: Group, force: float, optimal: float, slack: float, drawn: Course) -> Muscle:
     """A line about pro_sup alone."""
     length = Polynomial(("pro_sup",), 1, (rounded(slack + MEAN_FIBRE * optimal), -group.arm))
-    return Muscle(group.name, rounded(force), rounded(optimal), rounded(slack), length, {})
+    return Muscle(group.name, rounded(force), rounded(optimal), rounded(slack), length, {}, drawn)
 
 
 def _usable(muscle: Muscle, samples: Samples) -> Muscle:

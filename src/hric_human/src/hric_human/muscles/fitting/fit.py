@@ -3,7 +3,7 @@
 import numpy as np
 
 from hric_control.geometry import FloatArray
-from hric_human.muscles.anatomy import FitError, Muscle
+from hric_human.muscles.anatomy import Course, FitError, Muscle
 from hric_human.muscles.fitting.sample import Samples
 from hric_human.muscles.polynomial import Polynomial, monomials, slopes
 
@@ -17,18 +17,25 @@ lengths no polynomial has both; project default."""
 
 
 def fit_muscle(
-    samples: Samples, k: int, joints: tuple[str, ...], name: str, force: float, optimal: float, slack: float
+    samples: Samples,
+    k: int,
+    joints: tuple[str, ...],
+    name: str,
+    force: float,
+    optimal: float,
+    slack: float,
+    course: Course,
 ) -> Muscle:
     """Muscle k of samples.
 
     Args:
         joints: of the samples.
-        name, force, optimal, slack: as `Muscle` has them.
+        name, force, optimal, slack, course: as `Muscle` has them.
     """
     length = _length(samples, k, joints)
     crossed = [centre for centre, pull in samples.pulls.items() if np.abs(pull[:, k]).max() > NO_PULL]
     pulls = {centre: _pull(samples, k, centre, joints, length.joints) for centre in crossed}
-    return Muscle(name, rounded(force), rounded(optimal), rounded(slack), length, pulls)
+    return Muscle(name, rounded(force), rounded(optimal), rounded(slack), length, pulls, course)
 
 
 def arm_errors(samples: Samples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FloatArray:

@@ -77,6 +77,10 @@ class ArmModel(ABC):
         """Of muscles with their tendons, shape (K,) [m]."""
 
     @abstractmethod
+    def courses(self) -> list[list[tuple[str, FloatArray]]]:
+        """Points of each muscle's line from end to end: body, "" the ground, and place in the ground [m]."""
+
+    @abstractmethod
     def pulls(self, body: str) -> FloatArray:
         """Force on a body and all behind it per force of each muscle, in the ground, shape (K, 3) [1]."""
 

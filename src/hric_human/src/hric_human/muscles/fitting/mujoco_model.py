@@ -10,6 +10,8 @@ from hric_control.errors import HricError
 from hric_control.geometry import FloatArray
 from hric_human.muscles.fitting.model import ArmModel, Coordinate, Strengths
 
+_SITE, _PULLEY = -1, -2
+"""In `wrap_obj` of MuJoCo's data, in place of the geometry that a tendon wraps."""
 _SHIFT = 1e-5
 """Of a body, by which the pull across its joint is found [m]."""
 
@@ -99,6 +101,23 @@ class MujocoArm(ArmModel):
     def lengths(self) -> FloatArray:
         """Of muscles with their tendons [m]."""
         return np.array(self._data.ten_length[self._tendons])
+
+    def courses(self) -> list[list[tuple[str, FloatArray]]]:
+        """See `ArmModel`; where a tendon wraps, both ends of that."""
+        model, data = self._model, self._data
+        names, places = list(self._bodies), data.wrap_xpos.reshape(-1, 3)
+        found = []
+        for tendon in self._tendons:
+            of = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+            sites = iter(model.wrap_objid[of][model.wrap_type[of] == mujoco.mjtWrap.mjWRAP_SITE])
+            points = list[tuple[str, FloatArray]]()
+            for k in range(data.ten_wrapadr[tendon], data.ten_wrapadr[tendon] + data.ten_wrapnum[tendon]):
+                geom = data.wrap_obj.flat[k]
+                if geom != _PULLEY:
+                    body = model.site_bodyid[next(sites)] if geom == _SITE else model.geom_bodyid[geom]
+                    points.append((names[body], places[k].copy()))
+            found.append(points)
+        return found
 
     def pulls(self, body: str) -> FloatArray:
         """By virtual work: how lengths change when the body moves away from its parent."""

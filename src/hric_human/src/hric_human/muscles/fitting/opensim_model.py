@@ -118,6 +118,10 @@ class OpenSimArm(ArmModel):
         """Of muscles with their tendons [m]."""
         return self._paths.lengths()
 
+    def courses(self) -> list[list[tuple[str, FloatArray]]]:
+        """See `ArmModel`."""
+        return self._paths.courses()
+
     def pulls(self, body: str) -> FloatArray:
         """Force on a body and all behind it per force of each muscle, in the ground [1]."""
         behind = {body}

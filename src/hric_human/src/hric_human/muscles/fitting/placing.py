@@ -5,7 +5,9 @@ import numpy as np
 from hric_control.geometry import FloatArray
 from hric_control.geometry.transforms import rotation_about
 from hric_human.body.joints import ARM
-from hric_human.muscles.anatomy import CENTRES
+from hric_human.muscles.anatomy import CENTRES, SEGMENTS, Course
+from hric_human.muscles.fitting.bones import chain
+from hric_human.muscles.fitting.course import course, frames_of, resting
 from hric_human.muscles.fitting.matching import SHOULDER, Hinge, Matching
 from hric_human.muscles.fitting.model import ArmModel, Coordinate
 from hric_human.muscles.fitting.posture import AXES, STEP, Posture, rotation_vector, small_rotation
@@ -75,6 +77,24 @@ class Placing:
         if posture.bones.wrist:
             ends["forearm"] = posture.wrist - posture.elbow
         return {name: float(np.linalg.norm(vector)) for name, vector in ends.items()}
+
+    def courses(self) -> list[Course]:
+        """Of the muscles, in the resting posture, or as near to it as the ranges of the model allow."""
+        q = resting(self.joints)
+        for k, name in enumerate(self.joints):
+            if name in self.hinges:
+                q[k] = min(max(q[k], self.hinges[name].range[0]), self.hinges[name].range[1])
+        self.put(q)
+        posture, right = self._posture, self._matching.R_ground_humerus() @ AXES["el_flex"]
+        R_thorax = self._matching.R_ground_thorax()
+        frames = frames_of(R_thorax, right, posture.shoulder, posture.elbow, posture.wrist)
+        return [course(points, self._segment, frames) for points in self._model.courses()]
+
+    def _segment(self, body: str) -> str:
+        """Of SEGMENTS; girdle and hand are drawn with trunk and forearm."""
+        torso, upper_arm, forearm = SEGMENTS
+        bodies, bones = chain(self._model, "", body), self._posture.bones
+        return forearm if bones.forearm in bodies else upper_arm if bones.shoulder in bodies else torso
 
     def _differences(self, coordinate: Coordinate) -> tuple[FloatArray, FloatArray]:
         """Slopes of lengths by a coordinate, shape (K,) [m/rad], and rate of the humerus in the thorax, shape (3,)."""

@@ -77,6 +77,18 @@ class Paths:
         """Shape (K,) [m]."""
         return np.array([path.getLength(self.state) for path in self._paths])
 
+    def courses(self) -> list[list[tuple[str, FloatArray]]]:
+        """Points of each line: body, "" the ground, and place in the ground [m]; where it wraps, both ends of that."""
+        found = []
+        for path in self._paths:
+            points = path.getCurrentPath(self.state)
+            of = [points.get(i) for i in range(points.getSize())]
+            names = [point.getParentFrame().findBaseFrame().getName() for point in of]
+            places = [np.array(point.getLocationInGround(self.state).to_numpy()) for point in of]
+            bodies = [name if name in self._bodies else "" for name in names]
+            found.append(list(zip(bodies, places, strict=True)))
+        return found
+
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
         """Rotation of shape (3, 3) and origin [m] of a body in the ground."""
         transform = self._bodies[body][1].getTransformInGround(self.state)
