@@ -168,5 +168,5 @@ class Browser:
             self.problems.append(f"{values['entry']['text']} {values['entry'].get('url', '')}")
         elif method == "Network.requestWillBeSent":
             address = values["request"]["url"]
-            if address != getattr(self, "_page", "") and not address.startswith("blob:"):  # of the page's own memory
+            if address != getattr(self, "_page", "") and not address.startswith(("blob:", "data:")):  # its own
                 self.requests.append(address)

@@ -10,10 +10,12 @@ import pytest
 from hric_experiments.analysis.recordings import Signal
 from hric_experiments.report import drawing, sections, style
 from hric_experiments.report.figure import Curve, Figure, Panel, per_joint
+from hric_experiments.report.heat import COLUMNS, heat_map
 from hric_experiments.report.signal_figures import signal_figures
 from hric_experiments.report_html.page import Page, render_page
 
 TIME = np.linspace(0.0, 1.0, 11)
+SCALE = ((0.0, "#000000"), (0.5, "#ff0000"))
 
 
 def _figure(*curves: Curve, bounds: tuple[tuple[str, float], ...] = (), **options: float | bool) -> Figure:
@@ -121,3 +123,23 @@ def test_a_sensor_that_shows_one_value_has_an_axis_that_can_be_read() -> None:
 def test_what_a_sensor_measured_is_found_by_its_meaning(topic: str, section: str, title: str) -> None:
     (figure,) = signal_figures([Signal(topic, "[V]", ("a",), TIME, TIME[:, None])])
     assert (figure.section, figure.title) == (section, title) and topic in figure.caption
+
+
+def test_a_map_of_colours_keeps_each_peak_however_many_instants_there_are() -> None:
+    time = np.arange(20 * COLUMNS + 7) * 1e-3
+    values = np.zeros((len(time), 2))
+    values[4321, 0], values[5, 1] = 0.4, np.nan
+    heat = heat_map(("a", "b"), time, values, "activation [1]", SCALE)
+    assert heat.values.shape == (COLUMNS, 2) and heat.values[:, 0].max() == 0.4 and not np.isnan(heat.values).any()
+    assert heat.time[heat.values[:, 0].argmax()] == pytest.approx(time[4321], abs=0.021)
+    assert heat.top == 0.5
+
+
+def test_a_map_of_colours_is_drawn_with_its_rows_and_is_on_the_page(tmp_path: Path) -> None:
+    heat = heat_map(("long head", "short head"), TIME, np.column_stack([TIME, 1.0 - TIME]), "activation [1]", SCALE)
+    figure = Figure("activation", "Activation", "", (Panel("", (), heat=heat),)).about(sections.HUMAN, "What it is.")
+    (path,) = drawing.draw(tmp_path, [figure], "a run")
+    svg = path.with_suffix(".svg").read_text()
+    assert "long head" in svg and "short head" in svg and "activation [1]" in svg and "time [s]" in svg
+    page = render_page(Page("a run", "", figures=[figure]))
+    assert '"rows":["long head","short head"]' in page and '"scale":[[0.0,"#000000"],[0.5,"#ff0000"]]' in page

@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from rosbags.highlevel import AnyReader
 
 from hric_bags.export import exporting, recording
 from hric_control.trial.opensim_text import read_storage
-from hric_experiments.analysis import human, human_difference, stability, study_human
+from hric_experiments.analysis import human, human_difference, muscle_record, stability, study_human
 from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord
 from hric_experiments.definition import experiment, study
 from hric_experiments.definition.experiment import ExperimentError
@@ -174,6 +175,55 @@ def test_a_run_with_a_human_says_what_it_required_of_him(guided: runner.Result) 
     assert {"grip.svg", "strength.svg", "human_joints.svg"} <= {
         p.name for p in (guided.folder.path / "figures").iterdir()
     }
+
+
+@pytest.fixture(scope="module")
+def by_muscles(tmp_path_factory: pytest.TempPathFactory) -> runner.Result:
+    overrides = ["simulator:=mujoco", "duration:=1.5", "human.drive:=muscle"]
+    definition = experiment.load("hand_guidance", overrides)
+    return runner.run(definition, overrides, root=tmp_path_factory.mktemp("runs"), progress=False)
+
+
+def test_a_run_with_muscles_says_what_it_cost_them(by_muscles: runner.Result) -> None:
+    folder = by_muscles.folder.path
+    found = json.loads((folder / "metrics.json").read_text())["human"]["muscles"]
+    with AnyReader([next(folder.glob("*.bag"))]) as bag:
+        (connection,) = [c for c in bag.connections if c.topic == "/hric/human/activation"]
+        rows = [bag.deserialize(raw, connection.msgtype) for _, _, raw in bag.messages(connections=[connection])]
+    names, values = list(rows[0].name), np.array([row.activation for row in rows])
+    biceps = values[:, names.index("right_bic_b")]
+    assert len(found["muscles"]) == 34 and "right_wr_flex+" not in found["muscles"]
+    assert found["muscles"]["right_bic_b"]["activation_max"] == pytest.approx(biceps.max())
+    assert found["muscles"]["right_bic_b"]["activation_mean"] == pytest.approx(biceps.mean())
+    assert 0.01 < found["activation_mean"] < found["activation_max"] < 0.5
+    assert 100.0 < found["contact"]["right_shoulder"]["force_max"] < 2000.0
+    summary = (folder / "summary.txt").read_text()
+    assert "- muscles: activation at most" in summary and "- contact force between his bones" in summary
+    assert {"activation.svg", "joint_contact.svg"} <= {path.name for path in (folder / "figures").iterdir()}
+    assert study_human.chosen(by_muscles.metrics)["activation_max"] == found["activation_max"]
+
+
+def test_a_run_whose_joints_are_driven_says_nothing_of_muscles(guided: runner.Result) -> None:
+    assert guided.metrics["human"]["muscles"] is None
+    assert "muscles" not in (guided.folder.path / "summary.txt").read_text()
+
+
+def test_shares_of_time_count_muscles_above_a_threshold_and_not_actuators() -> None:
+    names, own = ("right_a", "right_b", "right_wr_flex+"), ("right_a", "right_b")
+    rows = [(0.1, 0.2, 0.9), (0.4, 0.2, 0.9), (0.6, 0.35, 0.9), (0.2, 0.1, 0.9)]
+    activations = [
+        (0.1 * k, SimpleNamespace(name=names, activation=row, limited=(0, k, 0))) for k, row in enumerate(rows)
+    ]
+    forces = [(0.1 * k, SimpleNamespace(name=own, force=(100.0 * k, 50.0), outside=k == 3)) for k in range(4)]
+    made = muscle_record.made({"activation": activations, "muscle_force": forces, "joint_reactions": []})
+    assert made is not None
+    found = muscle_record.metrics(made)
+    assert found["above"] == {"0.3": 0.5, "0.5": 0.25} and found["muscles"]["right_b"]["above"]["0.3"] == 0.25
+    assert (found["activation_max"], found["activation_max_muscle"]) == (0.6, "right_a")
+    assert found["activation_mean"] == pytest.approx(np.mean([row[:2] for row in rows]))
+    assert found["muscles"]["right_a"]["force_max"] == 300.0 and found["outside"] == 0.25
+    text = "\n".join(muscle_record.render(found))
+    assert "right_a 0.60, right_b 0.35" in text and "right_b (3 times)" in text and "25 % of the time his" in text
 
 
 def test_runs_called_by_numbers_are_drawn_over_them(guided: runner.Result) -> None:

@@ -20,6 +20,7 @@ from hric_experiments import cli, report_html
 from hric_experiments.analysis import human_record
 from hric_experiments.report_html import beside, run_data
 from hric_human.body import describe
+from hric_human.muscles.colours import ACTIVATION_COLOURS
 from hric_human.participant.settings import HumanSettings
 from hric_msgs.msg import RegionContact, RegionContacts
 
@@ -58,8 +59,8 @@ def write_contacts(bag: Path) -> None:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     root = tmp_path_factory.mktemp("runs")
-    words = ["hand_guidance", "simulator:=mujoco", "duration:=1.2", "--quiet", "--no-figures", "--runs", str(root)]
-    assert cli.main(["run", *words]) == 0
+    words = ["hand_guidance", "simulator:=mujoco", "human.drive:=muscle", "duration:=1.2"]
+    assert cli.main(["run", *words, "--quiet", "--no-figures", "--runs", str(root)]) == 0
     folder = RunFolder((root / "latest").resolve())
     write_contacts(folder.bag_path)
     report_html.write(folder)
@@ -101,6 +102,24 @@ def test_a_blow_between_two_instants_of_the_replay_is_not_left_out(data: run_dat
     assert (contact.parent, contact.point[largest].tolist()) == ("world", list(AT))
 
 
+def test_muscles_are_coloured_by_their_activation_and_actuators_have_no_line(data: run_data.RunData) -> None:
+    (person,) = beside.human(data, 60.0)
+    assert data.person is not None and data.person.record.muscles is not None and person.lines is not None
+    record, lines = data.person.record.muscles, person.lines
+    assert list(lines.points) == list(record.muscles) and len(lines.points) == 34
+    biceps = lines.values[:, list(lines.points).index("right_bic_b")]
+    expected = np.interp(lines.time, record.time, record.activation[:, record.names.index("right_bic_b")])
+    np.testing.assert_allclose(biceps, expected)
+    assert {link for points in lines.points.values() for link, _ in points} == {"human_base", "r_shoulder", "r_elbow"}
+
+
+def test_a_run_without_muscles_has_no_lines(data: run_data.RunData) -> None:
+    assert data.person is not None
+    without = replace(data.person, record=replace(data.person.record, muscles=None))
+    (person,) = beside.human(replace(data, person=without), 60.0)
+    assert person.lines is None
+
+
 def test_nobody_is_drawn_where_nobody_was(data: run_data.RunData) -> None:
     alone = replace(data, person=None)
     assert beside.human(alone, 60.0) == [] and beside.width(alone) == 0
@@ -128,6 +147,42 @@ class TestInABrowser:
             # The nearest message is up to 2.5 ms away, at 0.1 m/s.
             np.testing.assert_allclose(page.evaluate(where), expected[:3, 3], atol=5e-4)
 
+    @pytest.mark.parametrize("name", ["right_bic_b", "right_tric_long", "right_lat_dorsi_a"])
+    def test_a_muscle_is_drawn_from_end_to_end_where_its_links_are(
+        self, page: Browser, data: run_data.RunData, name: str
+    ) -> None:
+        (person,) = beside.human(data, 60.0)
+        assert person.lines is not None
+        index, points = list(person.lines.points).index(name), person.lines.points[name]
+        page.evaluate("report.setTime(0.9); report.replay.scene.updateMatrixWorld(true)")
+        line, his = f"report.replay.robots[1].lines.lines[{index}]", "report.replay.robots[1].links"
+        for k, (link, place) in enumerate(points[:-1]):
+            expected = page.evaluate(f"{his}.get('{link}').localToWorld(new THREE.Vector3(...{list(place)})).toArray()")
+            np.testing.assert_allclose(page.evaluate(f"{line}.parts[{k}].position.toArray()"), expected, atol=1e-6)
+        link, place = points[-1]
+        last = page.evaluate(f"{his}.get('{link}').localToWorld(new THREE.Vector3(...{list(place)})).toArray()")
+        tip = page.evaluate(f"{line}.parts[{len(points) - 2}].localToWorld(new THREE.Vector3(0, 1, 0)).toArray()")
+        np.testing.assert_allclose(tip, last, atol=1e-5)
+
+    def test_a_muscle_has_the_colour_of_its_activation(self, page: Browser) -> None:
+        colours = "report.replay.robots[1].lines"
+        for value, text in ACTIVATION_COLOURS:
+            assert "#" + page.evaluate(f"{colours}.colour({value}).getHexString()") == text
+        assert "#" + page.evaluate(f"{colours}.colour(1).getHexString()") == ACTIVATION_COLOURS[-1][1]
+
+    def test_activation_is_a_map_of_colours_with_a_row_for_each_muscle(
+        self, page: Browser, data: run_data.RunData
+    ) -> None:
+        assert data.person is not None and data.person.record.muscles is not None
+        record = data.person.record.muscles
+        page.evaluate("document.getElementById('plot-activation').scrollIntoView()")
+        page.wait("document.querySelector('#plot-activation .graph').data !== undefined")
+        trace = "document.querySelector('#plot-activation .graph').data[0]"
+        assert page.evaluate(f"{trace}.type") == "heatmap"
+        row = page.evaluate("document.querySelector('#plot-activation .graph').layout.yaxis.ticktext.indexOf('bic_b')")
+        values = page.evaluate(f"Array.from({trace}.z[{row}])")
+        np.testing.assert_allclose(values, record.activation[:, record.names.index("right_bic_b")], atol=1e-6)
+
     def test_the_grip_force_begins_where_it_acts(self, page: Browser, data: run_data.RunData) -> None:
         assert data.person is not None
         (grip,) = data.person.record.grips.values()
@@ -152,6 +207,7 @@ class TestInABrowser:
     def test_the_page_shows_his_figures_and_names_his_forces_without_a_problem(self, page: Browser) -> None:
         assert "Grip force" in page.evaluate("document.getElementById('the-human').textContent")
         legend = page.evaluate("document.getElementById('view-legend').textContent")
+        assert "activation of the muscles" in legend
         assert "force of panda_hand on human::r_wrist" in legend and "contact of lower arm, wrist" in legend
         assert page.problems == [] and page.requests == []
 

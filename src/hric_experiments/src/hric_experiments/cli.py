@@ -18,7 +18,13 @@ from hric_control.parameters import json_schema, read_yaml, whole
 from hric_control.processes import INTERRUPTED_CODE, run_command
 from hric_experiments.definition import experiment, overrides, study
 
-DESCRIBED = {"robot": "robot", "limits": "joint_limits", "controllers": "controllers", "mocap": "mocap"}
+DESCRIBED = {
+    "robot": "robot",
+    "limits": "joint_limits",
+    "controllers": "controllers",
+    "mocap": "mocap",
+    "human_muscles": "human_muscles",
+}
 """What `describe` prints as YAML, and the function of `parameters` that returns it."""
 NODES = (
     "natnet_client",

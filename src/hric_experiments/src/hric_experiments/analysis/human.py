@@ -12,7 +12,7 @@ import numpy as np
 
 from hric_bags.parts import PartsReader
 from hric_bags.reader import FloatArray, RunRecord
-from hric_experiments.analysis import carrying
+from hric_experiments.analysis import carrying, muscle_record
 from hric_experiments.analysis.carrying import Carried, hands_over
 from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord, read
 from hric_experiments.analysis.impact import Impact, impacts
@@ -93,6 +93,7 @@ def metrics(
         "joints": {name: _joint(record, index) for index, name in enumerate(record.joints)},
         "strength_share_max": float(np.abs(record.share).max()),
         "strength_share_mean": float(np.abs(record.share).max(axis=1).mean()),
+        "muscles": None if record.muscles is None else muscle_record.metrics(record.muscles),
         "hand": _hand(record.time, hand, velocity, begin, end),
         "settling": _settling(record, velocity, begin, end, {end for one in carried for end in one.ends}),
         "contacts": [impact.values() for impact in met],
@@ -236,6 +237,8 @@ def render(found: Mapping[str, Any]) -> str:
     lines += [_handover(one) for one in found["handovers"]]
     lines += [carrying.render(one) for one in found["carried"]]
     lines += _contacts(found["contacts"])
+    if found["muscles"] is not None:
+        lines += muscle_record.render(found["muscles"])
     hand, clipped = found["hand"], {name: n for name, joint in found["joints"].items() if (n := joint["clipped"])}
     smooth = "-" if hand["smoothness"] is None else f"{hand['smoothness']:.2f}"
     lines.append(f"- hand: {hand['speed_max']:.2f} m/s at most, log dimensionless jerk {smooth}")

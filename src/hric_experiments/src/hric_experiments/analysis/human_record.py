@@ -12,6 +12,8 @@ import numpy.typing as npt
 from hric_bags.parts import PartsReader
 from hric_bags.reader import FloatArray, opened, seconds
 from hric_control.geometry import Vector
+from hric_experiments.analysis import muscle_record
+from hric_experiments.analysis.muscle_record import MuscleRecord
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE, CONTACTS_TYPE = "hric_msgs/msg/HumanEvent", "hric_msgs/msg/RegionContacts"
@@ -147,6 +149,7 @@ class HumanRecord:
         contacts: with a force, by link.
         events: in order of time.
         meetings: contacts with their begin and peak, in the order in which they ended.
+        muscles: that moved him; None: his joints did.
     """
 
     joints: tuple[str, ...]
@@ -160,6 +163,7 @@ class HumanRecord:
     contacts: dict[str, ContactRecord] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
     meetings: list[RegionForce] = field(default_factory=list)
+    muscles: MuscleRecord | None = None
 
 
 def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> HumanRecord | None:
@@ -168,14 +172,17 @@ def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> Human
         kind: [] for kind in (GRIP_TYPE, TORQUE_TYPE, EVENT_TYPE, CONTACTS_TYPE)
     }
     states: list[tuple[float, Any]] = []
+    muscles: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in muscle_record.TOPICS}
     with opened(bag) as reader:
         torque_topics = {c.topic for c in reader.connections if c.msgtype == TORQUE_TYPE and REAL not in c.topic}
-        state_topics = {f"{topic.rpartition('/')[0]}/joint_states" for topic in torque_topics}
-        topics = torque_topics | state_topics
+        his = {topic.rpartition("/")[0] for topic in torque_topics}
+        by_topic = {f"{name}/joint_states": states for name in his}
+        by_topic |= {f"{name}/{topic}": rows for name in his for topic, rows in muscles.items()}
+        topics = torque_topics | set(by_topic)
         kinds = set(found) - {TORQUE_TYPE}
         for connection, _, raw in reader.chosen(lambda c: c.msgtype in kinds or c.topic in topics):
             message = reader.deserialize(raw, connection.msgtype)
-            rows = found.get(connection.msgtype, states)
+            rows = found[connection.msgtype] if connection.msgtype in found else by_topic[connection.topic]
             rows.append((robot_time(seconds(message.header.stamp)), message))
     if not states or not found[TORQUE_TYPE]:
         return None
@@ -194,6 +201,7 @@ def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> Human
         _contacts(found[CONTACTS_TYPE], robot_time),
         [Event(time, m.kind, m.name, float(m.value), m.text) for time, m in found[EVENT_TYPE]],
         _meetings(found[CONTACTS_TYPE], robot_time),
+        muscle_record.made(muscles),
     )
 
 

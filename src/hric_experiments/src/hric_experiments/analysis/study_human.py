@@ -20,6 +20,8 @@ COLUMNS = {
     "tilt_max": ("tilt at most [rad]", ".3f"),
     "path": ("way of the hand [m]", ".3f"),
     "strength_share_max": ("share of a joint's strength at most [1]", ".3f"),
+    "activation_max": ("activation of a muscle at most [1]", ".3f"),
+    "activation_mean": ("mean activation of all muscles [1]", ".4f"),
     "smoothness": ("log dimensionless jerk [1]", ".2f"),
 }
 """Heading and digits of each value; one that no run has is left out."""
@@ -32,6 +34,7 @@ def chosen(metrics: Mapping[str, Any]) -> dict[str, Any] | None:
         return None
     grips = [grip for grip in values["grips"].values() if grip["force_max"] is not None]
     carried = next(iter(values.get("carried", ())), None)
+    muscles = values.get("muscles") or {}
     return {
         "load_share": None if carried is None else _hands_share(values["grips"], carried),
         "squeeze_max": None if carried is None else max(carried["squeeze_max"], carried["stretch_max"]),
@@ -41,6 +44,8 @@ def chosen(metrics: Mapping[str, Any]) -> dict[str, Any] | None:
         "grip_work_absolute": sum(grip["work_absolute"] for grip in grips) if grips else None,
         "path": values["hand"]["path"],
         "strength_share_max": values["strength_share_max"],
+        "activation_max": muscles.get("activation_max"),
+        "activation_mean": muscles.get("activation_mean"),
         "smoothness": values["hand"]["smoothness"],
         "settling": None if values["settling"] is None else values["settling"]["verdict"],
     }

@@ -66,6 +66,26 @@ def human_description(experiment: Experiment) -> str:
     return describe(HumanSettings.of(experiment.human, HUMAN).person).urdf
 
 
+def human_muscles(experiment: Experiment) -> dict[str, list[list[Any]]]:
+    """Where the muscles of the human beside the robot are drawn: by name points of link, x, y, z [m]; empty where
+    muscles move nobody.
+
+    Raises:
+        HricError: a parameter of his that cannot be.
+    """
+    from hric_human.body import describe
+    from hric_human.muscles.choose import find
+    from hric_human.muscles.lines import muscle_lines
+    from hric_human.participant.settings import MUSCLE, HumanSettings
+
+    settings = None if experiment.human is None else HumanSettings.of(experiment.human, HUMAN)
+    if settings is None or settings.drive != MUSCLE:
+        return {}
+    anatomy = find(settings.muscles.anatomy, f"{HUMAN}.muscles.anatomy")
+    lines = muscle_lines(describe(settings.person), anatomy)
+    return {name: [[link, *place] for link, place in points] for name, points in lines.items()}
+
+
 def _description_of(address: str) -> str:
     try:
         path = resources.resolve(address)

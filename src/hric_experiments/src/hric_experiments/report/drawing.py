@@ -15,7 +15,7 @@ from matplotlib.ticker import EngFormatter
 
 from hric_bags import files
 from hric_control.processes import quiet_collector
-from hric_experiments.report import style
+from hric_experiments.report import heat, style
 from hric_experiments.report.figure import Figure, Panel
 from hric_experiments.report.thinning import limited
 
@@ -136,6 +136,8 @@ def drawn(figure: Figure, sheets: Sheets) -> Drawing:
         sheets: empty panels of the figures before it: of those alike it takes the place, since to make panels and ticks
             takes as long as to draw in them.
     """
+    if (rows := figure.panels[0].heat) is not None:
+        return heat.drawn(rows, figure.abscissa)
     figure = limited(figure, POINTS)
     count = len(figure.panels)
     width = style.DOUBLE if count > 1 else style.SINGLE

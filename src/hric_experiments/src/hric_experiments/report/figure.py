@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from hric_experiments.report.heat import HeatMap
+
 FloatArray = npt.NDArray[np.float64]
 Bound = tuple[str, float]
 """A horizontal line: what it is, value."""
@@ -53,6 +55,7 @@ class Panel:
         curves: its lines, the last one on top.
         bounds: limits and tolerances; a far one does not widen the axis.
         unit, abscissa: of its vertical and horizontal axis; "": those of the figure.
+        heat: rows of colours in place of curves, in a panel that is alone in its figure; None: none.
     """
 
     title: str
@@ -60,6 +63,7 @@ class Panel:
     bounds: tuple[Bound, ...] = ()
     unit: str = ""
     abscissa: str = ""
+    heat: HeatMap | None = None
 
 
 @dataclass(frozen=True)
@@ -114,7 +118,10 @@ class Figure:
         return middle - half, middle + half
 
     def vertical_range(self, panel: Panel) -> tuple[float, float]:
-        """Ends of a panel's vertical axis: its curves with some room, and a bound that is not far from them."""
+        """Ends of a panel's vertical axis: its curves with some room, and a bound that is not far from them; of rows of
+        colours the last below and the first above."""
+        if panel.heat is not None:
+            return len(panel.heat.rows) - 0.5, -0.5
         low, high = _extent(curve.values for curve in panel.curves if not curve.cut)
         if self.logarithmic:
             return low * 10**-0.1, high * 10**0.3

@@ -8,8 +8,11 @@ from hric_experiments.analysis.carrying import Carried
 from hric_experiments.analysis.human import Person
 from hric_experiments.analysis.human_record import HumanRecord
 from hric_experiments.analysis.impact import Impact, Press, Transient
-from hric_experiments.report import sections
+from hric_experiments.analysis.muscle_record import MuscleRecord
 from hric_experiments.report.figure import Curve, Figure, Panel, per_joint
+from hric_experiments.report.heat import heat_map
+from hric_experiments.report.sections import HUMAN
+from hric_human.muscles.colours import ACTIVATION_COLOURS
 
 SHOWN = 1.5
 """How much of a blow is shown, in durations of its half sine."""
@@ -24,11 +27,13 @@ def human_figures(person: Person | None) -> list[Figure]:
     found = []
     if panels := [_grip_panel(name, record) for name, grip in record.grips.items() if grip.closed.any()]:
         forces = Figure("grip", "Grip force", "force on the hand [N]", tuple(panels), min_height=1.0)
-        found.append(forces.about(sections.HUMAN, f"Force of what is held on what holds it. {ESTIMATE}"))
+        found.append(forces.about(HUMAN, f"Force of what is held on what holds it. {ESTIMATE}"))
     found += _contact_figures(person.impacts)
     for k, one in enumerate(person.carried):
         suffix = f"_{k + 1}" if len(person.carried) > 1 else ""
         found += [_carrying(one, f"carrying{suffix}"), _path(one, f"carrying_path{suffix}")]
+    if record.muscles is not None:
+        found += _muscle_figures(record.muscles)
     share = Curve("of the strength", "measured", record.torque_time, record.share)
     strength = per_joint(
         "strength",
@@ -49,9 +54,30 @@ def human_figures(person: Person | None) -> list[Figure]:
     )
     return [
         *found,
-        strength.about(sections.HUMAN, f"In the sense in which the torque acts. {ESTIMATE}"),
-        angles.about(sections.HUMAN, "Joint angles of the simulated body."),
+        strength.about(HUMAN, f"In the sense in which the torque acts. {ESTIMATE}"),
+        angles.about(HUMAN, "Joint angles of the simulated body."),
     ]
+
+
+def _muscle_figures(record: MuscleRecord) -> list[Figure]:
+    """Activation as colours over time, and contact forces between bones."""
+    sides = {name.partition("_")[0] for name in record.names}
+    rows = tuple(name.partition("_")[2] if len(sides) == 1 else name for name in record.names)
+    heat = heat_map(rows, record.time, record.activation, "activation [1]", ACTIVATION_COLOURS)
+    caption = (
+        f"Activation of {len(record.muscles)} muscles, and of the ideal actuators of joints without any, whose names "
+        f"end with their sense. From {heat.top:g} on all have the same colour. {ESTIMATE}"
+    )
+    found = [Figure("activation", "Activation of the muscles", "", (Panel("", (), heat=heat),)).about(HUMAN, caption)]
+    if record.contact:
+        panels = tuple(
+            Panel(joint, (Curve("contact force", "measured", record.contact_time, size),))
+            for joint, size in record.contact.items()
+        )
+        figure = Figure("joint_contact", "Contact forces between bones", "force [N]", panels, min_height=10.0)
+        text = f"Force of the proximal on the distal bone of a joint: what muscles pull there included. {ESTIMATE}"
+        found.append(figure.about(HUMAN, text))
+    return found
 
 
 def _contact_figures(impacts: Sequence[Impact]) -> list[Figure]:
@@ -75,11 +101,11 @@ def _contact_figures(impacts: Sequence[Impact]) -> list[Figure]:
         figure = Figure(
             "blow", "Blow", "force [N]", tuple(panels), min_height=1.0, abscissa="after the first touch [ms]"
         )
-        found.append(figure.about(sections.HUMAN, text))
+        found.append(figure.about(HUMAN, text))
     if panels := [_press_panel(impact, impact.press) for impact in impacts if impact.press]:
         text = f"Force of contacts that last, beside what the commanded torque balances along the normal. {ESTIMATE}"
         figure = Figure("press", "Pressed contact", "force [N]", tuple(panels), min_height=1.0)
-        found.append(figure.about(sections.HUMAN, text))
+        found.append(figure.about(HUMAN, text))
     return found
 
 
@@ -125,7 +151,7 @@ def _carrying(one: Carried, key: str) -> Figure:
         f"horizontal (positive: {b} is higher). {ESTIMATE}"
     )
     return Figure(key, f"{one.body}, carried by two", "", tuple(panels), min_height=1.0, columns=3).about(
-        sections.HUMAN, caption
+        HUMAN, caption
     )
 
 
@@ -145,7 +171,7 @@ def _path(one: Carried, key: str) -> Figure:
     caption = f"How far both ends of {one.body} and their middle went from where they were, seen along each axis."
     extent = max(float(np.ptp(path, axis=0).max()) for _, _, path in moved)
     figure = Figure(key, f"Path of {one.body}", "", panels, max(extent, 0.02), columns=3, equal=True)
-    return figure.about(sections.HUMAN, caption)
+    return figure.about(HUMAN, caption)
 
 
 def _grip_panel(name: str, record: HumanRecord) -> Panel:

@@ -53,6 +53,8 @@ ROLES = {
 """By the role of a curve, `figure.Curve.role`."""
 LIMIT = ("#b3261e", "#ff8a80")
 """Colour of bounds and of bands: light, dark."""
+Stops = tuple[tuple[float, str], ...]
+"""A scale of colours: value and colour of each stop, from 0 on; straight between them."""
 
 
 def css() -> str:

@@ -2,10 +2,15 @@
 
 import numpy as np
 
+from hric_control.errors import HricError
 from hric_experiments.analysis.human_record import ContactRecord, GripRecord
+from hric_experiments.analysis.muscle_record import MuscleRecord
 from hric_experiments.report_html.run_data import RunData
-from hric_experiments.report_html.scene import Arrow, Robot, Track, instants
-from hric_human.body import describe
+from hric_experiments.report_html.scene import Arrow, Lines, Robot, Track, instants
+from hric_human.body import Body, describe
+from hric_human.muscles.choose import find
+from hric_human.muscles.colours import ACTIVATION_COLOURS
+from hric_human.muscles.lines import muscle_lines
 from hric_human.participant.settings import HumanSettings
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
@@ -17,7 +22,8 @@ def width(data: RunData) -> int:
     if data.person is None:
         return 0
     record = data.person.record
-    return len(record.joints) + 1 + 7 * (len(record.grips) + len(record.contacts))
+    muscles = 0 if record.muscles is None else len(record.muscles.muscles) + 1
+    return len(record.joints) + 1 + 7 * (len(record.grips) + len(record.contacts)) + muscles
 
 
 def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> list[Robot]:
@@ -38,9 +44,21 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
     arrows = [_grip(grip, rate, shift) for grip in record.grips.values()]
     arrows += [_contact(one, rate, shift) for one in record.contacts.values()]
     time, position = record.time[shown] + shift, record.position[shown]
-    return [
-        Robot("", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows),
-    ]
+    lines = None if record.muscles is None else _muscles(record.muscles, body, settings, rate, shift)
+    root = settings.root(body)
+    return [Robot("", body.urdf, record.joints, time, position, role=role, pose=root, arrows=arrows, lines=lines)]
+
+
+def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: float, shift: float) -> Lines | None:
+    """Lines coloured by activation; None where the anatomy of the run cannot be read any more."""
+    try:
+        lines = muscle_lines(body, find(settings.muscles.anatomy, "human.muscles.anatomy"))
+    except HricError:
+        return None
+    shown, names = instants(record.time, rate), record.muscles
+    activation = record.activation[shown][:, [record.names.index(name) for name in names]]
+    points = {name: lines[name] for name in names}
+    return Lines(points, record.time[shown] + shift, activation, ACTIVATION_COLOURS, "activation of the muscles")
 
 
 def objects(data: RunData, *, role: str = "", shift: float = 0.0) -> list[Robot]:

@@ -10,6 +10,7 @@ from typing import Any
 from hric_experiments.report import sections, style
 from hric_experiments.report.figure import Figure
 from hric_experiments.report.headline import Finding
+from hric_experiments.report.heat import HeatMap
 from hric_experiments.report.thinning import thin
 from hric_experiments.report_html import libraries
 from hric_experiments.report_html.scene import Blob, Robot, Scene
@@ -158,10 +159,18 @@ def _figure(figure: Figure, blob: Blob) -> dict[str, Any]:
         }
         if not figure.timed:
             shown["xrange"] = figure.horizontal_range(panel)
-        panels.append({**shown, "curves": lines, "bounds": panel.bounds})
+        panels.append({**shown, "curves": lines, "bounds": panel.bounds, "heat": _heat(panel.heat, blob)})
     words = {"key": figure.key, "title": figure.title, "caption": figure.caption, "columns": figure.columns}
     looks = {"bands": figure.bands, "logarithmic": figure.logarithmic, "equal": figure.equal, "timed": figure.timed}
     return {**words, **looks, "panels": panels}
+
+
+def _heat(heat: HeatMap | None, blob: Blob) -> dict[str, Any] | None:
+    """Rows of colours; values row by row, as plotly has them."""
+    if heat is None:
+        return None
+    words = {"rows": heat.rows, "unit": heat.unit, "scale": heat.scale}
+    return {**words, "time": blob.add(heat.time, "f8"), "values": blob.add(heat.values.T, "f4")}
 
 
 def replay_rate(duration: float, columns: int) -> float:

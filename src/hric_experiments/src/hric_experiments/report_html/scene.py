@@ -1,6 +1,7 @@
 """The robot of a run as the browser draws it: links with their shapes, joints, and where the joints were."""
 
 import base64
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from hric_control.errors import HricError
 from hric_control.geometry import FloatArray, Pose, quaternion_from_rotation
 from hric_control.plants import resources
 from hric_control.urdf import Joint, Shape, read
+from hric_experiments.report.style import Stops
 from urdf_to_osim.mesh_files import UnreadableMeshError
 
 GREY = (0.86, 0.87, 0.88, 1.0)
@@ -88,6 +90,25 @@ class Arrow:
     ends: bool
 
 
+@dataclass(frozen=True)
+class Lines:
+    """Lines through points of links, coloured by values over time.
+
+    Attributes:
+        points: by name: link, and place in its axes [m].
+        time: of the values, shape (n,) [s].
+        values: shape (n, lines).
+        scale: colours, as `style.Stops`.
+        title: what the colours are.
+    """
+
+    points: Mapping[str, Sequence[tuple[str, tuple[float, ...]]]]
+    time: FloatArray
+    values: FloatArray
+    scale: Stops
+    title: str
+
+
 @dataclass
 class Robot:
     """A robot and its motion, or a human's body and his, or an object and where it was.
@@ -105,6 +126,7 @@ class Robot:
         pose: of its root link in the world.
         arrows: forces on it.
         motion: a frame that its root link follows in the world; None: it is fixed there.
+        lines: on its links, such as muscles; None: none.
     """
 
     label: str
@@ -119,6 +141,7 @@ class Robot:
     pose: Pose = field(default_factory=Pose)
     arrows: list[Arrow] = field(default_factory=list)
     motion: Track | None = None
+    lines: Lines | None = None
 
 
 class Scene:
@@ -160,6 +183,7 @@ class Scene:
                 "pose": {"xyz": robot.pose.position, "quaternion": robot.pose.orientation},
                 "arrows": [self._arrow(arrow) for arrow in robot.arrows],
                 "motion": None if robot.motion is None else self._track(robot.motion),
+                "lines": None if robot.lines is None else self._lines(robot.lines),
                 "tip": None if robot.tip is None else {"link": robot.tip[0], "xyz": robot.tip[1]},
             }
         )
@@ -187,6 +211,11 @@ class Scene:
         words = {key: getattr(arrow, key) for key in ("name", "colour", "parent", "ends")}
         arrays = {"force": self._blob.add(arrow.force, "f4"), "point": self._blob.add(arrow.point, "f4")}
         return {**words, "perNewton": arrow.per_newton, "time": self._blob.add(arrow.time, "f8"), **arrays}
+
+    def _lines(self, lines: Lines) -> dict[str, Any]:
+        points = [{"name": name, "points": of} for name, of in lines.points.items()]
+        arrays = {"time": self._blob.add(lines.time, "f8"), "values": self._blob.add(lines.values, "f4")}
+        return {"lines": points, "scale": lines.scale, "title": lines.title, **arrays}
 
     def _visuals(self, shape: Shape) -> list[dict[str, Any]]:
         """What is drawn of a shape: of a mesh one part per colour; its own colours go before the description's."""

@@ -59,7 +59,7 @@
       const frames = count("frame").map((track) => track.name), markers = count("marker").length;
       const line = document.createElement("span");
       const trails = robot.trails.map(({ role }) => (role === "marker" ? "marker (orange)" : "end effector (blue)"));
-      line.textContent = [several ? robot.label : "", markers ? markers + " markers" : "", frames.length ? "frames: " + frames.join(", ") : "", robot.plates.map((plate) => plate.object.name).join(", "), robot.arrows.map(({ name }) => name).join(", "), trails.length && !several ? "trails of 8 s: " + [...new Set(trails)].join(", ") : ""].filter(Boolean).join("; ");
+      line.textContent = [several ? robot.label : "", markers ? markers + " markers" : "", frames.length ? "frames: " + frames.join(", ") : "", robot.plates.map((plate) => plate.object.name).join(", "), robot.arrows.map(({ name }) => name).join(", "), robot.lines ? robot.lines.title + ", in the colours of its plot" : "", trails.length && !several ? "trails of 8 s: " + [...new Set(trails)].join(", ") : ""].filter(Boolean).join("; ");
       if (several) line.style.color = report.colour(robot.role);
       words.push(line, document.createElement("br"));
     }

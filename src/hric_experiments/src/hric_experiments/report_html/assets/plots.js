@@ -3,9 +3,9 @@
 // A picture for a paper is the same plot in light colours at the width of a journal's column.
 {
   const POINTS = 900, PIXELS_PER_MM = 96 / 25.4, DOTS_PER_INCH = 300;
-  const SCREEN = { margin: { l: 64, r: 14, t: 12, b: 42 }, title: 16, row: 138, alone: 300, gap: 66, between: 44, font: 11, line: 1.35 };
+  const SCREEN = { margin: { l: 64, r: 14, t: 12, b: 42 }, title: 16, row: 138, alone: 300, cell: 13, gap: 66, between: 44, font: 11, line: 1.35 };
   const PRINTED = { ...SCREEN, row: 105 };
-  const PAPER = { margin: { l: 48, r: 9, t: 8, b: 33 }, title: 12, row: 88, alone: 190, gap: 50, between: 30, font: 9.5, line: 1.25, legend: 14 };
+  const PAPER = { margin: { l: 48, r: 9, t: 8, b: 33 }, title: 12, row: 88, alone: 190, cell: 10.5, gap: 50, between: 30, font: 9.5, line: 1.25, legend: 14 };
   const FAMILY = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif";
 
   // The part of a curve between two times, one point beyond each: as it is, or least and greatest of equal parts.
@@ -26,6 +26,16 @@
     return { x, y };
   };
 
+  // Rows of colours: values row by row in one array.
+  const heatTrace = ({ rows, unit, scale, time, values }, look) => {
+    const n = time.length, top = scale[scale.length - 1][0], title = { text: unit, side: "right", font: { size: look.font } };
+    return {
+      type: "heatmap", x: time, y: rows.map((_, k) => k), z: rows.map((_, k) => values.subarray(k * n, k * n + n)), zmin: 0, zmax: top, name: "",
+      colorscale: scale.map(([value, colour]) => [value / top, colour]), colorbar: { title, thickness: 9, outlinewidth: 0, xpad: 8, len: 1, lenmode: "fraction" },
+      text: rows.map((row) => Array(n).fill(row)), hovertemplate: "%{text}: %{z:.3f}, %{x:.3f} s<extra></extra>", xaxis: "x", yaxis: "y",
+    };
+  };
+
   const dash = (role, width) => (role.dash.length ? role.dash.map((length) => length * width + "px").join(",") : "solid");
 
   class PlotView {
@@ -33,7 +43,9 @@
       Object.assign(this, { spec, drawn: false, stale: false, hidden: new Set() });
       this.panels = spec.panels.map((panel) => ({
         ...panel, curves: panel.curves.map((curve) => ({ ...curve, time: report.read(curve.time), values: report.read(curve.values) })),
+        heat: panel.heat && { ...panel.heat, time: report.read(panel.heat.time), values: report.read(panel.heat.values) },
       }));
+      this.heat = this.panels[0].heat; // it is alone then
       this.names = new Map();
       for (const panel of this.panels) for (const curve of panel.curves) if (!this.names.has(curve.name)) this.names.set(curve.name, curve.role);
       this.frame = section.querySelector(".canvas");
@@ -76,15 +88,20 @@
     geometry(mm) {
       const look = mm ? PAPER : report.paper ? PRINTED : SCREEN, width = mm ? mm * PIXELS_PER_MM : report.paper || this.frame.clientWidth || 800;
       const columns = Math.min(this.spec.columns, this.panels.length, width < 500 ? (this.spec.equal ? 1 : 2) : 3), rows = Math.ceil(this.panels.length / columns);
-      const { l, r, t, b } = look.margin, legend = mm ? this.legendRows(width - l - r, look) : [];
+      const { l, r, t, b } = this.heat ? this.heatMargin(look) : look.margin, legend = mm ? this.legendRows(width - l - r, look) : [];
       const top = t + legend.length * (look.legend || 0) + (this.panels.some((panel) => panel.title) ? look.title : 0);
-      const wide = (width - l - r - look.gap * (columns - 1)) / columns, high = this.spec.equal ? Math.min(wide, 340) : rows > 1 ? look.row : look.alone;
+      const wide = (width - l - r - look.gap * (columns - 1)) / columns, high = this.heat ? this.heat.rows.length * look.cell : this.spec.equal ? Math.min(wide, 340) : rows > 1 ? look.row : look.alone;
       const inner = { width: width - l - r, height: rows * high + (rows - 1) * look.between };
       const domain = (k) => {
         const x = (k % columns) * (wide + look.gap), y = Math.floor(k / columns) * (high + look.between);
         return { x: [x / inner.width, (x + wide) / inner.width], y: [Math.max(0, 1 - (y + high) / inner.height), 1 - y / inner.height] };
       };
       return { look, legend, width, columns, rows, inner, domain, margin: { l, r, t: top, b }, height: top + b + inner.height };
+    }
+
+    // Room for the names of the rows, and for the scale.
+    heatMargin(look) {
+      return { ...look.margin, l: 14 + 0.56 * (look.font - 1) * Math.max(...this.heat.rows.map((row) => row.length)), r: 62 };
     }
 
     // Entries of a picture's legend, row by row: [name, role, left].
@@ -102,6 +119,7 @@
     }
 
     traces(look, range) {
+      if (this.heat) return [heatTrace(this.heat, look)];
       return this.panels.flatMap((panel, k) => panel.curves.map((curve) => {
         const role = report.data.roles[curve.role], width = Math.max(role.width, 0.1) * look.line;
         const drawn = role.width ? { mode: "lines", line: { color: report.colour(curve.role), width, dash: dash(role, width), simplify: false } } : { mode: "markers", marker: { color: report.colour(curve.role), size: 2.5 } };
@@ -114,7 +132,7 @@
     layout(shape, range) {
       const { look, domain, columns, margin, height, inner } = shape, text = report.colour("text"), line = report.colour("line");
       const layout = {
-        height, margin: { ...margin, autoexpand: false }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: this.spec.equal ? "closest" : "x",
+        height, margin: { ...margin, autoexpand: false }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: this.spec.equal || this.heat ? "closest" : "x",
         font: { color: text, size: look.font, family: FAMILY }, showlegend: false, annotations: [], shapes: [], hoverlabel: { bgcolor: report.colour("panel"), font: { color: text } },
       };
       const words = (string, place, size = look.font, colour = text) => layout.annotations.push({ text: string, showarrow: false, xanchor: "left", yanchor: "bottom", font: { size, color: colour }, borderpad: 0, ...place });
@@ -125,6 +143,7 @@
         layout["xaxis" + number] = { ...common, ...ends, domain: x, anchor: "y" + number, nticks: Math.max(3, Math.round((x[1] - x[0]) * inner.width / 60)), showticklabels: lowest, ...(lowest ? { title: title(panel.abscissa) } : {}) };
         const vertical = this.spec.logarithmic ? { range: panel.range.map(Math.log10), type: "log", exponentformat: "power", dtick: 2 } : { range: panel.range };
         layout["yaxis" + number] = { ...common, ...vertical, domain: y, anchor: "x" + number, nticks: 6, ...(k % columns === 0 || panel.own ? { title: title(panel.unit) } : {}) };
+        if (panel.heat) Object.assign(layout.yaxis, { tickvals: panel.heat.rows.map((_, row) => row), ticktext: panel.heat.rows, tickfont: { size: look.font - 1 }, ticks: "", showgrid: false, zeroline: false, fixedrange: true });
         words(`<b>${panel.title}</b>`, { xref: "paper", yref: "paper", x: x[0], y: y[1], xshift: -2 });
         for (const [, begin, end] of this.spec.bands) {
           const place = { xref: "x" + number, yref: "y" + number + " domain", x0: begin, x1: end, y0: 0, y1: 1 };

@@ -115,6 +115,47 @@
     }
   }
 
+  const BUNDLE = 0.0035; // radius of a line [m]
+
+  // Lines through points of links, coloured by values; seen through the body.
+  class Lines {
+    constructor(spec, links) {
+      Object.assign(this, { scale: spec.scale, title: spec.title, time: report.read(spec.time), values: report.read(spec.values) });
+      this.object = new THREE.Group();
+      this.lines = spec.lines.map(({ name, points }) => {
+        const material = new THREE.MeshBasicMaterial({ depthTest: false, transparent: true, opacity: 0.9 });
+        const parts = points.slice(1).map(() => new THREE.Mesh(new THREE.CylinderGeometry(BUNDLE, BUNDLE, 1, 8).translate(0, 0.5, 0), material));
+        this.object.add(...parts);
+        return { name, material, parts, points: points.map(([link, xyz]) => [links.get(link), new THREE.Vector3().fromArray(xyz)]) };
+      });
+      this.object.name = spec.title;
+    }
+
+    // Joints are where they are at that time already.
+    show(t) {
+      const [k, f] = between(this.time, t), n = this.lines.length, next = Math.min(k + 1, this.time.length - 1);
+      this.lines.forEach(({ material, parts, points }, i) => {
+        const value = (1 - f) * this.values[k * n + i] + f * this.values[next * n + i];
+        material.color.set(this.colour(value));
+        const at = points.map(([link, xyz]) => link.localToWorld(xyz.clone()));
+        parts.forEach((part, j) => {
+          const way = at[j + 1].clone().sub(at[j]);
+          part.renderOrder = value; // the largest is on top
+          part.scale.y = Math.max(way.length(), 1e-6);
+          part.position.copy(at[j]);
+          part.quaternion.setFromUnitVectors(UP, way.normalize());
+        });
+      });
+    }
+
+    colour(value) {
+      const high = Math.max(1, Math.min(this.scale.findIndex(([at]) => at >= value), this.scale.length - 1)), last = this.scale[this.scale.length - 1];
+      if (value >= last[0]) return new THREE.Color(last[1]);
+      const [[a, from], [b, to]] = [this.scale[high - 1], this.scale[high]];
+      return new THREE.Color(from).lerp(new THREE.Color(to), Math.min(Math.max((value - a) / (b - a), 0), 1));
+    }
+  }
+
   class Robot {
     constructor(spec, scene) {
       Object.assign(this, { label: spec.label, role: spec.role, joints: [], links: new Map() });
@@ -139,6 +180,8 @@
       this.plates.forEach((plate, k) => (this.links.get(spec.plates[k].parent) || root).add(plate.object));
       this.arrows = spec.arrows.map((arrow) => new Arrow(arrow));
       for (const arrow of this.arrows) (this.links.get(arrow.parent) || scene).add(arrow.object);
+      this.lines = spec.lines && new Lines(spec.lines, this.links);
+      if (this.lines) scene.add(this.lines.object);
       this.trails = [...this.trailOfTip(spec.tip, scene), ...this.trailsOfTracks()];
     }
 
@@ -198,6 +241,10 @@
         this.root.quaternion.copy(this.motion.object.quaternion);
       }
       for (const moved of [...this.tracks, ...(this.plates || []), ...(this.arrows || []), ...(this.trails || [])]) moved.show(t);
+      if (this.lines) {
+        this.root.updateWorldMatrix(true, true);
+        this.lines.show(t);
+      }
     }
 
     // Robots of several runs are told apart by colour; the first is as it is, the others can be seen through.
