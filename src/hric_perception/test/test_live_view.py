@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
@@ -19,13 +20,25 @@ from franka_msgs.msg import FrankaState
 from hric_control.limits import JointLimits
 from hric_control.robot_time import stamps
 from hric_control.testing import ros, roscore  # noqa: F401
-from hric_msgs.msg import HumanGrip, MarkerTrackingState, RegionContact, RegionContacts, SampleChunk
+from hric_human.body import Subject, describe
+from hric_human.muscles import BUILT_IN, load
+from hric_human.muscles.colours import colour
+from hric_human.muscles.lines import muscle_lines
+from hric_msgs.msg import (
+    HumanGrip,
+    MarkerTrackingState,
+    MuscleActivation,
+    RegionContact,
+    RegionContacts,
+    SampleChunk,
+)
 from hric_perception.chunk import Chunk, Layout, chunk_message
 from hric_perception.view import limit_markers
 from hric_perception.view.curves import WINDOW, History
 from hric_perception.view.decimation import MeanChunk, NewestJoints, Reaction
 from hric_perception.view.human_markers import CONTACT, HumanMarkers
 from hric_perception.view.limit_markers import Level, of_joint, walls
+from hric_perception.view.muscle_markers import MuscleMarkers
 
 pytestmark = pytest.mark.alone
 
@@ -128,6 +141,34 @@ def test_of_several_looks_the_largest_force_of_a_link_is_shown_and_a_rigid_conta
     ]
 
 
+def test_muscles_are_lines_on_the_links_in_the_colours_of_their_activation() -> None:
+    body, anatomy = describe(Subject(code="P50M", mass=78.2, height=1.759, sex="male")), load(BUILT_IN)
+    lines = muscle_lines(body, anatomy)
+    markers = MuscleMarkers(body.urdf, {name: [[link, *p] for link, p in of] for name, of in lines.items()}, "human")
+    model = pinocchio.buildModelFromXML(body.urdf)
+    state, q = model.createData(), np.linspace(0.2, 0.8, model.nq)
+    pinocchio.framesForwardKinematics(model, state, q)
+    names = [*reversed(model.names[1:])]
+    angles = [q[model.joints[model.getJointId(name)].idx_q] for name in names]
+    activation = MuscleActivation(name=["right_wr_flex+", "right_bic_b"], activation=[0.9, 0.25])
+    markers.push_activation(activation)
+    assert markers.take() is None, "nobody knows where he is"
+    markers.push_joints(JointState(name=names, position=angles))
+    assert markers.take() is None, "what was shown is old"
+    markers.push_activation(activation)
+    (marker,) = markers.take().markers
+    assert (marker.type, marker.header.frame_id) == (Marker.LINE_LIST, "human/human_base")
+    pieces = {name: len(points) - 1 for name, points in lines.items()}
+    first = 2 * sum(count for name, count in list(pieces.items())[: list(pieces).index("right_bic_b")])
+    assert len(marker.points) == len(marker.colors) == 2 * sum(pieces.values())
+    for k, (link, place) in enumerate(lines["right_bic_b"][:-1]):
+        expected = state.oMf[model.getFrameId(link)].act(np.array(place))
+        at = marker.points[first + 2 * k]
+        assert [at.x, at.y, at.z] == pytest.approx(expected.tolist(), abs=1e-9)
+        own = marker.colors[first + 2 * k]
+        assert [own.r, own.g, own.b] == pytest.approx(colour([0.25])[0].tolist())
+
+
 def test_a_mean_of_chunks_is_one_sample_with_the_channels_and_units_of_the_source() -> None:
     layout = Layout("made up", ("a", "b"), ("V", "s"), 100.0)
     mean = MeanChunk(30.0)
@@ -189,6 +230,8 @@ class Feed:
             "hric/perception/force_plate/left/wrench": WrenchStamped,
             "hric/human/grip": HumanGrip,
             "hric/human/contacts": RegionContacts,
+            "hric/human/joint_states": JointState,
+            "hric/human/activation": MuscleActivation,
         }
         self._publishers = {topic: rospy.Publisher(f"/{topic}", kind, queue_size=10) for topic, kind in kinds.items()}
         self._stop = threading.Event()
@@ -205,6 +248,9 @@ class Feed:
             joints.name, joints.position, joints.velocity, joints.effort = ["arm_joint1"], [1.97], [0.0], [0.0]
             messages["franka_state_controller/F_ext"].wrench.force.x = 5.0
             messages["franka_state_controller/franka_states"].O_T_EE[12:15] = [0.5, 0.0, 0.01]
+            messages["hric/human/joint_states"].name = ["arm_joint1"]
+            messages["hric/human/joint_states"].position = [0.0]
+            messages["hric/human/activation"].name, messages["hric/human/activation"].activation = ["muscle"], [0.5]
             messages["hric/human/grip"] = held(5.0)
             messages["hric/human/contacts"].touching = [touch(40.0)]
             messages["hric/perception/emg/envelope"] = chunk_message(
@@ -233,6 +279,7 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
 
     rospy.set_param("/robot_description", URDF)
     rospy.set_param("/hric/human/robot_description", URDF)
+    rospy.set_param("/hric/human/muscle_lines", {"muscle": [["base", 0.1, 0.0, 0.0], ["one", 0.0, 0.0, 0.2]]})
     rospy.set_param(
         "/cartesian_pose_controller",
         {"workspace": {"lower": [-0.8, -0.8, 0.0], "upper": [0.8, 0.8, 1.2]}, "arm_id": "arm"},
@@ -257,7 +304,11 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
     try:
         nodes.start("live_view")
         begin = time.monotonic()
-        while len(heard) < len(kinds) or len(heard["joints"]) < 30 or not _marked(heard["limits"], "limits/workspace"):
+        while (
+            len(heard) < len(kinds)
+            or len(heard["joints"]) < 30
+            or not (_marked(heard["limits"], "limits/workspace") and _marked(heard["human"], "human/muscles"))
+        ):
             assert time.monotonic() - begin < 40.0, {name: len(found) for name, found in heard.items()}
             time.sleep(0.05)
         picture = tmp_path / "picture.png"
@@ -287,6 +338,9 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
     }
     texts = {marker.text for array in heard["human"] for marker in array.markers if marker.text}
     assert texts == {"guide: 5.0 N", "lower arm, wrist: 40 N"}
+    (start, end), muscle = _marked(heard["human"], "human/muscles")[-1].points, _marked(heard["human"], "human/muscles")
+    assert [start.x, start.y, start.z, end.x] == pytest.approx([0.1, 0.0, 0.0, 0.0]) and end.y == pytest.approx(-0.2)
+    assert [muscle[-1].colors[0].r, end.z] == pytest.approx([colour([0.5])[0][0], 0.3])
     wall = _marked(heard["limits"], "limits/workspace")[0]
     assert (wall.header.frame_id, wall.pose.position.z) == ("arm_link0", 0.0)
 

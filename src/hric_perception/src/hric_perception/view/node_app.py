@@ -19,11 +19,12 @@ from hric_control.parameters import Settings, listing, number, text
 from hric_control.ros import RosNode, run
 from hric_control.ros.process import NodeApp
 from hric_control.urdf import read
-from hric_msgs.msg import HumanGrip, RegionContacts, SampleChunk
+from hric_msgs.msg import HumanGrip, MuscleActivation, RegionContacts, SampleChunk
 from hric_perception.plate.geometry import PLATE_ID
 from hric_perception.view import limit_markers
 from hric_perception.view.decimation import Keeper, MeanChunk, Newest, NewestJoints, Reaction
 from hric_perception.view.human_markers import HumanMarkers
+from hric_perception.view.muscle_markers import MuscleMarkers
 
 RINGS_PERIOD = 2.0
 """Rings are sent again so often, for an rviz that comes later [s]; project default, unconfirmed."""
@@ -65,7 +66,7 @@ class LiveView(NodeApp):
         settings = ViewSettings.read(node)
         rate, limits_rate = settings.rate, settings.limits_rate
         self._root = RosNode()
-        self._relays: list[tuple[Keeper | HumanMarkers, Any]] = []
+        self._relays: list[tuple[Keeper | HumanMarkers | MuscleMarkers, Any]] = []
         description = str(self._root.param(settings.robot_description))
         turning = [
             joint.name for joint in read(description).joints.values() if joint.type in ("revolute", "continuous")
@@ -99,10 +100,15 @@ class LiveView(NodeApp):
         """What acts on who is beside the robot, where somebody is."""
         if not self._root.has_param(f"hric/{HUMAN}/robot_description"):
             return
-        markers = HumanMarkers()
-        self._relays.append((markers, self._root.advertise(f"hric/view/{HUMAN}", MarkerArray)))
+        markers, publisher = HumanMarkers(), self._root.advertise(f"hric/view/{HUMAN}", MarkerArray)
+        self._relays.append((markers, publisher))
         self._root.subscribe(f"hric/{HUMAN}/grip", HumanGrip, markers.push_grip, queue_size=100)
         self._root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, markers.push_contacts, queue_size=100)
+        if lines := self._root.param(f"hric/{HUMAN}/muscle_lines", {}):
+            muscles = MuscleMarkers(str(self._root.param(f"hric/{HUMAN}/robot_description")), lines, HUMAN)
+            self._relays.append((muscles, publisher))
+            self._root.subscribe(f"hric/{HUMAN}/joint_states", JointState, muscles.push_joints, queue_size=1)
+            self._root.subscribe(f"hric/{HUMAN}/activation", MuscleActivation, muscles.push_activation, queue_size=1)
 
     def _run(self, rate: float, work: Callable[[], None]) -> None:
         while not self._stop.wait(1.0 / rate):

@@ -1,0 +1,84 @@
+"""The muscles of a simulated human as lines for rviz, coloured by activation. No node."""
+
+import itertools
+import threading
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from hric_control.geometry import FloatArray
+from hric_control.geometry.transforms import rotation_about
+from hric_control.robot_time import stamps
+from hric_control.urdf import Joint, read
+from hric_human.muscles.colours import colour
+
+WIDTH = 0.007
+"""Of a line [m]."""
+LIFETIME = 0.5
+"""The lines vanish so long after the last message [s]; constants of this file are project defaults, unconfirmed."""
+
+
+class MuscleMarkers:
+    """Keeps the newest posture and activation of one human until somebody looks. From any thread.
+
+    Args:
+        description: URDF of his body.
+        lines: by muscle: link, and x, y, z in its axes [m].
+        prefix: before the names of his frames.
+    """
+
+    def __init__(self, description: str, lines: Mapping[str, Sequence[Sequence[Any]]], prefix: str) -> None:
+        robot = read(description)
+        self._joints: list[Joint] = list(robot.joints.values())
+        self._root, self._frame = robot.root, f"{prefix}/{robot.root}"
+        self._names = list(lines)
+        self._points = [[(str(link), np.array(place, float)) for link, *place in of] for of in lines.values()]
+        self._lock = threading.Lock()
+        self._angles: dict[str, float] = {}
+        self._activation: Any = None
+
+    def push_joints(self, message: Any) -> None:
+        """sensor_msgs/JointState came."""
+        with self._lock:
+            self._angles = dict(zip(message.name, message.position, strict=True))
+
+    def push_activation(self, message: Any) -> None:
+        """hric_msgs/MuscleActivation came."""
+        with self._lock:
+            self._activation = message
+
+    def take(self) -> Any:
+        """visualization_msgs/MarkerArray of the newest; None: no new activation, or no posture yet."""
+        with self._lock:
+            angles, message, self._activation = self._angles, self._activation, None
+        if message is None or not angles:
+            return None
+        activation = dict(zip(message.name, message.activation, strict=True))
+        colours = [ColorRGBA(*rgb, 1.0) for rgb in colour([activation.get(name, 0.0) for name in self._names]).tolist()]
+        marker = Marker(header=Header(frame_id=self._frame), ns="human/muscles", type=Marker.LINE_LIST)
+        marker.frame_locked, marker.pose.orientation.w, marker.scale.x = True, 1.0, WIDTH
+        marker.color, marker.lifetime = ColorRGBA(1.0, 1.0, 1.0, 1.0), stamps.to_duration(LIFETIME)
+        poses = self._poses(angles)
+        for points, own in zip(self._points, colours, strict=True):
+            at = [Point(*(poses[link][:3, :3] @ place + poses[link][:3, 3]).tolist()) for link, place in points]
+            for ends in itertools.pairwise(at):
+                marker.points += ends
+                marker.colors += [own, own]
+        return MarkerArray([marker])
+
+    def _poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
+        """Of all links in the root, shape (4, 4) each."""
+        found, waiting = {self._root: np.eye(4)}, self._joints
+        while waiting:
+            ready = [joint for joint in waiting if joint.parent in found]
+            for joint in ready:
+                turn = np.eye(4)
+                if joint.name in angles:
+                    turn[:3, :3] = rotation_about(joint.axis, angles[joint.name])
+                found[joint.child] = found[joint.parent] @ joint.T_parent_joint @ turn
+            waiting = [joint for joint in waiting if joint.child not in found]
+        return found
