@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from hric_bags.run_folder import RunFolder
 from hric_control.geometry import FloatArray
 from hric_control.trial.plates import TrialPlate
-from hric_experiments.analysis import human_opensim, muscle_load
+from hric_experiments.analysis import human_opensim, human_record, muscle_load
 from hric_experiments.analysis.muscle_load import MuscleLoadError, Result
 from hric_experiments.cli import main
 from hric_experiments.definition import experiment
@@ -34,17 +34,31 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def run(runs: Path) -> Path:
     """Somebody leads the robot's hand before cameras."""
+    return led(runs)
+
+
+@pytest.fixture(scope="module")
+def by_muscles(runs: Path) -> Path:
+    """The same by his muscles."""
+    return led(runs, "human.drive:=muscle")
+
+
+def led(runs: Path, *more: str) -> Path:
     packaged = Path(experiment.__file__).parents[3] / "config" / "experiments" / "guided_collection.yaml"
     content = yaml.safe_load(packaged.read_text())
     seen = runs / "seen.yaml"
     seen.write_text(yaml.safe_dump({key: content[key] for key in content if key not in ("force_plate", "sync")}))
-    overrides = ["simulator:=mujoco", "duration:=3"]
+    overrides = ["simulator:=mujoco", "duration:=3", *more]
     made = runner.run(experiment.load(str(seen), overrides), overrides, root=runs, progress=False, figures=False)
     return made.folder.path
 
 
 @pytest.fixture(scope="module")
 def c3d(run: Path) -> Path:
+    return exported(run)
+
+
+def exported(run: Path) -> Path:
     assert main(["export", str(run), "--format", "c3d", "--quiet"]) == 0
     (path,) = (run / "export").rglob("*.c3d")
     return path
@@ -109,6 +123,21 @@ def test_a_c3d_with_noise_gives_it_within_two_hundredths(
     error = rms(found.load, recorded.load)
     print(f"activation with 0.5 mm of noise: {error:.5f} RMS")
     assert 1e-5 < error <= 0.02
+
+
+def test_a_run_and_its_c3d_give_the_activations_that_moved_him(by_muscles: Path, tmp_path: Path) -> None:
+    moved = human_record.read(RunFolder(by_muscles).bag_path, float)
+    assert moved is not None and moved.muscles is not None
+    described = muscle_load.described_by(str(by_muscles))
+    noisy = with_noise(exported(by_muscles), tmp_path)
+    for found, bound in ((muscle_load.of_run(described), 1e-3), (muscle_load.of_c3d(noisy, described), 0.02)):
+        load = found.load
+        inside = (load.time > ENDS) & (load.time < load.time[-1] - ENDS)
+        given = [np.interp(load.time, moved.muscles.time, column) for column in moved.muscles.activation.T]
+        logged = np.array(given)[[moved.muscles.names.index(name) for name in load.names]].T
+        error = float(np.sqrt(np.mean((load.activation - logged)[inside] ** 2)))
+        print(f"activation after the run against that in the run: {error:.1e} RMS")
+        assert error <= bound and np.ptp(logged[inside], axis=0).max() > 0.03
 
 
 def test_a_c3d_that_begins_later_is_loaded_at_the_times_of_the_run(
