@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 import yaml
 
+from hric_bags.records import human_record
+from hric_bags.records.human_record import GripRecord
 from hric_control.errors import HricError
-from hric_experiments.analysis import carrying, human, human_record
+from hric_experiments.analysis import carrying, human
 from hric_experiments.analysis.carrying import Carried
-from hric_experiments.analysis.human_record import GripRecord
 from hric_experiments.definition import experiment
 from hric_experiments.headless import runner
 from hric_experiments.report_html import run_data

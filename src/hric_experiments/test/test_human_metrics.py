@@ -14,9 +14,9 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from hric_bags.export import exporting, recording
+from hric_bags.records.human_record import Event, GripRecord, HumanRecord
 from hric_control.trial.opensim_text import read_storage
 from hric_experiments.analysis import human, human_difference, muscle_record, stability, study_human
-from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord
 from hric_experiments.definition import experiment, study
 from hric_experiments.definition.experiment import ExperimentError
 from hric_experiments.headless import runner

@@ -1,4 +1,4 @@
-"""Contacts of a human beside a closed form and the commanded torque: masses against a rigid-body library, and a run."""
+"""Contacts of a human beside a closed form and the commanded torque, of a run."""
 
 import json
 import math
@@ -6,104 +6,16 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import pinocchio
 import pytest
-from scipy.integrate import solve_ivp
 
-import panda_description
+from hric_assessment.contact import impact
 from hric_bags.run_folder import RunFolder
-from hric_control import urdf
-from hric_control.geometry import homogeneous
-from hric_control.geometry.transforms import rotation_from_rpy
 from hric_experiments import cli
-from hric_experiments.analysis import human, impact
-from hric_experiments.analysis.impact import Mechanism, Transient
+from hric_experiments.analysis import human
 from hric_experiments.report import headline, human_figures
 from hric_experiments.report_html import run_data, tables
-from hric_human.body import describe
-from hric_human.participant.settings import HumanSettings
 
-ROTOR = 0.1
-"""Of the robot [kg m^2]."""
 WALL = "package://hric_experiments/worlds/wall_behind_arm.yaml"
-FORM = Transient(0.5, 6.0, 2.0, 40e3)
-
-
-class Library:
-    """Robot or human in pinocchio, with its root anywhere; the same joints as a mechanism."""
-
-    def __init__(self, description: str, joints: tuple[str, ...], rotor: float, T_world_root: Any) -> None:
-        self._model = model = pinocchio.buildModelFromXML(description)
-        locked = [model.getJointId(name) for name in list(model.names)[1:] if name not in joints]
-        self._model = pinocchio.buildReducedModel(model, locked, pinocchio.neutral(model))
-        self._data, self._T, self._rotor = self._model.createData(), T_world_root, rotor
-        self._columns = [self._model.joints[self._model.getJointId(name)].idx_v for name in joints]
-
-    def row(self, q: Any, link: str, p_link: Any, normal: Any) -> tuple[Any, Any, Any]:
-        """(point in the world, n' J, M + B) of a point of a link."""
-        x = np.empty(len(self._columns))
-        x[self._columns] = q
-        frame, world = self._model.getFrameId(link), pinocchio.LOCAL_WORLD_ALIGNED
-        J = pinocchio.computeFrameJacobian(self._model, self._data, x, frame, world)[:, self._columns]
-        pinocchio.framesForwardKinematics(self._model, self._data, x)
-        placed = self._data.oMf[frame]
-        lever, n = placed.rotation @ p_link, self._T[:3, :3].T @ normal
-        M = np.triu(pinocchio.crba(self._model, self._data, x))
-        M = (M + np.triu(M, 1).T)[np.ix_(self._columns, self._columns)] + self._rotor * np.eye(len(self._columns))
-        point = self._T[:3, :3] @ (placed.translation + lever) + self._T[:3, 3]
-        return point, n @ J[:3] + np.cross(lever, n) @ J[3:], M
-
-
-def arm() -> tuple[Mechanism, Library, str]:
-    description = panda_description.load(hand=True)
-    joints, T = tuple(f"panda_joint{k}" for k in range(1, 8)), np.eye(4)
-    return Mechanism(urdf.read(description), joints, [ROTOR] * 7), Library(description, joints, ROTOR, T), "panda_hand"
-
-
-def person() -> tuple[Mechanism, Library, str]:
-    body = describe(HumanSettings.of({"parts": "upper_body"}, "human").person)
-    T, joints = homogeneous(rotation_from_rpy((0.1, -0.2, 2.5)), (0.9, -0.3, 0.2)), tuple(body.joints)
-    mechanism = Mechanism(urdf.read(body.urdf), joints, [0.0] * len(joints), T)
-    return mechanism, Library(body.urdf, joints, 0.0, T), "r_elbow"
-
-
-@pytest.mark.parametrize("make", [arm, person])
-def test_the_reflected_mass_is_that_of_a_rigid_body_library(make: Any) -> None:
-    mechanism, library, link = make()
-    random = np.random.default_rng(3)
-    for _ in range(5):
-        q, p_link, n = (random.normal(0.0, s, m) for s, m in ((0.5, len(mechanism.joints)), (0.1, 3), (1.0, 3)))
-        n /= np.linalg.norm(n)
-        point, row, M = library.row(q, link, p_link, n)
-        expected = 1.0 / (row @ np.linalg.solve(M, row))
-        assert mechanism.reflected_mass(q, link, point, n) == pytest.approx(expected, rel=1e-9)
-
-
-def test_a_torque_that_presses_at_a_point_balances_the_force_it_was_made_of() -> None:
-    mechanism, library, link = arm()
-    q, p_link = np.array([0.3, -0.7, 0.2, -2.2, 0.1, 1.4, 0.5]), np.array([0.0, 0.02, 0.05])
-    force = np.array([60.0, -20.0, 5.0])
-    tau = np.zeros(7)
-    for axis, component in zip(np.eye(3), force, strict=True):
-        point, row, _ = library.row(q, link, p_link, axis)
-        tau += component * row
-    normal = np.array([0.8, 0.6, 0.0])
-    assert mechanism.balanced(q, link, point, normal, tau) == pytest.approx(normal @ force, rel=1e-9)
-
-
-def test_the_closed_form_is_what_two_masses_do_on_a_spring() -> None:
-    form = FORM
-
-    def motion(_: float, x: Any) -> list[float]:
-        load = form.stiffness * max(x[0] - x[1], 0.0)
-        return [x[2], x[3], -load / form.robot_mass, load / form.human_mass]
-
-    time = np.linspace(0.0, form.duration, 2001)
-    x = solve_ivp(motion, (0.0, form.duration), [0.0, 0.0, form.speed, 0.0], t_eval=time, rtol=1e-10, atol=1e-12).y
-    load = form.stiffness * (x[0] - x[1])
-    np.testing.assert_allclose(form.force(time), load, atol=1e-4 * form.peak)
-    assert load.max() == pytest.approx(form.peak, rel=1e-6) and load[-1] == pytest.approx(0.0, abs=1e-4 * form.peak)
-    assert form.human_mass * x[3, -1] == pytest.approx(form.impulse, rel=1e-6)
 
 
 @pytest.fixture(scope="module")

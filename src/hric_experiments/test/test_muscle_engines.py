@@ -8,8 +8,8 @@ import pytest
 
 from hric_bags import reader as bag_reader
 from hric_bags.reader import RunRecord
-from hric_experiments.analysis import human_record
-from hric_experiments.analysis.human_record import HumanRecord
+from hric_bags.records import human_record
+from hric_bags.records.human_record import HumanRecord
 from hric_experiments.definition import experiment
 from hric_experiments.headless import runner
 

@@ -10,10 +10,11 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
+from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder
 from hric_control.geometry import FloatArray
 from hric_control.trial.plates import TrialPlate
-from hric_experiments.analysis import human_opensim, human_record, muscle_load
+from hric_experiments.analysis import human_opensim, muscle_load
 from hric_experiments.analysis.muscle_load import MuscleLoadError, Result
 from hric_experiments.cli import main
 from hric_experiments.definition import experiment

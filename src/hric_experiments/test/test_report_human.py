@@ -12,12 +12,12 @@ import rosbag
 from browser import Browser, installed
 from geometry_msgs.msg import Point, Vector3
 
+from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder
 from hric_control.geometry import homogeneous
 from hric_control.geometry.transforms import rotation_from_quaternion
 from hric_control.robot_time.stamps import to_time
 from hric_experiments import cli, report_html
-from hric_experiments.analysis import human_record
 from hric_experiments.report_html import beside, run_data
 from hric_human.body import describe
 from hric_human.muscles.colours import ACTIVATION_COLOURS

@@ -9,9 +9,10 @@ import pytest
 import rosbag
 import yaml
 
+from hric_bags.records import human_record
+from hric_bags.records.human_record import HumanRecord
 from hric_control.errors import HricError
-from hric_experiments.analysis import human_record, muscle_load
-from hric_experiments.analysis.human_record import HumanRecord
+from hric_experiments.analysis import muscle_load
 from hric_experiments.analysis.muscle_load import MuscleLoadError, Result
 from hric_experiments.cli import main
 from hric_experiments.definition import experiment, parameters

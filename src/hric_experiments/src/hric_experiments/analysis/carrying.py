@@ -17,11 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.reader import FloatArray
+from hric_bags.records.human_record import GripRecord
+from hric_bags.records.object_record import models
 from hric_control.geometry import MassProperties
 from hric_control.plants import WindowlessConfig
-from hric_experiments.analysis.human_record import GripRecord
 from hric_experiments.analysis.metrics import smoothness
-from hric_experiments.analysis.object_record import models
 from hric_human.participant.settings import HumanSettings
 
 ON_LINE = 1e-3

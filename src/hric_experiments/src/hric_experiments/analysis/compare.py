@@ -8,9 +8,10 @@ from hric_bags import files
 from hric_bags import reader as bag_reader
 from hric_bags import text as text_table
 from hric_bags.reader import RunRecord
+from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder, RunFolderError
 from hric_control.errors import UnknownNameError
-from hric_experiments.analysis import comparison, human_difference, human_record
+from hric_experiments.analysis import comparison, human_difference
 from hric_experiments.analysis.comparison import Comparison
 from hric_experiments.analysis.run import bag_of, joint_orders
 

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from hric_assessment.contact.impact import Impact, impacts
 from hric_bags.parts import PartsReader
 from hric_bags.reader import FloatArray, RunRecord
+from hric_bags.records.human_record import Event, GripRecord, HumanRecord, read
 from hric_experiments.analysis import carrying, muscle_record
 from hric_experiments.analysis.carrying import Carried, hands_over
-from hric_experiments.analysis.human_record import Event, GripRecord, HumanRecord, read
-from hric_experiments.analysis.impact import Impact, impacts
 from hric_experiments.analysis.metrics import smoothness
 from hric_human.body import describe
 from hric_human.control.kinematics import HandChain

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from hric_bags.reader import FloatArray
+from hric_bags.records.human_record import HumanRecord
 from hric_experiments.analysis.human import moved
-from hric_experiments.analysis.human_record import HumanRecord
 
 
 def difference(a: HumanRecord, b: HumanRecord, shift: float = 0.0) -> dict[str, Any]:

@@ -18,6 +18,8 @@ from hric_bags import reader as bag_reader
 from hric_bags import text
 from hric_bags.export.opensim_text import GROUND, write_storage
 from hric_bags.files import atomic
+from hric_bags.records import human_record, tracked_person
+from hric_bags.records.human_record import GripRecord, HumanRecord
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_control.errors import HricError
 from hric_control.geometry import FloatArray, Vector
@@ -26,8 +28,6 @@ from hric_control.geometry.transforms import R_YUP_ZUP, rotation_from_quaternion
 from hric_control.plants import WindowlessConfig
 from hric_control.trial.c3d import read_trial
 from hric_control.trial.plates import TrialPlate
-from hric_experiments.analysis import human_record, tracked_person
-from hric_experiments.analysis.human_record import GripRecord, HumanRecord
 from hric_experiments.analysis.run import bag_of
 from hric_experiments.definition import experiment
 from hric_experiments.definition.parameters import HUMAN

@@ -8,18 +8,10 @@ from hric_bags import files
 from hric_bags import reader as bag_reader
 from hric_bags.parts import PartsReader
 from hric_bags.reader import Messages, RunRecord
+from hric_bags.records import contact_record
 from hric_bags.run_folder import RunFolder
 from hric_control.plants import WindowlessConfig
-from hric_experiments.analysis import (
-    collection,
-    collection_record,
-    contact_record,
-    differences,
-    human,
-    metrics,
-    recordings,
-    stability,
-)
+from hric_experiments.analysis import collection, collection_record, differences, human, metrics, recordings, stability
 from hric_experiments.analysis import tracking_run as tracking_analysis
 from hric_experiments.analysis.human import Person
 from hric_experiments.analysis.tracking_run import Tracking

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hric_assessment.contact.impact import Impact, Press, Transient
+from hric_bags.records.human_record import HumanRecord
 from hric_experiments.analysis.carrying import Carried
 from hric_experiments.analysis.human import Person
-from hric_experiments.analysis.human_record import HumanRecord
-from hric_experiments.analysis.impact import Impact, Press, Transient
 from hric_experiments.analysis.muscle_record import MuscleRecord
 from hric_experiments.report.figure import Curve, Figure, Panel, per_joint
 from hric_experiments.report.heat import heat_map

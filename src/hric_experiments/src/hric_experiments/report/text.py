@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hric_bags import text
-from hric_experiments.analysis import collection, contact_record, human, stability, tracking
+from hric_bags.records import contact_record
+from hric_experiments.analysis import collection, human, stability, tracking
 
 
 def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:

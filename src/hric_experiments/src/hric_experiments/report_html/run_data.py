@@ -4,14 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hric_assessment.contact import impact
 from hric_bags import reader as bag_reader
 from hric_bags.reader import RunRecord
+from hric_bags.records import human_record, object_record
+from hric_bags.records.object_record import ObjectRecord
 from hric_bags.run_folder import RunFolder
-from hric_experiments.analysis import human, human_record, impact, metrics, object_record, recordings
+from hric_experiments.analysis import human, metrics, recordings
 from hric_experiments.analysis import run as analysis
 from hric_experiments.analysis import tracking_run as tracking_analysis
 from hric_experiments.analysis.human import Person
-from hric_experiments.analysis.object_record import ObjectRecord
 from hric_experiments.analysis.recordings import Recordings
 from hric_experiments.analysis.tracking_run import Tracking
 

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
+from hric_bags.records import contact_record
 from hric_bags.run_folder import COMPLETED
-from hric_experiments.analysis import contact_record, stability
+from hric_experiments.analysis import stability
 from hric_experiments.analysis.recordings import Event
 from hric_experiments.report import headline, human_figures, run_figures, sections, signal_figures
 from hric_experiments.report_html import beside, moving, tables

@@ -7,11 +7,11 @@ from geometry_msgs.msg import Wrench
 from synthetic import write_run
 
 from gazebo_msgs.msg import ContactsState, ContactState
+from hric_bags.records import contact_record
+from hric_bags.records.contact_record import RigidForceError
 from hric_control.plant import Contact
 from hric_control.robot_time.stamps import to_time
 from hric_control.sim.topics import contacts_message
-from hric_experiments.analysis import contact_record
-from hric_experiments.analysis.contact_record import RigidForceError
 from hric_experiments.analysis.run import analyse
 from hric_experiments.headless.bag_writer import BagWriter
 

@@ -15,13 +15,13 @@ import numpy as np
 
 from hric_assessment.tables import episode_table
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
+from hric_bags.records.human_record import HumanRecord, RegionForce
 from hric_control import urdf
 from hric_control.errors import HricError
 from hric_control.geometry import homogeneous
 from hric_control.geometry.transforms import inverse, rotation_from_quaternion
 from hric_control.plant import Surface
 from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces
-from hric_experiments.analysis.human_record import HumanRecord, RegionForce
 from hric_human.body import describe, surfaces
 from hric_human.participant.settings import HumanSettings
 from urdf_to_osim.mass_matrix import mass_matrix, point_jacobian

@@ -1,0 +1,1 @@
+"""What a bag has of a person, of contacts and of objects, as arrays."""
