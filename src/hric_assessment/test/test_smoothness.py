@@ -1,9 +1,11 @@
 """How smooth a movement is, beside closed forms."""
 
+import math
+
 import numpy as np
 import pytest
 
-from hric_assessment.ergonomics.smoothness import smoothness
+from hric_assessment.ergonomics.smoothness import log_dimensionless_jerk, smoothness
 from hric_control.errors import HricError
 
 X = np.linspace(0.0, 1.0, 2001)
@@ -38,3 +40,15 @@ def test_what_is_no_movement_or_has_too_few_or_uneven_samples_is_refused() -> No
         smoothness(X[:5], np.zeros((5, 3)))
     with pytest.raises(HricError, match="8 or more, evenly spaced"):
         smoothness(X**2, np.zeros((len(X), 3)))
+
+
+def test_one_minimum_jerk_reach_has_the_smoothness_of_its_closed_form() -> None:
+    """T^3 / v_peak^2 int jerk^2 = 720 / 1.875^2."""
+    u = np.linspace(0.0, 1.0, 4001)
+    speed = 30.0 * (u - u * u) ** 2 * 0.3 / 2.0
+    velocity = np.outer(speed, [0.6, 0.0, 0.8])
+    assert log_dimensionless_jerk(2.0 * u, velocity) == pytest.approx(-math.log(720.0 / 1.875**2), abs=3e-3)
+
+
+def test_what_rests_has_no_smoothness() -> None:
+    assert log_dimensionless_jerk(X, np.zeros((len(X), 3))) is None

@@ -1,7 +1,6 @@
 """What a run required of the human in it: from records with known results, and from a run."""
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,8 +14,9 @@ from rosbags.highlevel import AnyReader
 
 from hric_bags.export import exporting, recording
 from hric_bags.records.human_record import Event, GripRecord, HumanRecord
+from hric_bags.records.muscle_record import MuscleMessages
 from hric_control.trial.opensim_text import read_storage
-from hric_experiments.analysis import human, human_difference, muscle_record, stability, study_human
+from hric_experiments.analysis import human, human_difference, muscle_metrics, stability, study_human
 from hric_experiments.definition import experiment, study
 from hric_experiments.definition.experiment import ExperimentError
 from hric_experiments.headless import runner
@@ -55,18 +55,6 @@ def pulse(height: float, begin: float, end: float) -> Any:
     values = np.zeros((len(TIME), 3))
     values[(begin <= TIME) & (end >= TIME), 0] = height
     return values
-
-
-def test_one_minimum_jerk_reach_has_the_smoothness_of_its_closed_form() -> None:
-    """T^3 / v_peak^2 int jerk^2 = 720 / 1.875^2."""
-    u = np.linspace(0.0, 1.0, 4001)
-    speed = 30.0 * (u - u * u) ** 2 * 0.3 / 2.0
-    velocity = np.outer(speed, [0.6, 0.0, 0.8])
-    assert human.smoothness(2.0 * u, velocity) == pytest.approx(-math.log(720.0 / 1.875**2), abs=3e-3)
-
-
-def test_what_rests_has_no_smoothness() -> None:
-    assert human.smoothness(TIME, np.zeros((len(TIME), 3))) is None
 
 
 def test_work_on_what_is_held_is_force_times_way_with_the_sign_of_the_hand() -> None:
@@ -211,18 +199,21 @@ def test_a_run_whose_joints_are_driven_says_nothing_of_muscles(guided: runner.Re
 def test_shares_of_time_count_muscles_above_a_threshold_and_not_actuators() -> None:
     names, own = ("right_a", "right_b", "right_wr_flex+"), ("right_a", "right_b")
     rows = [(0.1, 0.2, 0.9), (0.4, 0.2, 0.9), (0.6, 0.35, 0.9), (0.2, 0.1, 0.9)]
-    activations = [
-        (0.1 * k, SimpleNamespace(name=names, activation=row, limited=(0, k, 0))) for k, row in enumerate(rows)
-    ]
-    forces = [(0.1 * k, SimpleNamespace(name=own, force=(100.0 * k, 50.0), outside=k == 3)) for k in range(4)]
-    made = muscle_record.made({"activation": activations, "muscle_force": forces, "joint_reactions": []})
+    messages = MuscleMessages(["/human"])
+    for k, row in enumerate(rows):
+        head = SimpleNamespace(stamp=SimpleNamespace(sec=k, nanosec=0))
+        activation = SimpleNamespace(header=head, name=names, activation=row, limited=(0, k, 0))
+        force = SimpleNamespace(header=head, name=own, force=(100.0 * k, 50.0), outside=k == 3)
+        messages.add("/human/activation", activation)
+        messages.add("/human/muscle_force", force)
+    made = messages.record(float)
     assert made is not None
-    found = muscle_record.metrics(made)
+    found = muscle_metrics.metrics(made)
     assert found["above"] == {"0.3": 0.5, "0.5": 0.25} and found["muscles"]["right_b"]["above"]["0.3"] == 0.25
     assert (found["activation_max"], found["activation_max_muscle"]) == (0.6, "right_a")
     assert found["activation_mean"] == pytest.approx(np.mean([row[:2] for row in rows]))
     assert found["muscles"]["right_a"]["force_max"] == 300.0 and found["outside"] == 0.25
-    text = "\n".join(muscle_record.render(found))
+    text = "\n".join(muscle_metrics.render(found))
     assert "right_a 0.60, right_b 0.35" in text and "right_b (3 times)" in text and "25 % of the time his" in text
 
 

@@ -17,6 +17,7 @@ class Outcome(StrEnum):
     """Of a finding."""
 
     WITHIN = "within limits"
+    WARNING = "warning"
     ABOVE = "above limits"
     NOT_ASSESSABLE = "not assessable"
 
@@ -40,6 +41,8 @@ class Finding:
         signals: that the values come from.
         missing: what would be needed to say more.
         notes: what a reader must know of the values: how they were made, marks of the limits.
+        group: of findings, in a verdict.
+        regions: of ISO/TS 15066 that it is about.
     """
 
     subject: str
@@ -52,6 +55,8 @@ class Finding:
     signals: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    group: str = ""
+    regions: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         share = "" if self.share is None else f" ({100.0 * self.share:.0f} % of the limit)"

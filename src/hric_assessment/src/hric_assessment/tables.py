@@ -1,7 +1,7 @@
 """The published tables, and the one loader of their files.
 
     limits = limit_table("iso_ts_15066")        # or "bgia2011", or a Path to a user's own file
-    rula_table(), reba_table(), niosh_table(), separation_table(), episode_table()
+    rula_table(), reba_table(), niosh_table(), separation_table(), episode_table(), verdict_table()
 
 Each file in config/tables has the values in the units in which they are printed, their sources, and a mark for each: by
 how many public sources it is confirmed. What is read here is as printed; who computes converts to SI.
@@ -381,6 +381,25 @@ class EpisodeTable(ValueTable):
     gap: Value = section(Value)
 
 
+@dataclass(frozen=True)
+class VerdictTable(ValueTable):
+    """Rules that no source has; config/tables/verdict.yaml."""
+
+    near_limit: Value = section(Value)
+    rula_within: Value = section(Value)
+    rula_warning: Value = section(Value)
+    reba_within: Value = section(Value)
+    reba_warning: Value = section(Value)
+    lasting: Value = section(Value)
+    known: Value = section(Value)
+    moving: Value = section(Value)
+    reaction_time: Value = section(Value)
+    stopping_time: Value = section(Value)
+    active: Value = section(Value)
+    very_active: Value = section(Value)
+    weak_shoulder: Value = section(Value)
+
+
 def limit_table(which: str | Path = LIMIT_TABLES[0]) -> LimitTable:
     """One of LIMIT_TABLES, or a user's own file, which takes its place.
 
@@ -422,6 +441,12 @@ def separation_table() -> SeparationTable:
 def episode_table() -> EpisodeTable:
     """config/tables/episodes.yaml."""
     return _built_in(EpisodeTable, "episodes")
+
+
+@cache
+def verdict_table() -> VerdictTable:
+    """config/tables/verdict.yaml."""
+    return _built_in(VerdictTable, "verdict")
 
 
 def _built_in(kind: type[T], name: str) -> T:

@@ -1,7 +1,8 @@
 """How smooth a movement from rest to rest is, beside the one of minimum jerk over the same distance and time.
 
 Minimum jerk: s = d (10 x^3 - 15 x^4 + 6 x^5) with x = t/T, so peak speed 15/8 d/T, acceleration 10/sqrt(3) d/T^2, jerk
-60 d/T^3. Larger ratios are less smooth. They are descriptions, without a limit.
+60 d/T^3. Larger ratios are less smooth. They are descriptions, without a limit; so is the jerk
+of any motion, also of one that comes back.
 """
 
 import math
@@ -45,3 +46,20 @@ def smoothness(time: FloatArray, position: FloatArray) -> Smoothness:
         derivative = np.gradient(derivative, steps.mean(), axis=0)
         found.append(float(np.linalg.norm(derivative, axis=1).max()) * duration**order / (peak * distance))
     return Smoothness(*found)
+
+
+def log_dimensionless_jerk(time: FloatArray, velocity: FloatArray) -> float | None:
+    """Log dimensionless jerk of a motion: -ln(T^3 / v_peak^2 int |d2v/dt2|^2 dt) (Balasubramanian et al., J.
+    NeuroEng. Rehabil. 12:112, 2015). The nearer to zero the smoother; one minimum-jerk reach has -5.32. None: it
+    rests.
+
+    Args:
+        time: shape (n,) [s].
+        velocity: shape (n, 3) [m/s].
+    """
+    peak = float(np.linalg.norm(velocity, axis=1).max())
+    if peak < 1e-6 or len(time) < 5:
+        return None
+    jerk = np.gradient(np.gradient(velocity, time, axis=0), time, axis=0)
+    area = float(np.trapezoid(np.einsum("ij,ij->i", jerk, jerk), time))
+    return -math.log((time[-1] - time[0]) ** 3 / peak**2 * area)

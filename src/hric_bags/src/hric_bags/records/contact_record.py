@@ -52,10 +52,14 @@ def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> list[
         contacts = [c for c in reader.connections if c.msgtype == CONTACTS_TYPE]
         for connection, _, raw in reader.messages(connections=contacts) if contacts else ():
             message = reader.deserialize(raw, connection.msgtype)
-            time = robot_time(seconds(message.header.stamp))
-            for state in message.states:
-                _add(pairs, state, time)
+            add_to(pairs, message, robot_time(seconds(message.header.stamp)))
     return [pairs[key] for key in sorted(pairs)]
+
+
+def add_to(pairs: dict[tuple[str, str], PairForce], message: Any, time: float) -> None:
+    """Take a message of a time [s]; pairs: what was found so far, by both bodies."""
+    for state in message.states:
+        _add(pairs, state, time)
 
 
 def _add(pairs: dict[tuple[str, str], PairForce], state: Any, time: float) -> None:

@@ -1,8 +1,9 @@
 """What a simulated human did in a run, from the topics in its bag. No ROS."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from array import array
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,8 @@ import numpy.typing as npt
 
 from hric_bags.parts import PartsReader
 from hric_bags.reader import FloatArray, opened, seconds
+from hric_bags.records.muscle_record import MuscleMessages, MuscleRecord
 from hric_control.geometry import Vector
-from hric_experiments.analysis import muscle_record
-from hric_experiments.analysis.muscle_record import MuscleRecord
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE, CONTACTS_TYPE = "hric_msgs/msg/HumanEvent", "hric_msgs/msg/RegionContacts"
@@ -149,7 +149,7 @@ class HumanRecord:
         contacts: with a force, by link.
         events: in order of time.
         meetings: contacts with their begin and peak, in the order in which they ended.
-        muscles: that moved him; None: his joints did.
+        muscles: None: his joints have none.
     """
 
     joints: tuple[str, ...]
@@ -168,128 +168,211 @@ class HumanRecord:
 
 def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> HumanRecord | None:
     """What the bag has of a human; None: nothing, or only his events."""
-    found: dict[str, list[tuple[float, Any]]] = {
-        kind: [] for kind in (GRIP_TYPE, TORQUE_TYPE, EVENT_TYPE, CONTACTS_TYPE)
-    }
-    states: list[tuple[float, Any]] = []
-    muscles: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in muscle_record.TOPICS}
     with opened(bag) as reader:
-        torque_topics = {c.topic for c in reader.connections if c.msgtype == TORQUE_TYPE and REAL not in c.topic}
-        his = {topic.rpartition("/")[0] for topic in torque_topics}
-        by_topic = {f"{name}/joint_states": states for name in his}
-        by_topic |= {f"{name}/{topic}": rows for name in his for topic, rows in muscles.items()}
-        topics = torque_topics | set(by_topic)
-        kinds = set(found) - {TORQUE_TYPE}
-        for connection, _, raw in reader.chosen(lambda c: c.msgtype in kinds or c.topic in topics):
+        messages = HumanMessages(reader.connections)
+        muscles = MuscleMessages(messages.names)
+        for connection, _, raw in reader.chosen(lambda one: messages.wants(one) or muscles.wants(one)):
             message = reader.deserialize(raw, connection.msgtype)
-            rows = found[connection.msgtype] if connection.msgtype in found else by_topic[connection.topic]
-            rows.append((robot_time(seconds(message.header.stamp)), message))
-    if not states or not found[TORQUE_TYPE]:
-        return None
-    names, torques = tuple(states[0][1].name), found[TORQUE_TYPE]
-    time, position = _columns(states, "position")
-    torque_time, torque, share = _columns(torques, "torque", "strength_share")
-    return HumanRecord(
-        names,
-        time,
-        position,
-        torque_time,
-        torque,
-        share,
-        dict(zip(torques[-1][1].name, map(int, torques[-1][1].clipped), strict=True)),
-        _grips(found[GRIP_TYPE]),
-        _contacts(found[CONTACTS_TYPE], robot_time),
-        [Event(time, m.kind, m.name, float(m.value), m.text) for time, m in found[EVENT_TYPE]],
-        _meetings(found[CONTACTS_TYPE], robot_time),
-        muscle_record.made(muscles),
-    )
+            if messages.wants(connection):
+                messages.add(connection.topic, connection.msgtype, message)
+            else:
+                muscles.add(connection.topic, message)
+    found = messages.record(robot_time)
+    return found and replace(found, muscles=muscles.record(robot_time))
 
 
-def _meetings(rows: list[tuple[float, Any]], robot_time: Callable[[float], float]) -> list[RegionForce]:
-    courses: dict[tuple[str, str, float], list[tuple[float, Any]]] = {}
-    for time, message in rows:
+class HumanMessages:
+    """Takes messages of a human as they come, and keeps their numbers alone: an hour of them fits into memory.
+
+    Args:
+        connections: of the bag.
+        rate: of joint states and torques, of which no more are kept [Hz]; None: all. All else is kept.
+
+    Attributes:
+        names: of humans, what their topics begin with.
+    """
+
+    def __init__(self, connections: Iterable[Any], rate: float | None = None) -> None:
+        torques = {c.topic for c in connections if c.msgtype == TORQUE_TYPE and REAL not in c.topic}
+        self.names = {topic.rpartition("/")[0] for topic in torques}
+        self._torques, self._states = torques, {f"{name}/joint_states" for name in self.names}
+        self._period = 0 if rate is None else round(0.99e9 / rate)
+        self._last: dict[str, int] = {}
+        self._position, self._torque = _Rows("position"), _Rows("torque", "strength_share")
+        self._grips: dict[str, _Grips] = {}
+        self._events: list[tuple[float, Any]] = []
+        self._contacts = _Contacts()
+
+    def wants(self, connection: Any) -> bool:
+        """Whether a connection is one of a human."""
+        return self.takes(connection.topic, connection.msgtype)
+
+    def takes(self, topic: str, kind: str) -> bool:
+        """Whether a topic is one of a human."""
+        return kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE) or topic in self._torques | self._states
+
+    def due(self, topic: str, stamp: int) -> bool:
+        """Whether the message recorded at a time [ns] is needed at this rate."""
+        if topic not in self._torques | self._states or not self._period:
+            return True
+        if stamp - self._last.get(topic, -self._period) < self._period:
+            return False
+        self._last[topic] = stamp
+        return True
+
+    def add(self, topic: str, kind: str, message: Any) -> None:
+        """Take one."""
+        stamp = seconds(message.header.stamp)
+        if topic in self._states:
+            self._position.add(stamp, message)
+        elif kind == TORQUE_TYPE:
+            self._torque.add(stamp, message)
+        elif kind == GRIP_TYPE:
+            self._grips.setdefault(message.name, _Grips(message)).add(stamp, message)
+        elif kind == EVENT_TYPE:
+            self._events.append((stamp, message))
+        elif kind == CONTACTS_TYPE:
+            self._contacts.add(stamp, message)
+
+    def record(self, robot_time: Callable[[float], float]) -> HumanRecord | None:
+        """All that was taken; None: no motion."""
+        position, torque = self._position, self._torque
+        if position.last is None or torque.last is None:
+            return None
+        time, q = position.columns(robot_time)
+        torque_time, tau, share = torque.columns(robot_time)
+        return HumanRecord(
+            tuple(position.last.name),
+            time,
+            q,
+            torque_time,
+            tau,
+            share,
+            dict(zip(torque.last.name, map(int, torque.last.clipped), strict=True)),
+            {name: grips.record(robot_time) for name, grips in self._grips.items()},
+            self._contacts.by_link(robot_time),
+            [Event(robot_time(stamp), m.kind, m.name, float(m.value), m.text) for stamp, m in self._events],
+            self._contacts.meetings(robot_time),
+        )
+
+
+class _Rows:
+    """Rows of arrays of one length, and the last message.
+
+    Args:
+        fields: of the messages.
+    """
+
+    def __init__(self, *fields: str) -> None:
+        self._fields, self._stamps = fields, array("d")
+        self._values = {name: array("d") for name in fields}
+        self.last: Any = None
+
+    def add(self, stamp: float, message: Any) -> None:
+        self._stamps.append(stamp)
+        for name, values in self._values.items():
+            values.frombytes(np.asarray(getattr(message, name), dtype=float).tobytes())
+        self.last = message
+
+    def columns(self, robot_time: Callable[[float], float]) -> list[FloatArray]:
+        """Times, and the values of each field, shape (n, j)."""
+        n = len(self._stamps)
+        return [_times(self._stamps, robot_time), *(np.array(v).reshape(n, -1) for v in self._values.values())]
+
+
+def _times(stamps: Iterable[float], robot_time: Callable[[float], float]) -> FloatArray:
+    return np.array([robot_time(stamp) for stamp in stamps])
+
+
+def _xyz(v: Any) -> Vector:
+    return v.x, v.y, v.z
+
+
+class _Contacts:
+    """Of all messages, in their order."""
+
+    def __init__(self) -> None:
+        self._stamps = array("d")
+        self._courses: dict[tuple[str, str, float], array[float]] = {}
+        self._links: dict[str, tuple[tuple[str, ...], array[float]]] = {}
+        self._ended: list[Any] = []
+        self._touching: list[Any] = []
+
+    def add(self, stamp: float, message: Any) -> None:
+        index = len(self._stamps)
+        self._stamps.append(stamp)
         for one in message.touching:
-            courses.setdefault((one.link, one.other, one.begin), []).append((time, one))
-    over = [*(one for _, message in rows for one in message.ended), *(rows[-1][1].touching if rows else ())]
-    return [_meeting(one, courses.get((one.link, one.other, one.begin), []), robot_time) for one in over]
+            course = self._courses.setdefault((one.link, one.other, one.begin), array("d"))
+            course.extend((stamp, one.force, one.peak, *_xyz(one.point), *_xyz(one.normal)))
+            self._strongest(one, index, math.nan, one.force)
+        for one in message.ended:
+            if one.kind == "penalty":
+                self._strongest(one, index, one.peak_time, one.peak)
+        self._ended += message.ended
+        self._touching = list(message.touching)
 
+    def _strongest(self, one: Any, index: int, stamp: float, force: float) -> None:
+        if force > 0.0:  # not of a rigid contact, which is NaN
+            _, rows = self._links.setdefault(one.link, (tuple(one.regions), array("d")))
+            rows.extend((index, stamp, force, *_xyz(one.point), *_xyz(one.normal)))
 
-def _meeting(one: Any, seen: list[tuple[float, Any]], robot_time: Callable[[float], float]) -> RegionForce:
-    known = one.kind == "penalty"
-    time, force, reached = _columns(seen, "force", "peak")
-    course = Course(time, force, reached, _vectors([m.point for _, m in seen]), _vectors([m.normal for _, m in seen]))
-    return RegionForce(
-        tuple(one.regions),
-        one.link,
-        one.other,
-        one.kind,
-        robot_time(one.begin),
-        float(one.duration),
-        float(one.peak) if known else None,
-        robot_time(one.peak_time) if known else None,
-        float(one.impulse) if known else None,
-        _known(one.begin_point),
-        _known(one.begin_normal),
-        None if math.isnan(one.begin_speed) else float(one.begin_speed),
-        course,
-    )
+    def by_link(self, robot_time: Callable[[float], float]) -> dict[str, ContactRecord]:
+        """Forces at the times of the messages, and at the one after it each contact's peak, which may lie between
+        two."""
+        time = _times(self._stamps, robot_time)
+        found, n = dict[str, ContactRecord](), len(time)
+        for link, (regions, values) in self._links.items():
+            kept = ContactRecord(link, regions, time, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))
+            for index, stamp, force, *where in np.array(values).reshape(-1, 9).tolist():
+                at = int(index)
+                if not math.isnan(stamp):
+                    at = min(int(np.searchsorted(time, robot_time(stamp))), at)
+                if force > kept.force[at]:
+                    kept.force[at], kept.point[at], kept.normal[at] = force, where[:3], where[3:]
+            found[link] = kept
+        return found
+
+    def meetings(self, robot_time: Callable[[float], float]) -> list[RegionForce]:
+        """Each contact, in the order in which they ended."""
+        return [self._meeting(one, robot_time) for one in (*self._ended, *self._touching)]
+
+    def _meeting(self, one: Any, robot_time: Callable[[float], float]) -> RegionForce:
+        known = one.kind == "penalty"
+        rows = np.array(self._courses.get((one.link, one.other, one.begin), [])).reshape(-1, 9)
+        course = Course(_times(rows[:, 0], robot_time), rows[:, 1], rows[:, 2], rows[:, 3:6], rows[:, 6:])
+        return RegionForce(
+            tuple(one.regions),
+            one.link,
+            one.other,
+            one.kind,
+            robot_time(one.begin),
+            float(one.duration),
+            float(one.peak) if known else None,
+            robot_time(one.peak_time) if known else None,
+            float(one.impulse) if known else None,
+            _known(one.begin_point),
+            _known(one.begin_normal),
+            None if math.isnan(one.begin_speed) else float(one.begin_speed),
+            course,
+        )
 
 
 def _known(v: Any) -> Vector | None:
-    return None if math.isnan(v.x) else (float(v.x), float(v.y), float(v.z))
+    return None if math.isnan(v.x) else _xyz(v)
 
 
-def _vectors(found: Sequence[Any]) -> FloatArray:
-    """Shape (n, 3)."""
-    return np.array([(v.x, v.y, v.z) for v in found]).reshape(-1, 3)
+class _Grips:
+    """Of one grip; first: its first message."""
 
+    def __init__(self, first: Any) -> None:
+        self._first, self._stamps, self._rows = first, array("d"), array("d")
 
-def _columns(rows: list[tuple[float, Any]], *fields: str) -> list[FloatArray]:
-    """Times, and the values of each field."""
-    values = [np.array([getattr(message, name) for _, message in rows], dtype=float) for name in fields]
-    return [np.array([time for time, _ in rows]), *values]
+    def add(self, stamp: float, m: Any) -> None:
+        self._stamps.append(stamp)
+        self._rows.extend((m.closed, m.slipped, *_xyz(m.wrench.force), *_xyz(m.wrench.torque), *_xyz(m.point)))
 
-
-def _grips(rows: list[tuple[float, Any]]) -> dict[str, GripRecord]:
-    by_name: dict[str, list[tuple[float, Any]]] = {}
-    for row in rows:
-        by_name.setdefault(row[1].name, []).append(row)
-    return {name: _grip(name, own) for name, own in by_name.items()}
-
-
-def _contacts(rows: list[tuple[float, Any]], robot_time: Callable[[float], float]) -> dict[str, ContactRecord]:
-    """Forces at the times of the messages, and at the one after it each contact's peak, which may lie between two."""
-    time, found = np.array([time for time, _ in rows]), dict[str, ContactRecord]()
-    n = len(time)
-    for index, (_, message) in enumerate(rows):
-        forces = [(one, index, one.force) for one in message.touching]
-        for one in message.ended:
-            if one.kind == "penalty":
-                at = min(int(np.searchsorted(time, robot_time(one.peak_time))), index)
-                forces.append((one, at, one.peak))
-        for one, at, force in forces:
-            if force > 0.0:  # not of a rigid contact, which is NaN
-                new = ContactRecord(one.link, tuple(one.regions), time, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))
-                kept = found.setdefault(one.link, new)
-                if force > kept.force[at]:
-                    kept.force[at], kept.point[at], kept.normal[at] = force, *_vectors([one.point, one.normal])
-    return found
-
-
-def _grip(name: str, rows: list[tuple[float, Any]]) -> GripRecord:
-    def vectors(of: Callable[[Any], Any]) -> FloatArray:
-        return _vectors([of(message) for _, message in rows])
-
-    time, closed, slipped = _columns(rows, "closed", "slipped")
-    point = vectors(lambda m: m.point)
-    return GripRecord(
-        name,
-        rows[0][1].held,
-        rows[0][1].holder,
-        time,
-        (closed > 0.0) & point.any(axis=1),
-        vectors(lambda m: m.wrench.force),
-        vectors(lambda m: m.wrench.torque),
-        point,
-        slipped,
-    )
+    def record(self, robot_time: Callable[[float], float]) -> GripRecord:
+        rows, m = np.array(self._rows).reshape(-1, 11), self._first
+        force, torque, point = rows[:, 2:5], rows[:, 5:8], rows[:, 8:]
+        time, closed = _times(self._stamps, robot_time), (rows[:, 0] > 0.0) & point.any(axis=1)
+        return GripRecord(m.name, m.held, m.holder, time, closed, force, torque, point, rows[:, 1])

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from hric_assessment.ergonomics.smoothness import log_dimensionless_jerk
 from hric_bags.reader import FloatArray
 from hric_bags.records.human_record import GripRecord
 from hric_bags.records.object_record import models
 from hric_control.geometry import MassProperties
 from hric_control.plants import WindowlessConfig
-from hric_experiments.analysis.metrics import smoothness
 from hric_human.participant.settings import HumanSettings
 
 ON_LINE = 1e-3
@@ -208,7 +208,7 @@ def metrics(one: Carried, begin: float, end: float) -> dict[str, Any] | None:
         "tilt_max": float(np.abs(one.tilt[during]).max()),
         "path": float(np.trapezoid(np.linalg.norm(velocity, axis=1), one.time[during])),
         "lift": float(height.max() - height.min()),
-        "smoothness": smoothness(one.time[during], velocity),
+        "smoothness": log_dimensionless_jerk(one.time[during], velocity),
         "excess_rms": None if excess is None else float(np.sqrt(np.nanmean(excess**2))),
         "excess_max": None if excess is None else float(np.nanmax(excess)),
     }

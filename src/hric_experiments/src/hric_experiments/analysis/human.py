@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from hric_assessment.contact.impact import Impact, impacts
+from hric_assessment.ergonomics.effort import effort
+from hric_assessment.ergonomics.smoothness import log_dimensionless_jerk
 from hric_bags.parts import PartsReader
 from hric_bags.reader import FloatArray, RunRecord
 from hric_bags.records.human_record import Event, GripRecord, HumanRecord, read
-from hric_experiments.analysis import carrying, muscle_record
+from hric_experiments.analysis import carrying, muscle_metrics
 from hric_experiments.analysis.carrying import Carried, hands_over
-from hric_experiments.analysis.metrics import smoothness
 from hric_human.body import describe
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HumanSettings
@@ -93,7 +94,7 @@ def metrics(
         "joints": {name: _joint(record, index) for index, name in enumerate(record.joints)},
         "strength_share_max": float(np.abs(record.share).max()),
         "strength_share_mean": float(np.abs(record.share).max(axis=1).mean()),
-        "muscles": None if record.muscles is None else muscle_record.metrics(record.muscles),
+        "muscles": None if record.muscles is None else muscle_metrics.metrics(record.muscles),
         "hand": _hand(record.time, hand, velocity, begin, end),
         "settling": _settling(record, velocity, begin, end, {end for one in carried for end in one.ends}),
         "contacts": [impact.values() for impact in met],
@@ -118,22 +119,14 @@ def moved(events: Sequence[Event], time: FloatArray) -> tuple[float, float]:
 
 
 def _grip(grip: GripRecord, events: Sequence[Event]) -> dict[str, Any]:
-    size, held = np.linalg.norm(grip.force, axis=1), grip.closed
     own = [event for event in events if event.name == grip.name]
-    if not held.any():
+    found = effort(grip)
+    if found is None:
         return {"held": grip.held, "holder": grip.holder, "closed": 0.0, "force_max": None}
-    velocity = np.gradient(np.where(held[:, None], grip.point, np.nan), grip.time, axis=0)
-    power = np.nan_to_num(-np.einsum("ij,ij->i", grip.force, velocity))
     return {
         "held": grip.held,
         "holder": grip.holder,
-        "closed": float(held.mean() * (grip.time[-1] - grip.time[0])),
-        "force_max": float(size.max()),
-        "force_max_time": float(grip.time[size.argmax()]),
-        "force_mean": float(size[held].mean()),
-        "torque_max": float(np.linalg.norm(grip.torque, axis=1).max()),
-        "work": float(np.trapezoid(power, grip.time)),
-        "work_absolute": float(np.trapezoid(np.abs(power), grip.time)),
+        **vars(found),
         "slips": sum(event.kind == "slipped" for event in own),
         "slipped": float(grip.slipped.max()),
     }
@@ -179,7 +172,7 @@ def _hand(time: FloatArray, hand: FloatArray, velocity: FloatArray, begin: float
     return {
         "speed_max": float(speed.max()),
         "path": float(np.trapezoid(speed, time[during])),
-        "smoothness": smoothness(time[during], velocity[during]),
+        "smoothness": log_dimensionless_jerk(time[during], velocity[during]),
     }
 
 
@@ -238,7 +231,7 @@ def render(found: Mapping[str, Any]) -> str:
     lines += [carrying.render(one) for one in found["carried"]]
     lines += _contacts(found["contacts"])
     if found["muscles"] is not None:
-        lines += muscle_record.render(found["muscles"])
+        lines += muscle_metrics.render(found["muscles"])
     hand, clipped = found["hand"], {name: n for name, joint in found["joints"].items() if (n := joint["clipped"])}
     smooth = "-" if hand["smoothness"] is None else f"{hand['smoothness']:.2f}"
     lines.append(f"- hand: {hand['speed_max']:.2f} m/s at most, log dimensionless jerk {smooth}")

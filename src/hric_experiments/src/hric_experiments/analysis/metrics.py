@@ -1,6 +1,5 @@
 """Metrics of a run: how fast and how exactly each joint reached its setpoint, and what was demanded of it."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -202,20 +201,3 @@ def compute(
         "joints": joint_metrics(log, limits, counts),
         "topics": dict(sorted(record.topics.items())),
     }
-
-
-def smoothness(time: FloatArray, velocity: FloatArray) -> float | None:
-    """Log dimensionless jerk of a motion: -ln(T^3 / v_peak^2 int |d2v/dt2|^2 dt) (Balasubramanian et al., J.
-    NeuroEng. Rehabil. 12:112, 2015). The nearer to zero the smoother; one minimum-jerk reach has -5.32. None: it
-    rests.
-
-    Args:
-        time: shape (n,) [s].
-        velocity: shape (n, 3) [m/s].
-    """
-    peak = float(np.linalg.norm(velocity, axis=1).max())
-    if peak < 1e-6 or len(time) < 5:
-        return None
-    jerk = np.gradient(np.gradient(velocity, time, axis=0), time, axis=0)
-    area = float(np.trapezoid(np.einsum("ij,ij->i", jerk, jerk), time))
-    return -math.log((time[-1] - time[0]) ** 3 / peak**2 * area)

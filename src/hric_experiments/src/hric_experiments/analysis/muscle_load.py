@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from hric_assessment.ergonomics.muscle_load import grip_loads, load_of
 from hric_bags import reader as bag_reader
 from hric_bags import text
 from hric_bags.export.opensim_text import GROUND, write_storage
 from hric_bags.files import atomic
 from hric_bags.records import human_record, tracked_person
-from hric_bags.records.human_record import GripRecord, HumanRecord
+from hric_bags.records.human_record import HumanRecord
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_control.errors import HricError
 from hric_control.geometry import FloatArray, Vector
@@ -30,16 +31,14 @@ from hric_control.trial.c3d import read_trial
 from hric_control.trial.plates import TrialPlate
 from hric_experiments.analysis.run import bag_of
 from hric_experiments.definition import experiment
-from hric_experiments.definition.parameters import HUMAN
 from hric_human.body import Body, describe
 from hric_human.control import HumanControl
 from hric_human.control.recorded import MarkerSolver
 from hric_human.control.whole_body import Load
-from hric_human.muscles.after_run import CUTOFF, AfterRun, Motion, MuscleLoad, smoothed
+from hric_human.muscles.after_run import CUTOFF, Motion, MuscleLoad, smoothed
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.choose import NAME, find
 from hric_human.muscles.fatigue import Fatigue
-from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.muscles.static_optimization import MINIMUM
 from hric_human.participant.settings import HumanSettings, MuscleSettings
 from hric_perception.person.settings import PersonSettings
@@ -86,28 +85,12 @@ class Described:
 
     def loads(self, time: FloatArray) -> list[Load]:
         """What his grips do to his links, shape (n,) of instants [s]."""
-        grips = {} if self.record is None else self.record.grips
-        own = f"{HUMAN}::"
-        found = []
-        for grip in grips.values():
-            for body, sign in ((grip.holder, 1.0), (grip.held, -1.0)):
-                if body.startswith(own):
-                    found.append(_load(grip, body.removeprefix(own), sign, time))
-        return found
+        return [] if self.record is None else grip_loads(self.record.grips.values(), time)
 
 
 def _chosen(own: MuscleSettings, anatomy: str | None, strength: float | None) -> MuscleSettings:
     """With what is given instead."""
     return replace(own, anatomy=anatomy or own.anatomy, strength=own.strength if strength is None else strength)
-
-
-def _load(grip: GripRecord, link: str, sign: float, time: FloatArray) -> Load:
-    """What a grip does to one of his links; nothing before its first message and after its last."""
-
-    def at(values: FloatArray, outside: float | None) -> FloatArray:
-        return np.stack([np.interp(time, grip.time, column, outside, outside) for column in values.T], axis=1)
-
-    return Load(link, sign * at(grip.force, 0.0), sign * at(grip.torque, 0.0), at(grip.point, None))
 
 
 @dataclass(frozen=True)
@@ -297,11 +280,11 @@ def _result(
 ) -> Result:
     settings = person.settings.muscles
     anatomy = find(settings.anatomy, person.anatomy)
-    muscles = MuscleSet(person.body, anatomy, settings.strength)
     root = person.settings.root(person.body)
     loads = [*person.loads(motion.time), *pressed]
-    found = AfterRun(person.body, muscles, anatomy, root, person.gravity).of(motion, loads)
-    notes.append(f"muscles: {anatomy.name}, {muscles.muscle_count} of them, strength {settings.strength:g}")
+    found = load_of(person.body, anatomy, root, motion, loads, settings.strength, person.gravity)
+    count = sum(found.is_muscle)
+    notes.append(f"muscles: {anatomy.name}, {count} of them, strength {settings.strength:g}")
     notes.append(f"forces act on: {', '.join(load.link for load in loads) or 'none'}")
     for contact in (person.record.contacts if person.record is not None else {}).values():
         notes.append(

@@ -6,9 +6,9 @@ import numpy as np
 
 from hric_assessment.contact.impact import Impact, Press, Transient
 from hric_bags.records.human_record import HumanRecord
+from hric_bags.records.muscle_record import MuscleRecord
 from hric_experiments.analysis.carrying import Carried
 from hric_experiments.analysis.human import Person
-from hric_experiments.analysis.muscle_record import MuscleRecord
 from hric_experiments.report.figure import Curve, Figure, Panel, per_joint
 from hric_experiments.report.heat import heat_map
 from hric_experiments.report.sections import HUMAN

@@ -1,0 +1,62 @@
+"""The load of a person's muscles over a recorded motion, with what his grips do to his hands."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from hric_bags.records.human_record import GripRecord
+from hric_control.geometry import FloatArray, Pose, Vector
+from hric_human.body import Body
+from hric_human.control.kinematics import GRAVITY
+from hric_human.control.whole_body import Load
+from hric_human.muscles.after_run import AfterRun, Motion, MuscleLoad
+from hric_human.muscles.anatomy import Anatomy
+from hric_human.muscles.muscle_set import MuscleSet
+
+OWN = "human::"
+"""In front of the names of his links."""
+
+
+def grip_loads(grips: Iterable[GripRecord], time: FloatArray) -> list[Load]:
+    """What grips do to his links; nothing before their first message and after their last.
+
+    Args:
+        grips: of a run.
+        time: shape (n,) [s].
+    """
+    found = []
+    for grip in grips:
+        for body, sign in ((grip.holder, 1.0), (grip.held, -1.0)):
+            if body.startswith(OWN):
+                found.append(_load(grip, body.removeprefix(OWN), sign, time))
+    return found
+
+
+def _load(grip: GripRecord, link: str, sign: float, time: FloatArray) -> Load:
+    def at(values: FloatArray, outside: float | None) -> FloatArray:
+        return np.stack([np.interp(time, grip.time, column, outside, outside) for column in values.T], axis=1)
+
+    return Load(link, sign * at(grip.force, 0.0), sign * at(grip.torque, 0.0), at(grip.point, None))
+
+
+def load_of(
+    body: Body,
+    anatomy: Anatomy,
+    T_world_root: Pose,
+    motion: Motion,
+    loads: Sequence[Load] = (),
+    strength: float = 1.0,
+    gravity: Vector = GRAVITY,
+) -> MuscleLoad:
+    """Of a motion of all joints of a body.
+
+    Args:
+        body: his.
+        anatomy: of his muscles.
+        T_world_root: of his root link, at rest.
+        motion: of his joints.
+        loads: on his links.
+        strength: factor of that of his muscles.
+        gravity: in the world [m/s^2].
+    """
+    return AfterRun(body, MuscleSet(body, anatomy, strength), anatomy, T_world_root, gravity).of(motion, loads)

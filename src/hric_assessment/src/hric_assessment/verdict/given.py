@@ -1,0 +1,61 @@
+"""What is assessed: a run folder, a bag, or a c3d file with markers of a body."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hric_bags.records import recording
+from hric_bags.records.recording import Recording
+from hric_bags.run_folder import RunFolder
+
+
+@dataclass(frozen=True)
+class Given:
+    """A recording and what is written beside it.
+
+    Attributes:
+        name: for people.
+        kind: run, bag or c3d.
+        folder: where its verdict.json goes.
+        recording: what it has.
+        run: contents of run.yaml; empty without a run folder.
+        description: URDF of the robot; "": none.
+    """
+
+    name: str
+    kind: str
+    folder: Path
+    recording: Recording
+    run: Mapping[str, Any] = field(default_factory=dict)
+    description: str = ""
+
+    @property
+    def definition(self) -> Mapping[str, Any]:
+        """The experiment; empty without a run folder."""
+        return self.run.get("definition") or {}
+
+    @property
+    def plant(self) -> Mapping[str, Any]:
+        """Parameters of the plant; empty without a run folder."""
+        return ((self.run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
+
+
+def opened(given: str, root: Path | None = None) -> Given:
+    """Read it.
+
+    Args:
+        given: a run folder, its name, "latest", a bag, or a c3d file.
+        root: folder of all runs.
+
+    Raises:
+        HricError: there is no such thing, or it cannot be read.
+    """
+    path = Path(given).expanduser()
+    if path.suffix == ".bag" and not (path / "run.yaml").is_file():
+        found = recording.read(path)
+        return Given(path.stem, "bag", path.parent, found, {}, found.description)
+    folder = RunFolder.open(given, root)
+    run = folder.read()
+    found = recording.read(folder.path / str(run.get("bag", folder.bag_path.name)))
+    return Given(folder.path.name, "run", folder.path, found, run, folder.description() or found.description)

@@ -1,0 +1,60 @@
+"""Figures of the interaction, and of how much of the time the arm stood. They have no limit."""
+
+import numpy as np
+
+from hric_assessment.ergonomics.effort import effort
+from hric_assessment.ergonomics.smoothness import log_dimensionless_jerk
+from hric_assessment.tables import verdict_table
+from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.result import Figure
+from hric_assessment.verdict.separating import Separated
+from hric_bags.records.human_record import Event, GripRecord
+
+GROUP, WORK = "interaction", "productivity"
+
+
+def interaction(given: Given) -> list[Figure]:
+    """Force, work and smoothness of each grip."""
+    human = given.recording.human
+    if human is None:
+        return []
+    found = []
+    for grip in human.grips.values():
+        one, what = effort(grip), f"grip {grip.name} of {grip.held}"
+        if one is None:
+            found.append(Figure(GROUP, f"largest force, {what}", None, "N", "it never closed"))
+            continue
+        found += [
+            Figure(GROUP, f"largest force, {what}", one.force_max, "N", f"mean {one.force_mean:.2f} N"),
+            Figure(GROUP, f"work, {what}", one.work, "J", f"{one.work_absolute:.3g} J to and fro"),
+            _smooth(grip, human.events, what),
+        ]
+    return found
+
+
+def _smooth(grip: GripRecord, events: list[Event], what: str) -> Figure:
+    """Of the motion, from its begin to its end where these are known."""
+    begin = max((one.time for one in events if one.kind == "started"), default=-np.inf)
+    end = max((one.time for one in events if one.kind == "ended"), default=np.inf)
+    during = grip.closed & (grip.time >= begin) & (grip.time <= (end if end > begin else np.inf))
+    name, note = f"log dimensionless jerk, {what}", "the nearer to zero the smoother; one minimum-jerk reach: -5.32"
+    if during.sum() < 5:
+        return Figure(GROUP, name, None, "1", "it was closed for too short a time")
+    time = grip.time[during]
+    return Figure(GROUP, name, log_dimensionless_jerk(time, np.gradient(grip.point[during], time, axis=0)), "1", note)
+
+
+def productivity(apart: Separated | None) -> list[Figure]:
+    """Share of the time in which the arm rests between its first and its last motion."""
+    if apart is None:
+        return []
+    table = verdict_table()
+    moving = np.flatnonzero(apart.speed > table["moving"])
+    name, note = "share of time in which the arm stands", f"slower than {table['moving']:g} m/s (chosen here)"
+    if len(moving) < 2:
+        return [Figure(WORK, name, None, "1", "it never moves")]
+    first, last = moving[[0, -1]]
+    period = np.diff(apart.found.time[first : last + 1])
+    standing = apart.speed[first:last] <= table["moving"]
+    share = float(period[standing].sum() / period.sum())
+    return [Figure(WORK, name, share, "1", f"between its first and its last motion; {note}")]

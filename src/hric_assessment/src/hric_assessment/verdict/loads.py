@@ -1,0 +1,175 @@
+"""Figures of joints and muscles: they neither pass nor fail, since whose strength it is is a model's."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hric_assessment.ergonomics.muscle_load import grip_loads, load_of
+from hric_assessment.tables import verdict_table
+from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.person import Person
+from hric_assessment.verdict.result import Figure, numbers, thinned
+from hric_bags.records.human_record import HumanRecord
+from hric_bags.records.recording import Columns
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray, Pose
+from hric_human.muscles.after_run import CUTOFF, Motion, MuscleLoad, smoothed
+from hric_human.muscles.anatomy import Anatomy
+from hric_human.muscles.choose import find
+
+RATE = 20.0
+"""Of the instants at which the load of muscles is computed [Hz]; none needs the others."""
+PIECE, OVERLAP = 60.0, 1.0
+"""A long motion is filtered in pieces, whose ends are left out [s]."""
+MODEL = "a model's estimate"
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Of a recording.
+
+    Attributes:
+        figures: by group.
+        activation: of muscles over time; None: not known.
+    """
+
+    figures: tuple[Figure, ...]
+    activation: Columns | None
+
+    def timeline(self) -> dict[str, Any] | None:
+        """For the JSON."""
+        if self.activation is None:
+            return None
+        worst = np.nan_to_num(self.activation.values).max(axis=1)
+        rows = thinned(self.activation.time, worst)
+        return {
+            "name": list(self.activation.names),
+            "time": self.activation.time[rows].tolist(),
+            "activation": [numbers(column) for column in self.activation.values[rows].T],
+        }
+
+
+def loads(given: Given, person: Person | None) -> Loads:
+    """Torque as share of strength, activation, joint contact force; of each what there is."""
+    figures = _strength(given)
+    recorded = next(iter(given.recording.activation.values()), None)
+    computed = _computed(given, person)
+    if recorded is not None:
+        figures += _active(_muscles_of(recorded, computed), f"recorded, {MODEL}")
+    if computed:
+        own, weak = computed
+        if recorded is None:
+            figures += _active(own, f"as modelled, by static optimisation, {MODEL}")
+        factor = verdict_table()["weak_shoulder"]
+        figures += _active(weak, f"with all muscles at {factor:g} of that, {MODEL}", brief=True)
+        figures += _contact(own.contact)
+    shown = recorded if recorded is not None else (computed[0].columns if computed else None)
+    return Loads(tuple(figures), shown)
+
+
+@dataclass(frozen=True)
+class _Muscles:
+    """Activation of muscles alone, without actuators of joints."""
+
+    columns: Columns
+    contact: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+def _muscles_of(recorded: Columns, computed: "tuple[_Muscles, _Muscles] | None") -> _Muscles:
+    if computed is None:
+        return _Muscles(recorded)
+    kept = [k for k, name in enumerate(recorded.names) if name in computed[0].columns.names]
+    names = tuple(recorded.names[k] for k in kept)
+    return _Muscles(Columns(recorded.topic, names, recorded.time, recorded.values[:, kept]))
+
+
+def _strength(given: Given) -> list[Figure]:
+    """Largest share of each joint's strength; of shoulders also of a weaker one."""
+    record, table = given.recording.human, verdict_table()
+    if record is not None:
+        names, shares = record.joints, np.abs(record.share)
+    elif given.recording.shares:
+        columns = next(iter(given.recording.shares.values()))
+        names, shares = columns.names, np.abs(columns.values)
+    else:
+        return []
+    found, factor = [], table["weak_shoulder"]
+    for name, share in zip(names, shares.T, strict=True):
+        if not np.isfinite(share).any():
+            continue
+        largest, mean = float(np.nanmax(share)), float(np.nanmean(share))
+        note = f"mean {mean:.3g}; {MODEL}"
+        found.append(Figure("strength", f"largest torque of {name} over its strength", largest, "1", note))
+        if "_sh_" in name:
+            note = f"mean {mean / factor:.3g}; with the shoulder at {factor:g} of its strength as modelled"
+            found.append(Figure("strength", f"largest torque of {name}, weaker shoulder", largest / factor, "1", note))
+    return sorted(found, key=lambda one: -(one.value or 0.0))
+
+
+def _active(muscles: _Muscles, note: str, brief: bool = False) -> list[Figure]:
+    table, columns = verdict_table(), muscles.columns
+    a = columns.values
+    if not a.size or not np.isfinite(a).any():
+        return []
+    largest = np.nanmax(np.where(np.isfinite(a), a, -np.inf), axis=0)
+    strongest = columns.names[int(np.argmax(largest))]
+    found = [Figure("muscles", "largest activation", float(largest.max()), "1", f"{strongest}; {note}")]
+    if brief:
+        return found
+    known = np.isfinite(a).any(axis=1)
+    highest = np.nanmax(a[known], axis=1)
+    found.append(Figure("muscles", "mean activation of all muscles", float(np.nanmean(a)), "1", note))
+    for name in ("active", "very_active"):
+        level = table.values[name]
+        share = float(np.mean(highest > level.value))
+        label = f"share of time with a muscle above {level.value:g}"
+        found.append(Figure("muscles", label, share, "1", f"{table.mark_of(level)}; {note}"))
+    return found
+
+
+def _contact(contact: Mapping[str, FloatArray]) -> list[Figure]:
+    found = []
+    for joint, force in contact.items():
+        size = np.linalg.norm(force, axis=1)
+        size = size[np.isfinite(size)]
+        if len(size):
+            note = f"mean {size.mean():.0f} N; {MODEL}"
+            found.append(Figure("joint load", f"largest contact force in {joint}", float(size.max()), "N", note))
+    return found
+
+
+def _computed(given: Given, person: Person | None) -> tuple[_Muscles, _Muscles] | None:
+    """Of a simulated human, whose body and grips are known: as modelled, and with weaker muscles."""
+    record = given.recording.human
+    if person is None or person.settings is None or record is None:
+        return None
+    try:
+        own, factor = person.settings.muscles, verdict_table()["weak_shoulder"]
+        anatomy = find(own.anatomy, "human.muscles.anatomy")
+        root = person.settings.root(person.body)
+        as_modelled = _over(person, record, anatomy, root, own.strength)
+        return as_modelled, _over(person, record, anatomy, root, factor * own.strength)
+    except HricError:  # too short a motion, a body without arms, an anatomy that has gone since
+        return None
+
+
+def _over(person: Person, record: HumanRecord, anatomy: Anatomy, root: Pose, strength: float) -> _Muscles:
+    columns = [record.joints.index(name) for name in person.body.joints]
+    found: list[MuscleLoad] = []
+    begin = float(record.time[0])
+    while begin < record.time[-1] - OVERLAP or not found:
+        rows = (record.time >= begin - OVERLAP) & (record.time <= begin + PIECE + OVERLAP)
+        motion = smoothed(record.time[rows], record.position[rows][:, columns], CUTOFF, RATE)
+        kept = (motion.time >= begin) & (motion.time < begin + PIECE)
+        motion = Motion(*(values[kept] for values in (motion.time, motion.q, motion.dq, motion.ddq)))
+        acting = grip_loads(record.grips.values(), motion.time)
+        found.append(load_of(person.body, anatomy, root, motion, acting, strength))
+        begin += PIECE
+    muscles = np.flatnonzero(found[0].is_muscle)
+    names = tuple(found[0].names[k] for k in muscles)
+    time = np.concatenate([one.time for one in found])
+    values = np.concatenate([one.activation[:, muscles] for one in found])
+    contact = {name: np.concatenate([one.contact[name] for one in found]) for name in found[0].contact}
+    return _Muscles(Columns("computed", names, time, values), contact)

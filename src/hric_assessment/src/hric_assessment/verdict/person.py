@@ -1,0 +1,162 @@
+"""Who was there, and how he moved."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hric_assessment.verdict.given import Given
+from hric_bags.records.recording import Tracked
+from hric_control.geometry import FloatArray, Pose, compose
+from hric_human.body import Body, describe
+from hric_human.participant.settings import HumanSettings
+from hric_perception.person.settings import PersonSettings
+
+ROOT_FRAME = "human_base"
+
+
+@dataclass(frozen=True)
+class Person:
+    """The person whose posture and distance is assessed.
+
+    Attributes:
+        what: simulated human, tracked person, or joint states alone.
+        body: his, or the one that is assumed.
+        names: of joints whose angles are known.
+        time: robot time, shape (n,) [s].
+        q: shape (n, j) [rad]; NaN where not known.
+        root_time, root: when and where his root link was in the world, shapes (m,) and (m, 7) [m]; None: not known.
+        signals: topics.
+        assumptions: sentences.
+        settings: of a simulated human; None: of others.
+        uncertainty: of where his body is, Z_d [m].
+        uncertainty_from: what that is.
+    """
+
+    what: str
+    body: Body
+    names: tuple[str, ...]
+    time: FloatArray
+    q: FloatArray
+    root_time: FloatArray | None
+    root: FloatArray | None
+    signals: tuple[str, ...]
+    assumptions: tuple[str, ...] = ()
+    settings: HumanSettings | None = None
+    uncertainty: float = 0.0
+    uncertainty_from: str = "simulated, so exact"
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Of the arms whose elbow is known."""
+        return tuple(side for side in ("right", "left") if f"{side}_el_flex" in self.names)
+
+    def about(self) -> dict[str, object]:
+        """For the JSON."""
+        subject = self.body.subject
+        return {"what": self.what, "code": subject.code, "mass": float(subject.mass), "height": float(subject.height)}
+
+
+def person_of(given: Given) -> Person | None:
+    """The simulated human; else the tracked person; else whose joint states the recording has; None: nobody."""
+    return _simulated(given) or _other(given)
+
+
+def _simulated(given: Given) -> Person | None:
+    record = given.recording.human
+    if record is None:
+        return None
+    section, assumptions = given.definition.get("human"), []
+    if section is None:
+        parts = _parts(record.joints)
+        assumptions.append(f"whose body it was is not known: taken as that of {HumanSettings().subject.code}, {parts}")
+        settings = HumanSettings.of({"parts": parts}, "human")
+    else:
+        settings = HumanSettings.of(section, "human")
+    body = describe(settings.person)
+    root = settings.root(body) if section is not None else _placed(given)
+    root_time, root_pose = (None, None) if root is None else _still(root, record.time)
+    signals = tuple(t for t in given.recording.topics if t.endswith(("human/joint_states", "human/joint_torque")))
+    return Person(
+        "simulated human",
+        body,
+        record.joints,
+        record.time,
+        record.position,
+        root_time,
+        root_pose,
+        signals,
+        tuple(assumptions),
+        settings if section is not None else None,
+    )
+
+
+def _placed(given: Given) -> Pose | None:
+    """Of a root link that a static transform places in the world."""
+    for (parent, child), pose in given.recording.static.items():
+        if child.endswith(ROOT_FRAME) and parent == "world":
+            return pose
+    return None
+
+
+def _still(root: Pose, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return time[:1], np.array([[*root.position, *root.orientation]])
+
+
+def _other(given: Given) -> Person | None:
+    people = given.recording.people
+    if not people:
+        return None
+    topic = next(iter(people))
+    states, beside = people[topic], f"{topic.rpartition('/')[0]}/tracking"
+    tracked = given.recording.tracked.get(beside)
+    section, assumptions = given.definition.get("person"), []
+    if section is None:
+        parts = _parts(states.names)
+        settings = HumanSettings.of({"parts": parts}, "person")
+        body = describe(settings.person)
+        assumptions.append(f"whose body it was is not known: taken as that of {body.subject.code}, {parts}")
+    else:
+        body, calibrated = PersonSettings.of(section, "person").known()
+        if not calibrated:
+            assumptions.append("the body was not fitted to the person in a still pose: lengths are those of his file")
+    time, root, said = _root(given, tracked)
+    what = "tracked person" if tracked is not None else "person of whom joint states alone were recorded"
+    signals = (topic,) if tracked is None else (topic, beside)
+    return Person(what, body, states.names, states.time, states.values, time, root, signals, (*assumptions, *said))
+
+
+def _root(given: Given, tracked: Tracked | None) -> tuple[FloatArray | None, FloatArray | None, list[str]]:
+    """(times, poses in the world, assumptions)."""
+    if tracked is None:
+        return None, None, []
+    T_world_markers, said = _markers_frame(given, tracked.frame)
+    if T_world_markers is None:
+        return None, None, []
+    known = np.isfinite(tracked.pose).all(axis=1)
+    if not known.any():
+        return None, None, []
+    poses = [compose(T_world_markers, Pose(tuple(row[:3]), tuple(row[3:]))) for row in tracked.pose[known].tolist()]
+    return tracked.time[known], np.array([[*pose.position, *pose.orientation] for pose in poses]), said
+
+
+def _markers_frame(given: Given, frame: str) -> tuple[Pose | None, list[str]]:
+    """T_world_markers, from a static transform, else from where the experiment has the robot's base in that frame."""
+    static = given.recording.static
+    for (parent, child), pose in static.items():
+        if child == frame and parent in ("world", "panda_link0"):
+            return pose, []
+    mocap = given.definition.get("mocap") or {}
+    if "base_from_mocap" in mocap:
+        given_pose = mocap["base_from_mocap"]
+        return Pose(tuple(given_pose["xyz"]), tuple(given_pose["xyzw"])), []
+    return None, []
+
+
+def _parts(names: tuple[str, ...]) -> str:
+    """What of a body has all of these joints."""
+    if any(name.endswith("knee_flex") for name in names):
+        return "whole_body"
+    if any(name.startswith(("trunk", "neck")) for name in names):
+        return "upper_body"
+    sides = {name.partition("_")[0] for name in names}
+    return "both_arms" if {"right", "left"} <= sides else f"{'left' if 'left' in sides else 'right'}_arm"

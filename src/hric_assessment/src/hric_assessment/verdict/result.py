@@ -1,0 +1,199 @@
+"""The verdict: findings from the worst on, figures beside them, what is missing; as JSON and as text."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hric_assessment.findings import DISCLAIMER, Finding, Outcome
+from hric_assessment.tables import VerdictTable, verdict_table
+from hric_control.geometry import FloatArray
+
+VERSION = 1
+"""Of the JSON; its schema is config/verdict.schema.json."""
+ORDER = (Outcome.ABOVE, Outcome.NOT_ASSESSABLE, Outcome.WARNING, Outcome.WITHIN)
+"""From the worst on: what is not assessable may be above."""
+EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: 1, Outcome.NOT_ASSESSABLE: 4}
+SHOWN = 20
+"""Findings of one group in a text; the JSON has all."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number beside the findings, without a limit: it neither passes nor fails.
+
+    Attributes:
+        group: strength, muscles, joint load, interaction, productivity.
+        value: None: not known.
+        note: how it was made.
+    """
+
+    group: str
+    name: str
+    value: float | None
+    unit: str
+    note: str = ""
+
+    def __str__(self) -> str:
+        value = "not known" if self.value is None else f"{self.value:.4g} {self.unit}"
+        return f"{self.name}: {value}" + (f" ({self.note})" if self.note else "")
+
+
+@dataclass(frozen=True)
+class Missing:
+    """A signal that is not there, and what it would give."""
+
+    signal: str
+    gives: str
+
+    def __str__(self) -> str:
+        return f"{self.signal}: would give {self.gives}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Of one recording.
+
+    Attributes:
+        input: name, kind, experiment, begin and end [s].
+        limits: title and edition of the table of contacts.
+        person: whose body it was; None: there was nobody.
+        assumptions: a sentence each.
+        findings: from the worst on.
+        figures, missing: beside them.
+        timelines: as in the JSON.
+    """
+
+    input: Mapping[str, Any]
+    limits: Mapping[str, str]
+    person: Mapping[str, Any] | None
+    assumptions: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    figures: tuple[Figure, ...] = ()
+    missing: tuple[Missing, ...] = ()
+    timelines: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def outcome(self) -> Outcome:
+        """The worst of all findings; without any there is nothing to assess."""
+        found = {finding.outcome for finding in self.findings}
+        return next((one for one in ORDER if one in found), Outcome.NOT_ASSESSABLE)
+
+    @property
+    def exit_code(self) -> int:
+        """Of the command."""
+        return EXIT_CODES[self.outcome]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As its JSON has it."""
+        return {
+            "version": VERSION,
+            "disclaimer": DISCLAIMER,
+            "outcome": str(self.outcome),
+            "input": dict(self.input),
+            "limits": dict(self.limits),
+            "person": None if self.person is None else dict(self.person),
+            "assumptions": list(self.assumptions),
+            "findings": [_finding(one) for one in self.findings],
+            "figures": [{**vars(one), "value": _finite(one.value)} for one in self.figures],
+            "missing": [vars(one) for one in self.missing],
+            "timelines": dict(self.timelines),
+        }
+
+    def render(self) -> str:
+        """As text."""
+        name, begin, end = (self.input[key] for key in ("name", "begin", "end"))
+        lines = [f"{name}, {begin:.2f} to {end:.2f} s: {self.outcome}", f"  {DISCLAIMER}"]
+        for group, found in _grouped(self.findings).items():
+            lines += ["", f"{group}:"]
+            lines += [line for one in found[:SHOWN] for line in [f"- {one}", *_details(one)]]
+            if len(found) > SHOWN:
+                lines.append(f"- and {len(found) - SHOWN} more, which are no worse")
+        for title, items in (("figures without a limit", self.figures), ("missing", self.missing)):
+            if items:
+                lines += ["", f"{title}:", *(f"- {one}" for one in items)]
+        if self.assumptions:
+            lines += ["", "assumptions:", *(f"- {one}" for one in self.assumptions)]
+        return "\n".join(lines) + "\n"
+
+
+def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """From the worst on: by outcome, then by the share of the limit."""
+    return tuple(sorted(findings, key=lambda one: (ORDER.index(one.outcome), -(one.share or 0.0))))
+
+
+def warned(finding: Finding, table: VerdictTable | None = None) -> Finding:
+    """A finding near its limit becomes a warning."""
+    table = table or verdict_table()
+    near = table["near_limit"]
+    if finding.outcome != Outcome.WITHIN or finding.share is None or finding.share < near:
+        return finding
+    note = f"a warning from {100.0 * near:.0f} % of a limit on ({table.mark_of(table.near_limit)})"
+    return replace(finding, outcome=Outcome.WARNING, notes=(*finding.notes, note))
+
+
+def thinned(time: FloatArray, *curves: FloatArray, count: int = 2000) -> list[int]:
+    """Indices of `count` instants at most, with the extremes of all curves between any two of them.
+
+    Args:
+        time: shape (n,) [s].
+        curves: shape (n,) each.
+    """
+    n = len(time)
+    if n <= count:
+        return list(range(n))
+    kept = {0, n - 1}
+    edges = np.linspace(0, n, (count - 2) // (2 * max(len(curves), 1)) + 1).astype(int)
+    for begin, end in pairwise(edges.tolist()):
+        for curve in curves:
+            part = curve[begin:end]
+            kept |= {begin + int(np.nanargmin(part)), begin + int(np.nanargmax(part))} if _any_known(part) else set()
+    return sorted(kept)
+
+
+def _any_known(values: FloatArray) -> bool:
+    return bool(np.isfinite(values).any())
+
+
+def numbers(values: FloatArray) -> list[float | None]:
+    """For JSON, which has no NaN."""
+    return [_finite(value) for value in np.asarray(values, dtype=float).tolist()]
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _finding(one: Finding) -> dict[str, Any]:
+    return {
+        "group": one.group,
+        "subject": one.subject,
+        "outcome": str(one.outcome),
+        "reason": one.reason,
+        "table": one.table,
+        "share": _finite(one.share),
+        "values": {name: _finite(value) for name, value in one.values.items()},
+        "window": None if one.window is None else list(one.window),
+        "signals": list(one.signals),
+        "missing": list(one.missing),
+        "notes": list(one.notes),
+        "regions": list(one.regions),
+    }
+
+
+def _grouped(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
+    found: dict[str, list[Finding]] = {}
+    for one in findings:
+        found.setdefault(one.group, []).append(one)
+    return found
+
+
+def _details(one: Finding) -> list[str]:
+    known = [f"{name} {value:.4g}" for name, value in one.values.items() if value is not None]
+    lines = [f"values: {'; '.join(known)}"] if known else []
+    lines += [f"from: {', '.join(one.signals)}"] if one.signals else []
+    lines += [f"missing: {', '.join(one.missing)}"] if one.missing else []
+    return [f"  {line}" for line in [*lines, *one.notes]]

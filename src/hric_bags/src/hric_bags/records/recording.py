@@ -1,0 +1,300 @@
+"""What a bag has for whoever judges it: arm, person, contacts, in one pass and thinned, so that an hour of it fits into
+memory. No ROS."""
+
+import math
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from hric_bags.parts import PartsReader
+from hric_bags.reader import ARRAYS, LOG_TYPE, ControlRecord, FloatArray, RobotTime, opened, robot_time_of, seconds
+from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
+from hric_bags.records.contact_record import PairForce, add_to
+from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord
+from hric_control.geometry import Pose
+from hric_human.body.joints import joints
+from hric_human.body.subject import PARTS
+
+RATE = 100.0
+"""Of what is kept of streams without contacts, at most [Hz]; project default."""
+STATES_TYPE, TRACKING_TYPE = "sensor_msgs/msg/JointState", "hric_msgs/msg/PersonTracking"
+ACTIVATION_TYPE, STATIC_TYPE = "hric_msgs/msg/MuscleActivation", "tf2_msgs/msg/TFMessage"
+TEXT_TYPE = "std_msgs/msg/String"
+JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
+"""Names of the joints of a body of `hric_human`."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Named values over time.
+
+    Attributes:
+        topic: they come from.
+        names: of the columns.
+        time: robot time, shape (n,) [s].
+        values: shape (n, k); NaN where a message does not have one.
+    """
+
+    topic: str
+    names: tuple[str, ...]
+    time: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """Where the root link of a real person was.
+
+    Attributes:
+        topic: it comes from.
+        frame: in which the pose is.
+        time: robot time, shape (n,) [s].
+        pose: position and quaternion x y z w, NaN while it is lost, shape (n, 7) [m].
+        residual: of the markers, shape (n,) [m].
+        calibrated: whether the body was fitted to him.
+    """
+
+    topic: str
+    frame: str
+    time: FloatArray
+    pose: FloatArray
+    residual: FloatArray
+    calibrated: bool
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Of one bag, at RATE at most.
+
+    Attributes:
+        topics: message counts.
+        kinds: of messages.
+        begin, end: robot time of the first and the last message [s].
+        robot_time: from stamps.
+        log: of the arm; None: the bag has none.
+        human: simulated; None: nobody, or without joint torques.
+        pairs: bodies that touched, of /sim/contacts; None: the bag has no such topic.
+        people: joint states of bodies of `hric_human`, by topic.
+        tracked: roots of real persons, by topic.
+        activation: of muscles, by topic.
+        shares: of the strength of joints of real persons, by topic.
+        description: URDF of the robot; "": none in the bag.
+        static: poses of child frames in their parents, by (parent, child).
+    """
+
+    topics: dict[str, int]
+    kinds: frozenset[str]
+    begin: float
+    end: float
+    robot_time: RobotTime
+    log: ControlRecord | None
+    human: HumanRecord | None
+    pairs: list[PairForce] | None
+    people: dict[str, Columns] = field(default_factory=dict)
+    tracked: dict[str, Tracked] = field(default_factory=dict)
+    activation: dict[str, Columns] = field(default_factory=dict)
+    shares: dict[str, Columns] = field(default_factory=dict)
+    description: str = ""
+    static: dict[tuple[str, str], Pose] = field(default_factory=dict)
+
+
+def read(bag: Path | PartsReader, rate: float = RATE) -> Recording:
+    """All of it, in one pass.
+
+    Raises:
+        BagError: the bag is missing or damaged.
+    """
+    with opened(bag) as reader:
+        taken = _Taken(reader, rate)
+        for connection, stamp, raw in reader.chosen(taken.wants):
+            if taken.due(connection, stamp):
+                taken.add(connection.topic, connection.msgtype, reader.deserialize(raw, connection.msgtype))
+        return taken.recording(reader)
+
+
+class _Taken:
+    """Messages as they come."""
+
+    def __init__(self, reader: PartsReader, rate: float) -> None:
+        self._human = HumanMessages(reader.connections, rate)
+        self._log, self._period = _ThinLog(rate), round(0.99e9 / rate)
+        self._last: dict[str, int] = {}
+        self._people: dict[str, _Named | None] = {}
+        self._activation: dict[str, _Named] = {}
+        self._shares: dict[str, _Named] = {}
+        self._roots: dict[str, _Roots] = {}
+        self._pairs: dict[tuple[str, str], PairForce] = {}
+        self._static: dict[tuple[str, str], Pose] = {}
+        self.description = ""
+
+    def wants(self, connection: Any) -> bool:
+        kinds = (LOG_TYPE, STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, PAIRS_TYPE)
+        if connection.msgtype in kinds or self._human.wants(connection):
+            return True
+        return str(connection.topic).endswith(("/robot_description", "/tf_static"))
+
+    def due(self, connection: Any, stamp: int) -> bool:
+        """Whether the message of a time [ns] is to be read."""
+        topic, kind = connection.topic, connection.msgtype
+        if self._human.wants(connection):
+            return self._human.due(topic, stamp)
+        if kind not in (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE):
+            return True
+        if self._people.get(topic, self) is None or stamp - self._last.get(topic, -self._period) < self._period:
+            return False
+        self._last[topic] = stamp
+        return True
+
+    def add(self, topic: str, kind: str, message: Any) -> None:
+        if kind == LOG_TYPE:
+            self._log.add(message)
+        elif self._human.takes(topic, kind):
+            self._human.add(topic, kind, message)
+        elif kind == STATES_TYPE:
+            self._add_states(topic, message)
+        elif kind == ACTIVATION_TYPE:
+            self._activation.setdefault(topic, _Named()).add(message, message.activation)
+        elif kind == TORQUE_TYPE:
+            self._shares.setdefault(topic, _Named()).add(message, message.strength_share)
+        elif kind == TRACKING_TYPE:
+            self._roots.setdefault(topic, _Roots()).add(message)
+        elif kind == PAIRS_TYPE:
+            add_to(self._pairs, message, seconds(message.header.stamp))
+        elif kind == TEXT_TYPE:
+            self.description = self.description or str(message.data)
+        elif kind == STATIC_TYPE:
+            for one in message.transforms:
+                p, q = one.transform.translation, one.transform.rotation
+                key = one.header.frame_id.strip("/"), one.child_frame_id.strip("/")
+                self._static[key] = Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+    def _add_states(self, topic: str, message: Any) -> None:
+        if topic not in self._people:
+            self._people[topic] = _Named() if JOINTS & set(message.name) else None
+        if (named := self._people[topic]) is not None:
+            named.add(message, message.position)
+
+    def recording(self, reader: PartsReader) -> Recording:
+        """All that was taken."""
+        topics = {topic: info.msgcount for topic, info in reader.topics.items()}
+        count = reader.message_count
+        first, last = (1e-9 * reader.start_time, 1e-9 * reader.end_time) if count else (0.0, 0.0)
+        robot_time = self._log.robot_time or (lambda stamp: stamp - first)
+        pairs = [
+            replace(pair, time=robot_time(pair.time), first=robot_time(pair.first), last=robot_time(pair.last))
+            for _, pair in sorted(self._pairs.items())
+        ]
+        log = self._log.record()
+        begin, end = (robot_time(first), robot_time(last)) if log is None else (log.time[0], log.time[-1])
+        return Recording(
+            topics,
+            frozenset(connection.msgtype for connection in reader.connections),
+            float(begin),
+            float(end),
+            robot_time,
+            log,
+            self._human.record(robot_time),
+            pairs if any(connection.msgtype == PAIRS_TYPE for connection in reader.connections) else None,
+            {topic: named.columns(topic, robot_time) for topic, named in self._people.items() if named is not None},
+            {topic: roots.tracked(topic, robot_time) for topic, roots in self._roots.items()},
+            {topic: named.columns(topic, robot_time) for topic, named in self._activation.items()},
+            {topic: named.columns(topic, robot_time) for topic, named in self._shares.items()},
+            self.description,
+            self._static,
+        )
+
+
+class _Named:
+    """Values with names, which may differ between messages."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, int] = {}
+        self._parts: list[tuple[tuple[str, ...], array[float], array[float]]] = []
+
+    def add(self, message: Any, values: Sequence[float]) -> None:
+        names = tuple(message.name)
+        if not self._parts or self._parts[-1][0] != names:
+            self._parts.append((names, array("d"), array("d")))
+            for name in names:
+                self._names.setdefault(name, len(self._names))
+        _, stamps, rows = self._parts[-1]
+        stamps.append(seconds(message.header.stamp))
+        rows.frombytes(np.asarray(values, dtype=float).tobytes())
+
+    def columns(self, topic: str, robot_time: RobotTime) -> Columns:
+        """Of all messages."""
+        stamps = [stamp for _, own, _ in self._parts for stamp in own]
+        values, row = np.full((len(stamps), len(self._names)), np.nan), 0
+        for names, own, rows in self._parts:
+            columns = [self._names[name] for name in names]
+            values[row : row + len(own), columns] = np.array(rows).reshape(len(own), -1)
+            row += len(own)
+        return Columns(topic, tuple(self._names), np.array([robot_time(stamp) for stamp in stamps]), values)
+
+
+class _Roots:
+    """Of one tracked person."""
+
+    def __init__(self) -> None:
+        self._stamps, self._rows = array("d"), array("d")
+        self._last: Any = None
+
+    def add(self, message: Any) -> None:
+        p, q = message.root.position, message.root.orientation
+        self._stamps.append(seconds(message.header.stamp))
+        self._rows.extend((p.x, p.y, p.z, q.x, q.y, q.z, q.w, message.residual))
+        self._last = message
+
+    def tracked(self, topic: str, robot_time: RobotTime) -> Tracked:
+        """Over time."""
+        rows = np.array(self._rows).reshape(-1, 8)
+        time = np.array([robot_time(stamp) for stamp in self._stamps])
+        frame = str(self._last.header.frame_id).strip("/")
+        return Tracked(topic, frame, time, rows[:, :7], rows[:, 7], bool(self._last.calibrated))
+
+
+class _ThinLog:
+    """Cycles of the control log at a rate at most [Hz]; what came twice once."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate, self._slot, self._last = rate, -math.inf, -math.inf
+        self._time = array("d")
+        self._values = {name: array("d") for name in (*ARRAYS, "by_effort")}
+        self._stamps: list[SimpleNamespace] = []
+        self._message: Any = None
+
+    def add(self, message: Any) -> None:
+        time, joints = np.asarray(message.time, dtype=float), len(message.joint_names)
+        slots = np.floor(time * self._rate + 1e-6)
+        chosen = (np.diff(slots, prepend=self._slot) > 0.0) & (time > self._last)
+        self._slot, self._last = max(self._slot, slots[-1]), max(self._last, time[-1])
+        self._time.frombytes(time[chosen].tobytes())
+        for name in ARRAYS:
+            rows = np.asarray(getattr(message, name), dtype=float).reshape(len(time), joints)
+            self._values[name].frombytes(rows[chosen].tobytes())
+        effort = [kind == "effort" for kind in message.command_interface]
+        self._values["by_effort"].frombytes(np.tile(np.array(effort, dtype=float), (chosen.sum(), 1)).tobytes())
+        self._stamps.append(SimpleNamespace(header=message.header, time=time[:1].copy()))
+        self._message = message
+
+    @property
+    def robot_time(self) -> RobotTime | None:
+        """From stamps; None: no log."""
+        return robot_time_of(self._stamps) if self._stamps else None
+
+    def record(self) -> ControlRecord | None:
+        """What was kept; None: nothing."""
+        if self._message is None:
+            return None
+        n, names = len(self._time), tuple(self._message.joint_names)
+        arrays = {name: np.array(values).reshape(n, -1) for name, values in self._values.items()}
+        by_effort = arrays.pop("by_effort") > 0.0
+        kinds = tuple(self._message.command_interface)
+        return ControlRecord(
+            names, kinds, np.array(self._time), first_cycle=0, gaps=(), repeats=(), by_effort=by_effort, **arrays
+        )
