@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 
 from hric_bags.records import human_record
 from hric_bags.run_folder import RunFolder
+from hric_control.errors import HricError
 from hric_control.geometry import FloatArray
 from hric_control.trial.plates import TrialPlate
 from hric_experiments.analysis import human_opensim, muscle_load
@@ -232,9 +233,7 @@ def test_what_is_missing_is_one_error_that_names_what_is_needed(
     labels = file["parameters"]["POINT"]["LABELS"]
     labels["value"] = [name.replace("body", "thing").replace("_R", "_Q") for name in labels["value"]]
     file.write(str(tmp_path / "other.c3d"))
-    with pytest.raises(
-        MuscleLoadError, match=r"has no marker of the body; muscle load needs some of RSHO, .* thing_QSHO"
-    ):
+    with pytest.raises(HricError, match=r"has no marker of the body; needed are some of RSHO, .* thing_QSHO"):
         muscle_load.of_c3d(tmp_path / "other.c3d", muscle_load.described_by(str(run)))
 
 

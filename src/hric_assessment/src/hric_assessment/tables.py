@@ -392,6 +392,7 @@ class VerdictTable(ValueTable):
     reba_warning: Value = section(Value)
     lasting: Value = section(Value)
     known: Value = section(Value)
+    lift: Value = section(Value)
     moving: Value = section(Value)
     reaction_time: Value = section(Value)
     stopping_time: Value = section(Value)

@@ -7,6 +7,7 @@ from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.contacts import contact_findings
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.interaction import interaction, productivity
+from hric_assessment.verdict.lifts import lift_findings
 from hric_assessment.verdict.loads import loads
 from hric_assessment.verdict.missing import missing
 from hric_assessment.verdict.person import person_of
@@ -33,6 +34,7 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
     if (apart := separated(given, person, choices)) is not None:
         findings.append(separation_finding(apart))
         timelines["separation"] = apart.timeline()
+    findings += lift_findings(given, person)
     heavy = loads(given, person)
     timelines["activation"] = heavy.timeline()
     figures = (*heavy.figures, *interaction(given), *productivity(apart))

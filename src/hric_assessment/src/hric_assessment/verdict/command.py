@@ -8,27 +8,41 @@ from hric_assessment.contact.limits import Limits
 from hric_assessment.tables import LIMIT_TABLES, limit_table
 from hric_assessment.verdict.assess import assess
 from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.given import opened
+from hric_assessment.verdict.result import Verdict
 from hric_bags import files
 from hric_bags.run_folder import runs_root
 from hric_control.errors import HricError
 
 FILE = "verdict.json"
+SEVERITY = (0, 4, 1)
+"""Exit codes of verdicts, from the best to the worst."""
 
 
 def main(arguments: Sequence[str]) -> int:
     """Assess a recording; returns the exit code of its outcome."""
     given = _parser().parse_args(list(arguments))
-    found = opened(given.recording, runs_root(given.runs))
+    root = runs_root(given.runs)
     limits = given.limits if given.limits in LIMIT_TABLES else Path(given.limits).expanduser()
     choices = Choices(Limits(limit_table(limits)), contact_area=given.contact_area)
+    verdicts = [_assessed(name, root, choices) for name in (given.recording, *given.compare)]
+    if given.compare:
+        print(compared(verdicts))
+    else:
+        print(verdicts[0].render())
+    return max((one.exit_code for one in verdicts), key=SEVERITY.index)
+
+
+def _assessed(name: str, root: Path, choices: Choices) -> Verdict:
+    """The verdict, written beside its recording."""
+    found = opened(name, root)
     verdict = assess(found, choices)
     try:
         files.write_json(found.folder / FILE, verdict.to_dict())
     except OSError as error:
         raise HricError(f"cannot write {FILE} in {found.folder}: {error.strerror or error}") from error
-    print(f"{verdict.render()}\n{FILE}: {found.folder / FILE}")
-    return verdict.exit_code
+    return verdict
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -57,6 +71,9 @@ def _parser() -> argparse.ArgumentParser:
         metavar="M2",
         help="over which contacts act, the smaller of the robot's and the body's [m^2]; without it no contact is "
         "within limits, since its pressure is not known",
+    )
+    parser.add_argument(
+        "--compare", nargs="+", default=[], metavar="RUN", help="further recordings: the findings of all side by side"
     )
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
     return parser

@@ -1,13 +1,15 @@
 """What is assessed: a run folder, a bag, or a c3d file with markers of a body."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from hric_assessment.verdict.markers import FRAMES, of_c3d, of_frames
 from hric_bags.records import recording
 from hric_bags.records.recording import Recording
 from hric_bags.run_folder import RunFolder
+from hric_perception.person.settings import PersonSettings
 
 
 @dataclass(frozen=True)
@@ -52,10 +54,26 @@ def opened(given: str, root: Path | None = None) -> Given:
         HricError: there is no such thing, or it cannot be read.
     """
     path = Path(given).expanduser()
+    if path.suffix.lower() == ".c3d":
+        return Given(path.stem, "c3d", path.parent, of_c3d(path))
     if path.suffix == ".bag" and not (path / "run.yaml").is_file():
         found = recording.read(path)
-        return Given(path.stem, "bag", path.parent, found, {}, found.description)
+        return _with_markers(Given(path.stem, "bag", path.parent, found, {}, found.description), path)
     folder = RunFolder.open(given, root)
     run = folder.read()
-    found = recording.read(folder.path / str(run.get("bag", folder.bag_path.name)))
-    return Given(folder.path.name, "run", folder.path, found, run, folder.description() or found.description)
+    bag = folder.path / str(run.get("bag", folder.bag_path.name))
+    found = recording.read(bag)
+    description = folder.description() or found.description
+    return _with_markers(Given(folder.path.name, "run", folder.path, found, run, description), bag)
+
+
+def _with_markers(given: Given, bag: Path) -> Given:
+    """With the person whom frames of motion capture show, where nothing else says how he moved."""
+    found = given.recording
+    if found.human is not None or found.people or FRAMES not in found.kinds:
+        return given
+    states = of_frames(bag, found, PersonSettings.of(given.definition.get("person") or {}, "person"))
+    if states is None:
+        return given
+    joints, root = states
+    return replace(given, recording=replace(found, people={joints.topic: joints}, tracked={root.topic: root}))

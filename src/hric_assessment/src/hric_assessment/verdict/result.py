@@ -19,6 +19,8 @@ ORDER = (Outcome.ABOVE, Outcome.NOT_ASSESSABLE, Outcome.WARNING, Outcome.WITHIN)
 EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: 1, Outcome.NOT_ASSESSABLE: 4}
 SHOWN = 20
 """Findings of one group in a text; the JSON has all."""
+SHOWN_FIGURES = 12
+"""Figures of one group in a text; likewise."""
 
 
 @dataclass(frozen=True)
@@ -112,9 +114,10 @@ class Verdict:
             lines += [line for one in found[:SHOWN] for line in [f"- {one}", *_details(one)]]
             if len(found) > SHOWN:
                 lines.append(f"- and {len(found) - SHOWN} more, which are no worse")
-        for title, items in (("figures without a limit", self.figures), ("missing", self.missing)):
-            if items:
-                lines += ["", f"{title}:", *(f"- {one}" for one in items)]
+        if self.figures:
+            lines += ["", "figures without a limit:", *_figures(self.figures)]
+        if self.missing:
+            lines += ["", "missing:", *(f"- {one}" for one in self.missing)]
         if self.assumptions:
             lines += ["", "assumptions:", *(f"- {one}" for one in self.assumptions)]
         return "\n".join(lines) + "\n"
@@ -189,6 +192,19 @@ def _grouped(findings: Sequence[Finding]) -> dict[str, list[Finding]]:
     for one in findings:
         found.setdefault(one.group, []).append(one)
     return found
+
+
+def _figures(figures: Sequence[Figure]) -> list[str]:
+    """The first ones of each group, which are the largest where their order is of no meaning."""
+    groups: dict[str, list[Figure]] = {}
+    for one in figures:
+        groups.setdefault(one.group, []).append(one)
+    lines = []
+    for group, found in groups.items():
+        lines += [f"- {one}" for one in found[:SHOWN_FIGURES]]
+        if len(found) > SHOWN_FIGURES:
+            lines.append(f"- and {len(found) - SHOWN_FIGURES} more of {group}")
+    return lines
 
 
 def _details(one: Finding) -> list[str]:

@@ -5,7 +5,6 @@ table for people, and .sto files that OpenSim opens, in the axes of its ground.
 """
 
 import argparse
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,6 +31,7 @@ from hric_control.trial.plates import TrialPlate
 from hric_experiments.analysis.run import bag_of
 from hric_experiments.definition import experiment
 from hric_human.body import Body, describe
+from hric_human.body.marker_labels import marker_labels
 from hric_human.control import HumanControl
 from hric_human.control.recorded import MarkerSolver
 from hric_human.control.whole_body import Load
@@ -220,7 +220,7 @@ def of_c3d(
         HricError: no such file, no markers of the body in it, or they are elsewhere; no such plate or link.
     """
     trial, body = read_trial(path), person.body
-    labels = _labels(path.name, trial.labels, tuple(body.markers))
+    labels = marker_labels(path.name, trial.labels, tuple(body.markers))
     names = list(labels)
     T_root_world = inverse(person.settings.root(body))
     R = rotation_from_quaternion(T_root_world.orientation)
@@ -255,21 +255,6 @@ def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> Load:
     """
     R, wrench = plate.T_lab_plate[:3, :3], -plate.loads(time)
     return Load(link, wrench[:, :3] @ R.T, wrench[:, 3:] @ R.T, np.tile(plate.T_lab_plate[:3, 3], (len(time), 1)))
-
-
-def _labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dict[str, str]:
-    """Labels of a body's markers, which may have the body's name before them: RSHO, subject:RSHO or body_RSHO."""
-    found: dict[str, dict[str, str]] = {}
-    for label in labels:
-        name = re.split("[:_]", label)[-1]
-        if name in names:
-            found.setdefault(label.removesuffix(name), {})[name] = label
-    if len(found) != 1:
-        what = f"markers of {len(found)} bodies: {', '.join(map(repr, found))}" if found else "no marker of the body"
-        raise MuscleLoadError(
-            f"{file} has {what}; muscle load needs some of {', '.join(names)} of one body; it has {', '.join(labels)}"
-        )
-    return found.popitem()[1]
 
 
 def _result(

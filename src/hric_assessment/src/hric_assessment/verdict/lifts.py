@@ -1,0 +1,144 @@
+"""Findings of lifts: what a person picks up and puts down with his hands, by the NIOSH equation, or why it is not for
+it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hric_assessment.ergonomics import niosh
+from hric_assessment.ergonomics.niosh import Lift, Rated
+from hric_assessment.findings import Finding, NotAssessableError, Outcome
+from hric_assessment.tables import niosh_table, verdict_table
+from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.person import Person
+from hric_bags.records.human_record import GripRecord
+from hric_control.geometry import FloatArray
+from hric_human.control.kinematics import GRAVITY
+
+GROUP = "lift"
+ASSUMED = (
+    "assumed: the load does not turn out of the sagittal plane, is stable, and well coupled; one lift in 5 min for "
+    "1 h; his ankles are below the middle of his hips, or of his shoulders where he is all arms"
+)
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What the hands of a person carry together.
+
+    Attributes:
+        held: the body.
+        hands: how many of his.
+        time: while it is held, shape (n,) [s].
+        point: middle of the grips, shape (n, 3) [m].
+        load: vertical force on the hands over g, shape (n,) [kg].
+    """
+
+    held: str
+    hands: int
+    time: FloatArray
+    point: FloatArray
+    load: FloatArray
+
+
+def lift_findings(given: Given, person: Person | None) -> list[Finding]:
+    """Of each body that his hands lift: its picking up and its putting down."""
+    human = given.recording.human
+    if human is None or person is None or person.settings is None or person.root is None:
+        return []
+    links = {segment.link for name, segment in person.body.segments.items() if name.endswith("hand")}
+    grips: dict[str, list[GripRecord]] = {}
+    for grip in human.grips.values():
+        model, _, link = grip.holder.rpartition("::")
+        if link in links and model in ("", "human") and "::" in grip.held and grip.closed.any():
+            grips.setdefault(grip.held, []).append(grip)
+    robot = str((given.definition.get("robot") or {}).get("arm_id", "panda"))
+    found = []
+    for held, own in grips.items():
+        if not held.startswith(f"{robot}::"):
+            found += _of(_carried(held, own), person)
+    return found
+
+
+def _carried(held: str, grips: Sequence[GripRecord]) -> Carried:
+    first = grips[0]
+    closed = np.all([np.interp(first.time, one.time, one.closed) > 0.5 for one in grips], axis=0)
+    time = first.time[closed]
+    points = [np.array([np.interp(time, one.time, column) for column in one.point.T]).T for one in grips]
+    force = sum(-np.interp(time, one.time, one.force[:, 2]) for one in grips)
+    load = np.asarray(force) / float(np.linalg.norm(GRAVITY))
+    return Carried(held, len(grips), time, np.mean(points, axis=0), load)
+
+
+def _of(one: Carried, person: Person) -> list[Finding]:
+    """Its picking up, from where it is held first to its height, and its putting down."""
+    height, least = one.point[:, 2], verdict_table()["lift"]
+    top = int(np.argmax(height))
+    found = []
+    for phase, end in (("pick-up", 0), ("put-down", len(height) - 1)):
+        travel = float(height[top] - height[end])
+        if travel > least:
+            found.append(_rated(one, person, phase, end, top, travel))
+    return found
+
+
+def _rated(one: Carried, person: Person, phase: str, end: int, top: int, travel: float) -> Finding:
+    settings, root = person.settings, person.root
+    assert settings is not None and root is not None
+    rows = slice(min(end, top), max(end, top) + 1)
+    height, raised = one.point[rows, 2], one.point[rows, 2] > one.point[end, 2] + 0.5 * travel
+    lift = Lift(
+        phase,
+        max(0.0, float(one.load[rows][raised].mean())),
+        float(np.linalg.norm(one.point[end, :2] - root[0, :2])),
+        max(0.0, float(one.point[end, 2]) - settings.floor),
+        travel,
+        hands=one.hands,
+        position=settings.person.posture,
+        speed=float(np.abs(np.gradient(height, one.time[rows])).max()) if len(height) > 1 else None,
+    )
+    table, window = niosh_table(), (float(one.time[rows][0]), float(one.time[rows][-1]))
+    values = {
+        "load, the person's share [kg]": lift.load,
+        "horizontal distance H [m]": lift.horizontal,
+        "height V [m]": lift.vertical,
+        "travel D [m]": lift.distance,
+    }
+    unrated = Finding(
+        f"{phase} of {one.held}",
+        Outcome.NOT_ASSESSABLE,
+        "",
+        table.name,
+        None,
+        values,
+        window,
+        ("/hric/human/grip",),
+        group=GROUP,
+    )
+    try:
+        rated = niosh.rate(lift)
+    except NotAssessableError as error:
+        return replace(unrated, reason=str(error).replace("\n", "; "))
+    found = {"recommended weight limit [kg]": rated.limit, "lifting index [1]": rated.index}
+    found |= {"weight limit by rounded multipliers [kg]": rated.rounded_limit}
+    found |= {f"multiplier {name}": value for name, value in rated.multipliers._asdict().items()}
+    reason = (
+        f"lifting index {rated.index:.2f}: {rated.level}; up to {table['design_goal']:g} is within limits, up to "
+        f"{table['high']:g} a warning (chosen here)"
+    )
+    return replace(
+        unrated,
+        outcome=_outcome(rated),
+        reason=reason,
+        share=rated.index / table["high"],
+        values={**values, **found},
+        notes=(ASSUMED, *rated.assumptions),
+    )
+
+
+def _outcome(rated: Rated) -> Outcome:
+    table = niosh_table()
+    if rated.index > table["high"]:
+        return Outcome.ABOVE
+    return Outcome.WARNING if rated.index > table["design_goal"] else Outcome.WITHIN

@@ -1,0 +1,98 @@
+"""The motion of a person from markers of his body: of a c3d file, or of frames of motion capture in a bag."""
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hric_bags.reader import opened, seconds
+from hric_bags.records.recording import RATE, Columns, Recording, Tracked
+from hric_control.geometry import FloatArray
+from hric_control.trial.c3d import read_trial
+from hric_human.body import Body, describe
+from hric_human.body.marker_labels import marker_labels
+from hric_human.tracking import LOST, PersonTracker
+from hric_perception.person.frames import MarkerRows
+from hric_perception.person.settings import PersonSettings
+
+FRAMES = "hric_msgs/msg/MocapData"
+Frame = tuple[float, FloatArray]
+"""Robot time [s], positions of the markers, shape (m, 3) [m]."""
+
+
+def of_c3d(path: Path) -> Recording:
+    """What a c3d file has of a person of the default subject's measures.
+
+    Raises:
+        HricError: no such file, or no markers of a body in it.
+    """
+    trial = read_trial(path)
+    body = describe(PersonSettings().person)
+    labels = marker_labels(path.name, trial.labels, tuple(body.markers))
+    positions = trial.markers(list(labels.values()))
+    step = max(1, round(trial.rate / RATE))
+    frames = ((trial.start + k / trial.rate, positions[k]) for k in range(0, len(positions), step))
+    states, root = tracked(frames, PersonTracker(body, tuple(labels)), path.name, "laboratory", False)
+    end = trial.start + trial.duration
+    return Recording(
+        {f"{path.name}: {len(labels)} markers": len(positions)},
+        frozenset(),
+        trial.start,
+        end,
+        float,
+        None,
+        None,
+        None,
+        {states.topic: states},
+        {root.topic: root},
+    )
+
+
+def of_frames(bag: Path, found: Recording, settings: PersonSettings) -> tuple[Columns, Tracked] | None:
+    """Of the frames of motion capture in a bag; None: his markers are not in it."""
+    body, calibrated = settings.known()
+    tracker, rows = PersonTracker(body, settings.worn), MarkerRows(settings.worn, settings.labels, settings.asset)
+    frame = ["mocap"]
+    with opened(bag) as reader:
+
+        def frames() -> Iterator[Frame]:
+            last, least = -np.inf, 0.99 / RATE
+            for connection, stamp, raw in reader.chosen(lambda c: c.msgtype == FRAMES):
+                if 1e-9 * stamp - last >= least:
+                    last, message = 1e-9 * stamp, reader.deserialize(raw, connection.msgtype)
+                    frame[0] = str(message.header.frame_id).strip("/")
+                    yield found.robot_time(seconds(message.header.stamp)), rows.positions(message)
+
+        states, root = tracked(frames(), tracker, "markers", lambda: frame[0], calibrated)
+    return (states, root) if len(states.time) else None
+
+
+def tracked(
+    frames: Iterable[Frame], tracker: PersonTracker, name: str, frame: str | Callable[[], str], calibrated: bool
+) -> tuple[Columns, Tracked]:
+    """Joints and root link over time; NaN: lost.
+
+    Args:
+        frames: in order of time.
+        tracker: of his body.
+        name: of the recording, in front of what stands for topics.
+        frame: of the markers.
+        calibrated: whether the body was fitted to him.
+    """
+    body: Body = tracker.body
+    times, angles, roots, residuals = list[float](), list[FloatArray](), list[list[float]](), list[float]()
+    for time, positions in frames:
+        one = tracker.update(time, positions)
+        if one is None:
+            continue
+        times.append(time)
+        angles.append(np.where(np.array(one.states) == LOST, np.nan, one.q))
+        nowhere: Any = [np.nan] * 7
+        roots.append(nowhere if one.root_state == LOST else [*one.root.position, *one.root.orientation])
+        residuals.append(one.residual)
+    n, time_of = len(times), np.array(times)
+    states = Columns(f"{name}/joint_states", tuple(body.joints), time_of, np.array(angles).reshape(n, -1))
+    at = frame if isinstance(frame, str) else frame()
+    pose = np.array(roots).reshape(n, 7)
+    return states, Tracked(f"{name}/tracking", at, time_of, pose, np.array(residuals), calibrated)
