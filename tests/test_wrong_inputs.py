@@ -102,6 +102,10 @@ TOOLS = [
     ("hric_experiments compare open open --labels a", r"--labels names 1 runs \(a\), but 2 are compared"),
     ("hric_experiments schema --studies", r"\[--study\] \[--example\]\n.*unrecognized arguments: --studies"),
     ("hric_experiments check_model notes.csv", r"notes\.csv has no columns t .*there: a, b; .*--columns t=NAME"),
+    (
+        "hric_experiments measure_stops --speeds 40",
+        r"no pose reaches 40 m/s within the velocity limits; valid: slower ones",
+    ),
     ("hric_experiments inverse_dynamics nowhere", r"no run folder 'nowhere'"),
     ("hric_experiments muscle_load nowhere.c3d", r"nowhere\.c3d does not say .* add --person RUN\|EXPERIMENT\.yaml"),
     ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),

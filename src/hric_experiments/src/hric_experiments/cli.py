@@ -346,6 +346,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "inverse_kinematics": _of("hric_bags.export.command", "inverse_kinematics"),
     "inverse_dynamics": _of("hric_bags.export.command", "inverse_dynamics"),
     "muscle_load": _of("hric_experiments.analysis.muscle_load"),
+    "measure_stops": _of("hric_experiments.stops.command"),
     "check_model": _of("hric_experiments.check_model.command"),
 }
 

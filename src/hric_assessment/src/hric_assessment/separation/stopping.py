@@ -1,0 +1,153 @@
+"""How long and how far an arm moves on after the request to stop: a table by speed and load, taken on the safe side.
+
+    table = load(Path("own.yaml"))                 # load() is the emulated arm's, config/stops.yaml
+    stop = table.stop(speed, load=1.5, perception=0.05)      # for `protective_distance`
+
+What comes with the package is a stop in simulation: the emulated control box's own, not the brake of a real arm.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from hric_assessment.findings import NotAssessableError
+from hric_assessment.separation.protective import Stop, Values
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray
+from hric_control.node import REQUIRED
+from hric_control.parameters import Settings, choice, listing, number, package_yaml, read_yaml, refused, section, text
+
+SIMULATION, MEASUREMENT = "simulation", "measurement"
+KINDS = (SIMULATION, MEASUREMENT)
+"""What a table was made by."""
+NOT_A_BRAKE = "stops of an emulated arm in simulation, not of a real arm's brake"
+"""Said beside each value that was not measured on an arm."""
+
+
+@dataclass(frozen=True)
+class Row(Settings):
+    """A stop."""
+
+    speed: float = number(above=0.0, unit="m/s", text="with which the end effector moves when braking begins")
+    load: float = number(0.0, minimum=0.0, unit="kg", text="that the arm carries")
+    time: float = number(minimum=0.0, unit="s", text="from then on until it is at rest")
+    distance: float | None = number(
+        None, minimum=0.0, unit="m", default_text="speed times time", text="that the end effector covers in that time"
+    )
+
+
+@dataclass(frozen=True)
+class StopTable(Settings):
+    """Stops of an arm by speed and load.
+
+    Between two rows nothing is interpolated: a stop from a speed with a load is that of the row which is next above in
+    both. Where a row with less speed and load stops later or farther, that counts.
+    """
+
+    title: str = text(empty=False, text="as findings name it")
+    kind: str = choice(*KINDS, default=REQUIRED, text="what it was made by")
+    source: str = text(empty=False, text="who or what made it, when and how")
+    command: str | None = text(None, empty=False, text="that makes it again")
+    reaction_time: float = number(
+        minimum=0.0, unit="s", text="from the request to stop until braking begins; perception is not in it"
+    )
+    stops: tuple[Row, ...] = listing(section(Row), text="rows, see below")
+
+    def check(self, where: str) -> None:
+        """Refuse a speed with a load twice, and a table without rows."""
+        if not self.stops:
+            raise refused(f"{where}stops", [], "one row or more")
+        pairs = [(row.speed, row.load) for row in self.stops]
+        for index, pair in enumerate(pairs):
+            if pair in pairs[:index]:
+                raise refused(f"{where}stops[{index}]", f"{pair[0]:g} m/s with {pair[1]:g} kg", "each pair once")
+
+    @property
+    def name(self) -> str:
+        """For findings."""
+        return f"{self.title} ({NOT_A_BRAKE})" if self.kind == SIMULATION else self.title
+
+    @property
+    def max_speed(self) -> float:
+        """Of all rows [m/s]; a load may have less."""
+        return max(row.speed for row in self.stops)
+
+    @property
+    def max_load(self) -> float:
+        """Of all rows [kg]."""
+        return max(row.load for row in self.stops)
+
+    def stop(self, speed: Values, load: float = 0.0, perception: float = 0.0) -> Stop:
+        """From a speed with a load; an arm at rest stops at once.
+
+        Args:
+            speed: of the end effector, a number or shape (n,) [m/s].
+            load: [kg].
+            perception: from the person's motion until the request to stop [s].
+
+        Raises:
+            NotAssessableError: faster, or with more load, than any row.
+            HricError: not a finite number of 0 or more.
+        """
+        for name, value in (("speed", speed), ("load", load), ("perception", perception)):
+            if not np.all(np.isfinite(value) & (np.asarray(value) >= 0.0)):
+                raise HricError(f"{name} is {value}; valid: finite numbers of 0 or more")
+        speeds, times, distances = self._from(load)
+        fastest = float(np.max(speed, initial=0.0))
+        if not len(speeds) or fastest > speeds[-1]:
+            up_to = f"{speeds[-1]:g} m/s with {load:g} kg" if len(speeds) else f"{self.max_load:g} kg"
+            raise NotAssessableError(
+                f"stops from {fastest:.3g} m/s with {load:g} kg are not in {self.title}, which goes up to {up_to}; "
+                "valid: a file of stops that has them"
+            )
+        index = np.searchsorted(speeds, speed)
+        moves = np.asarray(speed) > 0.0
+        return Stop(
+            self.reaction_time + perception, np.where(moves, times[index], 0.0), np.where(moves, distances[index], 0.0)
+        )
+
+    def _from(self, load: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(speeds, times, distances) with a load, in order of speed, shape (k,) each: for each speed that there is with
+        this load or more, the best of the rows above, a row being as bad as the worst with no more speed and load."""
+        rows = np.array([[r.speed, r.load, r.time, _distance(r)] for r in self.stops])
+        below = (rows[:, None, 0] >= rows[None, :, 0]) & (rows[:, None, 1] >= rows[None, :, 1])
+        worst = np.max(np.where(below[..., None], rows[None, :, 2:], 0.0), axis=1)
+        enough = rows[:, 1] >= load
+        speeds = np.unique(rows[enough, 0])
+        above = enough[None] & (rows[None, :, 0] >= speeds[:, None])
+        best = np.min(np.where(above[..., None], worst[None], np.inf), axis=1, initial=np.inf)
+        return speeds, best[:, 0], best[:, 1]
+
+
+def _distance(row: Row) -> float:
+    return row.speed * row.time if row.distance is None else row.distance
+
+
+def load(path: Path | None = None) -> StopTable:
+    """A user's own file, or the table that comes with the package.
+
+    Raises:
+        HricError: a file that cannot be used, with all its mistakes.
+    """
+    if path is None:
+        return StopTable.of(package_yaml(__file__, "stops"), "stops.yaml:")
+    return StopTable.of(read_yaml(path), f"{path.name}:")
+
+
+def as_yaml(table: StopTable) -> str:
+    """The table as a file, which `load` reads."""
+    content: dict[str, Any] = {key: value for key, value in asdict(table).items() if value is not None}
+    stops = content.pop("stops")
+    head = yaml.safe_dump(content, sort_keys=False, width=10_000, allow_unicode=True)
+    rows = "".join(f"  - {{{_written(row)}}}\n" for row in stops)
+    about = f"# Of an arm that is told to stop: {NOT_A_BRAKE}.\n" if table.kind == SIMULATION else ""
+    units = "# speed [m/s], load [kg], time of braking until it is at rest [s], distance [m]; reaction_time [s]\n"
+    return f"{about}{units}{head}stops:\n{rows}"
+
+
+def _written(row: Mapping[str, float | None]) -> str:
+    return ", ".join(f"{key}: {value:.6g}" for key, value in row.items() if value is not None)

@@ -1,0 +1,132 @@
+"""Stops by speed and load: never shorter than a row that was measured says, and files of the user's own."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hric_assessment.findings import NotAssessableError
+from hric_assessment.separation import stopping
+from hric_assessment.separation.protective import protective_distance
+from hric_assessment.separation.stopping import MEASUREMENT, SIMULATION, Row, StopTable
+from hric_control.errors import HricError
+
+ROWS = (
+    Row(0.5, 0.0, 0.10, 0.02),
+    Row(1.0, 0.0, 0.20, 0.08),
+    Row(0.5, 3.0, 0.15, 0.03),
+    Row(1.0, 3.0, 0.30, 0.12),
+)
+
+
+def table(rows: tuple[Row, ...] = ROWS, kind: str = MEASUREMENT, reaction_time: float = 0.02) -> StopTable:
+    return StopTable(title="our arm", kind=kind, source="a stopwatch", reaction_time=reaction_time, stops=rows)
+
+
+@pytest.mark.parametrize(
+    ("speed", "load", "time", "distance"),
+    [
+        (0.5, 0.0, 0.10, 0.02),
+        (0.501, 0.0, 0.20, 0.08),
+        (0.1, 0.0, 0.10, 0.02),
+        (0.5, 0.001, 0.15, 0.03),
+        (0.75, 1.5, 0.30, 0.12),
+    ],
+)
+def test_a_stop_is_that_of_the_next_row_above_in_speed_and_load(
+    speed: float, load: float, time: float, distance: float
+) -> None:
+    stop = table().stop(speed, load)
+    assert (float(stop.time), stop.distance) == (time, pytest.approx(distance))
+
+
+def test_no_stop_is_shorter_than_one_of_a_slower_or_lighter_arm() -> None:
+    """Fewer poses reach a high speed, so that a measured row may be below another that ought to be below it."""
+    rows = (Row(0.5, 0.0, 0.4, 0.10), Row(1.0, 0.0, 0.3, 0.09), Row(1.0, 2.0, 0.2, 0.05))
+    for speed, load in ((0.5, 0.0), (1.0, 0.0), (1.0, 2.0), (0.2, 1.0)):
+        stop = table(rows).stop(speed, load)
+        assert (float(stop.time), float(stop.distance)) == (0.4, 0.10)  # type: ignore[arg-type]
+
+
+def test_any_table_is_monotone_and_above_its_rows() -> None:
+    rng = np.random.default_rng(3)
+    rows = tuple(
+        Row(*pair, *rng.uniform(0.1, 1.0, 2)) for pair in {tuple(rng.integers(1, 9, 2) * 0.25) for _ in range(25)}
+    )
+    made = table(rows)
+    for row in rows:
+        stop = made.stop(row.speed, row.load)
+        assert float(stop.time) >= row.time and float(stop.distance) >= row.distance  # type: ignore[arg-type]
+        top = max(other.speed for other in rows if other.load >= row.load)
+        times = made.stop(np.linspace(0.01, top, 50), row.load).time
+        assert np.all(np.diff(times) >= 0.0)
+
+
+def test_an_arm_that_stands_has_stopped() -> None:
+    stop = table().stop(np.array([0.0, 0.4]), 0.0)
+    assert np.asarray(stop.time).tolist() == [0.0, 0.10] and np.asarray(stop.distance).tolist() == [0.0, 0.02]
+
+
+def test_a_row_without_a_distance_is_taken_as_moving_on_at_its_speed() -> None:
+    assert float(table((Row(0.5, 0.0, 0.2),)).stop(0.5).distance) == pytest.approx(0.1)  # type: ignore[arg-type]
+
+
+def test_a_stop_goes_into_the_protective_distance_with_the_time_of_perception() -> None:
+    terms = protective_distance(1.0, 1.6, table().stop(1.0, 0.0, perception=0.08), 0.0, 0.0, 0.0)
+    assert tuple(map(float, terms)) == pytest.approx((1.6 * (0.1 + 0.2), 1.0 * 0.1, 0.08, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("speed", "load", "said"), [(1.1, 0.0, "up to 1 m/s with 0 kg"), (0.1, 3.1, "up to 3 kg")])
+def test_nothing_is_extrapolated(speed: float, load: float, said: str) -> None:
+    with pytest.raises(NotAssessableError, match=said):
+        table().stop(np.array([0.0, speed]), load)
+
+
+@pytest.mark.parametrize("given", [{"speed": -0.1}, {"speed": np.nan}, {"speed": 0.1, "load": -1.0}])
+def test_a_speed_or_load_that_cannot_be_is_refused(given: dict[str, float]) -> None:
+    with pytest.raises(HricError, match="valid: finite numbers of 0 or more"):
+        table().stop(**given)
+
+
+def test_a_table_comes_back_from_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    for kind in (MEASUREMENT, SIMULATION):
+        path.write_text(stopping.as_yaml(table((*ROWS, Row(2.0, 1.0, 0.5)), kind)))
+        assert stopping.load(path) == table((*ROWS, Row(2.0, 1.0, 0.5)), kind)
+        assert (stopping.NOT_A_BRAKE in path.read_text()) == (kind == SIMULATION)
+
+
+def test_a_table_of_a_simulation_says_so_wherever_it_is_named() -> None:
+    assert "not of a real arm's brake" in stopping.load().name
+    assert table().name == "our arm"
+
+
+def test_a_wrong_file_gets_one_error_with_all_its_mistakes(tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(
+        "title: ours\nkind: guess\nsource: us\nreaction_time: -1\nstops: [{speed: 0, time: 0.1}, {speed: 1, tiem: 1}]\n"
+    )
+    with pytest.raises(HricError) as raised:
+        stopping.load(path)
+    for said in ("kind", "simulation, measurement", "reaction_time", "stops[0].speed", "tiem"):
+        assert said in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [("[]", "one row or more"), ("[{speed: 1, time: 1}, {speed: 1, load: 0, time: 2}]", "each pair once")],
+)
+def test_rows_that_are_missing_or_twice_are_refused(rows: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(f"title: ours\nkind: measurement\nsource: us\nreaction_time: 0.1\nstops: {rows}\n")
+    with pytest.raises(HricError, match=said):
+        stopping.load(path)
+
+
+def test_the_table_that_ships_says_how_it_was_made_and_is_plausible() -> None:
+    """No stop covers more than moving on at its speed would."""
+    shipped = stopping.load()
+    assert shipped.kind == SIMULATION and shipped.command and shipped.command.startswith("rosrun hric_experiments")
+    assert shipped.max_load >= 3.0 and shipped.max_speed >= 1.5
+    for row in shipped.stops:
+        assert row.distance is not None and 0.0 < row.distance <= row.speed * row.time

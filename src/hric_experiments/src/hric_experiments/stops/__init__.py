@@ -1,0 +1,1 @@
+"""Stops of the emulated arm, by speed and load."""
