@@ -6,42 +6,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hric_bags.export import recording
-from hric_bags.export.exporting import FORMATS, Request, export
+from hric_bags.export.exporting import FORMATS, Request, default_folder, export
 from hric_bags.run_folder import runs_root
 
 
 def main(arguments: Sequence[str]) -> int:
     """Export a bag."""
-    parser = _parser(
-        "export",
-        "export/ of the run, or <bag>_export/ beside a bag",
-        "Write a bag in other formats, with units, axes and rates in the files. What is there already is left alone, "
-        "so that an interrupted export goes on.",
-    )
-    parser.add_argument(
-        "--format", nargs="+", required=True, metavar=f"{{{','.join(FORMATS)}}}", dest="formats", help="what to write"
-    )
-    parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="to which to keep (default: all)")
-    parser.add_argument(
-        "--load-body",
-        default="",
-        metavar="BODY",
-        help="external_loads: a set-up file that applies the plates' loads to this body",
-    )
-    parser.add_argument(
-        "--surface",
-        type=float,
-        default=0.0,
-        metavar="METRES",
-        help="external_loads, c3d: height of the plates' surface over their electrical origin (c3d: else as in the "
-        "run)",
-    )
-    parser.add_argument("--again", action="store_true", help="write also what is there already")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    given = parser.parse_args(list(arguments))
-    request = Request(tuple(dict.fromkeys(given.formats)), tuple(given.topics), given.load_body, given.surface)
+    given = _export_parser().parse_args(list(arguments))
+    names = None if given.anonymise is None else tuple(given.anonymise)
+    request = Request(tuple(dict.fromkeys(given.formats)), tuple(given.topics), given.load_body, given.surface, names)
     source = recording.find(given.run, runs_root(given.runs))
-    result = export(source, request, given.output, again=given.again, progress=not given.quiet and sys.stderr.isatty())
+    folder = default_folder(source, request) if given.output is None else given.output
+    result = export(source, request, folder, again=given.again, progress=not given.quiet and sys.stderr.isatty())
     if result.reading:
         print(f"read in {result.reading:.1f} s")
     for kind, paths in result.files.items():
@@ -49,7 +25,7 @@ def main(arguments: Sequence[str]) -> int:
         print(f"{kind:<14}  {took:>13}  {len(paths)} files, {sum(path.stat().st_size for path in paths) / 1e6:.1f} MB")
     for note in result.notes:
         print(note)
-    print(f"export: {(given.output or source.output).absolute()}")
+    print(f"export: {folder.absolute()}")
     for kind, reason in result.failures.items():
         print(f"export: {kind} was not written: {reason}", file=sys.stderr)
     return 1 if result.failures else 0
@@ -112,4 +88,41 @@ def _parser(command: str, output: str, description: str) -> argparse.ArgumentPar
     )
     parser.add_argument("--output", type=Path, metavar="DIR", help=f"where to write (default: {output})")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
+    return parser
+
+
+def _export_parser() -> argparse.ArgumentParser:
+    parser = _parser(
+        "export",
+        "export/ of the run, anonymised/ with --anonymise, or <bag>_export/ beside a bag",
+        "Write a bag in other formats, with units, axes and rates in the files. What is there already is left alone, "
+        "so that an interrupted export goes on.",
+    )
+    parser.add_argument(
+        "--format", nargs="+", required=True, metavar=f"{{{','.join(FORMATS)}}}", dest="formats", help="what to write"
+    )
+    parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="to which to keep (default: all)")
+    parser.add_argument(
+        "--load-body",
+        default="",
+        metavar="BODY",
+        help="external_loads: a set-up file that applies the plates' loads to this body",
+    )
+    parser.add_argument(
+        "--surface",
+        type=float,
+        default=0.0,
+        metavar="METRES",
+        help="external_loads, c3d: height of the plates' surface over their electrical origin (c3d: else as in the "
+        "run)",
+    )
+    parser.add_argument(
+        "--anonymise",
+        nargs="*",
+        metavar="NAME",
+        help="drop who the person is and when it was (names, dates, sex, strength), coarsen mass and height; write "
+        "run.yaml, metrics.json and a list of what was done, too. NAME: further words that name the person",
+    )
+    parser.add_argument("--again", action="store_true", help="write also what is there already")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
     return parser

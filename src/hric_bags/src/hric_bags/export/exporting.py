@@ -1,14 +1,18 @@
 """One export: which formats, into which folder; what is there already is left alone."""
 
+import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
-from hric_bags.export import batches, c3d_trial, frames, loads, opensim_formats, recording, unbatched
+from hric_bags import files
+from hric_bags.export import anonymous, batches, c3d_trial, frames, loads, opensim_formats, recording, unbatched
+from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.output import Output
 from hric_bags.export.recording import Source
 from hric_bags.export.table import ExportError, Table
@@ -35,12 +39,14 @@ class Request:
         topics: names; empty: all.
         load_body: body of a model that the plates' loads act on; empty: they are in no set-up file.
         surface: height of the plates' surface over their electrical origin [m].
+        anonymise: further words that name the person, who is taken out; None: nothing is.
     """
 
     formats: Sequence[str]
     topics: tuple[str, ...] = ()
     load_body: str = ""
     surface: float = 0.0
+    anonymise: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         for kind in self.formats:
@@ -68,6 +74,25 @@ class Result:
     failures: dict[str, str] = field(default_factory=dict)
 
 
+ABOUT = "about"
+"""Folder of what an anonymised export says of the run, and of itself."""
+
+
+def default_folder(source: Source, request: Request) -> Path:
+    """Where an export goes.
+
+    Raises:
+        ExportError: to be anonymised is a bag by itself, whose name may say who and when.
+    """
+    if request.anonymise is None:
+        return source.output
+    if source.folder is None:
+        raise ExportError(
+            f"--anonymise of a bag needs --output DIR: the name of {source.bag.name} may say who it was and when"
+        )
+    return source.folder.path / "anonymised"
+
+
 def export(
     source: Source, request: Request, folder: Path | None = None, *, again: bool = False, progress: bool = False
 ) -> Result:
@@ -76,7 +101,7 @@ def export(
     Args:
         source: see `recording.find`.
         request: what to write.
-        folder: where to; default: `export` in the run folder, or `<bag>_export` beside a bag.
+        folder: where to; default: see `default_folder`.
         again: write also what is there.
         progress: whether to draw bars.
 
@@ -84,7 +109,8 @@ def export(
         HricError: the bag is damaged, or has no such topic.
     """
     settings = {"topics": sorted(request.topics), "load_body": request.load_body, "surface": request.surface}
-    output = Output(folder or source.output, source.bags, settings, again=again)
+    anonymiser = None if request.anonymise is None else _anonymiser(source, request.anonymise)
+    output = Output(folder or default_folder(source, request), source.bags, settings, again, request.anonymise)
     result = Result()
     missing = [kind for kind in request.formats if output.done(kind) is None]
     from_tables = [kind for kind in missing if kind != "bag"]
@@ -93,8 +119,9 @@ def export(
         begin = time.perf_counter()
         types = () if set(from_tables) & set(PLAIN) else tuple(name for kind in from_tables for name in NEEDED[kind])
         tables = recording.read(source, request.topics, progress=progress, types=types)
+        tables = tables if anonymiser is None else anonymiser.tables(tables)
         result.reading = time.perf_counter() - begin
-    job = _Job(source, request, output, tables, result.notes, progress)
+    job = _Job(source, request, output, tables, result.notes, progress, anonymiser)
     for kind in request.formats:
         begin = time.perf_counter()
         try:
@@ -106,7 +133,35 @@ def export(
             result.failures[kind] = text if isinstance(error, HricError) else f"{type(error).__name__}: {text}"
         if (done := output.done(kind)) is not None:
             result.files[kind] = done
+    if anonymiser is not None:
+        _write_about(output, anonymiser, source)
+        result.notes += anonymiser.done
     return result
+
+
+def _anonymiser(source: Source, names: Sequence[str]) -> Anonymiser:
+    metrics: dict[str, Any] = {}
+    if source.folder is not None and source.folder.metrics_path.is_file():
+        metrics = json.loads(source.folder.metrics_path.read_text())
+    with recording.open_reader(source) as reader:
+        begin = reader.start_time if reader.message_count else 0
+    return Anonymiser(source.run, metrics, names, begin)
+
+
+def _write_about(output: Output, anonymiser: Anonymiser, source: Source) -> None:
+    """What is left of run.yaml and metrics.json, and what was done."""
+    path = output.folder / ABOUT / "anonymised.txt"  # of formats that were there already, too
+    before = [] if output.done(ABOUT) is None else path.read_text().splitlines()
+    if source.folder is not None:
+        for name, content, write in (
+            ("run.yaml", anonymiser.run, files.write_yaml),
+            ("metrics.json", anonymiser.metrics, files.write_json),
+        ):
+            output.write(ABOUT, name, partial(write, data=content), again=True)
+    lines = dict.fromkeys([*before, *(f"- {line}" for line in anonymiser.done)])
+    text = "".join(f"{line}\n" for line in lines)
+    output.write(ABOUT, path.name, lambda target: files.write_text(target, text), again=True)
+    output.finish(ABOUT)
 
 
 @dataclass(frozen=True)
@@ -119,12 +174,13 @@ class _Job:
     tables: dict[str, Table]
     notes: list[str]
     progress: bool
+    anonymiser: Anonymiser | None
 
     def write(self, kind: str) -> bool:
         """Write a format; false: there is nothing to write."""
         match kind:
             case "bag":
-                self.output.write(kind, f"{self.source.bag.stem}_samples.bag", self._write_bag)
+                self.output.write(kind, f"{self._stem}_samples.bag", self._write_bag)
             case "sto":
                 what = "joint states, a control log, chunks of samples, synchronised samples or wrenches"
                 self._write_each(kind, self._need(kind, what, opensim_formats.is_signal), opensim_formats.write_signals)
@@ -162,8 +218,13 @@ class _Job:
         for table in tqdm(tables, unit=" topics", desc=kind, disable=not self.progress, leave=False):
             self.output.write(kind, f"{table.name}.{kind}", partial(write, table))
 
+    @property
+    def _stem(self) -> str:
+        """Of files that are called after the bag."""
+        return self.source.bag.stem if self.anonymiser is None else anonymous.NAME
+
     def _write_bag(self, path: Path) -> None:
-        unbatched.write(self.source, path, self.request.topics, progress=self.progress)
+        unbatched.write(self.source, path, self.request.topics, progress=self.progress, anonymous=self.anonymiser)
 
     def _write_markers(self, table: Table, path: Path) -> None:
         opensim_formats.write_markers(opensim_formats.markers_of(table, self._frames), path, f"{table.name}.trc")
@@ -173,8 +234,9 @@ class _Job:
 
         source = self.source
         trial = c3d_trial.collect(self.tables, self._frames, source.run, self.request.surface)
-        stem = source.bag.stem if source.folder is None else source.folder.path.name
-        pieces, started = list(c3d_format.parts(trial)), str(source.run.get("started") or "")
+        known = self.anonymiser is None
+        stem = source.folder.path.name if source.folder is not None and known else self._stem
+        pieces, started = list(c3d_format.parts(trial)), str(source.run.get("started") or "") if known else ""
         for number, piece in enumerate(pieces, 1):
             name = f"{stem}_{number}.c3d" if len(pieces) > 1 else f"{stem}.c3d"
             self.output.write("c3d", name, partial(c3d_format.write, piece, started=started))

@@ -1,6 +1,7 @@
 """The folder of an export: files that are whole or absent, and a list of those that are done, so that an interrupted
 export goes on."""
 
+import hashlib
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,23 +23,37 @@ class Output:
         bags: parts of what is exported; files of another bag, or of this one before it changed, do not count as done.
         request: what the caller set besides the formats; files made on another request do not count either.
         again: nothing counts as done.
+        words: of an anonymised export, those that name the person; None: it is not one. Its list has no names, but a
+            hash of them.
 
     Attributes:
         folder: see above.
+
+    Raises:
+        ExportError: of this export and the one in the folder only one is anonymised.
     """
 
     def __init__(
-        self, folder: Path, bags: Sequence[Path], request: dict[str, Any] | None = None, *, again: bool = False
+        self,
+        folder: Path,
+        bags: Sequence[Path],
+        request: dict[str, Any] | None = None,
+        again: bool = False,
+        words: Sequence[str] | None = None,
     ) -> None:
         self.folder = folder
-        known = [{"name": bag.name, "size": bag.stat().st_size, "modified": bag.stat().st_mtime_ns} for bag in bags]
+        known: Any = [
+            {"name": bag.name, "size": bag.stat().st_size, "modified": bag.stat().st_mtime_ns} for bag in bags
+        ]
+        if words is not None:
+            known = hashlib.sha256(json.dumps([known, sorted(words)]).encode()).hexdigest()
         self._head = {"version": VERSION, "bags": known, "request": request or {}}
         self._formats: dict[str, dict[str, Any]] = {}
-        if (
-            not again
-            and (kept := _read(folder / LIST))
-            and all(kept.get(key) == value for key, value in self._head.items())
-        ):
+        kept = _read(folder / LIST)
+        if kept and (words is not None) != isinstance(kept.get("bags"), str):
+            kind = "that is not anonymised" if words is not None else "that is anonymised"
+            raise ExportError(f"{folder} has an export {kind}; valid: another folder")
+        if not again and kept and all(kept.get(key) == value for key, value in self._head.items()):
             self._formats = kept.get("formats") or {}
 
     def done(self, kind: str) -> list[Path] | None:
@@ -47,13 +62,14 @@ class Output:
         paths = [self.folder / name for name in entry.get("files", ())]
         return paths if entry.get("finished") and all(path.is_file() for path in paths) else None
 
-    def write(self, kind: str, name: str, writer: Callable[[Path], object]) -> None:
+    def write(self, kind: str, name: str, writer: Callable[[Path], object], *, again: bool = False) -> None:
         """Write one file of a format, unless it is there already, and note it.
 
         Args:
             kind: the format.
             name: of the file.
             writer: is called with the path to write to.
+            again: also where it is there.
 
         Raises:
             ExportError: the disk refuses.
@@ -61,7 +77,7 @@ class Output:
         relative = f"{kind}/{name}"
         entry = self._formats.setdefault(kind, {"files": []})
         path = self.folder / relative
-        if relative in entry["files"] and path.is_file():
+        if relative in entry["files"] and path.is_file() and not again:
             return
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """A bag with one message per sample, for viewers that draw a value per message: control logs and chunks of samples
 taken apart, the rest copied."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,19 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer
 
 from hric_bags.export import batches
+from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.recording import Source, open_reader
 from hric_bags.reader import ARRAYS
 
 
-def write(source: Source, target: Path, topics: tuple[str, ...] = (), *, progress: bool = False) -> int:
+def write(
+    source: Source,
+    target: Path,
+    topics: tuple[str, ...] = (),
+    *,
+    progress: bool = False,
+    anonymous: Anonymiser | None = None,
+) -> int:
     """Copy a bag; every message keeps its topic and type, and a sample is at its own time.
 
     Args:
@@ -23,6 +31,7 @@ def write(source: Source, target: Path, topics: tuple[str, ...] = (), *, progres
         target: must not exist.
         topics: to which to keep; empty: all.
         progress: whether to draw a bar.
+        anonymous: takes the person out; None: nothing is.
 
     Returns:
         Number of messages written.
@@ -33,10 +42,15 @@ def write(source: Source, target: Path, topics: tuple[str, ...] = (), *, progres
     count = 0
     with open_reader(source) as reader, Writer(target) as writer:
         connections = [c for c in reader.connections if not topics or c.topic in topics]
+        if anonymous is not None:
+            connections = [c for c in connections if not anonymous.hides(c.topic)]
         by_key = {_key(c): c for c in connections}
-        target_of = {key: _add(writer, c) for key, c in by_key.items()}
+        text = str if anonymous is None else anonymous.text
+        target_of = {key: _add(writer, c, text) for key, c in by_key.items()}
         for connection, time, raw in reader.chosen(connections.__contains__, "bag" if progress else ""):
             for at, data in _parts(reader, connection.msgtype, time, raw):
+                if anonymous is not None:
+                    at, data = anonymous.time(at), _without_person(reader, connection.msgtype, data, anonymous)
                 writer.write(target_of[_key(connection)], at, data)
                 count += 1
     return count
@@ -47,13 +61,17 @@ def _key(connection: Any) -> tuple[Any, ...]:
     return connection.topic, connection.msgtype, connection.digest, connection.ext.callerid, connection.ext.latching
 
 
-def _add(writer: Writer, connection: Any) -> Any:
+def _without_person(reader: AnyReader, kind: str, data: Any, anonymous: Anonymiser) -> Any:
+    return reader.typestore.serialize_ros1(anonymous.message(reader.deserialize(data, kind)), kind)
+
+
+def _add(writer: Writer, connection: Any, text: Callable[[str], str]) -> Any:
     return writer.add_connection(
-        connection.topic,
+        text(connection.topic),
         connection.msgtype,
         msgdef=connection.msgdef.data,
         md5sum=connection.digest,
-        callerid=connection.ext.callerid,
+        callerid=None if connection.ext.callerid is None else text(connection.ext.callerid),
         latching=connection.ext.latching,
     )
 

@@ -1,0 +1,281 @@
+"""What an anonymised export still says: all its files are searched for whom and when the run was of."""
+
+import json
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import export_bags
+import ezc3d
+import numpy as np
+import pyarrow.parquet
+import pytest
+import yaml
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer
+from rosgraph_msgs.msg import Log
+from std_msgs.msg import String
+
+from hric_bags.export import exporting, recording
+from hric_bags.export.anonymous import STAYS, Anonymiser
+from hric_bags.export.exporting import FORMATS, Request
+from hric_bags.export.recording import Source
+from hric_bags.run_folder import RunFolder
+from hric_control.errors import HricError
+from hric_control.robot_time.stamps import to_time
+from hric_experiments import cli
+from hric_experiments.headless.bag_writer import BagWriter
+from hric_msgs.msg import HumanEvent, JointTorque
+
+RAW = "/hric/perception/emg/raw"
+WALL = 1_773_480_000
+"""2026-03-14 09:20:00 UTC [s]."""
+STRENGTH = 0.35170923
+BODY = {
+    "mass": 83.719531,
+    "height": 1.873492,
+    "sex": "female",
+    "dominant_hand": "left",
+    "lengths": {"upper_arm": 0.33310417},
+}
+HUMAN = {
+    "subject": {"code": "S07", **BODY, "parts": "both_arms"},
+    "muscles": {"strength": 0.81290731},
+    "position": [0.7, 0.0],
+}
+BLOW = {"human_mass": 2.22271905, "mass": 1.11170342, "ratio": 0.99910023, "peak": 12.0}
+RUN = {
+    "experiment": "reach",
+    "description": "Jane Doe reaches, 14.3.",
+    "started": "2026-03-14T09:20:00Z",
+    "finished": "2026-03-14T09:21:00Z",
+    "arguments": ["human.subject.mass:=83.719531", "kp:=200", "person.subject:=S07.yaml"],
+    "definition": {"human": HUMAN, "person": {"subject": "people/S07.yaml", "calibration": "S07_still.yaml"}},
+    "parameters": {"robot": {"participants": {"human": {"type": "hric_human/Human", **HUMAN}}}},
+    "revision": {"commit": "abc"},
+}
+METRICS = {
+    "experiment": "reach",
+    "human": {
+        "subject": "S07",
+        "joints": {"r_elbow": {"torque_max": 4.5, "share_max": STRENGTH, "share_mean": 0.1, "clipped": 0}},
+        "strength_share_max": STRENGTH,
+        "contacts": [{"peak": 12.5, "transient": BLOW}],
+    },
+    "control_log": {"cycles": 400},
+}
+TOLD = (
+    *(
+        "S07",
+        "Jane",
+        "Doe",
+        "83.719531",
+        "1.873492",
+        "female",
+        "0.33310417",
+        "0.81290731",
+        str(STRENGTH),
+        "2.22271905",
+        "1.11170342",
+    ),
+    *("2026-03-14", "20260314", "09:20", "1773480", "S07_still", "lab-pc"),
+)
+"""Text that must be nowhere."""
+NUMBERS = (83.719531, 1.873492, 0.33310417, 0.81290731, STRENGTH, 2.22271905, 1.11170342)
+"""And numbers, as floats of 8 bytes. (Of 4 bytes some may turn up by chance.)"""
+
+
+def times_later(value: Any) -> Any:
+    """A message of rosbags whose times are on the wall clock, and whose marked body has the code of the person."""
+    if isinstance(value, str):
+        return re.sub(r"\bhand\b", "S07", value)
+    if isinstance(value, list):
+        return [times_later(item) for item in value]
+    if not is_dataclass(value) or isinstance(value, type):
+        return value
+    if hasattr(value, "sec") and hasattr(value, "nanosec"):
+        return replace(value, sec=int(value.sec) + WALL)
+    names = [field.name for field in fields(value) if field.init and field.name != "__msgtype__"]
+    return replace(value, **{name: times_later(getattr(value, name)) for name in names})
+
+
+def write_own(path: Path) -> None:
+    """Messages that tell of the person, beside those of every other test of export."""
+    with BagWriter(path) as bag:
+        bag.write("/rosout", Log(name="/driver", msg="Jane Doe on lab-pc"), 0.01)
+        torque = JointTorque(name=["r_elbow"], torque=[4.5], strength_share=[STRENGTH], at_strength=[True], clipped=[3])
+        event = HumanEvent(kind="started", text="S07 began at 2026-03-14T09:20:01Z")
+        for k in range(20):
+            torque.header.stamp = event.header.stamp = to_time(0.01 * k)
+            bag.write("/hric/human/joint_torque", torque, 0.01 * k)
+            bag.write("/hric/human/events", event, 0.01 * k)
+        bag.write("/S07/note", String(data="S07 is tired"), 0.02)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    """Of a person, recorded on the wall clock, in a folder with the date."""
+    made = tmp_path_factory.mktemp("made")
+    export_bags.write(made / "usual.bag", mocap_frame="base")
+    write_own(made / "own.bag")
+    folder = RunFolder(made / "runs" / "reach_20260314-092000")
+    folder.path.mkdir(parents=True)
+    with Writer(folder.bag_path) as writer:
+        for source in ("usual", "own"):
+            with AnyReader([made / f"{source}.bag"]) as reader:
+                for c in reader.connections:
+                    callerid = f"/{source}_4711_1773480000123"
+                    target = writer.add_connection(
+                        c.topic, c.msgtype, msgdef=c.msgdef.data, md5sum=c.digest, callerid=callerid, latching=0
+                    )
+                    for _, time, raw in reader.messages([c]):
+                        message = times_later(reader.deserialize(raw, c.msgtype))
+                        data = reader.typestore.serialize_ros1(message, c.msgtype)
+                        writer.write(target, time + WALL * 10**9, data)
+    folder.write({**RUN, "bag": folder.bag_path.name})
+    folder.metrics_path.write_text(json.dumps(METRICS))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def exported(run: RunFolder) -> tuple[Path, exporting.Result]:
+    source = recording.find(str(run.path))
+    request = Request(FORMATS, load_body="hand", anonymise=("Jane Doe", "Jane", "Doe"))
+    result = exporting.export(source, request)
+    assert not result.failures, result.failures
+    return run.path / "anonymised", result
+
+
+def contents(folder: Path) -> Iterator[tuple[str, bytes]]:
+    """(name, all bytes that a reader may get) of each file: compressed ones also uncompressed."""
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            yield str(path.relative_to(folder)), path.read_bytes()
+            if path.suffix == ".parquet":
+                table = pyarrow.parquet.read_table(path)
+                yield f"{path.name}, read", (str(table.schema) + str(table.to_pydict())).encode()
+                yield f"{path.name}, metadata", str(table.schema.metadata).encode()
+
+
+def test_the_originals_are_in_the_run_so_that_the_search_would_find_them(run: RunFolder) -> None:
+    everything = b"".join(path.read_bytes() for path in run.path.glob("*") if path.is_file())
+    for word in ("S07", "Jane", "83.719531", "female", "2026-03-14", "4711", "lab-pc"):
+        assert word.encode() in everything, word
+    assert struct.pack("<d", STRENGTH) in everything
+
+
+def test_no_file_has_the_original_values(exported: tuple[Path, exporting.Result]) -> None:
+    folder, result = exported
+    assert set(result.files) == set(FORMATS)
+    count = 0
+    for name, data in contents(folder):
+        count += 1
+        for word in TOLD:
+            assert word not in name, name
+            assert word.encode() not in data, f"{word} in {name}"
+            assert word.encode("utf-16-le") not in data and word.encode("utf-32-le") not in data, f"{word} in {name}"
+        for number in NUMBERS:
+            assert struct.pack("<d", number) not in data, f"{number} in {name}"
+    assert count > 20
+
+
+def test_no_time_in_any_format_is_a_date(exported: tuple[Path, exporting.Result]) -> None:
+    folder, _ = exported
+    for path in folder.rglob("*.npz"):
+        with np.load(path) as arrays:
+            assert "stamp" in arrays
+            for name in arrays.files:
+                values = arrays[name]
+                if values.dtype.kind in "fi":
+                    assert not np.any(np.abs(values - WALL) < 1e6), f"{path.name}: {name}"
+                    assert not np.any(np.abs(values - WALL * 1e9) < 1e15), f"{path.name}: {name}"
+    (bag,) = folder.rglob("*.bag")
+    with AnyReader([bag]) as reader:
+        assert reader.message_count > 100 and reader.end_time < 10 * 10**9
+        assert not {c.topic for c in reader.connections} & {"/rosout", "/S07/note"}
+        assert all("4711" not in c.ext.callerid for c in reader.connections)
+        for connection, _, raw in reader.messages():
+            header = getattr(reader.deserialize(raw, connection.msgtype), "header", None)
+            assert header is None or header.stamp.sec < 10, connection.topic
+
+
+def test_the_parameters_of_the_c3d_file_have_no_date(exported: tuple[Path, exporting.Result]) -> None:
+    (path,) = exported[0].rglob("*.c3d")
+    file = ezc3d.c3d(str(path))
+    assert path.name == "recording.c3d" and "STARTED" not in file["parameters"]["HRIC"]
+    assert abs(file["parameters"]["HRIC"]["START_TIME"]["value"][0]) < 10.0
+
+
+def test_times_keep_their_distances(run: RunFolder, exported: tuple[Path, exporting.Result]) -> None:
+    before = recording.read(recording.find(str(run.path)), [RAW])[RAW].stamp
+    with np.load(exported[0] / "npz" / "hric.perception.emg.raw.npz") as arrays:
+        assert np.array_equal(np.diff(arrays["stamp"]), np.diff(before)) and arrays["stamp"][0] >= 0
+
+
+def test_what_is_left_of_the_run_is_coarse(exported: tuple[Path, exporting.Result]) -> None:
+    run = yaml.safe_load((exported[0] / "about" / "run.yaml").read_text())
+    human = run["definition"]["human"]
+    assert human["subject"] == {"parts": "both_arms", "mass": 80.0, "height": 1.9}
+    assert human["position"] == [0.7, 0.0] and "strength" not in human["muscles"]
+    assert run["arguments"] == ["kp:=200"] and run["revision"] == {"commit": "abc"}
+    metrics = json.loads((exported[0] / "about" / "metrics.json").read_text())
+    assert metrics["human"]["joints"] == {"r_elbow": {"torque_max": 4.5}}
+    assert metrics["human"]["contacts"] == [{"peak": 12.5, "transient": {"peak": 12.0}}]
+    assert metrics["control_log"] == {"cycles": 400}
+
+
+def test_what_was_dropped_coarsened_and_left_is_listed(exported: tuple[Path, exporting.Result]) -> None:
+    folder, result = exported
+    said = (folder / "about" / "anonymised.txt").read_text()
+    for part in ("dates of the run", "mass of the subject: to the next 10 kg", "height of the subject", STAYS):
+        assert part in said and any(part in note for note in result.notes)
+
+
+def test_an_export_that_goes_on_still_lists_all_of_it(run: RunFolder, exported: tuple[Path, exporting.Result]) -> None:
+    before = (exported[0] / "about" / "anonymised.txt").read_text()
+    request = Request(FORMATS, load_body="hand", anonymise=("Jane Doe", "Jane", "Doe"))
+    again = exporting.export(recording.find(str(run.path)), request)
+    assert not again.seconds and (exported[0] / "about" / "anonymised.txt").read_text() == before
+
+
+def test_it_does_not_go_into_a_folder_with_the_person(run: RunFolder, tmp_path: Path) -> None:
+    source = recording.find(str(run.path))
+    exporting.export(source, Request(("csv",), (RAW,)), tmp_path)
+    with pytest.raises(HricError, match="not anonymised; valid: another folder"):
+        exporting.export(source, Request(("csv",), (RAW,), anonymise=()), tmp_path)
+
+
+def test_a_bag_by_itself_needs_a_folder_whose_name_its_user_chooses(run: RunFolder, tmp_path: Path) -> None:
+    words = ["--format", "csv", "--topics", RAW, "--quiet", "--anonymise"]
+    with pytest.raises(HricError, match="needs --output DIR"):
+        cli.COMMANDS["export"]([str(run.bag_path), *words])
+    assert cli.COMMANDS["export"]([str(run.bag_path), "--output", str(tmp_path / "out"), *words]) == 0
+    assert {path.name for path in (tmp_path / "out").rglob("*")} >= {"hric.perception.emg.raw.csv", "anonymised.txt"}
+
+
+def test_times_that_are_no_dates_stay() -> None:
+    anonymiser = Anonymiser({}, {}, (), 0)
+    assert [anonymiser.time(t) for t in (0, 5 * 10**9)] == [0, 5 * 10**9] and anonymiser.done == [STAYS]
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("S07 and S071", "subject and S071"),
+        ("s07/RSHO", "subject/RSHO"),
+        ("run_20260102-030405.bag", "run_date.bag"),
+        ("on 2026-01-02T03:04:05Z, or 2026-01-02", "on date, or date"),
+        ("velocity_20", "velocity_20"),
+    ],
+)
+def test_names_and_dates_are_found_as_words(text: str, wanted: str) -> None:
+    assert Anonymiser({}, {}, ("S07",), 0).text(text) == wanted
+
+
+def test_the_source_stays_as_it_is(run: RunFolder) -> None:
+    assert isinstance(recording.find(str(run.path)), Source) and yaml.safe_load((run.path / "run.yaml").read_text())[
+        "definition"
+    ]["human"]["subject"]["mass"] == pytest.approx(83.719531)
