@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from hric_assessment.findings import Finding
+from hric_assessment.findings import Finding, NotAssessableError
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.contacts import contact_findings
 from hric_assessment.verdict.given import Given
@@ -13,7 +13,7 @@ from hric_assessment.verdict.missing import missing
 from hric_assessment.verdict.person import person_of
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_assessment.verdict.result import Verdict, ranked
-from hric_assessment.verdict.separating import separated, separation_finding
+from hric_assessment.verdict.separating import not_separated, separated, separation_finding
 
 
 def assess(given: Given, choices: Choices | None = None) -> Verdict:
@@ -31,7 +31,12 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
         for one in scored(person, found.human):
             findings.append(posture_finding(one, person))
             timelines[one.method.split(" ")[0].lower()].append(one.timeline())
-    if (apart := separated(given, person, choices)) is not None:
+    apart = None
+    try:
+        apart = separated(given, person, choices)
+    except NotAssessableError as error:
+        findings.append(not_separated(str(error)))
+    if apart is not None:
         findings.append(separation_finding(apart))
         timelines["separation"] = apart.timeline()
     findings += lift_findings(given, person)

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hric_assessment.contact.limits import Limits
+from hric_assessment.separation import stopping
 from hric_assessment.tables import LIMIT_TABLES, limit_table
 from hric_assessment.verdict.assess import assess
-from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.choices import Braking, Choices
 from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.given import opened
 from hric_assessment.verdict.result import Verdict
@@ -25,7 +26,8 @@ def main(arguments: Sequence[str]) -> int:
     given = _parser().parse_args(list(arguments))
     root = runs_root(given.runs)
     limits = given.limits if given.limits in LIMIT_TABLES else Path(given.limits).expanduser()
-    choices = Choices(Limits(limit_table(limits)), contact_area=given.contact_area)
+    stops = None if given.stop is None else stopping.load(given.stop)
+    choices = Choices(Limits(limit_table(limits)), Braking(stops), given.contact_area)
     verdicts = [_assessed(name, root, choices) for name in (given.recording, *given.compare)]
     if given.compare:
         print(compared(verdicts))
@@ -64,6 +66,13 @@ def _parser() -> argparse.ArgumentParser:
         default=LIMIT_TABLES[0],
         metavar="FILE|bgia2011",
         help=f"of contacts: one of {', '.join(LIMIT_TABLES)} (default: {LIMIT_TABLES[0]}), or a YAML file of your own",
+    )
+    parser.add_argument(
+        "--stop",
+        type=Path,
+        metavar="FILE",
+        help="how the arm stops, by speed and load: a YAML file of your measurements, or of rosrun hric_experiments "
+        "measure_stops (a simulation's); default: an assumption, which is printed",
     )
     parser.add_argument(
         "--contact-area",

@@ -66,7 +66,11 @@ class Separated:
 
 
 def separated(given: Given, person: Person | None, choices: Choices) -> Separated | None:
-    """None: something that it needs is not there."""
+    """None: something that it needs is not there.
+
+    Raises:
+        NotAssessableError: the arm is faster, or carries more, than any stop that is known.
+    """
     log = given.recording.log
     if person is None or person.root is None or person.root_time is None or log is None or not given.description:
         return None
@@ -85,9 +89,10 @@ def separated(given: Given, person: Person | None, choices: Choices) -> Separate
     found = separation(float(begin), float(end), arm, robot.radii, him, body.radii)
     speed = speeds(arm, found.time)
     uncertainty = person.uncertainty
-    stop = choices.braking.stop(speed)
+    load = float((given.definition.get("robot") or {}).get("load", {}).get("mass", 0.0))
+    stop = choices.braking.stop(speed, load)
     terms = protective_distance(speed, person_speed(np.maximum(found.distance, 0.0)), stop, 0.0, uncertainty, 0.0)
-    notes = _notes(person, choices, left_out, unknown)
+    notes = _notes(person, choices.braking.text(load), left_out, unknown)
     held, felt = _held(given), any(topic.endswith("human/contacts") for topic in given.recording.topics)
     relied = not (held or felt)
     if not relied:
@@ -117,12 +122,12 @@ def _held(given: Given) -> bool:
     return human is not None and any(grip.closed.any() for grip in human.grips.values())
 
 
-def _notes(person: Person, choices: Choices, left_out: Sequence[str], unknown: float) -> list[str]:
+def _notes(person: Person, braking: str, left_out: Sequence[str], unknown: float) -> list[str]:
     table, rules = separation_table(), verdict_table()
     notes = [
         f"v_r: of the fastest point of the arm, whatever its direction; v_h: {table['walking_speed']:g} m/s, nearer "
         f"than {table['near']:g} m {table['hand_speed']:g} m/s ({table.mark})",
-        f"T_r, T_s, S_s: {choices.braking.text}",
+        f"T_r, T_s, S_s: {braking}",
         f"C: 0, since the whole body is known; Z_d: {person.uncertainty:.3f} m ({person.uncertainty_from}); Z_r: 0, "
         "the arm's joints are measured",
         f"an arm that is slower than {rules['moving']:g} m/s stands ({rules.mark_of(rules.moving)})",
@@ -134,6 +139,12 @@ def _notes(person: Person, choices: Choices, left_out: Sequence[str], unknown: f
             f"some of his joints are not known for {100.0 * unknown:.1f} % of the time, and interpolated there"
         )
     return notes
+
+
+def not_separated(why: str) -> Finding:
+    """It cannot be held against the protective distance; why: a sentence."""
+    name = separation_table().name
+    return Finding("distance from the arm", Outcome.NOT_ASSESSABLE, why, name, group=GROUP)
 
 
 def separation_finding(one: Separated) -> Finding:
