@@ -53,7 +53,7 @@ def _of_pair(
     met: Sequence[RegionForce], person: Person | None, expected: "Expected", choices: Choices, signals: Sequence[str]
 ) -> list[Finding]:
     rigid = [one for one in met if one.kind != PENALTY]
-    found = [_rigid(one, person, choices, signals) for one in rigid]
+    found = [_rigid(rigid, person, choices, signals)] if rigid else []
     sprung = [one for one in met if one.kind == PENALTY]
     if not sprung:
         return found
@@ -66,10 +66,13 @@ def _of_pair(
     return [warned(finding) for finding in found]
 
 
-def _rigid(one: RegionForce, person: Person | None, choices: Choices, signals: Sequence[str]) -> Finding:
-    where = _where(one, person, choices)
+def _rigid(met: Sequence[RegionForce], person: Person | None, choices: Choices, signals: Sequence[str]) -> Finding:
+    """One for all touches of a pair, of which none has a force."""
+    where = _where(met[0], person, choices)
     finding = assess(None, where, choices.limits, signals)
-    return replace(finding, group=GROUP, regions=where.regions, window=(one.begin, one.end))
+    window = min(one.begin for one in met), max(one.end for one in met)
+    notes = (*finding.notes, f"they touched {len(met)} times")
+    return replace(finding, group=GROUP, regions=where.regions, window=window, notes=notes)
 
 
 def _where(one: RegionForce, person: Person | None, choices: Choices) -> Where:
