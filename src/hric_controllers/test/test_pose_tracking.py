@@ -10,6 +10,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 
 from hric_control.local.node import LocalNode
+from hric_control.speed_scale import SpeedScale
 from hric_controllers.marker.pose_tracking import PoseTracking
 from hric_msgs.msg import MocapData, RigidBodyState
 
@@ -88,7 +89,7 @@ def test_no_message_makes_the_setpoint_jump_or_the_memory_grow(messages, on_retu
         "workspace": {"lower": [0.2, -0.3, 0.2]},
     }
     node = LocalNode({"c": params})
-    tracking = PoseTracking(node.child("c"), "panda_link0")
+    tracking = PoseTracking(node.child("c"), "panda_link0", SpeedScale())
     tracking.open()
     tracking.start(START)
     frames, commands = node.advertise("/hric/perception/mocap", MocapData), node.advertise("/c/command", PoseStamped)

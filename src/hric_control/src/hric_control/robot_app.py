@@ -22,6 +22,7 @@ from hric_control.robot_time.clock_pairs import RobotClock
 from hric_control.sim import services as sim_services
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
 from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_control.speed_scale_topics import SpeedScaleTopics
 from hric_msgs.msg import ControlLog as ControlLogMessage
 from hric_msgs.msg import JointLimitCounts
 
@@ -130,6 +131,9 @@ class RobotApp:
         counted = self.hw.limiter_counts() is not None
         self._counts = realtime.publisher(root, "limit_counts", JointLimitCounts) if counted else None
         self.log = self._make_log()
+        self._scale = self.hw.speed_scale
+        self._scale_topics = SpeedScaleTopics(root, self._scale, self._clock.stamp)
+        self._closers.append(self._scale_topics.unregister)
         period = self.hw.period
         self._clock_cycles, self._counts_cycles = (
             max(1, round(CLOCK_PERIOD / period)),
@@ -179,6 +183,8 @@ class RobotApp:
             self._pairs.send_due(time)
         if self._hook is not None:
             self._hook(time)
+        if self._scale.active:
+            self._scale_topics.advance(time, period)
         self.manager.update(time, period, reset_controllers)
         if log is not None:
             log.begin(time)

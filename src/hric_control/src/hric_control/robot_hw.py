@@ -9,6 +9,7 @@ from hric_control.limits import LimitCounts
 from hric_control.node import Node
 from hric_control.plant import Plant
 from hric_control.sim.sim_loop import SimLoop
+from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
 
 OnCycle = Callable[[float, float, bool], bool]
 """(time [s], period [s], reset_controllers) -> True to go on, False to leave the mode (a switch waits, or the end)."""
@@ -48,6 +49,10 @@ class RobotHW(InterfaceManager):
 
     def __init__(self) -> None:
         super().__init__()
+        speed = SpeedScaleInterface()
+        self.register_interface(speed)
+        self.speed_scale: SpeedScale = speed.scale
+        """By which a supervisor slows the controllers that obey it; every robot has it."""
         # Of the instance, not of the class: the loop reads them in each cycle, which Python does faster so.
         self.loop: SimLoop | None = None
         """The clock of a simulated robot, to pause, step and pace it; None: the robot brings its own clock."""

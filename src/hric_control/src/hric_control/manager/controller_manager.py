@@ -14,6 +14,7 @@ from hric_control.manager.switching import BEST_EFFORT, STRICT, SwitchPlan, Swit
 from hric_control.node import Node
 from hric_control.robot_hw import ControllerInfo, RobotHW
 from hric_control.scoped_node import ScopedNode
+from hric_control.speed_scale import SpeedScaleInterface
 
 LOOP_TIMEOUT = 2.0
 """How long a switch waits for the loop to take it up [s of wall time]."""
@@ -267,7 +268,8 @@ class ControllerManager:
             scope.close()
             raise HricError(f"controller {name} cannot be loaded: {describe(error)}") from error
         claims = {interface.cpp_name: interface.claims for interface in self._hw.interfaces() if interface.claims}
-        return LoadedController(controller, ControllerInfo(name, kind, claims), scope)
+        obeys = self._hw.get(SpeedScaleInterface).declared
+        return LoadedController(controller, ControllerInfo(name, kind, claims), scope, obeys)
 
     def _dispose(self, entry: LoadedController) -> None:
         try:

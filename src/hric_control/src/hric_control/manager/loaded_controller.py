@@ -7,6 +7,7 @@ from enum import StrEnum
 from hric_control.controller import Controller
 from hric_control.robot_hw import ControllerInfo
 from hric_control.scoped_node import ScopedNode
+from hric_control.speed_scale import RESOURCE, SpeedScaleInterface
 
 
 class ControllerState(StrEnum):
@@ -27,7 +28,7 @@ class ControllerStatus:
         name: instance name.
         type: plugin type string.
         state: initialized, running, stopped, waiting (for the hardware) or aborted.
-        claims: claimed joints by the ros_control name of the interface.
+        claims: claimed joints by the ros_control name of the interface; of one that obeys the speed scale, that too.
     """
 
     name: str
@@ -63,7 +64,7 @@ class UpdateStatistics:
 
 class LoadedController:
     """Controller plus state. `controller` and `update` are read by the loop; the statistics are plain floats that it
-    writes."""
+    writes. `obeys`: whether the controller has declared that it reads the robot's speed scale."""
 
     __slots__ = (
         "controller",
@@ -71,6 +72,7 @@ class LoadedController:
         "last_overrun",
         "max_time",
         "mean_time",
+        "obeys",
         "overruns",
         "scope",
         "squares",
@@ -79,8 +81,8 @@ class LoadedController:
         "updates",
     )
 
-    def __init__(self, controller: Controller, info: ControllerInfo, scope: ScopedNode) -> None:
-        self.controller, self.info, self.scope = controller, info, scope
+    def __init__(self, controller: Controller, info: ControllerInfo, scope: ScopedNode, obeys: bool = False) -> None:
+        self.controller, self.info, self.scope, self.obeys = controller, info, scope, obeys
         self.update: Callable[[float, float], None] = controller.update
         self.state = ControllerState.INITIALIZED
         self.clear_statistics()
@@ -104,6 +106,8 @@ class LoadedController:
     def status(self) -> ControllerStatus:
         """Snapshot for `list`."""
         claims = {interface: tuple(sorted(joints)) for interface, joints in self.info.claims.items()}
+        if self.obeys:
+            claims[SpeedScaleInterface.cpp_name] = (RESOURCE,)
         return ControllerStatus(self.name, self.info.type, self.state.value, claims)
 
     def statistics(self) -> UpdateStatistics:

@@ -1,6 +1,7 @@
 """Cartesian impedance control with a posture in the null space, as franka_ros's CartesianImpedanceExampleController has
 it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -20,6 +21,7 @@ from hric_control.live import live_parameters
 from hric_control.node import Node, Registration
 from hric_control.parameters import Settings, names, number, per_joint, refused
 from hric_control.robot_hw import RobotHW
+from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
 from hric_controllers import parameters
 from hric_controllers.cartesian.law import Arm, CartesianLaw, Compliance, FloatArray
 from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
@@ -85,7 +87,7 @@ class ComplianceSettings(Settings):
 class CartesianImpedanceController(Controller):
     """The law of `cartesian_law`, with a limit on the rate of torque; parameters and topics: INTERFACE.md.
 
-    A subclass may lead the equilibrium by other means: it overrides the four methods about the input.
+    A subclass may lead the equilibrium by other means: it overrides the four methods about the input, and `_obeys`.
     """
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
@@ -100,6 +102,8 @@ class CartesianImpedanceController(Controller):
         self._rotors = np.diag(rotor_inertia(robot_hw, settings.rotor_inertia, self.joints)[0])
         self._law = CartesianLaw(Compliance(**asdict(self._gain_settings)), settings.filter_time)
         self._max_rate = settings.rotatum_limit
+        obeys = self._obeys(settings.filter_time)
+        self._scale = robot_hw.get(SpeedScaleInterface).handle() if obeys else SpeedScale()
         self._read_input()
         ranges = parameters.position_ranges(root_node, self.joints)
         self._posture = parameters.initial_setpoint(
@@ -109,6 +113,10 @@ class CartesianImpedanceController(Controller):
         self._state_time = parameters.Throttle(settings.state_publish_rate)
         self._running = False
         self._open()
+
+    def _obeys(self, filter_time: float) -> bool:
+        """Whether the equilibrium can be slowed down: not where it jumps."""
+        return filter_time > 0.0
 
     def _read_input(self) -> None:
         """What says where the equilibrium is: parameters."""
@@ -132,7 +140,8 @@ class CartesianImpedanceController(Controller):
     def _open(self) -> None:
         node = self._node
         # What an earlier run left on the parameter server must not win over the YAML.
-        self._requested = self._law.target_compliance
+        self._requested = self._given_gains = self._law.target_compliance
+        self._softest = math.inf
         for name, value in asdict(self._requested).items():
             node.set_param(name, value)
         self._publishers = (
@@ -166,9 +175,7 @@ class CartesianImpedanceController(Controller):
     def starting(self, time: float) -> None:
         """The equilibrium is where the end effector is."""
         q = self._group.positions()
-        gains = self._gains.take_new()
-        if gains is not None:
-            self._law.target_compliance = gains
+        self._take_gains()
         self._start_input()
         self._law.start(to_pose(self._robot.O_T_EE), q if self._posture is None else self._posture)
         self._last: FloatArray = np.array(self._gravity(q)) if self._gravity else np.zeros(7)
@@ -178,11 +185,9 @@ class CartesianImpedanceController(Controller):
     def update(self, time: float, period: float) -> None:
         """One millisecond of the law."""
         law, model, robot = self._law, self._model, self._robot
-        gains = self._gains.take_new()
         self._lead(time, period)
-        if gains is not None:
-            law.target_compliance = gains
-        law.advance(period)
+        self._take_gains()
+        law.advance(period, self._scale.value)
         measured = to_pose(self._robot.O_T_EE)
         mass = model.mass() + self._rotors
         tau = law.torque(
@@ -193,6 +198,14 @@ class CartesianImpedanceController(Controller):
         self._command(tau, period)
         if self._state_time.due(time):
             self._publish(measured)
+
+    def _take_gains(self) -> None:
+        """New ones, and the limits of a supervisor."""
+        law, scale, gains = self._law, self._scale, self._gains.take_new()
+        if gains is not None or scale.stiffness != self._softest:
+            self._given_gains, self._softest = gains or self._given_gains, scale.stiffness
+            law.target_compliance = self._given_gains.softened(self._softest)
+        law.force_limit = scale.force
 
     def _command(self, tau: FloatArray, period: float) -> None:
         """Limit the rate of torque, and command."""

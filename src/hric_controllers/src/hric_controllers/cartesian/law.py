@@ -16,7 +16,7 @@ than it displaces it: not at all.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -57,6 +57,10 @@ class Compliance:
             _between(self.rotational_damping_ratio, goal.rotational_damping_ratio, share),
             _between(self.nullspace_stiffness, goal.nullspace_stiffness, share),
         )
+
+    def softened(self, stiffness: float) -> "Compliance":
+        """These, with a translational stiffness of at most `stiffness` [N/m]."""
+        return replace(self, translational_stiffness=min(self.translational_stiffness, stiffness))
 
     def stiffness(self) -> FloatArray:
         """Diagonal of K, shape (6,) [N/m], [N m/rad]."""
@@ -100,6 +104,7 @@ class CartesianLaw:
 
     Attributes:
         pose, target: equilibrium in force, and where it goes.
+        force_limit: of the translational spring [N].
         compliance, target_compliance: gains in force, and where they go.
         twist: v, shape (6,) [m/s], [rad/s]; zero unless somebody sets it.
         wrench: F of the last cycle, shape (6,) [N], [N m].
@@ -111,7 +116,7 @@ class CartesianLaw:
         self._share = (0.0, 1.0)  # (period, part of the way in one such period)
         self.pose = self.target = poses.Pose()
         self.posture = np.zeros(7)
-        self.twist, self.wrench = np.zeros(6), np.zeros(6)
+        self.twist, self.wrench, self.force_limit = np.zeros(6), np.zeros(6), math.inf
         self._take_gains()
 
     def start(self, pose: poses.Pose, posture: Sequence[float]) -> None:
@@ -126,17 +131,18 @@ class CartesianLaw:
     def _take_gains(self) -> None:
         self._stiffness, self._damping = self.compliance.stiffness(), self.compliance.damping()
 
-    def advance(self, period: float) -> None:
-        """Lead equilibrium and gains on by one period [s]."""
+    def advance(self, period: float, scale: float = 1.0) -> None:
+        """Lead equilibrium and gains on by one period [s], the equilibrium at `scale` (0 to 1) of its speed."""
         if self.pose is self.target and self.compliance is self.target_compliance:
             return
         if self._share[0] != period:
             self._share = period, 1.0 - math.exp(-period / self._filter_time) if self._filter_time > 0.0 else 1.0
         share = self._share[1]
         if self.pose is not self.target:
-            pose = poses.interpolated(self.pose, self.target, share)
+            moved = scale * share
+            pose = poses.interpolated(self.pose, self.target, moved)
             self.pose = (
-                self.target if share >= 1.0 or max(map(abs, poses.difference(pose, self.target))) < 1e-9 else pose
+                self.target if moved >= 1.0 or max(map(abs, poses.difference(pose, self.target))) < 1e-9 else pose
             )
         if self.compliance is not self.target_compliance:
             gains = self.compliance.towards(self.target_compliance, share)
@@ -147,9 +153,11 @@ class CartesianLaw:
         """Torque without gravity, shape (7,) [N m]."""
         J = arm.jacobian
         dq = np.array(arm.dq)
-        self.wrench = wrench = -self._stiffness * poses.difference(measured, self.pose) - self._damping * (
-            J @ dq - self.twist
-        )
+        spring = -self._stiffness * poses.difference(measured, self.pose)
+        if self.force_limit != math.inf:
+            force = float(np.linalg.norm(spring[:3]))
+            spring[:3] *= min(1.0, self.force_limit / max(force, 1e-9))
+        self.wrench = wrench = spring - self._damping * (J @ dq - self.twist)
         tau: FloatArray = J.T @ wrench + arm.coriolis
         k = self.compliance.nullspace_stiffness
         if k > 0.0:

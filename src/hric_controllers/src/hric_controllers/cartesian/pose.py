@@ -8,6 +8,7 @@ from franka_hw_interface.interfaces import FrankaPoseCartesianInterface
 from hric_control.controller import Controller
 from hric_control.node import Node, Registration
 from hric_control.robot_hw import RobotHW
+from hric_control.speed_scale import SpeedScaleInterface
 from hric_controllers.cartesian.impedance import CartesianImpedanceController
 from hric_controllers.marker.pose_tracking import PoseTracking
 from hric_controllers.parameters import ArmSettings
@@ -21,7 +22,8 @@ class CartesianPoseController(Controller):
         node = controller_node
         arm_id = ArmSettings.read(node).arm_id
         self._arm = robot_hw.get(FrankaPoseCartesianInterface).handle(f"{arm_id}_robot")
-        self._tracking = PoseTracking(node, f"{arm_id}_link0")
+        scale = robot_hw.get(SpeedScaleInterface).handle()
+        self._tracking = PoseTracking(node, f"{arm_id}_link0", scale)
         self._registrations = self._tracking.open()
 
     def starting(self, time: float) -> None:
@@ -49,8 +51,12 @@ class CartesianPoseImpedanceController(CartesianImpedanceController):
     """The law of `cartesian_law` on efforts, its equilibrium led by `PoseTracking`; parameters and topics:
     INTERFACE.md."""
 
+    def _obeys(self, filter_time: float) -> bool:
+        """The motion is slowed down, not the filter, which only gains pass."""
+        return True
+
     def _read_input(self) -> None:
-        self._tracking = PoseTracking(self._node, f"{self._arm_id}_link0")
+        self._tracking = PoseTracking(self._node, f"{self._arm_id}_link0", self._scale)
 
     def _open_input(self) -> Sequence[Registration]:
         return self._tracking.open()

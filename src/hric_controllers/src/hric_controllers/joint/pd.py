@@ -15,6 +15,7 @@ from hric_control.hardware_interface import EffortJointInterface
 from hric_control.node import LiveParameter, Node
 from hric_control.parameters import Settings, flag, names, number, per_joint, section
 from hric_control.robot_hw import RobotHW
+from hric_control.speed_scale import ScaledTime, SpeedScale, SpeedScaleInterface
 from hric_controllers import parameters
 from hric_controllers.dynamics import added_gravity, kd_check
 from hric_controllers.joint.pd_law import PdLaw
@@ -132,6 +133,9 @@ class JointPDController(Controller):
         self._check_kd(settings.kd)
         self._profile = TrapezoidProfile(settings.profile.velocity, settings.profile.acceleration)
         self._go = self._profile.plan if settings.profile.enabled else self._profile.hold
+        # Only a profile can be slowed down: raw setpoints do not obey, and do not say so.
+        scale = robot_hw.get(SpeedScaleInterface).handle() if settings.profile.enabled else SpeedScale()
+        self._along = ScaledTime(scale)
         self._ranges = parameters.position_ranges(root_node, self.joints)
         self._initial = parameters.initial_setpoint(
             settings.setpoint, self.joints, self._ranges, node.resolve("setpoint")
@@ -176,6 +180,7 @@ class JointPDController(Controller):
         # The arm that compensates gravity feels 0 before; one that does not must be carried from the first cycle on.
         self._law.start(self._gravity(q) if self._gravity else [0.0] * len(q))
         self._setpoint.take_new()
+        self._along.restart(time)
         self._profile.hold(time, q)
         if self._initial is not None:
             self._go(time, self._initial)
@@ -184,19 +189,21 @@ class JointPDController(Controller):
 
     def update(self, time: float, period: float) -> None:
         """One millisecond of eq. 3, on plain floats."""
+        along = self._along.along(time, period)
         setpoint = self._setpoint.take_new()
         if setpoint is not None:
-            self._go(time, setpoint)
+            self._go(along, setpoint)
         gains = self._new_gains.take_new()
         if gains is not None:
             self._law.change_gains(time, gains.kp, gains.kd)
         group = self._group
         q, dq = group.positions(), group.velocities()
-        q_d, dq_d = self._profile.sample(time)
+        q_d, dq_d = self._profile.sample(along)
         tau = self._law.torque(time, period, q, dq, q_d, self._gravity)
         group.set_command(tau)
         if self._state_time.due(time):
-            self._publish(q, dq, q_d, dq_d, tau)
+            scale = self._along.scale.value
+            self._publish(q, dq, q_d, dq_d if scale == 1.0 else [scale * v for v in dq_d], tau)
 
     def _publish(self, q: list[float], dq: list[float], q_d: list[float], dq_d: list[float], tau: list[float]) -> None:
         stamp, efforts = self._node.now(), self._group.efforts()

@@ -56,7 +56,7 @@ class OnlineTrajectoryGenerator:
     ) -> None:
         if not math.isfinite(smoothing_time) or smoothing_time < 0.0:
             raise HricError(f"smoothing time is {smoothing_time!r}; valid: a number not below 0")
-        self._n, self._step = axes, time_step
+        self._n, self._step, self._scale, self._smoothing_time = axes, time_step, 1.0, smoothing_time
         self._share = 1.0 - math.exp(-time_step / smoothing_time) if smoothing_time > 0.0 else 1.0
         self._generator, self._input, self._output = (
             Ruckig(axes, time_step),
@@ -100,12 +100,24 @@ class OnlineTrajectoryGenerator:
         self._generator.calculate(self._input, stopping)
         self.rest = self._goal = self._smooth = stopping.at_time(stopping.duration)[0]
 
-    def advance(self, period: float) -> None:
-        """Lead the motion on by `period` [s], a multiple of the time step."""
+    def advance(self, period: float, scale: float = 1.0) -> None:
+        """Lead the motion on by `period` [s], a multiple of the time step, at `scale` (0 to 1) of its speed.
+
+        Its time passes at the scale: velocity and acceleration are those of that time.
+        """
+        if scale != self._scale:
+            self._set_scale(scale)
+        if scale <= 0.0:
+            return
         for _ in range(max(1, round(period / self._step))):
             if not self.moving:
                 return
             self._advance_one()
+
+    def _set_scale(self, scale: float) -> None:
+        self._scale, step = scale, scale * self._step
+        self._generator.delta_time = step
+        self._share = 1.0 - math.exp(-step / self._smoothing_time) if self._smoothing_time > 0.0 else 1.0
 
     def _advance_one(self) -> None:
         if self._smooth is not self._goal:
@@ -191,11 +203,11 @@ class LineMotion:
         self._profile.plan_from(self._time, [s], [v], [end])
         self.rest, self._braking = self._at(end), True
 
-    def advance(self, period: float) -> None:
-        """Lead the motion on by `period` [s]."""
+    def advance(self, period: float, scale: float = 1.0) -> None:
+        """Lead the motion on by `period` [s] at `scale` (0 to 1) of its speed."""
         if not self.moving:
             return
-        self._time += period
+        self._time += scale * period
         (s,), (v,) = self._profile.sample(self._time)
         self.moving = self._time < self._profile.end
         self.position = self._at(s) if self.moving else self.rest

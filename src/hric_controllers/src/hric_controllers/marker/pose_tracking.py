@@ -12,6 +12,7 @@ from hric_control.errors import CommandError, HricError
 from hric_control.geometry import Pose, quaternions
 from hric_control.geometry.messages import fill_pose
 from hric_control.node import Node, Registration
+from hric_control.speed_scale import SpeedScale
 from hric_controllers.cartesian.workspace import check_equilibrium
 from hric_controllers.marker.follower import MarkerFollower, PoseOffset, Tracking
 from hric_controllers.marker.jitter_buffer import MAX_WAITING, JitterBuffer
@@ -29,14 +30,15 @@ class PoseTracking:
     Args:
         node: of the controller; everything is read here, and nothing advertised before `open`.
         base: name of the base frame.
+        scale: of the speed; markers count as before, and the motion towards them is slower.
 
     Attributes:
         pose: desired in this cycle.
         twist: its velocity, 6 floats [m/s], [rad/s].
     """
 
-    def __init__(self, node: Node, base: str) -> None:
-        self._node, self._base = node, base
+    def __init__(self, node: Node, base: str, scale: SpeedScale) -> None:
+        self._node, self._base, self._scale = node, base, scale
         self._settings = TrackingSettings.read(node)
         self._follower = MarkerFollower(self._settings.follower, self._log)
         self._translation = self._motion(self._settings.translation)
@@ -174,8 +176,9 @@ class PoseTracking:
         return True
 
     def _advance(self, period: float) -> None:
-        self._translation.advance(period)
-        self._rotation.advance(period)
+        scale = self._scale.value
+        self._translation.advance(period, scale)
+        self._rotation.advance(period, scale)
         x, y, z = self._translation.position
         a, b, c = self._rotation.velocity
         angular = (a, b, c)
@@ -185,7 +188,8 @@ class PoseTracking:
             angular = quaternions.angular_velocity(rotation, angular)
         else:
             self.pose = Pose((x, y, z), self._start.orientation)
-        self.twist = [*self._translation.velocity, *angular]
+        twist = [*self._translation.velocity, *angular]
+        self.twist = twist if scale == 1.0 else [scale * value for value in twist]
 
     def _rotated(self, rotation: quaternions.Vector) -> quaternions.Quaternion:
         """The orientation at the start, rotated [rad]."""

@@ -2,6 +2,7 @@
 query service."""
 
 import threading
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from trajectory_msgs.msg import JointTrajectory
@@ -14,6 +15,7 @@ from hric_control.errors import HricError
 from hric_control.hardware_interface import EffortJointInterface, JointCommandInterface, PositionJointInterface
 from hric_control.node import GoalHandle, Node
 from hric_control.robot_hw import RobotHW
+from hric_control.speed_scale import ScaledTime, SpeedScaleInterface
 from hric_controllers.dynamics import added_gravity, kd_check
 from hric_controllers.joint.pid import Pid
 from hric_controllers.parameters import Throttle
@@ -36,6 +38,7 @@ class JointTrajectoryController(Controller):
         settings = TrajectorySettings.read(node)
         self.joints = list(settings.joints)
         self._group = robot_hw.get(self.interface).group(self.joints)
+        self._along = ScaledTime(robot_hw.get(SpeedScaleInterface).handle())
         self._tolerances = settings.tolerances(node.resolve("constraints"))
         self._partial = settings.allow_partial_joints_goal
         self._follower = Follower(
@@ -155,7 +158,7 @@ class JointTrajectoryController(Controller):
         if not self._running:
             raise HricError(f"{self._node.namespace} is not running; start it first")
         time = self._time if request.time.is_zero() else self._time + (request.time - self._node.now()).to_sec()
-        position, velocity, acceleration = self._follower.look(time)
+        position, velocity, acceleration = self._follower.look(time - self._along.lag)
         return QueryTrajectoryStateResponse(self.joints, position, velocity, acceleration)
 
     # In the loop.
@@ -164,6 +167,7 @@ class JointTrajectoryController(Controller):
         """Hold where the joints are."""
         q = self._group.positions()
         self._orders.take_new()
+        self._along.restart(time)
         self._follower.rest(time, q)
         self._start_law(q)
         self._state_time.restart()
@@ -174,12 +178,15 @@ class JointTrajectoryController(Controller):
     def update(self, time: float, period: float) -> None:
         """Follow."""
         self._time = time
+        along, scale = self._along.along(time, period), self._along.scale.value
         order = self._orders.take_new()
         if order is not None and not (isinstance(order.goal, RunningGoal) and order.goal.ended):
-            self._follower.order(order)
+            lag = self._along.lag
+            # A start is given in robot time, which ran ahead of that of the motion by the lag.
+            self._follower.order(replace(order, start=order.start - lag) if lag and order.start is not None else order)
         group, follower = self._group, self._follower
         q, dq = group.positions(), group.velocities()
-        outcome = follower.update(time, q, dq)
+        outcome = follower.update(along, q, dq, scale)
         group.set_command(self._command(q, period))
         if outcome is not None:
             self._report(outcome)

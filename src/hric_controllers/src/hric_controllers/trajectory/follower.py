@@ -181,10 +181,11 @@ class Follower:
         p, v, a = zip(*(track.look(time) for track in tuple(self._tracks)), strict=True)
         return list(p), list(v), list(a)
 
-    def update(self, time: float, q: Sequence[float], dq: Sequence[float]) -> Outcome | None:
-        """Advance to robot time `time` [s].
+    def update(self, time: float, q: Sequence[float], dq: Sequence[float], scale: float = 1.0) -> Outcome | None:
+        """Advance to `time` [s], which may pass more slowly than robot time.
 
         Args:
+            scale: at which it passes now, 0 to 1.
             q, dq: measured position [rad] and velocity [rad/s], n floats each.
 
         Returns:
@@ -194,12 +195,12 @@ class Follower:
         if pending is not None and (pending.start is None or time >= pending.start):
             self._pending = None
             self._begin(time, pending)
-        self._sample(time)
+        self._sample(time, scale)
         self.position_error = [d - x for d, x in zip(self.position, q, strict=True)]
         self.velocity_error = [d - x for d, x in zip(self.velocity, dq, strict=True)]
-        return self._judge(time, self._tolerances) if self._tolerances is not None else None
+        return self._judge(time, scale, self._tolerances) if self._tolerances is not None else None
 
-    def _sample(self, time: float) -> None:
+    def _sample(self, time: float, scale: float) -> None:
         if self._settled:
             return
         self._settled = time >= max(track.end for track in self._tracks)
@@ -207,6 +208,9 @@ class Follower:
         self.position = [sample[0] for sample in samples]
         self.velocity = [sample[1] for sample in samples]
         self.acceleration = [sample[2] for sample in samples]
+        if scale != 1.0:
+            self.velocity = [scale * velocity for velocity in self.velocity]
+            self.acceleration = [scale * scale * acceleration for acceleration in self.acceleration]
 
     def _begin(self, time: float, order: Order) -> None:
         if order.waypoints is None:
@@ -237,13 +241,13 @@ class Follower:
         states = [track.sample(time) for track in self._tracks]
         self._take([stop(time, position, velocity, self._stop_duration) for position, velocity, _ in states])
 
-    def _judge(self, time: float, tolerances: GoalTolerances) -> Outcome | None:
+    def _judge(self, time: float, scale: float, tolerances: GoalTolerances) -> Outcome | None:
         if time < self._goal_end:
             text = first_violation(self._joints, tolerances.path, self.position_error, self.velocity_error)
             if not text:
                 return None
             self._stop(time)
-            self._sample(time)
+            self._sample(time, scale)
             return self._end(PATH_TOLERANCE_VIOLATED, f"path tolerance: {text}")
         text = first_violation(self._joints, tolerances.goal, self.position_error, self.velocity_error)
         if not text:

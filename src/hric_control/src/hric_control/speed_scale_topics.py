@@ -1,0 +1,61 @@
+"""The topics of a robot's speed scale: requests in, what is in force out."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from hric_control import realtime
+from hric_control.node import Node
+from hric_control.robot_time import stamps
+from hric_control.speed_scale import Request, SpeedScale
+from hric_msgs.msg import SpeedScale as SpeedScaleMessage
+from hric_msgs.msg import SpeedScaleState
+
+REQUEST_TOPIC, STATE_TOPIC = "hric/safety/speed_scale", "hric/safety/speed_scale_state"
+
+
+class SpeedScaleTopics:
+    """Of one robot.
+
+    Args:
+        node: the robot's namespace.
+        scale: its own.
+        stamp: robot time [s] -> stamp of messages.
+    """
+
+    def __init__(self, node: Node, scale: SpeedScale, stamp: Callable[[float], Any]) -> None:
+        self._node, self._scale, self._stamp = node, scale, stamp
+        self._request: realtime.LatestValue[Any] = realtime.LatestValue(stamps.to_time(0.0))
+        self._state = realtime.publisher(node, STATE_TOPIC, SpeedScaleState)
+        self._subscription = node.subscribe(REQUEST_TOPIC, SpeedScaleMessage, self._on_request, queue_size=1)
+
+    def _on_request(self, message: Any) -> None:
+        """A request that cannot be is refused with the topic's name; the one before stays, until it expires."""
+        valid_for = message.valid_for or math.inf
+        self._scale.request(Request(message.scale, message.stiffness, message.force, valid_for))
+        self._request.set(message.header.stamp)
+
+    def advance(self, time: float, period: float) -> None:
+        """One cycle in which the scale is active; in the loop."""
+        scale = self._scale
+        expired = scale.expired
+        scale.advance(time, period)
+        if scale.expired and not expired:
+            text = f"no speed scale was requested in time: the robot comes to a stop; {REQUEST_TOPIC} lets it go on"
+            realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
+        if self._request.take_new() is not None or scale.expired is not expired:
+            now = scale.target, scale.value, scale.stiffness, scale.force, scale.expired
+            self._state.publish(_state, self._stamp(time), self._request.get(), *now)
+
+    def unregister(self) -> None:
+        """Take the topics back."""
+        self._subscription.unregister()
+        self._state.unregister()
+
+
+def _state(
+    stamp: Any, request: Any, requested: float, scale: float, stiffness: float, force: float, expired: bool
+) -> Any:
+    message = SpeedScaleState(request=request, requested=requested, scale=scale, expired=expired)
+    message.header.stamp, message.stiffness, message.force = stamp, stiffness, force
+    return message

@@ -1,0 +1,152 @@
+"""The speed scale of a robot: how it moves, when it stops by itself, and who declares that it obeys."""
+
+import itertools
+import math
+import random
+
+import numpy as np
+import pytest
+
+from hric_control.errors import CommandError
+from hric_control.fakes import FakeController, FakeRobotHW
+from hric_control.local.node import LocalNode
+from hric_control.manager.controller_manager import ControllerManager
+from hric_control.speed_scale import (
+    ACCELERATION,
+    RATE,
+    Request,
+    ScaledTime,
+    SpeedScale,
+    SpeedScaleInterface,
+    stopping_time,
+)
+from hric_control.speed_scale_topics import REQUEST_TOPIC, STATE_TOPIC, SpeedScaleTopics
+from hric_msgs.msg import SpeedScale as SpeedScaleMessage
+from hric_msgs.msg import SpeedScaleState
+
+DT = 1e-3
+
+
+def values(scale, cycles, begin=0.0):
+    found = []
+    for k in range(cycles):
+        scale.advance(begin + k * DT, DT)
+        found.append(scale.value)
+    return found
+
+
+def test_it_is_exactly_one_and_costs_nothing_until_somebody_asks():
+    scale = SpeedScale()
+    assert scale.value == 1.0 and not scale.active and scale.stiffness == scale.force == math.inf
+
+
+@pytest.mark.parametrize("start", [1.0, 0.3, 0.05])
+def test_it_comes_to_a_stop_in_the_stated_time_and_stands_exactly(start):
+    scale = SpeedScale()
+    scale.request(Request(start))
+    values(scale, 1000)
+    scale.request(Request(0.0))
+    found = np.array([start, *values(scale, 500)])
+    stopped = int(np.flatnonzero(found == 0.0)[0])
+    assert stopped * DT == pytest.approx(stopping_time(start), abs=3 * DT)
+    assert np.all(np.diff(found) <= 0.0) and found[-1] == 0.0
+    # The distance of what moved at v: that of a steady deceleration over the same time, v T / 2.
+    assert found.sum() * DT == pytest.approx(0.5 * start * stopping_time(start), rel=0.03)
+
+
+def test_under_any_requests_it_stays_between_its_ends_and_within_its_rates():
+    rng, scale, found = random.Random(3), SpeedScale(), [1.0]
+    for k in range(20_000):
+        if k % rng.choice((7, 50, 300)) == 0:
+            scale.request(Request(rng.choice((0.0, 1.0, rng.random()))))
+        scale.advance(k * DT, DT)
+        found.append(scale.value)
+    rate = np.diff(found) / DT
+    assert min(found) == 0.0 and max(found) == 1.0
+    assert np.abs(rate).max() <= RATE * (1 + 1e-9)
+    # Its last step, to the value itself, may be half of one step of the deceleration more.
+    assert np.abs(np.diff(rate)).max() / DT <= 1.5 * ACCELERATION * (1 + 1e-6)
+    assert np.mean(np.abs(np.diff(rate)) / DT > ACCELERATION * (1 + 1e-6)) < 0.02
+
+
+def test_without_another_request_in_time_the_robot_stops_and_with_one_it_goes_on():
+    scale = SpeedScale()
+    scale.request(Request(1.0, valid_for=0.1))
+    values(scale, 90)
+    assert scale.value == 1.0 and not scale.expired
+    values(scale, 500, 0.09)
+    assert scale.value == 0.0 and scale.expired
+    scale.request(Request(1.0))
+    values(scale, 500, 1.0)
+    assert scale.value == 1.0 and not scale.expired and not scale.active
+
+
+@pytest.mark.parametrize(
+    "request_", [Request(1.1), Request(-0.1), Request(math.nan), Request(1.0, force=-1.0), Request(1.0, math.nan)]
+)
+def test_a_request_that_cannot_be_is_refused_and_the_one_before_stays(request_):
+    scale = SpeedScale()
+    scale.request(Request(0.5))
+    with pytest.raises(CommandError, match="valid: 0"):
+        scale.request(request_)
+    assert values(scale, 500)[-1] == 0.5
+
+
+def test_the_time_of_a_motion_is_robot_time_to_the_bit_as_long_as_the_scale_is_one():
+    along = ScaledTime(SpeedScale())
+    along.restart(0.1)
+    assert all(along.along(0.1 + k * DT, DT) == 0.1 + k * DT for k in range(1000))
+
+
+def test_the_time_of_a_motion_stands_where_the_scale_is_zero_and_never_goes_back():
+    scale = SpeedScale()
+    along = ScaledTime(scale)
+    along.restart(0.0)
+    times = []
+    for k in range(2000):
+        if k in (300, 1200):
+            scale.request(Request(0.0 if k == 300 else 1.0))
+        scale.advance(k * DT, DT)
+        times.append(along.along(k * DT, DT))
+    steps = np.diff(times)
+    assert np.all(steps >= 0.0) and np.all(np.abs(steps[700:1150]) < 1e-12)
+    assert steps[-1] == pytest.approx(DT) and along.lag == pytest.approx(0.9, abs=0.02)
+
+
+class Obeying(FakeController):
+    def init(self, robot_hw, root_node, controller_node):
+        super().init(robot_hw, root_node, controller_node)
+        robot_hw.get(SpeedScaleInterface).handle()
+
+
+def test_the_list_of_controllers_shows_who_obeys():
+    node = LocalNode({name: {"type": name, "joints": [joint]} for name, joint in (("a", "joint1"), ("b", "joint2"))})
+    manager = ControllerManager(FakeRobotHW(), node, {"a": Obeying, "b": FakeController})
+    for name in ("a", "b"):
+        manager.load(name)
+    manager.switch(["a", "b"], [], loop_running=False)  # one resource for all is no conflict
+    claims = {status.name: status.claims for status in manager.list()}
+    assert claims["a"]["hric_control::SpeedScaleInterface"] == ("speed_scale",)
+    assert "hric_control::SpeedScaleInterface" not in claims["b"]
+
+
+def test_a_request_by_topic_is_answered_with_the_cycle_that_took_it_up():
+    node, scale, got = LocalNode(), SpeedScale(), []
+    from hric_control.robot_time import stamps
+
+    topics = SpeedScaleTopics(node, scale, stamps.to_time)
+    node.subscribe(STATE_TOPIC, SpeedScaleState, got.append)
+    requests = node.advertise(REQUEST_TOPIC, SpeedScaleMessage)
+    message = SpeedScaleMessage(scale=0.25, stiffness=math.inf, force=50.0, valid_for=0.1)
+    message.header.stamp = stamps.to_time(1.0)
+    requests.publish(message)
+    for k in itertools.count():
+        if k == 400:
+            break
+        if scale.active:
+            topics.advance(1.02 + k * DT, DT)
+    assert [state.expired for state in got] == [False, True]
+    first, last = got
+    assert (first.header.stamp.to_sec(), first.request.to_sec(), first.requested) == (1.02, 1.0, 0.25)
+    assert first.force == 50.0 and last.requested == 0.0 and scale.value == 0.0
+    topics.unregister()
