@@ -391,6 +391,7 @@ class VerdictTable(ValueTable):
     reba_within: Value = section(Value)
     reba_warning: Value = section(Value)
     lasting: Value = section(Value)
+    angle: Value = section(Value)
     known: Value = section(Value)
     lift: Value = section(Value)
     moving: Value = section(Value)

@@ -6,7 +6,9 @@ import numpy as np
 
 from hric_assessment.verdict.given import Given
 from hric_bags.records.recording import Tracked
-from hric_control.geometry import FloatArray, Pose, compose
+from hric_control import urdf
+from hric_control.geometry import FloatArray, Pose, compose, quaternion_from_rotation
+from hric_control.geometry.quaternions import normalized
 from hric_human.body import Body, describe
 from hric_human.participant.settings import HumanSettings
 from hric_perception.person.settings import PersonSettings
@@ -119,37 +121,46 @@ def _other(given: Given) -> Person | None:
         body, calibrated = PersonSettings.of(section, "person").known()
         if not calibrated:
             assumptions.append("the body was not fitted to the person in a still pose: lengths are those of his file")
-    time, root, said = _root(given, tracked)
+    time, root = _root(given, tracked)
     what = "tracked person" if tracked is not None else "person of whom joint states alone were recorded"
     signals = (topic,) if tracked is None else (topic, beside)
-    return Person(what, body, states.names, states.time, states.values, time, root, signals, (*assumptions, *said))
+    return Person(
+        what,
+        body,
+        states.names,
+        states.time,
+        states.values,
+        time,
+        root,
+        signals,
+        tuple(assumptions),
+        uncertainty=0.0 if tracked is None else float(np.nanpercentile(tracked.residual, 95.0)),
+        uncertainty_from="distance of his markers from those of the body, 95 % of the time",
+    )
 
 
-def _root(given: Given, tracked: Tracked | None) -> tuple[FloatArray | None, FloatArray | None, list[str]]:
-    """(times, poses in the world, assumptions)."""
-    if tracked is None:
-        return None, None, []
-    T_world_markers, said = _markers_frame(given, tracked.frame)
-    if T_world_markers is None:
-        return None, None, []
+def _root(given: Given, tracked: Tracked | None) -> tuple[FloatArray | None, FloatArray | None]:
+    """(times, poses in the world)."""
+    T_world_markers = None if tracked is None else _markers_frame(given, tracked.frame)
+    if tracked is None or T_world_markers is None:
+        return None, None
     known = np.isfinite(tracked.pose).all(axis=1)
     if not known.any():
-        return None, None, []
-    poses = [compose(T_world_markers, Pose(tuple(row[:3]), tuple(row[3:]))) for row in tracked.pose[known].tolist()]
-    return tracked.time[known], np.array([[*pose.position, *pose.orientation] for pose in poses]), said
+        return None, None
+    rows = [(row[:3], row[3:]) for row in tracked.pose[known].tolist()]
+    poses = [compose(T_world_markers, Pose((x, y, z), normalized(q))) for (x, y, z), q in rows]
+    return tracked.time[known], np.array([[*pose.position, *pose.orientation] for pose in poses])
 
 
-def _markers_frame(given: Given, frame: str) -> tuple[Pose | None, list[str]]:
-    """T_world_markers, from a static transform, else from where the experiment has the robot's base in that frame."""
-    static = given.recording.static
-    for (parent, child), pose in static.items():
-        if child == frame and parent in ("world", "panda_link0"):
-            return pose, []
-    mocap = given.definition.get("mocap") or {}
-    if "base_from_mocap" in mocap:
-        given_pose = mocap["base_from_mocap"]
-        return Pose(tuple(given_pose["xyz"]), tuple(given_pose["xyzw"])), []
-    return None, []
+def _markers_frame(given: Given, frame: str) -> Pose | None:
+    """T_world_markers: of a link of the robot that does not move, else by a static transform; None: not known."""
+    if given.description:
+        tree = urdf.read(given.description)
+        root, T_root_link = tree.rigid_groups().get(frame, ("", np.eye(4)))
+        if root == tree.root:
+            x, y, z = T_root_link[:3, 3].tolist()
+            return Pose((x, y, z), quaternion_from_rotation(T_root_link[:3, :3]))
+    return given.recording.static.get(("world", frame))
 
 
 def _parts(names: tuple[str, ...]) -> str:

@@ -89,11 +89,12 @@ def _load(person: Person, record: HumanRecord | None, side: str) -> FloatArray |
 def _scored(
     method: str, score: Score, table: PostureTable, person: Person, side: str, load: FloatArray | None
 ) -> Scored:
-    n = len(person.time)
+    n, step = len(person.time), verdict_table()["angle"]
     blocks = [slice(begin, min(begin + BLOCK, n)) for begin in range(0, n, BLOCK)]
 
     def of(rows: slice | IntArray) -> Scores:
-        return score(of_joints(person.names, person.q[rows], side), Task(load=None if load is None else load[rows]))
+        q = np.radians(step * np.round(np.degrees(person.q[rows]) / step))
+        return score(of_joints(person.names, q, side), Task(load=None if load is None else load[rows]))
 
     parts = [of(block) for block in blocks]
     values = {
@@ -165,6 +166,7 @@ def posture_finding(one: Scored, person: Person) -> Finding:
     notes = (
         f"counts: the highest score that is reached for {table['lasting']:g} s, all stretches together "
         f"({table.mark_of(table.lasting)}); at its first instant: {'; '.join(one.reasons) or 'nothing adds to it'}",
+        f"angles are rounded to {table['angle']:g} deg ({table.mark_of(table.angle)}): no body is known better",
         f"thresholds chosen here: {'; '.join(one.chosen)}",
         f"assumed: {'; '.join(one.assumptions)}",
     )

@@ -20,6 +20,8 @@ from hric_control import urdf
 from hric_control.geometry import FloatArray
 
 GROUP = "separation"
+TOUCHING = 0.01
+"""Distance up to which S_p over it is no figure any more [m]; project default."""
 NAMES = ("S_h", "S_r", "S_s", "C", "Z_d", "Z_r")
 """Of the terms of S_p."""
 
@@ -151,7 +153,7 @@ def separation_finding(one: Separated) -> Finding:
     """Held against the protective separation distance."""
     found, protective, table = one.found, one.protective, separation_table()
     violations = found.violations(protective)
-    ratio = np.where(found.distance > 0.0, protective / np.maximum(found.distance, 1e-9), np.nan)
+    ratio = np.where(found.distance > TOUCHING, protective / np.maximum(found.distance, TOUCHING), np.nan)
     if violations:
         worst = min(violations, key=lambda violation: violation.margin)
         at = int(np.searchsorted(found.time, worst.time))
