@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import String
 from synthetic import TARGET, TIME_CONSTANT, write_run
 
@@ -27,6 +28,20 @@ def test_settling_overshoot_and_final_error_are_those_of_an_exponential_move(tmp
     assert move["joints"]["j2"]["settling_time"] == {"0.01": 0.0, "0.001": 0.0}
     assert move["settling_time_max"]["0.01"] == joint["settling_time"]["0.01"]
     assert move["final_error_max"] == joint["final_error"]
+
+
+def diagnostics(name: str, missed: int) -> DiagnosticArray:
+    values = [KeyValue("missed deadlines", str(missed)), KeyValue("cycles", "9")]
+    return DiagnosticArray(status=[DiagnosticStatus(name=name, values=values)])
+
+
+def test_missed_deadlines_are_the_last_that_each_loop_counted_and_stand_in_the_report(tmp_path: Path) -> None:
+    said = [("/left: control loop", 3), ("/right: control loop", 2), ("/left: control loop", 17)]
+    extra = [("/diagnostics", diagnostics(*one), 0.5 + 0.1 * k) for k, one in enumerate(said)]
+    result = analyse(write_run(tmp_path / "live", extra=extra), figures=False)
+    assert result["missed_deadlines"] == 19 and "19 deadlines missed" in result["report"]
+    silent = analyse(write_run(tmp_path / "headless"), figures=False)
+    assert silent["missed_deadlines"] is None and "deadlines" not in silent["report"]
 
 
 def test_peaks_ratios_and_counts_stand_in_the_metrics(tmp_path: Path) -> None:

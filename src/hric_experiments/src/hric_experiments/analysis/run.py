@@ -11,7 +11,16 @@ from hric_bags.reader import Messages, RunRecord
 from hric_bags.records import contact_record
 from hric_bags.run_folder import RunFolder
 from hric_control.plants import WindowlessConfig
-from hric_experiments.analysis import collection, collection_record, differences, human, metrics, recordings, stability
+from hric_experiments.analysis import (
+    collection,
+    collection_record,
+    deadlines,
+    differences,
+    human,
+    metrics,
+    recordings,
+    stability,
+)
 from hric_experiments.analysis import tracking_run as tracking_analysis
 from hric_experiments.analysis.human import Person
 from hric_experiments.analysis.tracking_run import Tracking
@@ -126,6 +135,7 @@ def _metrics(
         "experiment": run.get("experiment", ""),
         **metrics.compute(record, limits, joint_orders(run), tolerances),
         "real_time_factor": run.get("real_time_factor"),
+        "missed_deadlines": deadlines.missed(bag),
         "reflexes": [{"time": time, "errors": list(names)} for time, names in record.reflexes],
         "contacts": contact_record.metrics(contact_record.read(bag, record.robot_time)),
         "stability": stability.judge(run, record.log, limits),

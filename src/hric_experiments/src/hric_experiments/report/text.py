@@ -42,6 +42,8 @@ def _head(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     arguments = " ".join(run.get("arguments") or []) or "none"
     rtf = run.get("real_time_factor")
     pace = f", {rtf:.2f} times real time" if isinstance(rtf, int | float) else ""
+    if (missed := metrics.get("missed_deadlines")) is not None:
+        pace += f", {missed} deadlines missed"
     cycles = metrics["control_log"]
     error = f": {run['error']}" if run.get("error") else ""
     return (
