@@ -217,6 +217,25 @@ def test_shares_of_time_count_muscles_above_a_threshold_and_not_actuators() -> N
     assert "right_a 0.60, right_b 0.35" in text and "right_b (3 times)" in text and "25 % of the time his" in text
 
 
+@pytest.mark.parametrize(("reflex", "delay", "verdict"), [("0.25", "0.15", "stable"), ("1", "0.15", "unstable")])
+def test_a_run_is_called_unstable_where_all_of_his_impedance_is_late(
+    reflex: str, delay: str, verdict: str, tmp_path: Path
+) -> None:
+    overrides = [
+        "simulator:=mujoco",
+        "duration:=4.3",
+        "human.control.parameters.reference.points:=[[0.1,0.42,0,0.55],[0.6,0.42,0.1,0.55],[1.1,0.42,0,0.55]]",
+        f"human.control.parameters.reflex:={reflex}",
+        f"human.control.senses.joint_delay:={delay}",
+    ]
+    result = runner.run(
+        experiment.load("hand_guidance", overrides), overrides, root=tmp_path, progress=False, figures=False
+    )
+    assert result.metrics["stability"]["verdict"] == verdict
+    assert result.metrics["human"]["settling"]["verdict"] == (human.SETTLES if verdict == "stable" else human.UNSTABLE)
+    assert ("stability: UNSTABLE" in result.metrics["report"]) is (verdict == "unstable")
+
+
 def test_runs_called_by_numbers_are_drawn_over_them(guided: runner.Result) -> None:
     values = {"human": study_human.chosen(guided.metrics)}
     figure = study_human.figure({"100": values, "50": values, "9": values}, "stiffness [N/m]")
