@@ -17,6 +17,7 @@ CHUNK, FRAMES, COUNT = "hric_msgs/msg/SampleChunk", "hric_msgs/msg/MocapData", "
 SAMPLE, LAYOUT, STATUS = "hric_msgs/msg/SyncedSample", "hric_msgs/msg/SyncLayout", "hric_msgs/msg/SyncStatus"
 TRUTH_TOPIC = "/hric/human/hand"
 TYPES = (CHUNK, FRAMES, COUNT, SAMPLE, LAYOUT, STATUS)
+DIAGNOSTICS, MISSED = "diagnostic_msgs/msg/DiagnosticArray", "missed deadlines"
 TIME_CODE = "time"
 """Channel that holds robot time of each sample, of an emulated device."""
 
@@ -212,3 +213,14 @@ def _truth(messages: list[Any]) -> tuple[FloatArray, FloatArray, str] | None:
     position = np.array([(point.x, point.y, point.z) for point in points])
     rising = np.concatenate([[True], np.diff(time) > 0])
     return time[rising], position[rising], str(messages[0].header.frame_id)
+
+
+def missed_deadlines(bag: PartsReader) -> int | None:
+    """Cycles that began late until the last diagnostics, of all control loops; None: no loop said so (headless)."""
+    found: dict[str, int] = {}
+    for connection, _, raw in bag.chosen(lambda one: one.msgtype == DIAGNOSTICS):
+        for status in bag.deserialize(raw, connection.msgtype).status:
+            for pair in status.values:
+                if pair.key == MISSED:
+                    found[status.name] = int(pair.value)
+    return sum(found.values()) if found else None

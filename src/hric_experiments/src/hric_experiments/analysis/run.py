@@ -14,7 +14,6 @@ from hric_control.plants import WindowlessConfig
 from hric_experiments.analysis import (
     collection,
     collection_record,
-    deadlines,
     differences,
     human,
     metrics,
@@ -135,7 +134,7 @@ def _metrics(
         "experiment": run.get("experiment", ""),
         **metrics.compute(record, limits, joint_orders(run), tolerances),
         "real_time_factor": run.get("real_time_factor"),
-        "missed_deadlines": deadlines.missed(bag),
+        "missed_deadlines": collection_record.missed_deadlines(bag),
         "reflexes": [{"time": time, "errors": list(names)} for time, names in record.reflexes],
         "contacts": contact_record.metrics(contact_record.read(bag, record.robot_time)),
         "stability": stability.judge(run, record.log, limits),

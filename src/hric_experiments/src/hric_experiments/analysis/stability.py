@@ -145,11 +145,12 @@ def judge(run: Mapping[str, Any], log: ControlRecord, limits: Mapping[str, Mappi
         "stretch": STRETCH,
         "lags": LAGS,
     }
-    return {"verdict": verdict, "reasons": reasons, "joints": joints, "thresholds": thresholds}
+    return {"verdict": verdict, "loop": verdict, "reasons": reasons, "joints": joints, "thresholds": thresholds}
 
 
 def also(found: Mapping[str, Any], reasons: Sequence[str]) -> dict[str, Any]:
-    """The same verdict with further reasons why the run is unstable, after its own; found: of `judge`."""
+    """The verdict with further reasons why the run is unstable, after its own; found: of `judge`, whose verdict stays
+    as `loop`."""
     verdict = UNSTABLE if reasons else found["verdict"]
     return {**found, "verdict": verdict, "reasons": [*found["reasons"], *reasons]}
 

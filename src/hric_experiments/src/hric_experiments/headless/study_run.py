@@ -48,7 +48,8 @@ class StudyResult:
 
     @property
     def passed(self) -> bool:
-        """Whether no difference is larger than its bound, and no run unstable."""
+        """Whether no difference is larger than its bound, and no control loop unstable. Where a human and the robot do
+        not come to rest is what a sweep may look for."""
         forms = self.metrics["forms"].values()
         stable = all(run["stability"] != stability.UNSTABLE for form in forms for run in form["runs"].values())
         return stable and all(pair["passed"] is not False for form in forms for pair in form["compared"])
@@ -137,7 +138,7 @@ def _run(result: Result, log: ControlRecord) -> dict[str, Any]:
         "run": result.folder.path.name,
         "arguments": data["arguments"],
         "real_time_factor": data.get("real_time_factor"),
-        "stability": result.metrics["stability"]["verdict"],
+        "stability": result.metrics["stability"]["loop"],
         "law_times": law_times(log.time),
         "tracking": study_tracking.chosen(result.metrics),
         "human": study_human.chosen(result.metrics),
