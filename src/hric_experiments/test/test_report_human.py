@@ -20,7 +20,7 @@ from hric_control.robot_time.stamps import to_time
 from hric_experiments import cli, report_html
 from hric_experiments.report_html import beside, run_data
 from hric_human.body import describe
-from hric_human.muscles.colours import ACTIVATION_COLOURS
+from hric_human.muscles.lines import ACTIVATION_COLOURS
 from hric_human.participant.settings import HumanSettings
 from hric_msgs.msg import RegionContact, RegionContacts
 

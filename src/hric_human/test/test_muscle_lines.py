@@ -10,8 +10,7 @@ from bodies import Posed, body
 from hric_control.errors import HricError
 from hric_human.body.segments import ROOT
 from hric_human.muscles import BUILT_IN, load
-from hric_human.muscles.colours import ACTIVATION_COLOURS, colour
-from hric_human.muscles.lines import muscle_lines
+from hric_human.muscles.lines import ACTIVATION_COLOURS, colour, muscle_lines
 
 REST = {"right_sh_flex": 20.0, "right_sh_abd": 15.0, "right_el_flex": 80.0}
 """Posture in which the courses are those of the model's paths [deg]."""

@@ -22,8 +22,7 @@ from hric_control.robot_time import stamps
 from hric_control.testing import ros, roscore  # noqa: F401
 from hric_human.body import Subject, describe
 from hric_human.muscles import BUILT_IN, load
-from hric_human.muscles.colours import colour
-from hric_human.muscles.lines import muscle_lines
+from hric_human.muscles.lines import colour, muscle_lines
 from hric_msgs.msg import (
     HumanGrip,
     MarkerTrackingState,

@@ -6,7 +6,7 @@ from typing import Any
 from hric_bags.records.muscle_record import MuscleRecord
 
 THRESHOLDS = (0.3, 0.5)
-"""Activations of which the share of time above them is told [1]: project defaults, unconfirmed."""
+"""Activations of which the share of time above them is reported [1]: project defaults, unconfirmed."""
 NAMED = 3
 """So many muscles are named in the text of a report."""
 

@@ -83,7 +83,7 @@ def human_muscles(experiment: Experiment) -> dict[str, list[list[Any]]]:
         return {}
     anatomy = find(settings.muscles.anatomy, f"{HUMAN}.muscles.anatomy")
     lines = muscle_lines(describe(settings.person), anatomy)
-    return {name: [[link, *place] for link, place in points] for name, points in lines.items()}
+    return {name: [[link, *p_link] for link, p_link in points] for name, points in lines.items()}
 
 
 def _description_of(address: str) -> str:

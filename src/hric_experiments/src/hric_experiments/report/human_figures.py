@@ -12,7 +12,7 @@ from hric_experiments.analysis.human import Person
 from hric_experiments.report.figure import Curve, Figure, Panel, per_joint
 from hric_experiments.report.heat import heat_map
 from hric_experiments.report.sections import HUMAN
-from hric_human.muscles.colours import ACTIVATION_COLOURS
+from hric_human.muscles.lines import ACTIVATION_COLOURS
 
 SHOWN = 1.5
 """How much of a blow is shown, in durations of its half sine."""

@@ -9,8 +9,7 @@ from hric_experiments.report_html.run_data import RunData
 from hric_experiments.report_html.scene import Arrow, Lines, Robot, Track, instants
 from hric_human.body import Body, describe
 from hric_human.muscles.choose import find
-from hric_human.muscles.colours import ACTIVATION_COLOURS
-from hric_human.muscles.lines import muscle_lines
+from hric_human.muscles.lines import ACTIVATION_COLOURS, muscle_lines
 from hric_human.participant.settings import HumanSettings
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002

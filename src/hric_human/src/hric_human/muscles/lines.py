@@ -1,4 +1,4 @@
-"""Where the muscles of a body are drawn: lines through points that its links take along.
+"""How the muscles of a body are drawn: lines through points that its links take along, in the colours of activation.
 
 A picture: which moment arms a muscle has is said by its length alone (`MuscleSet`). Points are those of the model in
 the resting posture, so that in other postures a line may cut through a bone that the muscle's path goes around.
@@ -8,31 +8,41 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_control.geometry import Vector
+from hric_control.geometry import FloatArray, Vector
 from hric_human.body import Body
 from hric_human.body.segments import SIDES
 from hric_human.muscles.anatomy import SEGMENTS, Anatomy
 
 Points = tuple[tuple[str, Vector], ...]
 """Link, and place in its axes [m]."""
+ACTIVATION_COLOURS = ((0.0, "#2b5fa8"), (0.1, "#35a79c"), (0.25, "#f2c14e"), (0.5, "#b3261e"))
+"""Activation [1] and colour of each stop, straight between them; beyond the last one it stays. The same in reports and
+live, so that runs can be compared by sight (project default)."""
 _TORSO, _UPPER_ARM, _FOREARM = SEGMENTS
+_STOPS = [value for value, _ in ACTIVATION_COLOURS]
+_RGB = np.array([[int(text[k : k + 2], 16) / 255.0 for k in (1, 3, 5)] for _, text in ACTIVATION_COLOURS])
+
+
+def colour(activation: Sequence[float]) -> FloatArray:
+    """Red, green and blue from 0 to 1 of n activations, shape (n, 3)."""
+    return np.stack([np.interp(activation, _STOPS, part) for part in _RGB.T], axis=1)
 
 
 def muscle_lines(body: Body, anatomy: Anatomy) -> dict[str, Points]:
     """Of the muscles of a body's arms, by name with the side ("right_bic_l"), scaled as its segments are."""
     return {
-        f"{side}_{name}": tuple(_placed(body, anatomy, side, segment, place) for segment, place in muscle.course)
+        f"{side}_{name}": tuple(_placed(body, anatomy, side, segment, p) for segment, p in muscle.course)
         for side in ("right", "left")
         if f"{side}_upper_arm" in body.segments
         for name, muscle in anatomy.muscles.items()
     }
 
 
-def _placed(body: Body, anatomy: Anatomy, side: str, segment: str, place: Sequence[float]) -> tuple[str, Vector]:
+def _placed(body: Body, anatomy: Anatomy, side: str, segment: str, p_model: Sequence[float]) -> tuple[str, Vector]:
     """A point of a right arm's model, on a side of the body; what lies on the trunk scales with the upper arm."""
     arm = body.segments[f"{side}_{_FOREARM if segment == _FOREARM else _UPPER_ARM}"]
     reference = anatomy.reference.get(arm.kind)
-    p = np.array(place) * (arm.length / reference if reference else 1.0)
+    p = np.array(p_model) * (arm.length / reference if reference else 1.0)
     p[1] *= SIDES[side] / SIDES["right"]
     link = arm.link
     if segment == _TORSO:

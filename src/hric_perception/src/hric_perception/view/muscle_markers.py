@@ -14,7 +14,7 @@ from hric_control.geometry import FloatArray
 from hric_control.geometry.transforms import rotation_about
 from hric_control.robot_time import stamps
 from hric_control.urdf import Joint, read
-from hric_human.muscles.colours import colour
+from hric_human.muscles.lines import colour
 
 WIDTH = 0.007
 """Of a line [m]."""
@@ -36,7 +36,7 @@ class MuscleMarkers:
         self._joints: list[Joint] = list(robot.joints.values())
         self._root, self._frame = robot.root, f"{prefix}/{robot.root}"
         self._names = list(lines)
-        self._points = [[(str(link), np.array(place, float)) for link, *place in of] for of in lines.values()]
+        self._points = [[(str(link), np.array(position, float)) for link, *position in of] for of in lines.values()]
         self._lock = threading.Lock()
         self._angles: dict[str, float] = {}
         self._activation: Any = None
@@ -64,7 +64,7 @@ class MuscleMarkers:
         marker.color, marker.lifetime = ColorRGBA(1.0, 1.0, 1.0, 1.0), stamps.to_duration(LIFETIME)
         poses = self._poses(angles)
         for points, own in zip(self._points, colours, strict=True):
-            at = [Point(*(poses[link][:3, :3] @ place + poses[link][:3, 3]).tolist()) for link, place in points]
+            at = [Point(*(poses[link][:3, :3] @ position + poses[link][:3, 3]).tolist()) for link, position in points]
             for ends in itertools.pairwise(at):
                 marker.points += ends
                 marker.colors += [own, own]
@@ -76,9 +76,9 @@ class MuscleMarkers:
         while waiting:
             ready = [joint for joint in waiting if joint.parent in found]
             for joint in ready:
-                turn = np.eye(4)
+                T_turned = np.eye(4)
                 if joint.name in angles:
-                    turn[:3, :3] = rotation_about(joint.axis, angles[joint.name])
-                found[joint.child] = found[joint.parent] @ joint.T_parent_joint @ turn
+                    T_turned[:3, :3] = rotation_about(joint.axis, angles[joint.name])
+                found[joint.child] = found[joint.parent] @ joint.T_parent_joint @ T_turned
             waiting = [joint for joint in waiting if joint.child not in found]
         return found

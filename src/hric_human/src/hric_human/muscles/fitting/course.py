@@ -27,19 +27,19 @@ def course(points: Sequence[tuple[str, FloatArray]], segment_of: Callable[[str],
     """Of a muscle.
 
     Args:
-        points: body and place in the ground [m], from end to end.
+        points: body and position in the ground [m], from end to end.
         segment_of: one of SEGMENTS of a body.
         frames: of the segments.
     """
     found, last = list[tuple[str, tuple[float, float, float]]](), None
-    for body, place in points:
+    for body, position in points:
         segment = segment_of(body)
-        if last is not None and last[0] == segment and np.linalg.norm(place - last[1]) < NEAR:
+        if last is not None and last[0] == segment and np.linalg.norm(position - last[1]) < NEAR:
             continue
         R, origin = frames[segment]
-        x, y, z = (R_LINK_OPENSIM @ R.T @ (place - origin)).tolist()
+        x, y, z = (R_LINK_OPENSIM @ R.T @ (position - origin)).tolist()
         found.append((segment, (rounded(x), rounded(y), rounded(z))))
-        last = segment, place
+        last = segment, position
     return tuple(found)
 
 

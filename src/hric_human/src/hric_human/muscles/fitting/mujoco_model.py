@@ -105,7 +105,7 @@ class MujocoArm(ArmModel):
     def courses(self) -> list[list[tuple[str, FloatArray]]]:
         """See `ArmModel`; where a tendon wraps, both ends of that."""
         model, data = self._model, self._data
-        names, places = list(self._bodies), data.wrap_xpos.reshape(-1, 3)
+        names, positions = list(self._bodies), data.wrap_xpos.reshape(-1, 3)
         found = []
         for tendon in self._tendons:
             of = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
@@ -115,7 +115,7 @@ class MujocoArm(ArmModel):
                 geom = data.wrap_obj.flat[k]
                 if geom != _PULLEY:
                     body = model.site_bodyid[next(sites)] if geom == _SITE else model.geom_bodyid[geom]
-                    points.append((names[body], places[k].copy()))
+                    points.append((names[body], positions[k].copy()))
             found.append(points)
         return found
 

@@ -84,9 +84,9 @@ class Paths:
             points = path.getCurrentPath(self.state)
             of = [points.get(i) for i in range(points.getSize())]
             names = [point.getParentFrame().findBaseFrame().getName() for point in of]
-            places = [np.array(point.getLocationInGround(self.state).to_numpy()) for point in of]
+            positions = [np.array(point.getLocationInGround(self.state).to_numpy()) for point in of]
             bodies = [name if name in self._bodies else "" for name in names]
-            found.append(list(zip(bodies, places, strict=True)))
+            found.append(list(zip(bodies, positions, strict=True)))
         return found
 
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
