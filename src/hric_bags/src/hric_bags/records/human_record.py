@@ -17,6 +17,10 @@ from hric_control.geometry import Vector
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE, CONTACTS_TYPE = "hric_msgs/msg/HumanEvent", "hric_msgs/msg/RegionContacts"
+NONE_ENDED = bytes(4)
+"""At the end of a serialised RegionContacts in which nothing has ended."""
+BLOW = 600_000_000
+"""Contacts that last longer are no blow any more [ns]."""
 REAL = "/hric/person/"
 """In topics of a real person before the cameras, which are none of the simulated human."""
 
@@ -186,7 +190,8 @@ class HumanMessages:
 
     Args:
         connections: of the bag.
-        rate: of joint states and torques, of which no more are kept [Hz]; None: all. All else is kept.
+        rate: of joint states, torques and contacts that last, of which no more are kept [Hz]; None: all. All else is
+            kept.
 
     Attributes:
         names: of humans, what their topics begin with.
@@ -201,7 +206,7 @@ class HumanMessages:
         self._position, self._torque = _Rows("position"), _Rows("torque", "strength_share")
         self._grips: dict[str, _Grips] = {}
         self._events: list[tuple[float, Any]] = []
-        self._contacts = _Contacts()
+        self._contacts, self._pressing = _Contacts(), _Pressing()
 
     def wants(self, connection: Any) -> bool:
         """Whether a connection is one of a human."""
@@ -211,9 +216,13 @@ class HumanMessages:
         """Whether a topic is one of a human."""
         return kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE) or topic in self._torques | self._states
 
-    def due(self, topic: str, stamp: int) -> bool:
-        """Whether the message recorded at a time [ns] is needed at this rate."""
-        if topic not in self._torques | self._states or not self._period:
+    def due(self, topic: str, kind: str, stamp: int, raw: bytes) -> bool:
+        """Whether a message is needed at this rate; stamp: of its recording [ns]."""
+        if not self._period:
+            return True
+        if kind == CONTACTS_TYPE:
+            return self._pressing.due(stamp, raw, self._period)
+        if topic not in self._torques | self._states:
             return True
         if stamp - self._last.get(topic, -self._period) < self._period:
             return False
@@ -254,6 +263,26 @@ class HumanMessages:
             [Event(robot_time(stamp), m.kind, m.name, float(m.value), m.text) for stamp, m in self._events],
             self._contacts.meetings(robot_time),
         )
+
+
+class _Pressing:
+    """Finds messages of contacts that go on: as many as in the one before, none ended, for longer than a blow."""
+
+    def __init__(self) -> None:
+        self._shape: tuple[int, bytes] = 0, b""
+        self._since = self._last = 0
+
+    def due(self, stamp: int, raw: bytes, period: int) -> bool:
+        """Whether one is needed; period: shortest between two of contacts that go on [ns]."""
+        frame = int.from_bytes(raw[12:16], "little")
+        shape = len(raw), bytes(raw[16 + frame : 20 + frame])  # how many touch
+        if shape != self._shape or raw[-4:] != NONE_ENDED:
+            self._shape, self._since, self._last = shape, stamp, stamp
+            return True
+        if stamp - self._since > BLOW and stamp - self._last < period:
+            return False
+        self._last = stamp
+        return True
 
 
 class _Rows:

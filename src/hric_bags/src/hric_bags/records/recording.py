@@ -112,7 +112,7 @@ def read(bag: Path | PartsReader, rate: float = RATE) -> Recording:
     with opened(bag) as reader:
         taken = _Taken(reader, rate)
         for connection, stamp, raw in reader.chosen(taken.wants):
-            if taken.due(connection, stamp):
+            if taken.due(connection, stamp, raw):
                 taken.add(connection.topic, connection.msgtype, reader.deserialize(raw, connection.msgtype))
         return taken.recording(reader)
 
@@ -138,11 +138,11 @@ class _Taken:
             return True
         return str(connection.topic).endswith(("/robot_description", "/tf_static"))
 
-    def due(self, connection: Any, stamp: int) -> bool:
+    def due(self, connection: Any, stamp: int, raw: bytes) -> bool:
         """Whether the message of a time [ns] is to be read."""
         topic, kind = connection.topic, connection.msgtype
         if self._human.wants(connection):
-            return self._human.due(topic, stamp)
+            return self._human.due(topic, kind, stamp, raw)
         if kind not in (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE):
             return True
         if self._people.get(topic, self) is None or stamp - self._last.get(topic, -self._period) < self._period:
