@@ -190,6 +190,10 @@ def report(arguments: Sequence[str]) -> int:
     with contextlib.closing(Steps(STEPS + FIGURE_STEPS * (not given.no_figures))) as step:
         found = analyse(folder, figures=not given.no_figures, step=step)
     print(f"{found['report']}\nrun folder: {folder.path}")
+    from hric_experiments.report_html.verdict import verdict_of
+
+    if (verdict := verdict_of(folder)) is not None:
+        print(f"verdict: {verdict['outcome']} (verdict.json). {verdict['disclaimer']}")
     if given.html:
         _html(folder)
     return 0

@@ -2,6 +2,7 @@
 
 import re
 
+VERDICT = "What it would have meant"
 RESULTS = "What was found"
 MOTION = "Motion"
 FORCES = "Forces and torques"
@@ -13,7 +14,7 @@ SYNC = "Synchronisation"
 LIMITS = "Limits and stability"
 OTHER = "Other measurements"
 MADE = "How it was made"
-ORDER = (RESULTS, MOTION, FORCES, HUMAN, TRACKING, EMG, PLATE, SYNC, LIMITS, OTHER, MADE)
+ORDER = (VERDICT, RESULTS, MOTION, FORCES, HUMAN, TRACKING, EMG, PLATE, SYNC, LIMITS, OTHER, MADE)
 KNOWN = (
     (r"/emg/raw$", EMG, "Muscle activity", "EMG as the device sent it, one panel per muscle."),
     (r"/emg/envelope$", EMG, "Envelope of the muscle activity", "Rectified and low-pass filtered EMG."),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,8 @@ NAME = "report.html"
 
 
 def write(folder: RunFolder, *, progress: bool = False) -> Path:
-    """Write the page of a run into its folder, replacing one that is there.
+    """Write the page of a run into its folder, replacing one that is there; and its verdict.json, where a person was in
+    the run and there is none.
 
     Args:
         folder: of the run.
@@ -28,8 +30,10 @@ def write(folder: RunFolder, *, progress: bool = False) -> Path:
         HricError: the bag or the description cannot be used, or a library of the page is not installed.
     """
     from hric_experiments.report_html import run_data, run_page
+    from hric_experiments.report_html.verdict import verdict_of
 
-    return _write(folder.path, run_page.build(run_data.load(folder, metrics_of(folder), progress=progress)))
+    data = run_data.load(folder, metrics_of(folder), progress=progress)
+    return _write(folder.path, run_page.build(replace(data, verdict=verdict_of(folder))))
 
 
 def write_comparison(

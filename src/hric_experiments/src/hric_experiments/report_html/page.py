@@ -38,6 +38,7 @@ class Page:
         figures, tables: by the part of the report that they name, in order; a figure without panels is left out.
         robots: in the replay.
         notes: what a reader must know of the page itself, e.g. what could not be drawn.
+        verdict: what the run would have meant for the person in it, HTML; "": nobody was there.
         name: of the run, for captions and names of files; "": the title.
     """
 
@@ -49,6 +50,7 @@ class Page:
     tables: list[Table] = field(default_factory=list)
     robots: list[Robot] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    verdict: str = ""
     name: str = ""
 
 
@@ -94,7 +96,7 @@ def _parts(page: Page, figures: Sequence[Figure], notes: Sequence[str]) -> dict[
     """HTML of each part of the report that has something in it, by its title."""
     found = {}
     for title in sections.ORDER:
-        content = _findings(page.findings) if title == sections.RESULTS else ""
+        content = {sections.VERDICT: page.verdict, sections.RESULTS: _findings(page.findings)}.get(title, "")
         content += "".join(_plot(figure) for figure in figures if (figure.section or sections.OTHER) == title)
         content += "".join(render(table) for table in page.tables if (table.section or sections.OTHER) == title)
         if title == sections.MADE:

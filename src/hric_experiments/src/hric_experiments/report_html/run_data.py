@@ -32,6 +32,7 @@ class RunData:
         description: URDF; "": the run folder has none.
         person: the human beside the robot; None: nobody was there.
         objects: of the world around them.
+        verdict: contents of verdict.json; None: there was no person.
     """
 
     folder: RunFolder
@@ -43,6 +44,7 @@ class RunData:
     description: str
     person: Person | None = None
     objects: Sequence[ObjectRecord] = ()
+    verdict: Mapping[str, Any] | None = None
 
     @property
     def moves(self) -> list[metrics.Move]:

@@ -8,7 +8,7 @@ from hric_bags.run_folder import COMPLETED
 from hric_experiments.analysis import stability
 from hric_experiments.analysis.recordings import Event
 from hric_experiments.report import headline, human_figures, run_figures, sections, signal_figures
-from hric_experiments.report_html import beside, moving, tables
+from hric_experiments.report_html import beside, moving, tables, verdict
 from hric_experiments.report_html.page import Page, replay_rate
 from hric_experiments.report_html.run_data import RunData
 from hric_experiments.report_html.scene import Robot
@@ -36,6 +36,7 @@ def build(data: RunData) -> Page:
         if data.description
         else [],
         notes=notes if data.description else ["The run folder has no robot.urdf: there is no replay."],
+        verdict="" if data.verdict is None else verdict.part(data.verdict),
         name=data.folder.path.name,
     )
 

@@ -19,7 +19,25 @@
     find("now").textContent = report.time.toFixed(3) + " s";
     if (report.replay) report.replay.pose(report.time);
     for (const plot of report.plots) plot.moveCursor();
+    for (const strip of strips) strip.moveCursor();
   };
+
+  // What lies along time in the verdict: a line at the time of the replay, and a click that sets it.
+  const strips = [...document.querySelectorAll("svg.strip")].map((svg) => {
+    const { left, width, begin, end } = Object.fromEntries(Object.entries(svg.dataset).map(([key, value]) => [key, Number(value)]));
+    const line = svg.querySelector(".now");
+    svg.addEventListener("click", (event) => {
+      const box = svg.getBoundingClientRect(), x = ((event.clientX - box.left) / box.width) * width;
+      if (x >= left) report.setTime(begin + ((end - begin) * (x - left)) / (width - left));
+    });
+    return {
+      moveCursor: () => {
+        const share = Math.min(Math.max((report.time - begin) / Math.max(end - begin, 1e-9), 0), 1), x = left + (width - left) * share;
+        line.setAttribute("x1", x);
+        line.setAttribute("x2", x);
+      },
+    };
+  });
 
   report.setRange = (range, source) => {
     report.range = range;
@@ -77,6 +95,11 @@
     find("all").addEventListener("click", () => report.setRange([report.begin, report.end]));
     find("home").addEventListener("click", () => report.replay?.home());
     document.querySelectorAll("tr.event").forEach((row) => row.addEventListener("click", () => report.setTime(Number(row.dataset.time))));
+    document.querySelectorAll(".jump").forEach((one) => {
+      const jump = (event) => { event.stopPropagation(); event.preventDefault(); setPlaying(false); report.setTime(Number(one.dataset.time)); };
+      one.addEventListener("click", jump);
+      one.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") jump(event); });
+    });
     document.addEventListener("keydown", (event) => {
       if (event.key === " " && event.target === document.body) { event.preventDefault(); setPlaying(!playing); }
     });

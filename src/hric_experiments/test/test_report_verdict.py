@@ -1,0 +1,235 @@
+"""The verdict on the page of a run: the body's colours, what lies along time, and what a browser makes of clicks."""
+
+import copy
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from browser import Browser, installed
+
+from hric_assessment.findings import DISCLAIMER
+from hric_bags.run_folder import RunFolder
+from hric_experiments import cli, report_html
+from hric_experiments.report_html import body_picture, verdict
+from hric_experiments.report_html.body_picture import PAIRS, SHAPES, colour, picture, touched
+from hric_human.body.regions import REGION_MODELS
+
+HAND, FACE, CHEST, ARM = "hand, fingers", "face", "chest", "lower arm, wrist"
+
+
+def finding(group: str, outcome: str, share: float | None = None, **more: Any) -> dict[str, Any]:
+    return {
+        "group": group,
+        "subject": f"{group} <of> somebody",
+        "outcome": outcome,
+        "reason": "a reason",
+        "table": "a table",
+        "share": share,
+        "values": {"force [N]": 12.5},
+        "window": [0.5, 0.9],
+        "signals": ["/a"],
+        "missing": [],
+        "notes": ["a note"],
+        "regions": [],
+        **more,
+    }
+
+
+MADE: dict[str, Any] = {
+    "version": 1,
+    "disclaimer": DISCLAIMER,
+    "outcome": "above limits",
+    "input": {"name": "a", "kind": "run", "experiment": None, "begin": 0.0, "end": 2.0},
+    "limits": {"title": "ISO/TS 15066", "edition": "2016"},
+    "person": None,
+    "assumptions": [],
+    "findings": [
+        finding("contact", "above limits", 1.25, regions=[HAND], window=[1.2, 1.3]),
+        finding("contact", "above limits", None, regions=[FACE], window=[0.2, 0.3]),
+        finding("contact", "not assessable", None, regions=[CHEST]),
+        finding("contact", "not assessable", 0.3, regions=[ARM]),
+        finding("contact", "within limits", 0.5, regions=[HAND, ARM]),
+        finding("posture", "warning", None, window=[0.0, 2.0]),
+    ],
+    "figures": [{"group": "muscles", "name": "largest activation", "value": 0.7, "unit": "1", "note": "estimate"}],
+    "missing": [{"signal": "EMG", "gives": "activation"}],
+    "timelines": {
+        "rula": [{"side": "right", "time": [0.0, 0.5, 1.0, 1.5], "score": [2, 2, 5, 7], "stricter": [], "looser": []}],
+        "reba": [],
+        "separation": None,
+        "activation": {
+            "name": ["quiet", "busy"],
+            "time": [0.0, 1.0, 2.0],
+            "activation": [[0, None, 0.1], [0.2, 0.9, 1]],
+        },
+    },
+}
+
+
+def test_every_region_of_the_body_model_is_drawn_once() -> None:
+    assert set(REGION_MODELS) <= {*SHAPES, *PAIRS} and not set(SHAPES) & set(PAIRS)
+    drawn = ElementTree.fromstring(picture([]))
+    regions = [one.get("data-region") for one in drawn.iter("g") if one.get("data-region")]
+    assert sorted(filter(None, regions)) == sorted({*SHAPES, *PAIRS})
+
+
+def test_a_region_has_the_largest_share_of_its_contacts_and_the_worst_outcome() -> None:
+    met = touched(MADE["findings"])
+    assert met[HAND].share == 1.25 and met[HAND].outcome == "above limits" and met[HAND].time == 1.2
+    assert met[ARM].share == 0.5 and not met[ARM].assessable
+    assert met[FACE].share is None and met[FACE].outcome == "above limits"
+    assert set(met) == {HAND, FACE, CHEST, ARM}
+
+
+def test_the_colour_of_a_share_goes_through_the_points_of_the_scale() -> None:
+    for share, rgb in body_picture.SCALE:
+        assert colour(share) == "#" + "".join(f"{x:02x}" for x in rgb)
+    assert colour(3.0) == colour(1.0) and len({colour(0.1 * k) for k in range(11)}) == 11
+
+
+def test_what_is_above_assessable_and_not_touched_differ_in_the_picture() -> None:
+    drawn = {one.get("data-region"): one for one in ElementTree.fromstring(picture(MADE["findings"])).iter("g")}
+    text = {name: ElementTree.tostring(one).decode() for name, one in drawn.items() if name}
+    assert colour(1.25) in text[HAND] and 'class="above"' in text[HAND] and "hatched" not in text[HAND]
+    assert colour(1.0) in text[FACE] and 'class="above"' in text[FACE]  # above, whatever its force
+    assert "hatched" in text[CHEST] and "hatched" in text[ARM] and colour(0.5) in text[ARM]
+    assert 'fill="none"' in text["neck"] and "not touched" in text["neck"]
+    assert "125 % of the limit" in text[HAND]
+
+
+def test_the_part_has_the_outcome_the_findings_and_the_disclaimer_above_and_beneath() -> None:
+    text = verdict.part(MADE)
+    assert text.count(DISCLAIMER) == 2 and text.rstrip().endswith(f"<p class=disclaimer>{DISCLAIMER}</p>")
+    assert "contact <of>" not in text and "contact &lt;of&gt; somebody" in text
+    for words in ("125 %", "largest activation", "EMG", "a note", "ISO/TS 15066 (2016)"):
+        assert words in text
+
+
+def test_stretches_of_scores_begin_where_their_level_does() -> None:
+    text = verdict.part(MADE)
+    strip = re.search(r'<svg class="strip" data-strip="RULA".*?</svg>', text, re.DOTALL)
+    assert strip is not None
+    bars = re.findall(r'<rect class="jump (\w+)"[^>]*data-time="([\d.]+)"', strip[0])
+    assert bars == [("level1", "0"), ("level3", "1"), ("level4", "1.5")]
+
+
+def test_the_most_active_muscle_comes_first_and_gaps_stay() -> None:
+    text = verdict.part(MADE)
+    assert text.index(">busy<") < text.index(">quiet<") and "data:image/png;base64," in text
+
+
+def test_a_verdict_without_findings_in_time_has_no_strips() -> None:
+    bare = copy.deepcopy(MADE) | {"findings": [], "timelines": {"rula": [], "reba": [], "activation": None}}
+    text = verdict.part(bare)
+    assert 'class="strip"' not in text and 'class="body"' in text
+
+
+# -- of a run ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    """The arm meets a forearm."""
+    root = tmp_path_factory.mktemp("runs")
+    words = ["contact", "simulator:=mujoco", "duration:=2", "--quiet", "--no-figures", "--html", "--runs", str(root)]
+    assert cli.main(["run", *words]) == 0
+    return RunFolder((root / "latest").resolve())
+
+
+def test_a_run_with_a_person_gets_a_verdict_with_its_page(run: RunFolder) -> None:
+    found = json.loads((run.path / "verdict.json").read_text())
+    page = (run.path / report_html.NAME).read_text()
+    assert page.index('id="what-it-would-have-meant"') < page.index('id="what-was-found"')
+    assert f'class="outcome {verdict.KINDS[found["outcome"]]}"' in page and DISCLAIMER in page
+
+
+def test_a_verdict_that_is_there_is_shown_as_it_is(run: RunFolder, tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "copy")
+    folder.path.mkdir()
+    folder.write(run.read())
+    (folder.path / "verdict.json").write_text(json.dumps(MADE))
+    assert verdict.verdict_of(folder) == MADE
+
+
+def test_a_run_without_a_person_has_none(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    folder.write({"definition": {"human": None, "person": None}})
+    assert verdict.verdict_of(folder) is None and not (tmp_path / "verdict.json").exists()
+
+
+def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:
+    """Mark a test as one that needs a browser, which takes long."""
+    without = pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it")
+    return pytest.mark.slow(without(test))
+
+
+@pytest.fixture(scope="module")
+def opened(run: RunFolder, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        browser.open(run.path / report_html.NAME)
+        browser.wait("typeof report === 'object' && report.ready === true")
+        yield browser
+
+
+@in_a_browser
+def test_the_page_says_nothing_on_the_console_and_asks_for_nothing(opened: Browser) -> None:
+    assert not opened.problems and not opened.requests
+
+
+@in_a_browser
+def test_a_click_on_an_episode_sets_the_time_of_the_replay(opened: Browser) -> None:
+    times = opened.evaluate("[...document.querySelectorAll('rect.jump')].map((one) => Number(one.dataset.time))")
+    assert len(times) > 3 and max(times) > 0.5
+    for index, time in enumerate(times):
+        opened.evaluate(
+            f"document.querySelectorAll('rect.jump')[{index}].dispatchEvent(new MouseEvent('click', {{bubbles: true}}))"
+        )
+        assert opened.evaluate("report.time") == pytest.approx(time, abs=1e-6)
+        assert opened.evaluate("Number(document.getElementById('time').value)") == pytest.approx(time, abs=1e-6)
+
+
+@in_a_browser
+def test_keys_and_rows_do_the_same(opened: Browser) -> None:
+    opened.evaluate("report.setTime(report.begin)")
+    late = "[...document.querySelectorAll('rect.jump')].find((one) => Number(one.dataset.time) > 0.5)"
+    opened.evaluate(f"{late}.dispatchEvent(new KeyboardEvent('keydown', {{key: 'Enter', bubbles: true}}))")
+    assert opened.evaluate("report.time") > 0.5
+    row = "document.querySelector('#what-it-would-have-meant tr.event')"
+    opened.evaluate(f"{row}.click()")
+    assert opened.evaluate("report.time") == pytest.approx(opened.evaluate(f"Number({row}.dataset.time)"), abs=1e-6)
+
+
+@in_a_browser
+def test_the_lines_in_all_strips_follow_the_time(opened: Browser) -> None:
+    for share in (0.0, 0.5, 1.0):
+        opened.evaluate(f"report.setTime(report.begin + {share} * (report.end - report.begin))")
+        where = opened.evaluate(
+            "[...document.querySelectorAll('svg.strip .now')].map((one) => Number(one.getAttribute('x1')))"
+        )
+        expected = verdict.LEFT + share * (verdict.WIDTH - verdict.LEFT)
+        assert len(where) >= 4 and where == pytest.approx([expected] * len(where), abs=2.0)
+
+
+@in_a_browser
+def test_a_click_between_episodes_sets_the_time_that_is_there(opened: Browser) -> None:
+    share = (verdict.LEFT + 0.25 * (verdict.WIDTH - verdict.LEFT)) / verdict.WIDTH
+    opened.evaluate(
+        "(() => { const svg = document.querySelector('svg.strip[data-strip=activation]'); "
+        f"const box = svg.getBoundingClientRect(), x = box.left + {share} * box.width; "
+        "svg.dispatchEvent(new MouseEvent('click', {bubbles: true, clientX: x, clientY: box.top + 5})); })()"
+    )
+    share = opened.evaluate("(report.time - report.begin) / (report.end - report.begin)")
+    assert share == pytest.approx(0.25, abs=0.01)
+
+
+@in_a_browser
+def test_the_regions_that_were_touched_have_the_colour_of_their_share(opened: Browser, run: RunFolder) -> None:
+    found = json.loads((run.path / "verdict.json").read_text())
+    for region, one in touched(found["findings"]).items():
+        path = f"document.querySelector('svg.body g[data-region=\"{region}\"] path')"
+        red, green, blue = (int(colour(one.share or 0.0)[k : k + 2], 16) for k in (1, 3, 5))
+        assert opened.evaluate(f"getComputedStyle({path}).fill") == f"rgb({red}, {green}, {blue})"
