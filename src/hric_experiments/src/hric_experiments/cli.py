@@ -35,8 +35,9 @@ NODES = (
     "emulated_plate",
     "synchronizer",
     "person",
+    "supervisor",
 )
-"""Nodes of motion capture and sensors whose private parameters it prints."""
+"""Nodes of motion capture and sensors, and the supervisor, whose private parameters it prints."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -318,7 +319,7 @@ def describe(arguments: Sequence[str]) -> int:
         print(parameters.description(definition.robot) if own else parameters.human_description(definition))
         return 0
     if given.what in NODES:
-        printed = (parameters.mocap(definition) | parameters.sensors(definition)).get(given.what, {})
+        printed = parameters.beside(definition).get(given.what, {})
     else:
         printed = getattr(parameters, DESCRIBED[given.what])(definition)
     print(yaml.safe_dump({**printed, **_also(given.also_file, given.also)}, sort_keys=False), end="")
@@ -352,6 +353,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "muscle_load": _of("hric_experiments.analysis.muscle_load"),
     "measure_stops": _of("hric_experiments.stops.command"),
     "check_model": _of("hric_experiments.check_model.command"),
+    "approaches": _of("hric_experiments.approaches.command"),
 }
 
 

@@ -7,7 +7,7 @@ import signal
 import threading
 from collections.abc import Iterator, Sequence
 from types import FrameType, TracebackType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import yaml
@@ -34,6 +34,9 @@ from hric_perception.simulated import follow_events, follow_joints
 from mocap_natnet.headless import HeadlessMocap, robot_time
 from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.node.publisher import MocapPublisher
+
+if TYPE_CHECKING:
+    from hric_assessment.supervisor.app import HeadlessSupervisor
 
 PROGRESS_PERIOD = 0.05
 """Robot time between two updates of the progress bar [s]."""
@@ -65,6 +68,7 @@ class Simulation:
         tree: all parameters.
         limits: per joint, see `provenance.joint_limits`.
         early: what was published before the first cycle.
+        supervisor: of the section `supervisor`; None: there is none.
 
     Raises:
         HricError: the experiment cannot run.
@@ -72,6 +76,7 @@ class Simulation:
 
     def __init__(self, name: str | Experiment, /, *, seed: int = 0, **overrides: Any) -> None:
         self._name, self._overrides, self.seed = name, overrides, seed
+        self.supervisor: HeadlessSupervisor | None = None
         self._open()
 
     def _open(self) -> None:
@@ -92,9 +97,24 @@ class Simulation:
             raise
         self.tree[parameters.ROBOT] = node.param(parameters.ROBOT)  # with what the plant chose
         starts = [] if self.definition.human is None else [parameters.HUMAN_START]
+        if self.definition.supervisor is not None:
+            beside.append(self._supervised(node))
         self._timeline = Timeline(node, self.definition.setpoints, beside, starts)
         self._log: list[Any] = []
         node.subscribe("control_log", ControlLog, self._log.append)
+
+    def _supervised(self, node: LocalNode) -> "HeadlessSupervisor":
+        # Only a run with a supervisor waits for this import.
+        from hric_assessment.supervisor.app import HeadlessSupervisor
+
+        try:
+            self.supervisor = HeadlessSupervisor(
+                node.child(parameters.SUPERVISOR), lambda service, _, request: node.call(service, request)
+            )
+        except BaseException:
+            self.app.shutdown()
+            raise
+        return self.supervisor
 
     def _prepare(self) -> tuple[dict[str, dict[str, float]], list[Message]]:
         """Load and start the controllers, so that all that can be refused is before anything is written.
@@ -229,6 +249,7 @@ def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
         parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},
         **parameters.mocap(definition, seed),
         **parameters.sensors(definition, seed),
+        **parameters.supervisor(definition),
     }
 
 

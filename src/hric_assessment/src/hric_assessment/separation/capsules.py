@@ -46,13 +46,29 @@ def of_body(body: Body) -> Capsules:
 def segment_distance(a: FloatArray, b: FloatArray) -> FloatArray:
     """Distance of line segments, shape (...,) [m].
 
+    Args:
+        a, b: both ends of each, shape (..., 2, 3) [m]; shapes that broadcast.
+    """
+    square, _, _ = _nearest(a, b)
+    return np.asarray(np.sqrt(np.maximum(square, 0.0)))
+
+
+def nearest_points(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The point of each segment that is nearest to the other, shape (..., 3) each [m]; of several any. Arguments: see
+    `segment_distance`."""
+    _, s, t = _nearest(a, b)
+    return a[..., 0, :] + s[..., None] * (a[..., 1, :] - a[..., 0, :]), b[..., 0, :] + t[..., None] * (
+        b[..., 1, :] - b[..., 0, :]
+    )
+
+
+def _nearest(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Square of the distance [m^2], and positions along both from 0 to 1, shape (...,) each.
+
     The square of the distance is a convex quadratic of the positions s and t along both on the unit square. Its minimum
     on the whole plane, brought back into the square by one coordinate after the other, is the one in the square
     (Ericson, Real-Time Collision Detection, 5.1.9); of parallel segments, which have no single one, an end of the first
     leads there.
-
-    Args:
-        a, b: both ends of each, shape (..., 2, 3) [m]; shapes that broadcast.
     """
     u, v, w = a[..., 1, :] - a[..., 0, :], b[..., 1, :] - b[..., 0, :], a[..., 0, :] - b[..., 0, :]
     uu, vv, uv = _dot(u, u), _dot(v, v), _dot(u, v)
@@ -60,13 +76,14 @@ def segment_distance(a: FloatArray, b: FloatArray) -> FloatArray:
     safe_u, safe_v = np.maximum(uu, _TINY), np.maximum(vv, _TINY)
     determinant = uu * vv - uv * uv
     s = np.clip((uv * vw - vv * uw) / np.maximum(determinant, _TINY), 0.0, 1.0)
-    best = np.full(np.shape(ww), np.inf)
+    best, best_s, best_t = np.full(np.shape(ww), np.inf), np.zeros(np.shape(ww)), np.zeros(np.shape(ww))
     for start in (s, np.zeros_like(s), np.ones_like(s)):
         t = np.clip((uv * start + vw) / safe_v, 0.0, 1.0)
         near = np.clip((uv * t - uw) / safe_u, 0.0, 1.0)
         square = ww + near * (near * uu + 2.0 * uw) + t * (t * vv - 2.0 * vw) - 2.0 * near * t * uv
-        best = np.minimum(best, square)
-    return np.asarray(np.sqrt(np.maximum(best, 0.0)))
+        better = square < best
+        best, best_s, best_t = (np.where(better, *pair) for pair in ((square, best), (near, best_s), (t, best_t)))
+    return best, best_s, best_t
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:

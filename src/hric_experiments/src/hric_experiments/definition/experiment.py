@@ -149,9 +149,9 @@ def _beside(name: str) -> Any:
     return Parameter("mapping", "a mapping", convert, None, text=text, shape=shape)
 
 
-_KEPT = ("human", "person")
+_KEPT = ("human", "person", "supervisor")
 """Sections that are kept as they are given: whoever they are for reads them himself."""
-_BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync", "human", "person")}
+_BESIDE = {name: _beside(name) for name in ("mocap", "emg", "force_plate", "sync", "human", "person", "supervisor")}
 
 
 @dataclass(frozen=True)
@@ -180,6 +180,7 @@ class Experiment(Settings):
     sync: "SyncSection | None" = _BESIDE["sync"]
     human: Mapping[str, Any] | None = _BESIDE["human"]
     person: Mapping[str, Any] | None = _BESIDE["person"]
+    supervisor: Mapping[str, Any] | None = _BESIDE["supervisor"]
 
     @property
     def sensors(self) -> "list[EmgSection | PlateSection]":
@@ -211,7 +212,29 @@ class Experiment(Settings):
                 if measuring is not None and measuring.measures_him and self.human is None:
                     valid = "a section human, or another program"
                     raise ParameterError(f"{key}.program is body, and nobody is in the robot's plant; valid: {valid}")
+            with mistakes.noted():
+                if measuring is not None and measuring.measures_him and (self.human or {}).get("walk"):
+                    raise ParameterError(
+                        f"{key}.program is body, which measures nobody who walks; valid: no human.walk"
+                    )
+        with mistakes.noted():
+            self._check_supervisor()
         mistakes.raise_all()
+
+    def _check_supervisor(self) -> None:
+        """Refuse one who sees nobody."""
+        if self.supervisor is None:
+            return
+        source = self.supervisor.get("source", "human")
+        if source == "human" and self.human is None:
+            raise ParameterError(
+                "supervisor.source is human, and nobody is in the robot's plant; valid: a section human, or marker"
+            )
+        if source == "marker" and (self.mocap is None or self.mocap.base_from_mocap is None):
+            raise ParameterError(
+                "supervisor.source is marker, and nobody says where it is in the robot's base; valid: a section mocap "
+                "with base_from_mocap, or human"
+            )
 
 
 EXAMPLE = """\

@@ -60,11 +60,12 @@ SENSORS = {
     "sync": "synchroniser",
     "human": "human",
     "person": "real person before the cameras",
+    "supervisor": "supervisor of the collaboration",
 }
 """Groups that an experiment has or has not. The bring-up alone may add a sensor, by its `device`."""
 DOTTED = (
     "parameters.<controller>.<name>, robot.<key>, metrics.<key>, mocap.<key>, emg.<key>, force_plate.<key>, "
-    "sync.<key>, human.<key>, person.<key>, setpoints.<i>.<key>"
+    "sync.<key>, human.<key>, person.<key>, supervisor.<key>, setpoints.<i>.<key>"
 )
 GROUPS = {"robot": RobotSpec, "metrics": MetricsSpec}
 VALUES = ("controllers", "description", "duration", "setpoints")

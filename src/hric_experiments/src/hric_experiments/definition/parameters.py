@@ -32,6 +32,8 @@ MOCAP_CLIENT, EMULATED_HUMAN = "natnet_client", "emulated_human"
 """Names of the motion capture's nodes."""
 PERSON = "person"
 """Name of the node that tracks a real person."""
+SUPERVISOR = "hric/safety/supervisor"
+"""Name of the supervisor, below the robot's namespace."""
 
 
 def description(spec: RobotSpec) -> str:
@@ -273,13 +275,27 @@ def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, Any]]:
     if experiment.sync is not None:
         found |= experiment.sync.nodes(_joints(experiment), [part.source for part in experiment.sources])
     if experiment.person is not None:
-        found[PERSON] = _from_root(experiment.person)
+        found[PERSON] = _from_root(experiment.person, "subject", "calibration")
     return found
 
 
-def _from_root(section: Mapping[str, Any]) -> dict[str, Any]:
-    """The section `person`, whose files have their path from the root: the node runs in another folder."""
-    given = {key: value for key in ("subject", "calibration") if isinstance(value := section.get(key), str)}
+def supervisor(experiment: Experiment) -> dict[str, dict[str, Any]]:
+    """Private parameters of the supervisor, by its name; empty without a section `supervisor`."""
+    if experiment.supervisor is None:
+        return {}
+    seen = {} if experiment.human is None else {"person": dict(located(experiment.human, Path.cwd()))}
+    return {SUPERVISOR: {**_from_root(experiment.supervisor, "limits"), **seen}}
+
+
+def beside(experiment: Experiment) -> dict[str, dict[str, Any]]:
+    """Private parameters of all nodes that run beside the robot, by the last part of their names."""
+    found = mocap(experiment) | sensors(experiment) | supervisor(experiment)
+    return {name.rpartition("/")[2]: values for name, values in found.items()}
+
+
+def _from_root(section: Mapping[str, Any], *keys: str) -> dict[str, Any]:
+    """A section whose files, at these keys, have their path from the root: the node runs in another folder."""
+    given = {key: value for key in keys if isinstance(value := section.get(key), str)}
     files = {key: value for key, value in given.items() if value.endswith((".yaml", ".yml"))}
     return {**section, **{key: str(Path(value).expanduser().absolute()) for key, value in files.items()}}
 

@@ -1,5 +1,5 @@
 """The sections of an experiment file for what runs beside the robot: `mocap`, `emg`, `force_plate`,
-`sync`, `human` and `person`.
+`sync`, `human`, `person` and `supervisor`.
 
 Each is declared once: files are read by it, parameters of nodes and sources of the synchroniser follow from it, and
 INTERFACE.md prints it. Mappings that a node reads itself are checked by the declarations of that node's package and
@@ -15,6 +15,7 @@ from urllib.parse import urlparse
 
 import numpy as np
 
+from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_control.parameters import (
     Parameter,
     Settings,
@@ -412,5 +413,6 @@ SECTIONS: dict[str, type[Settings]] = {
     "sync": SyncSection,
     "human": HumanSettings,
     "person": PersonSection,
+    "supervisor": SupervisorSettings,
 }
 """What each section declares."""

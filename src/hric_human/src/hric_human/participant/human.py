@@ -24,6 +24,7 @@ from hric_human.control import HumanControl
 from hric_human.participant.grip import Grip
 from hric_human.participant.settings import HAND, MUSCLE, HumanSettings
 from hric_human.participant.topics import Topics
+from hric_human.participant.walk import Walk
 
 if TYPE_CHECKING:
     from hric_human.participant.muscles import Muscles
@@ -55,9 +56,12 @@ class Human(Participant):
         self._control = self._new_control()
         position, orientation = self._root
         T_world_root = homogeneous(rotation_from_quaternion(orientation), position)
-        plant.spawn(name, self._body.urdf, T_world_root, fixed=True, surfaces=surfaces(self._body))
+        walk = settings.walk
+        self._walk = None if walk is None else Walk(walk, self._body, settings.heading)
+        urdf = self._body.urdf if self._walk is None else self._walk.urdf
+        plant.spawn(name, urdf, T_world_root, fixed=True, surfaces=surfaces(self._body))
         self._requests: deque[tuple[Future[str], Callable[[], object]]] = deque()
-        self._topics = Topics(node, name, self._control.person, self._root)
+        self._topics = Topics(node, name, self._control.person, self._root, walks=walk is not None)
         self._hand = f"{name}::{self._body.segments[f'{self._control.person.hand.side}_hand'].link}"
         self._grips = [self._new_grip(grip) for grip in settings.grips]
         self._feeling = [grip for grip in self._grips if settings.grips[grip.name].holder == HAND]
@@ -132,11 +136,13 @@ class Human(Participant):
     def _begin(self) -> None:
         n = len(self._control.person.joints)
         self._q, self._dq = [0.0] * n, [0.0] * n
+        walked = [] if self._walk is None else self._walk.start
+        self._all_q, self._all_dq = [0.0] * (n + len(walked)), [0.0] * (n + len(walked))
         self._called, self._zero, self._cycles, self._time = False, math.inf, 0, 0.0
         self._end = self._control.end or math.inf  # one that only stays has no end
         self._strained = self._control.at_strength
         self._contacts, self._ended = RegionContacts(self._body, self._name), list[RegionContact]()
-        self._plant.set_joints(self._name, self._control.posture)
+        self._plant.set_joints(self._name, [*walked, *self._control.posture])
 
     def act(self, time: float) -> None:
         """Feel, decide, and drive the joints of the coming step."""
@@ -152,7 +158,7 @@ class Human(Participant):
             self._happened("ended", self._name, 0.0, f"the motion has come to rest, {since:.3f} s after its start")
         for grip in self._grips:
             grip.step(time, since)
-        plant.read_joints(self._name, q, dq)
+        self._read()
         if self._settings.watches and self._cycles % self._sight_cycles == 0:
             x, y, z = plant.link_state(self._settings.watches)[0][:3, 3].tolist()
             self._control.see(time, (x, y, z))
@@ -161,17 +167,29 @@ class Human(Participant):
         tau = self._control.update(time, q, dq, self._felt(contacts))
         if self._muscles is not None:
             tau = self._muscles.torque(q, dq, tau)
-        plant.drive_joints(self._name, tau)
+        walked = [] if self._walk is None else self._walk.force(time - self._zero, self._all_q[:2], self._all_dq[:2])
+        plant.drive_joints(self._name, [*walked, *tau])
         if self._control.at_strength is not self._strained:
             self._note_strength()
         if self._cycles % self._message_cycles == 0:
             stamp, angles, speeds = self.epoch + time, q[:], dq[:]
             self._topics.publish(stamp, angles, speeds, tau, self._control, self._grips)
+            if self._walk is not None:
+                self._topics.publish_root(stamp, self._walk.root(self._root, self._all_q))
             if self._muscles is not None:
                 self._muscles.publish(stamp, angles, speeds, self._grips, contacts)
             self._topics.publish_contacts(stamp, self.epoch, self._contacts.present.values(), self._ended)
             self._ended = []
         self._cycles += 1
+
+    def _read(self) -> None:
+        """The joints' state; the first ones of who walks are not of his body."""
+        if self._walk is None:
+            self._plant.read_joints(self._name, self._q, self._dq)
+            return
+        self._plant.read_joints(self._name, self._all_q, self._all_dq)
+        n = len(self._q)
+        self._q[:], self._dq[:] = self._all_q[-n:], self._all_dq[-n:]
 
     def _begin_motion(self, time: float) -> None:
         self._called, self._zero = False, time

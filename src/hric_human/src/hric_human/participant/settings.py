@@ -26,6 +26,7 @@ from hric_human.body import Body, Subject, load
 from hric_human.body.joints import joints
 from hric_human.body.subject import PARTS
 from hric_human.control.surroundings import checked
+from hric_human.participant.walk import WalkSettings
 
 SUBJECTS = Path(__file__).resolve().parents[3] / "config" / "subjects"
 """Bodies that come with the package, by the names of their files."""
@@ -152,6 +153,7 @@ class HumanSettings(Settings):
     )
     muscles: MuscleSettings = section(MuscleSettings)
     watches: str = text("", text="link of the robot that he sees, for motions that react to it; empty: none")
+    walk: WalkSettings | None = section(WalkSettings, None, text="where he walks; none: his root is fixed to the world")
     grips: Mapping[str, GripSettings] = mapping(section(GripSettings), {}, text="what is held, by name")
     rate: float = number(200.0, above=0.0, maximum=1000.0, unit="Hz", text="of his topics")
     seed: int = whole(0, minimum=0, text="of all that varies")

@@ -4,11 +4,13 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from hric_control import realtime
 from hric_control.geometry import Pose, stamped
+from hric_control.geometry.messages import fill_pose
 from hric_control.node import Node
 from hric_control.plant import BushingLoad
 from hric_control.robot_time import stamps
@@ -31,9 +33,10 @@ class Topics:
         name: of the human, and of his frames: NAME/LINK.
         person: his joints.
         root: pose of his root link `human_base` in the world.
+        walks: it is published again and again.
     """
 
-    def __init__(self, node: Node, name: str, person: Person, root: Pose) -> None:
+    def __init__(self, node: Node, name: str, person: Person, root: Pose, walks: bool = False) -> None:
         where = node.beside(f"hric/{name}")
         self._person = person
         self._states = realtime.publisher(node, f"{where}/joint_states", JointState, lossless=True)
@@ -44,14 +47,28 @@ class Topics:
             True,
         )
         self._events = realtime.publisher(node, f"{where}/events", HumanEvent, lossless=True)
-        self._static = node.advertise("/tf_static", TFMessage, latch=True)
-        placed = stamped.transform_stamped(stamped.header(node.now(), WORLD), f"{name}/human_base", root)
-        self._static.publish(TFMessage([placed]))
+        self._frame = f"{name}/human_base"
+        self._root: realtime.RealtimePublisher | None = None
+        if walks:
+            self._root = realtime.publisher(node, f"{where}/root", PoseStamped, lossless=True)
+            self._tf = realtime.publisher(node, "/tf", TFMessage)
+            self._placed: list[Any] = [self._root, self._tf]
+        else:
+            self._static = node.advertise("/tf_static", TFMessage, latch=True)
+            placed = stamped.transform_stamped(stamped.header(node.now(), WORLD), self._frame, root)
+            self._static.publish(TFMessage([placed]))
+            self._placed = [self._static]
 
     def close(self) -> None:
         """Stop publishing."""
-        for publisher in (self._states, self._torques, self._grips, self._contacts, self._events, self._static):
+        for publisher in (self._states, self._torques, self._grips, self._contacts, self._events, *self._placed):
             publisher.unregister()
+
+    def publish_root(self, time: float, root: Pose) -> None:
+        """Where his root is at a time of the run [s]; of who walks."""
+        assert self._root is not None, "of who walks"
+        self._root.publish(_root, time, root)
+        self._tf.publish(_placed, time, self._frame, root)
 
     def publish(
         self,
@@ -90,6 +107,17 @@ class Topics:
     def event(self, time: float, kind: str, name: str, value: float, text: str) -> None:
         """Something happened at a time of the run [s]."""
         self._events.publish(_event, time, kind, name, value, text)
+
+
+def _root(time: float, root: Pose) -> Any:
+    message = PoseStamped()
+    message.header.stamp, message.header.frame_id = stamps.to_time(time), WORLD
+    fill_pose(message.pose, root)
+    return message
+
+
+def _placed(time: float, frame: str, root: Pose) -> Any:
+    return TFMessage([stamped.transform_stamped(stamped.header(stamps.to_time(time), WORLD), frame, root)])
 
 
 def _joint_state(

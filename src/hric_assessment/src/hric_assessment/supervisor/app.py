@@ -1,0 +1,218 @@
+"""The supervisor on a node: the same on a master and in a headless run."""
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from visualization_msgs.msg import MarkerArray
+
+from controller_manager_msgs.srv import (
+    ListControllers,
+    ListControllersRequest,
+    SwitchController,
+    SwitchControllerRequest,
+)
+from hric_assessment.supervisor import topics
+from hric_assessment.supervisor.arm import ArmShape
+from hric_assessment.supervisor.decision import Decision, Event, Supervisor
+from hric_assessment.supervisor.inputs import ArmInput, person_input
+from hric_assessment.supervisor.settings import NodeSettings
+from hric_control.errors import HricError, ParameterError
+from hric_control.node import Node
+from hric_control.plants import rotor_inertia
+from hric_control.speed_scale import SpeedScaleInterface
+from hric_control.speed_scale_topics import REQUEST_TOPIC, STATE_TOPIC
+from hric_control.transmission import parse_transmissions
+from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale, SpeedScaleState
+
+NAME = "hric/safety/supervisor"
+"""Of the node, below the robot's namespace; its topics lie beside it."""
+SILENCE = 5.0
+"""Decisions that may be missing until the robot stops by itself; chosen here."""
+MARKERS_PERIOD = 0.05
+"""Between two messages for rviz [s]."""
+CONTROLLERS_PERIOD = 0.25
+"""Between two looks at who commands [s]; chosen here."""
+KEPT = 100_000
+"""Latencies that are kept: a quarter of an hour of decisions."""
+Call = Callable[[str, type, Any], Any]
+"""(absolute name, type, request) -> response of a service."""
+
+
+class SupervisorApp:
+    """Reads its parameters, subscribes, decides on request, and publishes.
+
+    Args:
+        node: private node.
+        call: calls a service.
+
+    Attributes:
+        settings: as read.
+        latencies: from the stamp of a person's pose to the cycle of the robot in which it began to slow down [s].
+
+    Raises:
+        HricError: a parameter that is not valid, or a real arm without the acknowledgement.
+    """
+
+    def __init__(self, node: Node, call: Call) -> None:
+        self._node, self._call = node, call
+        self._root = root = robot_namespace(node.namespace)
+        self.settings = settings = NodeSettings.read(node)
+        self._check_arm()
+        description = node.param(f"{root}robot_description")
+        joints = [transmission.joint for transmission in parse_transmissions(description)]
+        arm = ArmShape(description, joints)
+        plant = node.param(f"{root}robot/plant", {})
+        rotors = np.array(rotor_inertia(plant, joints))
+        base = f"{node.param(f'{root}robot/arm_id', 'panda')}_link0"
+        self._arm = ArmInput(node, root, joints)
+        self._person = person_input(node, root, settings, settings.person, node.resolve("person"), base)
+        frame = self._person.frame
+        T = arm.poses(np.zeros((1, len(joints))))[frame][0] if frame in arm.tree.links else None
+        self._supervisor = Supervisor(self.settings, arm, rotors, frame, T)
+        self._state = node.advertise(f"{root}hric/safety/state", SafetyState)
+        self._events = node.advertise(f"{root}hric/safety/events", SafetyEvent, queue_size=100)
+        self._markers = node.advertise(f"{root}hric/safety/markers", MarkerArray)
+        self._requests = node.advertise(f"{root}{REQUEST_TOPIC}", SpeedScale)
+        self._taken = node.subscribe(f"{root}{STATE_TOPIC}", SpeedScaleState, self._on_taken)
+        self.latencies: deque[float] = deque(maxlen=KEPT)
+        self._slower: dict[int, bool] = {}
+        self._scale, self._latency, self._markers_at = 1.0, math.nan, -math.inf
+        self._lock = threading.Lock()
+        self._refused: set[str] = set()
+
+    def _check_arm(self) -> None:
+        address = str(self._node.param(f"{self._root}robot/robot_ip", ""))
+        if address and not address.startswith("127.") and not self.settings.acknowledge_no_safety_function:
+            raise ParameterError(
+                f"the arm at {address} is no emulated one, and this supervisor is no certified safety function: it "
+                "does not replace the protective stop of the cell. Valid: an address 127.*, or "
+                f"{self._node.resolve('acknowledge_no_safety_function')}: true"
+            )
+
+    def on_person(self, came: Callable[[], None]) -> None:
+        """Call `came` for each newer pose of the person, in whatever thread it comes."""
+        self._person.came = came
+
+    # -- deciding ------------------------------------------------------------------------------------------------------
+
+    def decide(self, now: float) -> Decision:
+        """Decide at robot time `now` [s], and publish; from any thread, one at a time."""
+        with self._lock:
+            decision = self._supervisor.decide(now, self._arm.newest, self._person.newest)
+            if self.settings.active:
+                self._request(decision)
+            self._state.publish(topics.state(decision, self.settings, self._latency))
+            self._report(decision, decision.events)
+            if not 0.0 <= now - self._markers_at < MARKERS_PERIOD and self._markers.subscribers():
+                self._markers_at = now
+                self._markers.publish(topics.markers(decision))
+            return decision
+
+    def _request(self, decision: Decision) -> None:
+        message = topics.request(decision, SILENCE / self.settings.rate)
+        if not decision.fault:
+            if len(self._slower) > KEPT:  # nobody takes requests up
+                self._slower.clear()
+            self._slower[message.header.stamp.to_nsec()] = decision.scale < self._scale
+        self._scale = decision.scale
+        self._requests.publish(message)
+
+    def _report(self, decision: Decision, events: Any) -> None:
+        for one in events:
+            self._events.publish(topics.event(decision, one))
+            if not self._node.publishes_inline:  # a headless run has it in its report
+                (self._node.log_warn if one.kind in ("fault", "violation") else self._node.log_info)(one.text)
+
+    def _on_taken(self, message: Any) -> None:
+        """The robot took a request up: how long after the measurement it follows from."""
+        slower = self._slower.pop(message.request.to_nsec(), None)
+        if slower is None or message.expired:
+            return
+        self._latency = message.header.stamp.to_sec() - message.request.to_sec()
+        if slower:
+            self.latencies.append(self._latency)
+
+    # -- controllers ---------------------------------------------------------------------------------------------------
+
+    def stop_others(self, now: float) -> None:
+        """Stop the controllers that command and do not declare that they obey; now: robot time [s]."""
+        if not self.settings.active:
+            return
+        listed = self._call(
+            f"{self._root}controller_manager/list_controllers", ListControllers, ListControllersRequest()
+        )
+        others = [one.name for one in listed.controller if one.state == "running" and not _obeys(one)]
+        if not others:
+            return
+        request = SwitchControllerRequest(stop_controllers=others, strictness=SwitchControllerRequest.BEST_EFFORT)
+        done = self._call(f"{self._root}controller_manager/switch_controller", SwitchController, request)
+        names = ", ".join(others)
+        text = f"{names} commands and does not obey the speed scale: " + (
+            "stopped" if done.ok else "IT COULD NOT BE STOPPED"
+        )
+        if done.ok or names not in self._refused:
+            self._refused.add(names)
+            nothing = Decision(now, math.nan, "", math.nan)
+            self._report(nothing, [Event("controller_stopped" if done.ok else "fault", text)])
+
+    # -- the end -------------------------------------------------------------------------------------------------------
+
+    def latency_text(self) -> str:
+        """Median and 99 % of the latencies, for people."""
+        if not self.latencies:
+            return "no slow-down was taken up"
+        median, late = np.percentile(np.array(self.latencies), [50, 99])
+        return (
+            f"from the person's pose to the slowing arm: median {1e3 * median:.1f} ms, 99 % {1e3 * late:.1f} ms "
+            f"({len(self.latencies)} slow-downs)"
+        )
+
+    def close(self) -> None:
+        """Take the topics back. The robot, whose requests end, comes to a stop by itself where it was supervised."""
+        for registration in (*self._arm.registrations, *self._person.registrations, self._taken):
+            registration.unregister()
+        for publisher in (self._state, self._events, self._markers, self._requests):
+            publisher.unregister()
+
+
+class HeadlessSupervisor(SupervisorApp):
+    """Decides by robot time.
+
+    Args:
+        node: its private node.
+        call: calls a service.
+
+    Attributes:
+        last: decision; None before the first.
+    """
+
+    def __init__(self, node: Node, call: Call) -> None:
+        super().__init__(node, call)
+        self.last: Decision | None = None
+        self._next = self._look = 1.0 / self.settings.rate
+
+    def advance(self, time: float) -> None:
+        """To robot time `time` [s]."""
+        if time >= self._look:
+            self._look = time + CONTROLLERS_PERIOD
+            self.stop_others(time)
+        if time >= self._next - 1e-9:
+            self._next += 1.0 / self.settings.rate
+            self.last = self.decide(time)
+
+
+def robot_namespace(own: str) -> str:
+    """Of the robot, with a slash at its end; own: the supervisor's, `<robot>/hric/safety/supervisor`."""
+    end = f"/{NAME}"
+    if not own.endswith(end):
+        raise HricError(f"the supervisor runs as {own}; valid: as {NAME} below the robot's namespace")
+    return own.removesuffix(end) + "/"
+
+
+def _obeys(controller: Any) -> bool:
+    claims = {claimed.hardware_interface: claimed.resources for claimed in controller.claimed_resources}
+    return SpeedScaleInterface.cpp_name in claims or not any(claims.values())

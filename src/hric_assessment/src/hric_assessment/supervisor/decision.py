@@ -1,0 +1,338 @@
+"""The supervisor's decision: from what is known of arm and person to the speed that the arm may have."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from hric_assessment.contact.limits import Limits
+from hric_assessment.contact.speed import half_mass, speed_limit
+from hric_assessment.findings import NotAssessableError
+from hric_assessment.separation.protective import Terms
+from hric_assessment.supervisor.arm import ArmShape, ArmState, Placed
+from hric_assessment.supervisor.perception import Watch
+from hric_assessment.supervisor.person import HAND, Observation, moved
+from hric_assessment.supervisor.separation import SCALES, STANDING, Nearness, Protective, nearness
+from hric_assessment.supervisor.settings import HAND_GUIDED, POWER_AND_FORCE, STANDSTILL, SupervisorSettings
+from hric_assessment.tables import limit_table
+from hric_control.geometry import FloatArray, Vector
+
+WORLD = "world"
+FREE, SLOWED, STOPPED = "free", "slowed", "stopped"
+_KINDS = {FREE: "freed", SLOWED: "slowed", STOPPED: "stopped"}
+
+
+class Event(NamedTuple):
+    """What is worth a line.
+
+    Attributes:
+        kind: fault, recovered, stopped, slowed, freed, violation, moved.
+        text: for people.
+    """
+
+    kind: str
+    text: str
+
+
+class Permitted(NamedTuple):
+    """What a mode allows.
+
+    Attributes:
+        scale: of the speed.
+        part: index of the person's capsule that permits least; -1: none does.
+        contact_speed: that a contact with its region permits [m/s]; NaN in other modes.
+        stiffness, force: limits for Cartesian controllers [N/m], [N].
+        reason: in place of one that says distances.
+    """
+
+    scale: float
+    part: int
+    contact_speed: float = math.nan
+    stiffness: float = math.inf
+    force: float = math.inf
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Part:
+    """The part of the person with the smallest margin.
+
+    Attributes:
+        terms: of its protective distance.
+        margin: distance less that [m].
+        robot_speed, person_speed: v_r and v_h [m/s].
+        robot_link, person_link: nearest to each other.
+        region: of ISO/TS 15066; several joined; empty where it has none.
+        robot_point, person_point: nearest places on the axes of the capsules [m].
+    """
+
+    terms: Terms
+    margin: float
+    robot_speed: float
+    person_speed: float
+    robot_link: str
+    person_link: str
+    region: str
+    robot_point: Vector
+    person_point: Vector
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Of one instant.
+
+    Attributes:
+        time: robot time [s].
+        perception: stamp of the person's pose [s]; NaN before any.
+        state: free, slowed or stopped.
+        scale: of the speed.
+        stiffness, force: limits [N/m], [N].
+        fault: why nothing could be decided; empty: nothing is wrong.
+        reason: of the scale, for people.
+        separation: smallest distance [m]; NaN with a fault.
+        part: that counts; None with a fault.
+        violation: the arm moves nearer than it should.
+        contact_speed: see `Permitted`.
+        events: since the decision before.
+    """
+
+    time: float
+    perception: float
+    state: str
+    scale: float
+    stiffness: float = math.inf
+    force: float = math.inf
+    fault: str = ""
+    reason: str = ""
+    separation: float = math.nan
+    part: Part | None = None
+    violation: bool = False
+    contact_speed: float = math.nan
+    events: Sequence[Event] = field(default=())
+
+    @property
+    def margin(self) -> float:
+        """Smallest of the person's parts [m]; NaN with a fault."""
+        return math.nan if self.part is None else self.part.margin
+
+
+class Supervisor:
+    """Decides again and again; it keeps what the hysteresis and the speeds need.
+
+    Args:
+        settings: its parameters.
+        arm: the robot's shape.
+        rotors: inertia of its rotors at the joints, shape (j,) [kg m^2]; None: not known.
+        frame: in which the person is seen.
+        T_world_frame: its pose in the root of the arm's description, shape (4, 4); None: they are one.
+
+    Raises:
+        HricError: no such table of limits.
+    """
+
+    def __init__(
+        self,
+        settings: SupervisorSettings,
+        arm: ArmShape,
+        rotors: FloatArray | None = None,
+        frame: str = WORLD,
+        T_world_frame: FloatArray | None = None,
+    ) -> None:
+        self._T_world_frame = np.eye(4) if T_world_frame is None else T_world_frame
+        self.settings, self._arm = settings, arm
+        self._rotors = np.zeros(len(arm.joints)) if rotors is None else np.asarray(rotors)
+        self._limits, self._half_mass = Limits(limit_table(settings.table)), half_mass(arm.moving_mass)
+        self._protective, self._watch = Protective(settings), Watch(frame, settings.max_age)
+        self._speed = settings.speed
+        self._scale, self._since, self._state, self._fault = 1.0, 0.0, FREE, ""
+        self._violated = self._moved = self._stood = False
+        self._before: Observation | None = None
+        self._velocities = np.zeros((0, 2, 3))
+
+    def decide(self, now: float, arm: ArmState | None, person: Observation | None) -> Decision:
+        """What the arm may do from robot time `now` [s] on, by the newest that is known. Never raises on bad inputs."""
+        fault = self._watch.fault(now, arm, person)
+        stamp = math.nan if person is None else person.stamp
+        if fault or arm is None or person is None:
+            return self._faulty(now, stamp, fault)
+        person, placed = moved(person, WORLD, self._T_world_frame), self._arm.at(arm)
+        speeds = np.linalg.norm(placed.velocities, axis=2)
+        self._speed = max(self._speed, float(speeds.max()))
+        near = nearness(placed, person, self._velocities_of(person))
+        human = self._protective.approach(near)
+        allowed = self._allowed(arm, placed, person, near, human, 0.0)
+        freer = self._allowed(arm, placed, person, near, human, self.settings.hysteresis)
+        before = self._scale if self.settings.active else 1.0
+        scale = self._smoothed(now, allowed.scale, freer.scale)
+        at_rest = bool(speeds.max() < STANDING)
+        terms = self._protective.measured(near, human, before, at_rest)
+        part = _part(placed, person, near, human, terms)
+        # An arm that is to stand and has stood is moved by others.
+        self._stood = before == 0.0 and (self._stood or at_rest)
+        violation = part.margin < 0.0 and not at_rest and not self._stood
+        is_moved = self._stood and not at_rest
+        reason = allowed.reason or self._said(scale, allowed, placed, person, near)
+        events = self._events(scale, "", reason, (violation, is_moved), part)
+        return Decision(
+            now,
+            stamp,
+            self._state,
+            scale,
+            allowed.stiffness,
+            allowed.force,
+            "",
+            reason,
+            float(near.distance.min()),
+            part,
+            violation,
+            allowed.contact_speed,
+            events,
+        )
+
+    # -- faults and hysteresis -----------------------------------------------------------------------------------------
+
+    def _faulty(self, now: float, stamp: float, fault: str) -> Decision:
+        self._scale, self._since, self._before = 0.0, now, None
+        events = self._events(0.0, fault, fault, (False, False), None)
+        return Decision(now, stamp, self._state, 0.0, fault=fault, reason=fault, events=events)
+
+    def _smoothed(self, now: float, scale: float, freer: float) -> float:
+        """Slower at once; faster where the person has been farther away than need be, for a while."""
+        if scale <= self._scale:
+            if scale < self._scale or freer <= self._scale:
+                self._since = now
+            self._scale = scale
+        elif freer <= self._scale:
+            self._since = now
+        elif now - self._since >= self.settings.hold:
+            self._scale = freer
+        return self._scale
+
+    def _events(
+        self, scale: float, fault: str, reason: str, moves: tuple[bool, bool], part: Part | None
+    ) -> list[Event]:
+        """What is new; moves: whether the arm does and must not, of itself and by others."""
+        events = []
+        violation, is_moved = moves
+        if fault and fault.split(":")[0] != self._fault.split(":")[0]:
+            events.append(Event("fault", fault))
+        elif self._fault and not fault:
+            events.append(Event("recovered", "what was wrong is over; the arm goes on when the person is far enough"))
+        state = STOPPED if scale == 0.0 else FREE if scale == 1.0 else SLOWED
+        if state != self._state:
+            events.append(Event(_KINDS[state], reason))
+        if violation and not self._violated and part is not None:
+            text = f"{part.person_link} is nearer to {part.robot_link} than it should be while the arm moves, by"
+            events.append(Event("violation", f"{text} {-part.margin:.3f} m"))
+        if is_moved and not self._moved:
+            events.append(Event("moved", "the arm is to stand, and something else moves it"))
+        self._state, self._fault, self._violated, self._moved = state, fault, violation, is_moved
+        return events
+
+    # -- modes ---------------------------------------------------------------------------------------------------------
+
+    def _velocities_of(self, person: Observation) -> FloatArray:
+        """Of the ends of his capsules, from two poses of his, shape (m, 2, 3) [m/s]."""
+        before, self._before = self._before, person
+        if before is None or before.links != person.links:
+            self._velocities = np.zeros_like(person.ends)
+        elif person.stamp > before.stamp:
+            self._velocities = (person.ends - before.ends) / (person.stamp - before.stamp)
+        return self._velocities
+
+    def _allowed(
+        self, arm: ArmState, placed: Placed, person: Observation, near: Nearness, human: FloatArray, less: float
+    ) -> Permitted:
+        """By the mode, as if the person were nearer by `less` [m]."""
+        mode, distance = self.settings.mode, near.distance - less
+        by_distance = self._protective.permitted(distance, human, self._speed)
+        if mode == HAND_GUIDED:
+            return self._guided(person, distance, human)
+        if mode == POWER_AND_FORCE:
+            return self._by_contact(arm, placed, person, near, by_distance)
+        if mode == STANDSTILL:
+            by_distance = np.where(by_distance < 1.0, 0.0, 1.0)
+        worst = int(np.argmin(by_distance))
+        return Permitted(float(by_distance[worst]), worst)
+
+    def _by_contact(
+        self, arm: ArmState, placed: Placed, person: Observation, near: Nearness, by_distance: FloatArray
+    ) -> Permitted:
+        """Each part of him is far enough, or the arm slow enough for a contact with its region."""
+        worst = int(np.argmin(by_distance))
+        if by_distance[worst] >= 1.0:
+            return Permitted(1.0, worst)
+        link, point = placed.links[near.arm[worst]], near.robot_point[worst]
+        mass = self._arm.reflected_mass(arm.q, self._rotors, link, point, near.direction[worst])
+        mass = max(mass, self._half_mass) if math.isfinite(mass) and mass > 0.0 else math.inf
+        speeds = np.array([self._contact_speed(regions, mass) for regions in person.regions])
+        slow = np.clip((speeds - near.person_speed) / self._speed, 0.0, 1.0)
+        both = np.maximum(by_distance, np.where(slow < SCALES[0], 0.0, slow))
+        part = int(np.argmin(both))
+        nearest = person.regions[int(np.argmin(near.distance))]
+        return Permitted(
+            float(both[part]), part, float(speeds[part]), self.settings.contact_stiffness, self._held(nearest)
+        )
+
+    def _contact_speed(self, regions: Sequence[str], mass: float) -> float:
+        """That a touch of one of some regions permits [m/s]; 0 where none is."""
+        if not regions or not math.isfinite(mass):
+            return 0.0
+        try:
+            area = self.settings.contact_area
+            return min(float(speed_limit(self._limits, region, mass, area).transient) for region in regions)
+        except NotAssessableError:
+            return 0.0
+
+    def _held(self, regions: Sequence[str]) -> float:
+        """Force that a region bears for long [N]; 0 where it has no limit."""
+        limit = self._limits.at(regions) if regions else None
+        return 0.0 if limit is None or not limit.permitted else limit.force.quasi_static
+
+    def _guided(self, person: Observation, distance: FloatArray, human: FloatArray) -> Permitted:
+        """A hand leads the arm; all of the person but that arm of his is as far as it must be."""
+        own = self.settings
+        hands = [at for at, regions in enumerate(person.regions) if HAND in regions]
+        at_arm = [at for at in hands if distance[at] <= own.guided_distance]
+        limits = math.nan, own.guided_stiffness, own.guided_force
+        if not at_arm:
+            nearest = int(np.argmin(distance))
+            return Permitted(0.0, nearest, *limits, "no guiding hand is at the arm")
+        sides = {person.links[at].partition("_")[0] for at in at_arm if "_" in person.links[at]}
+        leading = [link.partition("_")[0] in sides and _is_arm(link) for link in person.links]
+        leading = [is_so or at in at_arm for at, is_so in enumerate(leading)]
+        share = min(1.0, own.guided_speed / self._speed)
+        others = np.where(leading, 1.0, self._protective.permitted(distance, human, own.guided_speed))
+        part = int(np.argmin(others))
+        return Permitted(share * float(others[part]), part, *limits)
+
+    def _said(self, scale: float, allowed: Permitted, placed: Placed, person: Observation, near: Nearness) -> str:
+        part = allowed.part
+        where = f"{person.links[part]} is {near.distance[part]:.2f} m from {placed.links[near.arm[part]]}"
+        waits = " and was nearer just now" if scale < allowed.scale else ""
+        return f"{where}{waits}: {100.0 * scale:.0f} % of the speed"
+
+
+def _is_arm(link: str) -> bool:
+    return link.partition("_")[2] in ("shoulder", "elbow", "wrist")
+
+
+def _part(placed: Placed, person: Observation, near: Nearness, human: FloatArray, terms: Terms) -> Part:
+    margins = near.distance - terms.total
+    at = int(np.argmin(margins))
+    own = Terms(*(float(np.broadcast_to(term, margins.shape)[at]) for term in terms))
+    ax, ay, az = near.robot_point[at].tolist()
+    bx, by, bz = near.person_point[at].tolist()
+    return Part(
+        own,
+        float(margins[at]),
+        float(near.robot_speed[at]),
+        float(human[at]),
+        placed.links[near.arm[at]],
+        person.links[at],
+        ", ".join(person.regions[at]),
+        (ax, ay, az),
+        (bx, by, bz),
+    )

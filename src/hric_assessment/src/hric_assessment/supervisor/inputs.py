@@ -1,0 +1,155 @@
+"""What the supervisor subscribes to: the arm's joints, and who sees the person."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
+
+from hric_assessment.supervisor.arm import ArmState
+from hric_assessment.supervisor.decision import WORLD
+from hric_assessment.supervisor.person import BodyShape, Observation, hand_ball
+from hric_assessment.supervisor.settings import MARKER, SupervisorSettings
+from hric_control.errors import ParameterError
+from hric_control.geometry import Pose
+from hric_control.geometry.messages import pose_of
+from hric_control.node import Node, Registration
+from hric_human.body import describe
+from hric_human.participant.settings import HumanSettings
+from hric_msgs.msg import MocapData
+
+JOINTS, FRAMES = "joint_states", "hric/perception/mocap"
+HUMAN_JOINTS, HUMAN_ROOT = "hric/human/joint_states", "hric/human/root"
+
+
+class ArmInput:
+    """The newest state of the arm.
+
+    Args:
+        node: any.
+        root: namespace of the robot, with a slash at its end.
+        joints: names, in order.
+    """
+
+    def __init__(self, node: Node, root: str, joints: Sequence[str]) -> None:
+        self._joints = tuple(joints)
+        self.newest: ArmState | None = None
+        self.registrations: list[Registration] = [node.subscribe(f"{root}{JOINTS}", JointState, self._on_joints)]
+
+    def _on_joints(self, message: Any) -> None:
+        index = {name: at for at, name in enumerate(message.name)}
+        if any(name not in index for name in self._joints):
+            return  # of a gripper, or another robot
+        rows = [index[name] for name in self._joints]
+        q, dq = (np.array([values[at] for at in rows]) for values in (message.position, message.velocity))
+        self.newest = ArmState(message.header.stamp.to_sec(), q, dq)
+
+
+class PersonInput(Protocol):
+    """The newest pose of the person.
+
+    Attributes:
+        frame: in which he is seen.
+        newest: None before the first.
+        came: called when there is a newer one.
+    """
+
+    frame: str
+    came: Callable[[], None]
+    registrations: list[Registration]
+
+    @property
+    def newest(self) -> Observation | None:
+        """See the attributes."""
+
+
+class HumanInput:
+    """The human in the robot's plant, by his joint states and, where he walks, his root.
+
+    Args:
+        node: any.
+        root: namespace of the robot, with a slash at its end.
+        person: the section `human` of the experiment.
+        where: name of that parameter.
+    """
+
+    def __init__(self, node: Node, root: str, person: Mapping[str, Any] | None, where: str) -> None:
+        if person is None:
+            valid = "the section human of the experiment, or source: marker"
+            raise ParameterError(
+                f"{where} is not set, and the source is the human in the robot's plant; valid: {valid}"
+            )
+        settings = HumanSettings.of(person, where)
+        body = describe(settings.person)
+        self._shape = BodyShape(body, settings.root(body))
+        self._walks, self._root = settings.walk is not None, Pose()
+        self.frame, self.came = WORLD, _nobody
+        self._message: Any = None
+        self._made: tuple[Any, Observation] | None = None
+        self._rooted, self._frame = False, WORLD
+        self.registrations: list[Registration] = [
+            node.subscribe(f"{root}{HUMAN_ROOT}", PoseStamped, self._on_root),
+            node.subscribe(f"{root}{HUMAN_JOINTS}", JointState, self._on_joints),
+        ]
+
+    def _on_root(self, message: Any) -> None:
+        self._root, self._rooted, self._frame = pose_of(message.pose), True, message.header.frame_id
+
+    def _on_joints(self, message: Any) -> None:
+        self._message = message
+        self.came()
+
+    @property
+    def newest(self) -> Observation | None:
+        """Made on access: more messages come than decisions are."""
+        message, made = self._message, self._made
+        if message is None or (self._walks and not self._rooted):
+            return None
+        if made is None or made[0] is not message:
+            angles = dict(zip(message.name, message.position, strict=True))
+            root = self._root if self._walks else None
+            made = self._made = message, self._shape.seen(message.header.stamp.to_sec(), self._frame, angles, root)
+        return made[1]
+
+
+class MarkerInput:
+    """A hand by its rigid body in the frames of motion capture. A frame in which it is not tracked says nothing of it.
+
+    Args:
+        node: any.
+        root: namespace of the robot, with a slash at its end.
+        settings: of the supervisor.
+        frame: of the arm's base, in which the frames must be.
+    """
+
+    def __init__(self, node: Node, root: str, settings: SupervisorSettings, frame: str) -> None:
+        self._settings, self.frame, self.came = settings, frame, _nobody
+        self._newest: Observation | None = None
+        self.registrations: list[Registration] = [node.subscribe(f"{root}{FRAMES}", MocapData, self._on_frame)]
+
+    def _on_frame(self, message: Any) -> None:
+        for body in message.rigid_bodies:
+            if body.name == self._settings.body and body.tracking_valid:
+                p, head = body.pose.position, message.header
+                ball = self._settings.hand_radius
+                self._newest = hand_ball(head.stamp.to_sec(), head.frame_id, (p.x, p.y, p.z), ball)
+                self.came()
+
+    @property
+    def newest(self) -> Observation | None:
+        """See the protocol."""
+        return self._newest
+
+
+def person_input(
+    node: Node, root: str, settings: SupervisorSettings, person: Mapping[str, Any] | None, where: str, base: str
+) -> PersonInput:
+    """By the settings; the arguments are those of the classes, base: the frame of the arm's base."""
+    if settings.source == MARKER:
+        return MarkerInput(node, root, settings, base)
+    return HumanInput(node, root, person, where)
+
+
+def _nobody() -> None:
+    """Nobody wants to know."""

@@ -1,0 +1,73 @@
+"""The node `supervisor`."""
+
+import threading
+from typing import Any
+
+import rospy
+
+from hric_assessment.supervisor.app import SupervisorApp
+from hric_control.errors import HricError
+from hric_control.ros import RosNode, run
+from hric_control.ros.process import NodeApp
+
+CONTROLLERS_PERIOD = 0.5
+"""Between two looks at who commands [s of wall time]; chosen here."""
+CALL_TIMEOUT = 2.0
+"""Longest wait for a service [s of wall time]; chosen here."""
+
+
+class SupervisorNode(NodeApp):
+    """Decides when a pose of the person comes, and at its rate where none does.
+
+    Args:
+        node: private node.
+    """
+
+    def __init__(self, node: RosNode) -> None:
+        self._node, self._app = node, SupervisorApp(node, _call)
+        self.period = 1.0 / self._app.settings.rate
+        self._decided, self._deciding = -1.0, threading.Lock()
+        self._stop = threading.Event()
+        self._app.on_person(self._decide)
+        self._thread = threading.Thread(target=self._watch_controllers, name="controllers", daemon=True)
+        self._thread.start()
+
+    def tick(self) -> None:
+        """Nobody came: what is stale is noticed."""
+        self._decide()
+
+    def _decide(self) -> None:
+        """Once for a robot time, and no more often than at the rate."""
+        now = self._node.now().to_sec()
+        with self._deciding:
+            if now <= 0.0 or 0.0 <= now - self._decided < 0.5 * self.period:
+                return
+            self._decided = now
+        self._app.decide(now)
+
+    def _watch_controllers(self) -> None:
+        while not self._stop.wait(CONTROLLERS_PERIOD):
+            try:
+                self._app.stop_others(self._node.now().to_sec())
+            except HricError as error:
+                rospy.logwarn_throttle(10.0, f"who commands is not known: {error}")
+
+    def close(self) -> None:
+        """Say how fast it was."""
+        self._stop.set()
+        self._thread.join(CALL_TIMEOUT)
+        self._node.log_info(self._app.latency_text())
+        self._app.close()
+
+
+def _call(name: str, service: type, request: Any) -> Any:
+    try:
+        rospy.wait_for_service(name, CALL_TIMEOUT)
+        return rospy.ServiceProxy(name, service)(request)
+    except (rospy.ROSException, rospy.ServiceException) as error:
+        raise HricError(f"{name}: {error}") from error
+
+
+def main(text: str) -> int:
+    """Run the node; text: for --help. Returns the exit code."""
+    return run("supervisor", text, SupervisorNode)

@@ -1,0 +1,103 @@
+"""Where a person is: the capsules of a body by its joints, or a ball around a hand of which a marker alone is known."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hric_assessment.separation.capsules import of_body
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray, Pose
+from hric_control.geometry.transforms import rotation_from_quaternion
+from hric_human.body import Body
+from hric_human.control.whole_body import WholeBody
+
+HAND = "hand, fingers"
+"""Region of a hand whose marker is all that is known."""
+
+
+class Observation(NamedTuple):
+    """A person at an instant.
+
+    Attributes:
+        stamp: of the measurement, robot time [s].
+        frame: in which he is.
+        ends: of his capsules, shape (m, 2, 3) [m].
+        radii: shape (m,) [m].
+        links: m names.
+        regions: those of ISO/TS 15066 of each; of which one is met is not known; empty where it has none.
+        dominant: whether each is on the side of the dominant hand; None: not known.
+    """
+
+    stamp: float
+    frame: str
+    ends: FloatArray
+    radii: FloatArray
+    links: tuple[str, ...]
+    regions: tuple[tuple[str, ...], ...]
+    dominant: tuple[bool | None, ...]
+
+
+class BodyShape:
+    """The capsules of a body.
+
+    Args:
+        body: whose.
+        root: T_world_root where he does not walk; `seen` may say another.
+    """
+
+    def __init__(self, body: Body, root: Pose) -> None:
+        self._whole, self._root, self._names = WholeBody(body), root, tuple(body.joints)
+        capsules = of_body(body)
+        self._capsules, self.links = capsules, capsules.links
+        known = [body.regions.get(link, ()) for link in self.links]
+        self._regions = tuple(tuple(region.name for region in regions) for regions in known)
+        self._dominant = tuple(any(region.dominant for region in regions) if regions else None for regions in known)
+
+    def seen(self, stamp: float, frame: str, angles: Mapping[str, float], root: Pose | None = None) -> Observation:
+        """At an instant.
+
+        Args:
+            stamp: robot time [s].
+            frame: that of `root`.
+            angles: by joint [rad].
+            root: T_frame_root; None: the one of the construction.
+
+        Raises:
+            HricError: a joint without an angle.
+        """
+        missing = [name for name in self._names if name not in angles]
+        if missing:
+            raise HricError(
+                f"no angle of {', '.join(missing)}; valid: all joints of the body, {', '.join(self._names)}"
+            )
+        poses = self._whole.poses([angles[name] for name in self._names], self._root if root is None else root)
+        T = np.tile(np.eye(4), (1, len(self.links), 1, 1))
+        for at, link in enumerate(self.links):
+            T[0, at, :3, :3] = rotation_from_quaternion(poses[link].orientation)
+            T[0, at, :3, 3] = poses[link].position
+        ends = self._capsules.placed(T)[0]
+        return Observation(stamp, frame, ends, self._capsules.radii, self.links, self._regions, self._dominant)
+
+
+def hand_ball(stamp: float, frame: str, position: Sequence[float], radius: float) -> Observation:
+    """A hand within a ball.
+
+    Args:
+        stamp: robot time [s].
+        frame: of the position.
+        position: of the marker, 3 floats [m].
+        radius: within which all of the hand is [m].
+    """
+    ends = np.tile(np.asarray(position, dtype=float), (1, 2, 1))
+    return Observation(stamp, frame, ends, np.array([radius]), ("hand",), ((HAND,),), (None,))
+
+
+def moved(seen: Observation, frame: str, T: FloatArray) -> Observation:
+    """In another frame.
+
+    Args:
+        frame: its name.
+        T: T_frame_seen, shape (4, 4).
+    """
+    return seen._replace(frame=frame, ends=seen.ends @ T[:3, :3].T + T[:3, 3])

@@ -1,0 +1,96 @@
+"""The parameters of the supervisor."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hric_control.parameters import Settings, anything, choice, flag, number, text
+
+SPEED_AND_SEPARATION, POWER_AND_FORCE = "speed_and_separation", "power_and_force_limiting"
+HAND_GUIDED, STANDSTILL = "hand_guided", "monitored_standstill"
+MODES = (SPEED_AND_SEPARATION, POWER_AND_FORCE, HAND_GUIDED, STANDSTILL)
+HUMAN, MARKER = "human", "marker"
+
+
+@dataclass(frozen=True)
+class SupervisorSettings(Settings):
+    """Of the supervisor. What no source gives is a default chosen by this project, unconfirmed."""
+
+    separator = "."
+    active: bool = flag(True, text="false: it watches and reports, and the robot is left alone")
+    mode: str = choice(*MODES, text="what keeps the person inside the limits: Supervisor, below")
+    source: str = choice(
+        HUMAN,
+        MARKER,
+        text="who sees the person: `human`, the joint states of the one in the plant; `marker`, a hand whose rigid "
+        "body motion capture tracks",
+    )
+    body: str = text("hand", empty=False, text="with `marker`: rigid body of the hand")
+    hand_radius: float = number(
+        0.15,
+        above=0.0,
+        maximum=1.0,
+        unit="m",
+        text="with `marker`: ball that holds the hand, and with it all that comes",
+    )
+    limits: str = text("iso_ts_15066", empty=False, text="table of limits, or a limit file's path")
+    speed: float = number(
+        1.0,
+        above=0.0,
+        unit="m/s",
+        text="fastest place of the arm at full speed; a faster one that is seen takes its place",
+    )
+    reaction_time: float = number(
+        0.1, minimum=0.0, maximum=5.0, unit="s", text="T_r: from the person's motion until the arm begins to brake"
+    )
+    settling_time: float = number(
+        0.25,
+        minimum=0.0,
+        maximum=5.0,
+        unit="s",
+        text="by which the arm is at rest later than its speed scale: what its controller lags behind",
+    )
+    intrusion: float = number(0.1, minimum=0.0, unit="m", text="C")
+    person_uncertainty: float = number(0.05, minimum=0.0, unit="m", text="Z_d")
+    robot_uncertainty: float = number(0.01, minimum=0.0, unit="m", text="Z_r")
+    hysteresis: float = number(
+        0.05, minimum=0.0, unit="m", text="that the person must be farther away to let it go faster"
+    )
+    hold: float = number(0.3, minimum=0.0, unit="s", text="for which that must last")
+    max_age: float = number(
+        0.1, above=0.0, maximum=5.0, unit="s", text="of what is known of person or arm; what is older stops the arm"
+    )
+    contact_stiffness: float = number(
+        200.0, above=0.0, unit="N/m", text="with `power_and_force_limiting`: largest stiffness while the person is near"
+    )
+    contact_area: float | None = number(
+        None, above=0.0, unit="m^2", text="likewise: of a contact, for limits of pressure; none: of force alone"
+    )
+    guided_speed: float = number(
+        0.25, above=0.0, unit="m/s", text="with `hand_guided`: fastest place of the arm (ISO 10218, from memory)"
+    )
+    guided_distance: float = number(0.15, above=0.0, unit="m", text="likewise: of the guiding hand from the arm")
+    guided_stiffness: float = number(100.0, above=0.0, unit="N/m", text="likewise: largest stiffness")
+    guided_force: float = number(60.0, above=0.0, unit="N", text="likewise: largest force of a spring")
+    rate: float = number(100.0, minimum=10.0, maximum=500.0, unit="Hz", text="of decisions")
+
+    @property
+    def table(self) -> str | Path:
+        """For `hric_assessment.tables.limit_table`."""
+        return Path(self.limits) if self.limits.endswith((".yaml", ".yml")) else self.limits
+
+
+@dataclass(frozen=True)
+class NodeSettings(SupervisorSettings):
+    """What the node has besides."""
+
+    acknowledge_no_safety_function: bool = flag(
+        False,
+        text="that this is no certified safety function, and no protective stop; without it an arm whose address is "
+        "not 127.* is refused",
+    )
+    person: Any = anything(
+        None,
+        default_text="none",
+        text="with `human`: the section `human` of the experiment, that is, who it is, and where",
+    )

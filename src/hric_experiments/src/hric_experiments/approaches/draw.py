@@ -1,0 +1,110 @@
+"""What is drawn for an approach: who comes how fast, from where, and what the arm does meanwhile."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+SPEEDS = (0.5, 2.0)
+"""Peak speed of the walk, reached where it aims at [m/s]."""
+PEAK = 1.875
+"""Peak over mean speed of a motion with least jerk."""
+SUBJECTS = ("P05_female", "P50_female", "P50_male", "P95_male")
+BEARING = math.radians(100.0)
+"""Largest angle of the direction from which he comes, from where the base looks [rad]: the arm works before it."""
+CONTROLLER = "joint_pd_controller"
+SWING = 1.5
+"""Between two setpoints of the arm [s]."""
+
+
+@dataclass(frozen=True)
+class Approach:
+    """One approach.
+
+    Attributes:
+        seed: by which it was drawn.
+        speed: peak of the walk [m/s].
+        bearing: from which he comes, from x towards y of the base [rad].
+        aim: where the walk's peak lies, in the world, 2 floats [m].
+        distance: of his start from there [m].
+        subject: whose body.
+        arms: flexion of right shoulder and elbow, left shoulder and elbow [rad].
+        setpoints: of the arm, one each SWING, 7 floats each [rad].
+        phase: by which the walk begins later than the arm [s].
+    """
+
+    seed: int
+    speed: float
+    bearing: float
+    aim: tuple[float, float]
+    distance: float
+    subject: str
+    arms: tuple[float, float, float, float]
+    setpoints: tuple[tuple[float, ...], ...]
+    phase: float
+
+    @property
+    def reached(self) -> float:
+        """When he is where the walk aims at [s]."""
+        return self.phase + PEAK * self.distance / self.speed
+
+    @property
+    def duration(self) -> float:
+        """Of the run, if nothing ends it before [s]."""
+        return round(self.reached + 0.4, 3)
+
+    def changes(self) -> dict[str, Any]:
+        """Overrides of the experiment."""
+        away = np.array([math.cos(self.bearing), math.sin(self.bearing)])
+        start = np.array(self.aim) + self.distance * away
+        path = (-2.0 * self.distance * away).tolist()
+        end = self.phase + 2.0 * PEAK * self.distance / self.speed
+        joints = ("right_sh_flex", "right_el_flex", "left_sh_flex", "left_el_flex")
+        posture = {"time": 0.0, **dict(zip(joints, self.arms, strict=True))}
+        sent = [
+            {"time": round(SWING * k, 3), "controller": CONTROLLER, "positions": list(row)}
+            for k, row in enumerate(self.setpoints)
+            if SWING * k < self.duration
+        ]
+        return {
+            "human.subject": self.subject,
+            "human.position": start.tolist(),
+            "human.heading": self.bearing + math.pi,
+            "human.walk.points": [[self.phase, 0.0, 0.0], [end, *path]],
+            "human.control": {"parameters": {"reference": {"program": "joints", "points": [posture]}}},
+            "setpoints": sent,
+            "duration": self.duration,
+        }
+
+
+def draw(seed: int) -> Approach:
+    """The approach of a seed."""
+    random = np.random.default_rng(seed)
+    speed = float(random.uniform(*SPEEDS))
+    bearing = float(random.uniform(-BEARING, BEARING))
+    far, side = random.uniform(0.3, 0.6), random.uniform(-0.25, 0.25)
+    aim = (
+        float(far * math.cos(bearing) - side * math.sin(bearing)),
+        float(far * math.sin(bearing) + side * math.cos(bearing)),
+    )
+    # Far enough for the arm to be at full speed first, of those who come fast.
+    distance = float(0.9 + 0.6 * speed + random.uniform(0.0, 0.3))
+    arms = tuple(float(random.uniform(low, high)) for low, high in ((0.0, 1.5), (0.2, 1.6)) * 2)
+    middle = np.clip(bearing, -1.2, 1.2)
+    rows = []
+    for k in range(8):
+        yaw = middle + (0.7 if k % 2 else -0.7) + random.uniform(-0.3, 0.3)
+        lift, bend = random.uniform(-0.3, 0.4), random.uniform(-2.5, -1.9)
+        rows.append((float(yaw), float(lift), 0.0, float(bend), 0.0, float(random.uniform(2.0, 2.4)), math.pi / 4))
+    return Approach(
+        seed,
+        speed,
+        bearing,
+        aim,
+        distance,
+        str(random.choice(SUBJECTS)),
+        (arms[0], arms[1], arms[2], arms[3]),
+        tuple(rows),
+        float(random.uniform(0.0, 0.4)),
+    )

@@ -1,0 +1,128 @@
+"""Walking: the root of a body is moved along a stated way, whatever his joints do.
+
+It is no gait: legs hang as their reference has them. Two prismatic joints below the root carry him, and a spring and a
+damper hold him on the way, with the force that his own mass needs; what he can push with is limited.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar
+from xml.etree import ElementTree
+from xml.etree.ElementTree import SubElement
+
+import numpy as np
+
+from hric_control.errors import ParameterError
+from hric_control.geometry import Pose
+from hric_control.parameters import Settings, listing, number, numbers
+from hric_control.urdf import write_inertial
+from hric_human.body import Body
+from hric_human.body.segments import ROOT
+
+GROUND, JOINTS = "human_ground", ("walk_x", "walk_y")
+"""Root link of a body that walks, and the joints between it and `human_base`: displacements along x and y of the world
+[m]."""
+SHARE = 0.01
+"""Mass of each link that these move, as share of the body's: an engine wants one. The constants of this file are
+project defaults, unconfirmed."""
+STIFFNESS_RATE = 30.0
+"""Natural frequency of the spring and, critically damped, of the damper that hold him on his way [rad/s]."""
+REACH = 100.0
+"""How far he can walk [m]."""
+
+
+@dataclass(frozen=True)
+class WalkSettings(Settings):
+    """Where he walks."""
+
+    separator: ClassVar[str] = "."
+    points: tuple[tuple[float, ...], ...] = listing(
+        numbers(3),
+        unit="s, m",
+        text="[time since the start, x, y]: displacements in the world, from rest to rest with least jerk between two; "
+        "before the first he is at it",
+    )
+    push: float = number(
+        150.0, above=0.0, unit="N", text="largest force with which he holds his way against what is in it"
+    )
+
+    def check(self, where: str) -> None:
+        """Refuse times that do not rise."""
+        times = [row[0] for row in self.points]
+        if not times or times[0] < 0.0 or any(b <= a for a, b in pairwise(times)):
+            raise ParameterError(
+                f"{where}points must have one row or more, [time, x, y], and the times must rise, from 0 s on"
+            )
+
+
+class Walk:
+    """The way of one body.
+
+    Args:
+        settings: where he walks.
+        body: who does.
+        heading: of his root in the world, about z [rad].
+
+    Attributes:
+        urdf: of the body that walks.
+        start: displacement before the motion begins, 2 floats [m].
+    """
+
+    def __init__(self, settings: WalkSettings, body: Body, heading: float) -> None:
+        self._points, self._push = settings.points, settings.push
+        self._mass = body.total_mass * (1.0 + 2.0 * SHARE)
+        self.urdf = _walking(body, heading)
+        self.start = list(settings.points[0][1:])
+
+    def at(self, since: float) -> tuple[list[float], list[float], list[float]]:
+        """Displacement [m], velocity [m/s] and acceleration [m/s^2], 2 floats each, at a time since the start [s]."""
+        still = [0.0, 0.0]
+        for begin, end in pairwise(self._points):
+            if begin[0] < since < end[0]:
+                duration = end[0] - begin[0]
+                u = (since - begin[0]) / duration
+                step = [b - a for a, b in zip(begin[1:], end[1:], strict=True)]
+                share = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+                rate = 30.0 * (u - u * u) ** 2 / duration
+                bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / duration**2
+                position = [a + share * x for a, x in zip(begin[1:], step, strict=True)]
+                return position, [rate * x for x in step], [bend * x for x in step]
+        passed = [row for row in self._points if row[0] <= since]
+        return list((passed[-1] if passed else self._points[0])[1:]), still, still
+
+    def force(self, since: float, q: Sequence[float], dq: Sequence[float]) -> list[float]:
+        """That the joints take, 2 floats [N]; since: time since the start [s]."""
+        position, speed, acceleration = self.at(since)
+        k, c = self._mass * STIFFNESS_RATE**2, 2.0 * self._mass * STIFFNESS_RATE
+        held = [k * (p - x) + c * (v - w) for p, x, v, w in zip(position, q, speed, dq, strict=True)]
+        size = math.hypot(*held)
+        share = min(1.0, self._push / size) if size > 0.0 else 1.0
+        return [share * f + self._mass * a for f, a in zip(held, acceleration, strict=True)]
+
+    def root(self, root: Pose, q: Sequence[float]) -> Pose:
+        """T_world_root of who has walked; root: where he was spawned."""
+        x, y, z = root.position
+        return Pose((x + q[0], y + q[1], z), root.orientation)
+
+
+def _walking(body: Body, heading: float) -> str:
+    robot = ElementTree.fromstring(body.urdf)
+    mass = SHARE * body.total_mass
+    inertia = 0.4 * mass * 0.1**2 * np.eye(3)  # of a ball of 10 cm; nothing turns it
+    base = next(link for link in robot.findall("link") if link.get("name") == ROOT)
+    write_inertial(base, mass, np.eye(4), inertia)
+    SubElement(robot, "link", name=GROUND)
+    write_inertial(SubElement(robot, "link", name=JOINTS[0]), mass, np.eye(4), inertia)
+    cos, sin = math.cos(heading), math.sin(heading)
+    ends = (GROUND, JOINTS[0], ROOT)
+    # The axes of the world in those of the root, which looks along the heading.
+    for name, (parent, child), (x, y) in zip(JOINTS, pairwise(ends), ((cos, -sin), (sin, cos)), strict=True):
+        joint = SubElement(robot, "joint", name=name, type="prismatic")
+        SubElement(joint, "parent", link=parent)
+        SubElement(joint, "child", link=child)
+        SubElement(joint, "axis", xyz=f"{x!r} {y!r} 0")
+        SubElement(joint, "limit", lower=repr(-REACH), upper=repr(REACH), effort="1e4", velocity="20")
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode")
