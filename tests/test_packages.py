@@ -8,6 +8,7 @@ import pytest
 import yaml
 from catkin_pkg.changelog import get_changelog_from_path
 from catkin_pkg.package import parse_package
+from catkin_pkg.topological_order import topological_order_packages
 
 ROOT = Path(__file__).resolve().parents[1]
 # Of Debian's catkin_pkg on a newer docutils.
@@ -24,6 +25,13 @@ def test_the_workspace_has_its_packages() -> None:
     assert {"hric_control", "hric_bringup", "panda_description", "controller_manager_msgs"} <= {
         path.name for path in PACKAGES
     }
+
+
+def test_no_package_waits_for_itself_so_that_catkin_can_build_them_in_an_order() -> None:
+    """What a package's tests need counts in that, too."""
+    ordered = topological_order_packages({path.name: parse_package(str(path / "package.xml")) for path in PACKAGES})
+    assert [str(names) for name, names in ordered if name is None] == []
+    assert len(ordered) == len(PACKAGES)
 
 
 def test_a_manifest_is_format_3_and_valid(package: Path) -> None:
