@@ -46,7 +46,7 @@ MADE: dict[str, Any] = {
     "input": {"name": "a", "kind": "run", "experiment": None, "begin": 0.0, "end": 2.0},
     "limits": {"title": "ISO/TS 15066", "edition": "2016"},
     "person": None,
-    "assumptions": [],
+    "assumptions": ["a body of the middle"],
     "findings": [
         finding("contact", "above limits", 1.25, regions=[HAND], window=[1.2, 1.3]),
         finding("contact", "above limits", None, regions=[FACE], window=[0.2, 0.3]),
@@ -105,7 +105,7 @@ def test_the_part_has_the_outcome_the_findings_and_the_disclaimer_above_and_bene
     text = verdict.part(MADE)
     assert text.count(DISCLAIMER) == 2 and text.rstrip().endswith(f"<p class=disclaimer>{DISCLAIMER}</p>")
     assert "contact <of>" not in text and "contact &lt;of&gt; somebody" in text
-    for words in ("125 %", "largest activation", "EMG", "a note", "ISO/TS 15066 (2016)"):
+    for words in ("125 %", "largest activation", "EMG", "a note", "a body of the middle", "ISO/TS 15066 (2016)"):
         assert words in text
 
 

@@ -216,6 +216,8 @@ def _tables(verdict: Verdict) -> Iterator[Table]:
     )
     if figures:
         yield Table("Figures without a limit", ("of", "what", "value", "how"), figures, folded=True)
+    if verdict["assumptions"]:
+        yield Table("Assumed of the person", ("what",), tuple((one,) for one in verdict["assumptions"]), folded=True)
     if verdict["missing"]:
         lacking = tuple((one["signal"], one["gives"]) for one in verdict["missing"])
         yield Table("Missing signals", ("signal", "would give"), lacking, folded=True)
