@@ -33,6 +33,7 @@ def test_the_experiments_of_the_workspace_are_valid() -> None:
             "handover",
             "marker_tracking",
             "pd_step",
+            "shared_workspace",
         ),
         "thesis_step",
     ]
@@ -209,7 +210,8 @@ def test_an_experiment_without_motion_capture_says_so() -> None:
 
 def test_an_unknown_experiment_lists_those_that_exist() -> None:
     with pytest.raises(
-        HricError, match=r"no experiment 'pdstep'.*valid: co_transport, .*marker_tracking, pd_step, thesis_step"
+        HricError,
+        match=r"no experiment 'pdstep'.*valid: co_transport, .*marker_tracking, pd_step, shared_workspace, thesis_step",
     ):
         experiment.read("pdstep")
     with pytest.raises(HricError, match=r"no experiment file nowhere\.yaml"):

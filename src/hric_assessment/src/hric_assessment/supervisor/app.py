@@ -30,7 +30,7 @@ from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale, SpeedScaleState
 
 NAME = "hric/safety/supervisor"
 """Of the node, below the robot's namespace; its topics lie beside it."""
-SILENCE = 5.0
+SILENCE = 10.0
 """Decisions that may be missing until the robot stops by itself; chosen here."""
 MARKERS_PERIOD = 0.05
 """Between two messages for rviz [s]."""

@@ -74,6 +74,12 @@ class SupervisorSettings(Settings):
     guided_force: float = number(60.0, above=0.0, unit="N", text="likewise: largest force of a spring")
     rate: float = number(100.0, minimum=10.0, maximum=500.0, unit="Hz", text="of decisions")
 
+    acknowledge_no_safety_function: bool = flag(
+        False,
+        text="that this is no certified safety function, and no protective stop; without it an arm whose address is "
+        "not 127.* is refused",
+    )
+
     @property
     def table(self) -> str | Path:
         """For `hric_assessment.tables.limit_table`."""
@@ -84,11 +90,6 @@ class SupervisorSettings(Settings):
 class NodeSettings(SupervisorSettings):
     """What the node has besides."""
 
-    acknowledge_no_safety_function: bool = flag(
-        False,
-        text="that this is no certified safety function, and no protective stop; without it an arm whose address is "
-        "not 127.* is refused",
-    )
     person: Any = anything(
         None,
         default_text="none",
