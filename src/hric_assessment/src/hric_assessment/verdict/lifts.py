@@ -73,49 +73,46 @@ def _carried(held: str, grips: Sequence[GripRecord]) -> Carried:
 
 def _of(one: Carried, person: Person) -> list[Finding]:
     """Its picking up, from where it is held first to its height, and its putting down."""
-    height, least = one.point[:, 2], verdict_table()["lift"]
+    height, limit = one.point[:, 2], verdict_table()["lift"]
     top = int(np.argmax(height))
     found = []
     for phase, end in (("pick-up", 0), ("put-down", len(height) - 1)):
-        travel = float(height[top] - height[end])
-        if travel > least:
-            found.append(_rated(one, person, phase, end, top, travel))
+        if float(height[top] - height[end]) > limit:
+            window = float(one.time[min(end, top)]), float(one.time[max(end, top)])
+            found.append(_rated(one, _lift(one, person, phase, end, top), window))
     return found
 
 
-def _rated(one: Carried, person: Person, phase: str, end: int, top: int, travel: float) -> Finding:
+def _lift(one: Carried, person: Person, phase: str, end: int, top: int) -> Lift:
+    """Of the samples between one of its ends and its height."""
     settings, root = person.settings, person.root
     assert settings is not None and root is not None
     rows = slice(min(end, top), max(end, top) + 1)
-    height, raised = one.point[rows, 2], one.point[rows, 2] > one.point[end, 2] + 0.5 * travel
-    lift = Lift(
+    height, low = one.point[rows, 2], float(one.point[end, 2])
+    travel = float(one.point[top, 2]) - low
+    raised = height > low + 0.5 * travel
+    return Lift(
         phase,
         max(0.0, float(one.load[rows][raised].mean())),
         float(np.linalg.norm(one.point[end, :2] - root[0, :2])),
-        max(0.0, float(one.point[end, 2]) - settings.floor),
+        max(0.0, low - settings.floor),
         travel,
         hands=one.hands,
         position=settings.person.posture,
         speed=float(np.abs(np.gradient(height, one.time[rows])).max()) if len(height) > 1 else None,
     )
-    table, window = niosh_table(), (float(one.time[rows][0]), float(one.time[rows][-1]))
+
+
+def _rated(one: Carried, lift: Lift, window: tuple[float, float]) -> Finding:
+    table = niosh_table()
     values = {
         "load, the person's share [kg]": lift.load,
         "horizontal distance H [m]": lift.horizontal,
         "height V [m]": lift.vertical,
         "travel D [m]": lift.distance,
     }
-    unrated = Finding(
-        f"{phase} of {one.held}",
-        Outcome.NOT_ASSESSABLE,
-        "",
-        table.name,
-        None,
-        values,
-        window,
-        ("/hric/human/grip",),
-        group=GROUP,
-    )
+    subject, signals = f"{lift.phase} of {one.held}", ("/hric/human/grip",)
+    unrated = Finding(subject, Outcome.NOT_ASSESSABLE, "", table.name, None, values, window, signals, group=GROUP)
     try:
         rated = niosh.rate(lift)
     except NotAssessableError as error:

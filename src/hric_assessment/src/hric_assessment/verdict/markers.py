@@ -11,7 +11,7 @@ from hric_bags.records.recording import RATE, Columns, Recording, Tracked
 from hric_control.geometry import FloatArray
 from hric_control.trial.c3d import read_trial
 from hric_human.body import Body, describe
-from hric_human.body.marker_labels import marker_labels
+from hric_human.body.markers import marker_labels
 from hric_human.tracking import LOST, PersonTracker
 from hric_perception.person.frames import MarkerRows
 from hric_perception.person.settings import PersonSettings
@@ -57,9 +57,9 @@ def of_frames(bag: Path, found: Recording, settings: PersonSettings) -> tuple[Co
     with opened(bag) as reader:
 
         def frames() -> Iterator[Frame]:
-            last, least = -np.inf, 0.99 / RATE
+            last, period = -np.inf, 0.99 / RATE
             for connection, stamp, raw in reader.chosen(lambda c: c.msgtype == FRAMES):
-                if 1e-9 * stamp - last >= least:
+                if 1e-9 * stamp - last >= period:
                     last, message = 1e-9 * stamp, reader.deserialize(raw, connection.msgtype)
                     frame[0] = str(message.header.frame_id).strip("/")
                     yield found.robot_time(seconds(message.header.stamp)), rows.positions(message)
@@ -76,7 +76,7 @@ def tracked(
     Args:
         frames: in order of time.
         tracker: of his body.
-        name: of the recording, in front of what stands for topics.
+        name: of the recording, before the names of what would be topics.
         frame: of the markers.
         calibrated: whether the body was fitted to him.
     """

@@ -31,7 +31,7 @@ from hric_control.trial.plates import TrialPlate
 from hric_experiments.analysis.run import bag_of
 from hric_experiments.definition import experiment
 from hric_human.body import Body, describe
-from hric_human.body.marker_labels import marker_labels
+from hric_human.body.markers import marker_labels
 from hric_human.control import HumanControl
 from hric_human.control.recorded import MarkerSolver
 from hric_human.control.whole_body import Load

@@ -5,11 +5,13 @@ values that put that on a capsule are a project default, unconfirmed. The thigh,
 markers are at other heights on the left than on the right, so that sides can be distinguished.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from hric_control.errors import HricError
 from hric_control.geometry import FloatArray
 from hric_human.body.segments import SIDES, Segment, side_of
 
@@ -101,3 +103,27 @@ def _marker(row: MarkerRow, segment: Segment, side: str) -> Marker:
     offset = segment.radius * np.array(row.offset) * [1.0, SIDES.get(side, 1.0), 1.0]
     name = side[:1].upper() + row.name
     return Marker(name, segment.link, segment.start + share * (segment.end - segment.start) + offset)
+
+
+def marker_labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dict[str, str]:
+    """Label by marker; labels may have the body's name before them: RSHO, subject:RSHO or body_RSHO.
+
+    Args:
+        file: for messages.
+        labels: of the recording.
+        names: of the body's markers.
+
+    Raises:
+        HricError: none of them is there, or those of several bodies.
+    """
+    found: dict[str, dict[str, str]] = {}
+    for label in labels:
+        name = re.split("[:_]", label)[-1]
+        if name in names:
+            found.setdefault(label.removesuffix(name), {})[name] = label
+    if len(found) != 1:
+        what = f"markers of {len(found)} bodies: {', '.join(map(repr, found))}" if found else "no marker of the body"
+        raise HricError(
+            f"{file} has {what}; needed are some of {', '.join(names)} of one body; it has {', '.join(labels)}"
+        )
+    return found.popitem()[1]
