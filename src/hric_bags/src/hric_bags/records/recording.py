@@ -21,7 +21,9 @@ from hric_human.body.joints import joints
 from hric_human.body.subject import PARTS
 
 RATE = 100.0
-"""Of what is kept of streams without contacts, at most [Hz]; project default."""
+"""Of what is kept of streams, at most [Hz]; project default."""
+SAMPLES = 150_000
+"""Of a stream, at most: a recording of an hour is kept at a lower rate; project default."""
 STATES_TYPE, TRACKING_TYPE = "sensor_msgs/msg/JointState", "hric_msgs/msg/PersonTracking"
 ACTIVATION_TYPE, STATIC_TYPE = "hric_msgs/msg/MuscleActivation", "tf2_msgs/msg/TFMessage"
 TEXT_TYPE = "std_msgs/msg/String"
@@ -69,7 +71,7 @@ class Tracked:
 
 @dataclass(frozen=True)
 class Recording:
-    """Of one bag, at RATE at most.
+    """Of one bag, at RATE and with SAMPLES of a stream at most.
 
     Attributes:
         topics: message counts.
@@ -103,14 +105,15 @@ class Recording:
     static: dict[tuple[str, str], Pose] = field(default_factory=dict)
 
 
-def read(bag: Path | PartsReader, rate: float = RATE) -> Recording:
+def read(bag: Path | PartsReader) -> Recording:
     """All of it, in one pass.
 
     Raises:
         BagError: the bag is missing or damaged.
     """
     with opened(bag) as reader:
-        taken = _Taken(reader, rate)
+        seconds_long = 1e-9 * reader.duration if reader.message_count else 0.0
+        taken = _Taken(reader, min(RATE, SAMPLES / max(seconds_long, 1.0)))
         for connection, stamp, raw in reader.chosen(taken.wants):
             if taken.due(connection, stamp, raw):
                 taken.add(connection.topic, connection.msgtype, reader.deserialize(raw, connection.msgtype))

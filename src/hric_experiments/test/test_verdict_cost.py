@@ -1,0 +1,92 @@
+"""What a verdict costs: processor time for a minute of a run, and memory for an hour."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer
+
+from hric_assessment.verdict import assess, opened
+from hric_bags.parts import PartsReader
+from hric_bags.reader import LOG_TYPE
+from hric_experiments import cli
+
+MINUTE, HOUR = 60.0, 3600.0
+PROCESSOR = 6.0
+"""For a minute of a run [s], and"""
+MEMORY = 1e9
+"""for an hour [B] (the demands of this project)."""
+STREAMS = ("/control_log", "/hric/human/joint_states", "/hric/human/joint_torque", "/hric/human/grip")
+MEASURE = """
+import resource, sys
+from hric_assessment.verdict import assess, opened
+print(assess(opened(sys.argv[1])).outcome, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of an upper body that leads the robot."""
+    root = tmp_path_factory.mktemp("runs")
+    words = ["simulator:=mujoco", "human.parts:=upper_body", "duration:=5", "--quiet", "--no-figures"]
+    assert cli.main(["run", "hand_guidance", *words, "--runs", str(root)]) == 0
+    return (root / "latest").resolve()
+
+
+def lengthened(run: Path, seconds: float) -> None:
+    """Its streams again and again, each time with later stamps, in place of its bag."""
+    (path,) = run.glob("*.bag")
+    longer = path.with_suffix(".longer")
+    with PartsReader(path) as reader, Writer(longer) as writer:
+        chosen = [c for c in reader.connections if c.topic in STREAMS]
+        kept = [(c, stamp, bytes(raw)) for c, stamp, raw in reader.messages(connections=chosen)]
+        added = {
+            c.topic: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, md5sum=c.digest) for c in chosen
+        }
+        first, span = kept[0][1], kept[-1][1] - kept[0][1] + 5_000_000
+        for turn in range(int(np.ceil(seconds * 1e9 / span))):
+            later = turn * span
+            for connection, stamp, raw in kept:
+                if stamp - first + later > seconds * 1e9:
+                    break
+                moved = _log(reader, raw, later) if connection.msgtype == LOG_TYPE else _stamped(raw, later)
+                writer.write(added[connection.topic], stamp + later, moved)
+    longer.replace(path)
+
+
+def _stamped(raw: bytes, later: int) -> bytes:
+    """A serialised message that begins with a header; later: by so much [ns]."""
+    stamp = int.from_bytes(raw[4:8], "little") * 1_000_000_000 + int.from_bytes(raw[8:12], "little") + later
+    seconds, rest = divmod(stamp, 1_000_000_000)
+    return raw[:4] + seconds.to_bytes(4, "little") + rest.to_bytes(4, "little") + raw[12:]
+
+
+def _log(reader: PartsReader, raw: bytes, later: int) -> bytes:
+    message: Any = reader.deserialize(raw, LOG_TYPE)
+    message.time = message.time + 1e-9 * later
+    message.first_cycle += later // 1_000_000
+    return _stamped(bytes(reader.typestore.serialize_ros1(message, LOG_TYPE)), later)
+
+
+def test_a_minute_is_assessed_in_six_seconds_of_a_processor(run: Path) -> None:
+    lengthened(run, MINUTE)
+    begin = time.process_time()
+    verdict = assess(opened(str(run)))
+    used = time.process_time() - begin
+    print(f"verdict of a minute: {used:.1f} s of processor")
+    assert verdict.input["end"] - verdict.input["begin"] == pytest.approx(MINUTE, abs=0.1)
+    assert verdict.timelines["separation"] and verdict.timelines["activation"] and len(verdict.timelines["rula"]) == 2
+    assert used < PROCESSOR
+
+
+@pytest.mark.slow
+def test_an_hour_is_assessed_in_less_than_a_gigabyte(run: Path) -> None:
+    lengthened(run, HOUR)
+    done = subprocess.run([sys.executable, "-c", MEASURE, str(run)], capture_output=True, text=True, check=True)
+    used = float(done.stdout.split()[-1])
+    print(f"verdict of an hour: {1e-6 * used:.0f} MB")
+    assert used < MEMORY
