@@ -12,7 +12,7 @@ from hric_assessment.findings import DISCLAIMER, Finding, Outcome
 from hric_assessment.verdict import Verdict, command, result
 from hric_experiments import cli
 
-SCHEMA = Path(__file__).parents[1] / "config" / "verdict.schema.json"
+SCHEMA = Path(__file__).parents[2] / "hric_assessment" / "config" / "verdict.schema.json"
 
 
 @pytest.fixture(scope="module")
