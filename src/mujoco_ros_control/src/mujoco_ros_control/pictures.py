@@ -183,8 +183,8 @@ class _Canvas:
 
     def draw(self, d: mujoco.MjData, *, depth: bool) -> tuple[Picture, npt.NDArray[np.float32] | None]:
         """As Camera.take."""
-        every = mujoco.mjtCatBit.mjCAT_ALL
-        mujoco.mjv_updateScene(self._m, d, self._option, self._idle, self._view, every, self._scene)
+        bodies = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(self._m, d, self._option, self._idle, self._view, bodies, self._scene)
         mujoco.mjr_render(self._rect, self._scene, self._context)
         picture, buffer = np.empty((*self._shape, 3), np.uint8), np.empty(self._shape, np.float32)
         mujoco.mjr_readPixels(picture, buffer, self._rect, self._context)
