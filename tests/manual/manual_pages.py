@@ -15,7 +15,7 @@ SHORT = ("docs/howto/salvage_a_bag.md",)
 ENDS = re.compile(r"\s(?P<by>\|\||&&|[|&;>])\s?")
 OF_THE_WORKSPACE = re.compile(r"(\w+=\S+ )*(scripts/|rosrun |roslaunch )")
 VARIABLE = re.compile(r"[A-Z_]+=")
-PRINTED_INTO = re.compile(r">>? *([\w.-]+)(?=\s)")
+PRINTED_INTO = re.compile(r">>? *([\w./-]+)(?=\s)")
 
 
 @dataclass(frozen=True)
@@ -56,4 +56,6 @@ def write(taken: Iterable[Step], folder: Path) -> None:
             path.write_text(step.text)
         elif isinstance(step, Commands):
             for name in PRINTED_INTO.findall(step.text):
-                (folder / name).touch()
+                path = folder / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.touch()
