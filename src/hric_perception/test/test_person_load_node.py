@@ -203,7 +203,7 @@ def test_markers_that_are_lost_are_bridged_and_flagged_in_the_load_and_a_plate_t
         return message
 
     x, y, z = palm(swings, 0.0).tolist()
-    occluded = [[8.0, 0.12, "body"], [8.8, 0.6, "body"]]
+    occluded = [[12.0, 0.12, "body"], [12.8, 0.6, "body"]]
     process = begin(nodes, f"_force:={{source: plate, id: left, xyz: [{x}, {y}, {z}]}}", occlusions=occluded)
     topic = "/hric/perception/force_plate/left/wrench"
     plate = Publishes(run, topic, WrenchStamped, PLATE_RATE, pressed)
