@@ -1,7 +1,9 @@
 """A robot node without physics: the fake robot under a real controller manager, a loop of 250 Hz. Run with a namespace
 as its argument."""
 
+import signal
 import sys
+import threading
 import time
 
 import rospy
@@ -11,18 +13,23 @@ from hric_control.fakes import FakeController, FakeRobotHW
 from hric_control.manager import services as manager_services
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.ros import RosNode
+from hric_control.ros.process import shut_down
 
 PERIOD = 0.004
 
 
 def main(namespace: str) -> None:
-    rospy.init_node("robot")
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    rospy.init_node("robot", disable_signals=True)  # rospy's handler waits for ever for what get_param holds below it
+    rospy.on_shutdown(ended.set)
     node = RosNode(namespace)
     manager = ControllerManager(FakeRobotHW(), node, {"fake/Controller": FakeController})
     begin, cycles, paused = time.monotonic(), 0, False
     node.clock = lambda: cycles * PERIOD
     services = manager_services.serve(manager, node)
-    while not rospy.is_shutdown():
+    while not ended.is_set():
         if cycles % 25 == 0:
             paused = rospy.get_param("/paused", False)
         if not paused:
@@ -32,6 +39,7 @@ def main(namespace: str) -> None:
     services.unregister()
     manager.shutdown()
     realtime.shutdown()
+    shut_down("requested")
 
 
 if __name__ == "__main__":
