@@ -50,7 +50,7 @@ def kdl(connected: tuple[str, Any]) -> KdlFrankaModel:
 
 def wait_for(robot: Any, condition: Callable[[Any], bool]) -> Any:
     """The first state of which it holds; libfranka may have older ones in store."""
-    end = time.monotonic() + 10.0
+    end = time.monotonic() + 30.0
     while time.monotonic() < end:
         state = robot.read_once()
         if condition(state):

@@ -20,7 +20,7 @@ from franka_sim.fci.server import PROTOCOLS, FciServer
 from franka_sim.fci.wire import ARM_FRAMING, HAND_FRAMING, Framing
 
 ARM, HAND = 1337, 1338
-PATIENCE = 2.0
+PATIENCE = 30.0
 """Nothing may take longer [s]."""
 CONTROL_BOX = Path(__file__).parents[1] / "nodes" / "control_box"
 _counter = itertools.count(os.getpid() * 4999)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from fci_clients import HOLD_FR3, HOLD_PANDA, JUMP, MODEL, MODES_FR3, MODES_PANDA, NAN_FR3, NAN_PANDA, SETTERS
-from fci_peer import Peer, command, control_box, log_of, run_client, wait_for_log
+from fci_peer import PATIENCE, Peer, command, control_box, log_of, run_client, wait_for_log
 
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, Outcome
@@ -182,7 +182,7 @@ def test_a_killed_client_leaves_the_arm_holding_and_free(arm: tuple[str, int]) -
         peer.until_moving()
         peer.send(command())
         peer.close()
-    end = time.monotonic() + 2.0
+    end = time.monotonic() + PATIENCE
     while True:
         try:
             with Peer(ip, version) as peer:

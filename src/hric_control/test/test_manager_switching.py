@@ -247,7 +247,7 @@ def test_controllers_wait_until_the_robot_is_ready(rig) -> None:
     assert rig.states() == {"left": "waiting", "right": "waiting"} and rig.manager.switch_pending and thread.is_alive()
     rig.hw.ready = True
     rig.cycle()
-    thread.join(2.0)
+    thread.join(30.0)
     assert rig.states() == {"left": "running", "right": "running"} and errors == []
 
 
@@ -261,7 +261,7 @@ def test_start_asap_starts_each_controller_as_soon_as_the_robot_is_ready_for_it(
     assert rig.states() == {"left": "running", "right": "waiting"}
     rig.hw.ready = True
     rig.cycle()
-    thread.join(2.0)
+    thread.join(30.0)
     assert rig.states() == {"left": "running", "right": "running"}
 
 
@@ -275,7 +275,7 @@ def test_without_start_asap_all_wait_for_the_last(rig) -> None:
     assert rig.states() == {"left": "waiting", "right": "waiting"}
     rig.hw.ready = True
     rig.cycle()
-    thread.join(2.0)
+    thread.join(30.0)
 
 
 def test_a_robot_that_is_not_ready_in_time_aborts_the_start(rig) -> None:
@@ -284,7 +284,7 @@ def test_a_robot_that_is_not_ready_in_time_aborts_the_start(rig) -> None:
     rig.hw.ready = False
     thread, errors = switch_in_thread(rig, timeout=0.005)
     rig.cycle(10)
-    thread.join(2.0)
+    thread.join(30.0)
     assert rig.states() == {"left": "aborted", "right": "aborted"}
     assert "left was not started: the robot was not ready within 0.005 s" in str(errors[0])
 
@@ -295,7 +295,7 @@ def test_a_robot_that_fails_to_switch_aborts_the_start_with_its_reason(rig) -> N
     rig.hw.ready = HricError("the brakes did not open")
     thread, errors = switch_in_thread(rig)
     rig.cycle()
-    thread.join(2.0)
+    thread.join(30.0)
     assert rig.states() == {"left": "aborted", "right": "aborted"} and "the brakes did not open" in str(errors[0])
 
 
@@ -305,7 +305,7 @@ def test_a_loop_that_stops_while_the_robot_switches_ends_the_wait(rig) -> None:
     rig.hw.ready, rig.manager.loop_timeout = False, 0.05
     thread, errors = switch_in_thread(rig)
     rig.cycle(2)
-    thread.join(2.0)
+    thread.join(30.0)
     assert "the control loop stopped while the robot was switching" in str(errors[0])
     rig.hw.ready = True
     rig.cycle(2)

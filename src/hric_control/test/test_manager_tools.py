@@ -35,7 +35,7 @@ CONFIGURATION = {
 }
 
 
-def wait(condition: Callable[[], object], timeout: float = 15.0) -> bool:
+def wait(condition: Callable[[], object], timeout: float = 30.0) -> bool:
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:

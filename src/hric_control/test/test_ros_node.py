@@ -22,7 +22,7 @@ def node(ros: str, request: pytest.FixtureRequest) -> RosNode:
     return RosNode(f"/{request.node.name[:40].split('[')[0]}")
 
 
-def wait(condition: Callable[[], object], timeout: float = 5.0) -> bool:
+def wait(condition: Callable[[], object], timeout: float = 30.0) -> bool:
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:

@@ -42,7 +42,7 @@ def rospy_duration(seconds: float):
     return rospy.Duration(seconds)
 
 
-def wait(condition: Callable[[], object], timeout: float = 5.0) -> bool:
+def wait(condition: Callable[[], object], timeout: float = 30.0) -> bool:
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:

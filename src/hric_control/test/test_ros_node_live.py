@@ -56,10 +56,10 @@ def dynparam(*arguments: str) -> str:
 
 
 def values_at(client: dynamic_reconfigure.client.Client) -> dict:
-    return {name: value for name, value in client.get_configuration(timeout=5.0).items() if name != "groups"}
+    return {name: value for name, value in client.get_configuration(timeout=30.0).items() if name != "groups"}
 
 
-def wait(condition: Callable[[], object], timeout: float = 5.0) -> bool:
+def wait(condition: Callable[[], object], timeout: float = 30.0) -> bool:
     deadline = time.monotonic() + timeout
     while not condition():
         if time.monotonic() > deadline:
@@ -84,7 +84,7 @@ def test_values_on_the_parameter_server_replace_the_defaults(ros: str) -> None:
 
 
 def test_a_value_that_the_owner_puts_back_is_what_clients_see(owner: Owner) -> None:
-    client = dynamic_reconfigure.client.Client(owner.node.namespace, timeout=5.0)
+    client = dynamic_reconfigure.client.Client(owner.node.namespace, timeout=30.0)
     assert client.update_configuration({"kp": 500.0})["kp"] == 100.0
     assert wait(lambda: values_at(client)["kp"] == 100.0) and owner.node.param("kp") == 100.0
     client.close()
@@ -92,7 +92,7 @@ def test_a_value_that_the_owner_puts_back_is_what_clients_see(owner: Owner) -> N
 
 @pytest.mark.parametrize("kp", [-5.0, float("nan")])
 def test_a_bad_value_is_one_error_and_nothing_changes(owner: Owner, kp: float) -> None:
-    client = dynamic_reconfigure.client.Client(owner.node.namespace, timeout=5.0)
+    client = dynamic_reconfigure.client.Client(owner.node.namespace, timeout=30.0)
     answer = client.update_configuration({"mode": "hard", "kp": kp})
     assert (answer["kp"], answer["mode"]) == (50.0, "soft") and len(owner.asked) == 1
     assert owner.errors == [f"{owner.node.namespace}/kp is {kp}; valid: a finite number from 0 to 1000"]
@@ -107,8 +107,8 @@ def test_a_bad_value_on_the_parameter_server_is_refused_at_once(ros: str) -> Non
 
 
 def test_descriptions_give_ranges_and_texts(owner: Owner) -> None:
-    client = dynamic_reconfigure.client.Client(owner.node.namespace, timeout=5.0)
-    described = {entry["name"]: entry for entry in client.get_parameter_descriptions(timeout=5.0)}
+    client = dynamic_reconfigure.client.Client(owner.node.namespace, timeout=30.0)
+    described = {entry["name"]: entry for entry in client.get_parameter_descriptions(timeout=30.0)}
     assert (described["kp"]["min"], described["kp"]["max"], described["kp"]["description"]) == (
         0.0,
         1000.0,
@@ -123,4 +123,4 @@ def test_taken_back_the_service_is_gone_and_can_be_offered_again(owner: Owner) -
     with pytest.raises(rospy.ROSException):
         rospy.wait_for_service(f"{owner.node.namespace}/set_parameters", timeout=0.2)
     owner.registration = owner.node.live_parameters(PARAMETERS, lambda values: values)
-    rospy.wait_for_service(f"{owner.node.namespace}/set_parameters", timeout=5.0)
+    rospy.wait_for_service(f"{owner.node.namespace}/set_parameters", timeout=30.0)

@@ -233,7 +233,7 @@ def test_pause_step_and_unpause_from_other_threads(node, robot):
         time.sleep(0.001)
     assert "not paused" in node.call("sim/step", StepSimulationRequest(1)).status_message
     robot.stop()
-    thread.join(1.0)
+    thread.join(30.0)
     assert not thread.is_alive()
     assert "not running" in node.call("sim/step", StepSimulationRequest(1)).status_message
 

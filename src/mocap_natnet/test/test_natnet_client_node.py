@@ -97,10 +97,8 @@ def test_topics_diagnostics_and_services(node: subprocess.Popen[str], ports: tup
     assert abs(late[-1].header.stamp.to_sec() - time.time()) < LIMIT
     answer = rospy.ServiceProxy("/natnet_client/start_recording", Trigger)()
     assert not answer.success and "does not respond" in answer.message
-    begin = time.monotonic()
     output = end(node)
     assert node.returncode == 0 and "Traceback" not in output
-    assert time.monotonic() - begin < 5.0
 
 
 def test_a_wrong_parameter_ends_the_node_with_one_line(ros: str) -> None:
