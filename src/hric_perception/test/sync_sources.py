@@ -26,7 +26,7 @@ def listen(topic: str, kind: type) -> list[Any]:
     import rospy
 
     seen: list[Any] = []
-    rospy.Subscriber(topic, kind, seen.append, queue_size=None)
+    rospy.Subscriber(topic, kind, seen.append, queue_size=10_000)
     return seen
 
 
@@ -36,8 +36,8 @@ class Feeder:
     def __init__(self) -> None:
         import rospy
 
-        self.joints = rospy.Publisher("/sync_joints", JointState, queue_size=100)
-        self.chunks = rospy.Publisher("/sync_chunks", SampleChunk, queue_size=100)
+        self.joints = rospy.Publisher("/sync_joints", JointState, queue_size=10_000)
+        self.chunks = rospy.Publisher("/sync_chunks", SampleChunk, queue_size=10_000)
         self.begin = time.time()
         self._sent = 0
 

@@ -131,28 +131,24 @@ def left_out(at: list[float], frames: list[float]) -> list[float]:
     return [number / 100 for number in wanted if number not in known and followed(number / 100)]
 
 
-def test_what_his_muscles_do_comes_within_a_second_and_its_torque_is_that_of_an_independent_library(
+def held(nodes: Nodes, swings: Swings, run: TellsTime) -> tuple[Any, Publishes]:
+    """The node, and the robot that holds his hand."""
+    where = f"xyz: {list(BASE.position)}, xyzw: {list(BASE.orientation)}"
+    process = begin(nodes, f"_force:={{source: robot, hand: right, {where}}}")
+    topic = "/franka_state_controller/franka_states"
+    return process, Publishes(run, topic, FrankaState, STATE_RATE, lambda time: robot_state(swings, time))
+
+
+@pytest.mark.live
+def test_what_his_muscles_do_comes_within_a_second_of_sixty_estimates_and_more(
     swings: Swings, nodes: Nodes, run: TellsTime, figure: Figure
 ) -> None:
     import rospy
 
     came: list[tuple[float, Any]] = []
     rospy.Subscriber("/hric/person/load", PersonLoad, lambda one: came.append((run.time, one)), queue_size=None)
-    torques, activations, reactions = (
-        listen("/hric/person/joint_torque", JointTorque),
-        listen("/hric/person/activation", MuscleActivation),
-        listen("/hric/person/joint_reactions", JointReactions),
-    )
     tracked, said = listen("/hric/person/tracking", PersonTracking), Diagnosis("person: load")
-    where = f"xyz: {list(BASE.position)}, xyzw: {list(BASE.orientation)}"
-    process = begin(nodes, f"_force:={{source: robot, hand: right, {where}}}")
-    robot = Publishes(
-        run,
-        "/franka_state_controller/franka_states",
-        FrankaState,
-        STATE_RATE,
-        lambda time: robot_state(swings, time),
-    )
+    process, robot = held(nodes, swings, run)
     wait(lambda: len(came) > 100 and {one.force for _, one in came[-50:]} == {"measured"})
     first, before, since = len(came), processor_time(process.pid), run.time
     wait(lambda: len(came) > first + 400)
@@ -166,12 +162,38 @@ def test_what_his_muscles_do_comes_within_a_second_and_its_torque_is_that_of_an_
     figure("person, load of his muscles: received so late, median", float(np.median(behind)), "s of robot time")
     figure("person, load of his muscles: received so late, at most", behind.max(), "s of robot time")
     assert behind.max() <= LATEST and max(one.behind for _, one in settled) <= LATEST
-    at = [one.header.stamp.to_sec() for _, one in settled]
-    assert at == pytest.approx(np.round(at, 2), abs=1e-6)
-    assert left_out(at, [message.header.stamp.to_sec() for message in tracked]) == []
-    assert {state for _, one in settled for state in one.state} == {"measured"}
-    assert {(one.hand, one.force) for _, one in settled} == {("right", "measured")}
-    assert max(one.distance for _, one in settled) < 0.02
+    begun, ended = (settled[k][1].header.stamp.to_sec() for k in (0, -1))
+    rate = sum(begun <= message.header.stamp.to_sec() < ended for message in tracked) / (ended - begun)
+    figure("person with the load of his muscles, live at 120 Hz: rate of estimates", rate, "Hz")
+    assert rate >= 60.0 and said.says("the load is known")
+
+
+def test_the_load_of_his_muscles_has_the_torque_of_an_independent_library(
+    swings: Swings, nodes: Nodes, run: TellsTime, figure: Figure
+) -> None:
+    loads = listen("/hric/person/load", PersonLoad)
+    torques, activations, reactions = (
+        listen("/hric/person/joint_torque", JointTorque),
+        listen("/hric/person/activation", MuscleActivation),
+        listen("/hric/person/joint_reactions", JointReactions),
+    )
+    tracked = listen("/hric/person/tracking", PersonTracking)
+    process, robot = held(nodes, swings, run)
+    wait(lambda: len(loads) > 100 and {one.force for one in loads[-50:]} == {"measured"})
+    first = len(loads)
+
+    def whole() -> list[Any]:  # a busy machine drops frames, and says so
+        return [one for one in loads[first:] if set(one.state) == {"measured"} and one.force == "measured"]
+
+    wait(lambda: len(whole()) > 400)
+    robot.close()
+    settled = whole()[:400]
+    at = [one.header.stamp.to_sec() for one in settled]
+    came = [one.header.stamp.to_sec() for one in loads[first:] if one.header.stamp.to_sec() <= at[-1]]
+    assert came == pytest.approx(np.round(came, 2), abs=1e-6)
+    assert left_out(came, [message.header.stamp.to_sec() for message in tracked]) == []
+    assert {(one.hand, one.force) for one in settled} == {("right", "measured")}
+    assert max(one.distance for one in settled) < 0.02
     (order,) = {tuple(message.name) for message in torques}
     found = {message.header.stamp.to_sec(): message.torque for message in torques}
     expected = [needed(swings, time)[[JOINTS.index(name) for name in order]] for time in at[::10]]
@@ -179,16 +201,14 @@ def test_what_his_muscles_do_comes_within_a_second_and_its_torque_is_that_of_an_
     rms = np.sqrt((off**2).mean(axis=0))
     figure("person, live joint torque against pinocchio: rms of the worst joint", rms.max(), "N m")
     assert rms.max() < 0.2
-    known = [message for message in activations if at[0] <= message.header.stamp.to_sec() <= at[-1]]
+    instants = set(at)
+    known = [message for message in activations if message.header.stamp.to_sec() in instants]
     values = np.array([message.activation for message in known])
     assert len(known) == len(at) and "right_bic_l" in known[0].name and np.isnan(known[0].excitation).all()
     assert values.min() >= 0.01 and values.max() <= 1.0 and values.max() > 0.1
     last = reactions[-1]
     assert last.joint_names == ["right_shoulder", "right_elbow", "left_shoulder", "left_elbow"]
     assert last.header.frame_id == "panda_link0" and last.wrenches[0].force.x != 0.0
-    rate = sum(at[0] <= message.header.stamp.to_sec() < at[-1] for message in tracked) / (at[-1] - at[0])
-    figure("person with the load of his muscles, live at 120 Hz: rate of estimates", rate, "Hz")
-    assert rate >= 60.0 and said.says("the load is known")
     assert "Traceback" not in nodes.end(process)
 
 
@@ -212,6 +232,7 @@ def test_markers_that_are_lost_are_bridged_and_flagged_in_the_load_and_a_plate_t
     time = loads[-1].header.stamp.to_sec()
     assert (on_hand.x, on_hand.y, on_hand.z) == pytest.approx((0.0, 0.0, 30.0 + 5.0 * np.sin(time)), abs=0.01)
     wait(lambda: any("lost" in one.state for one in loads) and loads[-1].state == ["measured", "measured"])
+    wait(lambda: loads[-1].force == "measured")
     plate.close()
     wait(lambda: loads[-1].force == "missing")
     assert "Traceback" not in nodes.end(process)

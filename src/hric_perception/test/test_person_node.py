@@ -36,13 +36,8 @@ def test_joints_of_somebody_before_the_cameras_are_those_that_he_has_and_a_still
     process = begin(nodes, f"_calibration:={path}")
     wait(lambda: len(states) > 60 and captured[-1].latency > 0.0)
     first, came = len(states), len(captured)
-    before = processor_time(process.pid)
     wait(lambda: len(captured) > came + 5 * FRAME_RATE)
-    taken, span = states[first:], states[-1].header.stamp.to_sec() - states[first].header.stamp.to_sec()
-    figure("person, live at 120 Hz: share of a processor", (processor_time(process.pid) - before) / span, "1")
-    figure("person, live at 120 Hz: rate of estimates", (len(taken) - 1) / span, "Hz")
-    figure("person, live at 120 Hz: frames dropped", tracked[-1].dropped, "1")
-    assert (len(taken) - 1) / span >= 60.0
+    taken = states[first:]
     off = [
         np.degrees(np.abs(np.array(message.position) - swings.joints(message.header.stamp.to_sec())[0]))
         for message in taken
@@ -68,6 +63,22 @@ def test_joints_of_somebody_before_the_cameras_are_those_that_he_has_and_a_still
     assert "Traceback" not in nodes.end(process)
 
 
+@pytest.mark.live
+def test_sixty_estimates_and_more_come_a_second(swings: Swings, nodes: Nodes, figure: Figure) -> None:
+    states, tracked = listen("/hric/person/joint_states", JointState), listen("/hric/person/tracking", PersonTracking)
+    process = begin(nodes)
+    wait(lambda: len(states) > 60)
+    first, before = len(states), processor_time(process.pid)
+    begun = states[-1].header.stamp.to_sec()
+    wait(lambda: states[-1].header.stamp.to_sec() > begun + 5.0)
+    span = states[-1].header.stamp.to_sec() - begun
+    rate = (len(states) - first) / span
+    figure("person, live at 120 Hz: share of a processor", (processor_time(process.pid) - before) / span, "1")
+    figure("person, live at 120 Hz: rate of estimates", rate, "Hz")
+    figure("person, live at 120 Hz: frames dropped", tracked[-1].dropped, "1")
+    assert rate >= 60.0
+
+
 def check_hand(frames: list[Any], swings: Swings) -> None:
     """His frames are where his links are."""
     sent = [message for message in frames if message.transforms[0].child_frame_id.startswith("person/")][-1]
@@ -89,5 +100,5 @@ def check_hand(frames: list[Any], swings: Swings) -> None:
 )
 def test_a_body_that_markers_cannot_show_is_refused(ros: str, nodes: Nodes, argument: str, says: str) -> None:
     process = nodes.start("person", argument)
-    output = process.communicate(timeout=30)[0]
+    output = process.communicate(timeout=180)[0]
     assert process.returncode == 2 and says in output and "Traceback" not in output
