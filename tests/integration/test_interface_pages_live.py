@@ -27,8 +27,8 @@ NOT_OF_THE_SYSTEM = ("/integration_tests", "/rosout", "/rostopic", "/recorder_",
 SENSORS = {"hric_human", "hric_perception", "mocap_natnet"}
 """Packages that the default bring-up does not start."""
 NOT_AT_ONCE = {"<body>/ground_pose", "hric/human/root"}
-"""Topics that do not go with others: of `natnet_client` under the names of another driver, of which it publishes one set
-at a time (mocap_natnet/test/test_publisher.py); of a human who walks, whom no emulated cameras measure
+"""Topics that do not go with others: of `natnet_client` under the names of another driver, of which it publishes one
+set at a time (mocap_natnet/test/test_publisher.py); of a human who walks, whom no emulated cameras measure
 (hric_experiments/test/test_walk.py)."""
 EXPERIMENT = ROOT / "src/hric_experiments/config/experiments/data_collection.yaml"
 
