@@ -1,0 +1,1 @@
+"""Sweeps: one experiment in many runs, and what they say together."""

@@ -1,0 +1,175 @@
+"""Named populations: how mass, height, strength and reaction time are spread over the people of each.
+
+config/populations.yaml has, for each quantity, the shape of its distribution and two percentiles that it passes
+through, with their source. Where a subject of `hric_human` is the person of a percentile, his file has the value.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtr, ndtri
+
+from hric_control.errors import ParameterError
+from hric_control.node import REQUIRED
+from hric_control.parameters import Settings, choice, listing, mapping, number, package_yaml, refused, section, text
+from hric_human.body import subject
+
+FloatArray = npt.NDArray[np.float64]
+QUANTITIES = {"mass": "kg", "height": "m", "strength": "1", "reaction_time": "s"}
+"""With their units; strength: of all muscles, times that of the subject's sex and mass, as `human.muscles.strength`."""
+MARKS = ("confirmed", "unconfirmed")
+"""Of a value: read in a public source, which is named, or from memory."""
+HALVINGS = 60
+"""Steps of the bisection that inverts a mixture: the bracket shrinks below the last bit of a double."""
+
+
+class Spread(Protocol):
+    """A quantity's distribution."""
+
+    def ppf(self, u: FloatArray) -> FloatArray:
+        """Values at shares of the people in (0, 1), shape (m,), in the quantity's unit."""
+
+    def cdf(self, values: FloatArray) -> FloatArray:
+        """Share of the people below each value, shape (m,)."""
+
+
+@dataclass(frozen=True)
+class Anchor(Settings):
+    """A percentile of a quantity: its value, or the subject who has it."""
+
+    percentile: float = number(above=0.0, maximum=99.999, unit="%", text="share of the people who have less")
+    value: float | None = number(None, above=0.0, text="in the quantity's unit")
+    subject: str = text("", text="file in config/subjects of hric_human, without its ending")
+    mark: str = choice(*MARKS, default=REQUIRED, text="of the value as that of this percentile")
+    source: str = text(empty=False, text="where it is from")
+
+    def check(self, where: str) -> None:
+        """Refuse both or neither of value and subject."""
+        if (self.value is None) is not bool(self.subject):
+            raise refused(f"{where}value", self.value, "either value or subject")
+
+    def of_quantity(self, name: str) -> float:
+        """The value, of a quantity in QUANTITIES."""
+        return self.value if self.value is not None else float(getattr(_subject(self.subject), name))
+
+
+@dataclass(frozen=True)
+class Quantity(Settings):
+    """How a quantity is spread over one group of people."""
+
+    shape: str = choice("normal", "log_normal", text="of the distribution")
+    anchors: tuple[Anchor, ...] = listing(section(Anchor), 2, text="percentiles that it passes through")
+
+    def spread(self, name: str) -> "ThroughAnchors":
+        """The distribution, of a quantity in QUANTITIES."""
+        low, high = (anchor.of_quantity(name) for anchor in self.anchors)
+        shares = np.array([anchor.percentile / 100.0 for anchor in self.anchors])
+        return ThroughAnchors(self.shape == "log_normal", shares, np.array([low, high]))
+
+
+@dataclass(frozen=True)
+class People(Settings):
+    """A population: its quantities, or those of which it is mixed."""
+
+    text: str = text(empty=False, text="who they are")
+    quantities: Mapping[str, Quantity] = mapping(section(Quantity), default={}, text="by name")
+    mixed: Mapping[str, float] = mapping(number(above=0.0), default={}, text="share of each population it is mixed of")
+
+    def check(self, where: str) -> None:
+        """Refuse one that lacks a quantity."""
+        lacking = [name for name in QUANTITIES if name not in self.quantities and not self.mixed]
+        if lacking or (self.mixed and self.quantities):
+            raise refused(f"{where}quantities", ", ".join(self.quantities), f"{', '.join(QUANTITIES)}, or mixed")
+
+
+class ThroughAnchors:
+    """Normal, or normal in the logarithm, through two percentiles.
+
+    Args:
+        log: whether the logarithm is normal.
+        shares: of the people below the values, shape (2,), in (0, 1).
+        values: shape (2,), in the quantity's unit.
+    """
+
+    def __init__(self, log: bool, shares: FloatArray, values: FloatArray) -> None:
+        self._log = log
+        scores, ends = ndtri(shares), np.log(values) if log else values
+        self._std = float((ends[1] - ends[0]) / (scores[1] - scores[0]))
+        self._mean = float(ends[0] - self._std * scores[0])
+
+    def ppf(self, u: FloatArray) -> FloatArray:
+        """See `Spread`."""
+        values: FloatArray = self._mean + self._std * ndtri(u)
+        if self._log:
+            np.exp(values, out=values)
+        return values
+
+    def cdf(self, values: FloatArray) -> FloatArray:
+        """See `Spread`."""
+        shares: FloatArray = ndtr(((np.log(values) if self._log else values) - self._mean) / self._std)
+        return shares
+
+
+class Mixture:
+    """Several groups of people together.
+
+    Args:
+        parts: share of each group and its distribution; shares need not add up to 1.
+    """
+
+    def __init__(self, parts: list[tuple[float, Spread]]) -> None:
+        whole = sum(share for share, _ in parts)
+        self._parts = [(share / whole, spread) for share, spread in parts]
+
+    def cdf(self, values: FloatArray) -> FloatArray:
+        """See `Spread`."""
+        total: FloatArray = sum(share * spread.cdf(values) for share, spread in self._parts)  # type: ignore[assignment]
+        return total
+
+    def ppf(self, u: FloatArray) -> FloatArray:
+        """See `Spread`."""
+        each = np.array([spread.ppf(u) for _, spread in self._parts])
+        low: FloatArray = each.min(axis=0)
+        high: FloatArray = each.max(axis=0)
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            below = self.cdf(middle) < u
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        return 0.5 * (low + high)
+
+
+def names() -> tuple[str, ...]:
+    """Of all populations."""
+    return tuple(_populations())
+
+
+@cache
+def quantity(of: str, name: str) -> Spread:
+    """How a quantity is spread over a population.
+
+    Args:
+        of: one of `names`.
+        name: of QUANTITIES.
+    """
+    people = _populations()[of]
+    if people.mixed:
+        return Mixture([(share, quantity(part, name)) for part, share in people.mixed.items()])
+    return people.quantities[name].spread(name)
+
+
+@cache
+def _populations() -> dict[str, People]:
+    content = package_yaml(__file__, "populations")
+    return {name: People.of(given, f"populations.yaml: {name}") for name, given in content.items()}
+
+
+@cache
+def _subject(name: str) -> Any:
+    try:
+        return subject.Subject.of(package_yaml(subject.__file__, f"subjects/{name}"), f"{name}.yaml:")
+    except ParameterError as error:
+        raise ParameterError(f"populations.yaml: no subject {name}: {error}") from None

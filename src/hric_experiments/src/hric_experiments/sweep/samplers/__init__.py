@@ -1,0 +1,1 @@
+"""Where the runs of a sweep are: one module per family of samplers."""

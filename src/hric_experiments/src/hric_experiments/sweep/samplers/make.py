@@ -1,0 +1,46 @@
+"""The samplers by name.
+
+| kind | for | runs |
+|---|---|---|
+| grid, list | given values | all; `runs` is left out |
+| random | probabilities, with an exact interval | any |
+| sobol, lhs | distributions and means of outputs | a power of two; any |
+| saltelli | first-order and total indices | n + 2 times a power of two, for n variables |
+
+sampler: {kind: sobol}
+"""
+
+from typing import Any
+
+from hric_control.parameters import Settings, variant
+from hric_experiments.sweep.samplers import designs
+from hric_experiments.sweep.samplers.sampler import Sampler
+from hric_experiments.sweep.space import Space
+
+KINDS: dict[str, type[Settings]] = {
+    "grid": designs.Grid,
+    "list": designs.Listed,
+    "random": designs.Random,
+    "sobol": designs.Sobol,
+    "lhs": designs.Lhs,
+    "saltelli": designs.Saltelli,
+}
+"""By the word at `kind`."""
+SAMPLER: Any = variant("kind", KINDS, text="where the runs are")
+
+
+def make(settings: Any, space: Space, runs: int | None, seed: int) -> Sampler:
+    """A sampler.
+
+    Args:
+        settings: one of KINDS, as SAMPLER reads it.
+        space: of the variables.
+        runs: how many at most; None where the sampler knows it: grid and list.
+        seed: of all that it draws.
+
+    Raises:
+        ParameterError: what does not go together, with what would.
+        HricError: a library of the sampler is not installed.
+    """
+    made: Sampler = settings.sampler(space, runs, seed)
+    return made

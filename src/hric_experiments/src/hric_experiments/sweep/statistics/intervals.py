@@ -1,0 +1,75 @@
+"""Intervals of a probability from runs, unweighted and weighted."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import betaincinv
+
+from hric_control.errors import HricError
+
+FloatArray = npt.NDArray[np.float64]
+LEVEL = 0.95
+"""Share of sweeps whose interval has the true probability in it, if nothing else is said."""
+
+
+class Interval(NamedTuple):
+    """Of a probability [1]."""
+
+    low: float
+    high: float
+
+
+def clopper_pearson(exceeded: int, runs: int, level: float = LEVEL, weights: FloatArray | None = None) -> Interval:
+    """Interval of a probability from independent runs, each drawn from the distributions; it covers at least `level`.
+
+    Source: Clopper & Pearson, Biometrika 26:404, 1934: quantiles of beta distributions.
+
+    Args:
+        exceeded: how many exceeded.
+        runs: how many there were.
+        level: in (0, 1).
+        weights: of the runs, if they have any.
+
+    Raises:
+        HricError: counts that cannot be, or weights that are not all 1: the interval is one of counts.
+    """
+    tail = 0.5 * (1.0 - _checked(exceeded, runs, level, weights))
+    return Interval(_lower(exceeded, runs, tail), _upper(exceeded, runs, tail))
+
+
+def clopper_pearson_upper(exceeded: int, runs: int, level: float = LEVEL, weights: FloatArray | None = None) -> float:
+    """Upper limit alone, one-sided; with none exceeded about 3/runs at 95 %. Arguments as of `clopper_pearson`."""
+    return _upper(exceeded, runs, 1.0 - _checked(exceeded, runs, level, weights))
+
+
+def clopper_pearson_lower(exceeded: int, runs: int, level: float = LEVEL, weights: FloatArray | None = None) -> float:
+    """Lower limit alone, one-sided. Arguments as of `clopper_pearson`."""
+    return _lower(exceeded, runs, 1.0 - _checked(exceeded, runs, level, weights))
+
+
+def _checked(exceeded: int, runs: int, level: float, weights: FloatArray | None) -> float:
+    if not 0 <= exceeded <= runs or runs < 1 or not 0.0 < level < 1.0:
+        raise HricError(
+            f"{exceeded} of {runs} runs at level {level} have no interval; valid: 0 <= exceeded <= runs, 0 < level < 1"
+        )
+    if weights is not None and np.any(np.asarray(weights) != 1.0):
+        raise HricError("a Clopper-Pearson interval is for unweighted runs; these have weights, so use their estimate")
+    return level
+
+
+def _lower(exceeded: int, runs: int, tail: float) -> float:
+    return float(betaincinv(exceeded, runs - exceeded + 1, tail)) if exceeded else 0.0
+
+
+def _upper(exceeded: int, runs: int, tail: float) -> float:
+    return float(betaincinv(exceeded + 1, runs - exceeded, 1.0 - tail)) if exceeded < runs else 1.0
+
+
+def effective_size(weights: FloatArray) -> float:
+    """How many equal weights would scatter as much as these, (sum w)^2 / sum w^2; 0 of none.
+
+    Source: Kish, Survey Sampling, 1965.
+    """
+    squares = float(np.sum(np.square(weights)))
+    return float(np.sum(weights)) ** 2 / squares if squares > 0.0 else 0.0

@@ -1,0 +1,282 @@
+"""What a sweep varies, and its distributions, each by its percentile function.
+
+    vary:
+      speed: {paths: [human.walk.speed], unit: m/s, distribution: {kind: normal, mean: 1.2, std: 0.2, low: 0.5}}
+      mass: {paths: [human.subject.mass], unit: kg, distribution: {kind: population, of: adult_male, quantity: mass}}
+
+A truncated distribution is the conditional one: its percentiles are those between its ends, nothing piles up there.
+"""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtr, ndtri
+
+from hric_control.node import REQUIRED
+from hric_control.parameters import Settings, anything, choice, listing, names, number, numbers, refused, text, variant
+from hric_experiments.sweep import populations
+
+FloatArray = npt.NDArray[np.float64]
+NARROWEST = 1e-9
+"""Share of a distribution that must remain between its ends: less has no percentiles in double precision."""
+
+
+@dataclass(frozen=True)
+class Distribution(Settings):
+    """Of one variable.
+
+    Attributes:
+        discrete: whether it has single values, with nothing between.
+    """
+
+    discrete: ClassVar[bool] = False
+
+    @abstractmethod
+    def ppf(self, u: FloatArray) -> Sequence[Any]:
+        """Values at percentiles.
+
+        Args:
+            u: shares below the values, each in (0, 1), shape (m,).
+
+        Returns:
+            m floats in the variable's unit, or m of the values of a discrete one.
+        """
+
+    @property
+    def count(self) -> int:
+        """How many values a discrete distribution has; 0 for others."""
+        return 0
+
+
+@dataclass(frozen=True)
+class Uniform(Distribution):
+    """The same density from low to high."""
+
+    low: float = number(text="lower end, in the variable's unit")
+    high: float = number(text="upper end")
+
+    def check(self, where: str) -> None:
+        """Refuse an interval that is empty."""
+        _ordered(where, low=self.low, high=self.high)
+
+    def ppf(self, u: FloatArray) -> Sequence[Any]:
+        """See `Distribution`."""
+        return _floats(self.low + u * (self.high - self.low))
+
+
+@dataclass(frozen=True)
+class LogUniform(Distribution):
+    """The same density of the logarithm from low to high."""
+
+    low: float = number(above=0.0, text="lower end, in the variable's unit")
+    high: float = number(above=0.0, text="upper end")
+
+    def check(self, where: str) -> None:
+        """Refuse an interval that is empty."""
+        _ordered(where, low=self.low, high=self.high)
+
+    def ppf(self, u: FloatArray) -> Sequence[Any]:
+        """See `Distribution`."""
+        return _floats(self.low * np.power(self.high / self.low, u))
+
+
+@dataclass(frozen=True)
+class Triangular(Distribution):
+    """Density that rises from low to mode and falls to high."""
+
+    low: float = number(text="lower end, in the variable's unit")
+    mode: float = number(text="where the density is highest")
+    high: float = number(text="upper end")
+
+    def check(self, where: str) -> None:
+        """Refuse a mode outside of the ends, and ends without an interval between them."""
+        _ordered(where, low=self.low, high=self.high)
+        if not self.low <= self.mode <= self.high:
+            raise refused(f"{where}mode", self.mode, f"a finite number from {self.low:g} to {self.high:g}")
+
+    def ppf(self, u: FloatArray) -> Sequence[Any]:
+        """See `Distribution`."""
+        span, rise, fall = self.high - self.low, self.mode - self.low, self.high - self.mode
+        below = self.low + np.sqrt(u * span * rise)
+        above = self.high - np.sqrt((1.0 - u) * span * fall)
+        return _floats(np.where(u * span < rise, below, above))
+
+
+@dataclass(frozen=True)
+class Truncated(Distribution):
+    """A monotonic function of the normal score, between two ends if they are given."""
+
+    @abstractmethod
+    def score(self, value: float) -> float:
+        """Normal score of a value: how many standard deviations from the median; -inf where none is so low."""
+
+    @abstractmethod
+    def at(self, score: FloatArray) -> FloatArray:
+        """Values at normal scores, shape (m,)."""
+
+    @property
+    @abstractmethod
+    def ends(self) -> tuple[float | None, float | None]:
+        """The lower and the upper end; None: without one."""
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Share of the whole distribution below the lower and below the upper end [1]."""
+        low, high = self.ends
+        below_low = 0.0 if low is None else float(ndtr(self.score(low)))
+        return below_low, 1.0 if high is None else float(ndtr(self.score(high)))
+
+    def check(self, where: str) -> None:
+        """Refuse ends with nothing of the distribution between them."""
+        low, high = self.shares
+        if high - low < NARROWEST:
+            raise refused(f"{where}low, high", self.ends, f"ends with {NARROWEST:g} of the distribution between them")
+
+    def ppf(self, u: FloatArray) -> Sequence[Any]:
+        """See `Distribution`."""
+        low, high = self.shares
+        values = self.at(ndtri(low + u * (high - low)))
+        return _floats(np.clip(values, *self.ends) if self.ends != (None, None) else values)
+
+
+@dataclass(frozen=True)
+class Normal(Truncated):
+    """Normal, truncated if ends are given."""
+
+    mean: float = number(text="in the variable's unit; of the whole distribution")
+    std: float = number(above=0.0, text="standard deviation of the whole distribution")
+    low: float | None = number(None, text="lower end; none: none")
+    high: float | None = number(None, text="upper end; none: none")
+
+    @property
+    def ends(self) -> tuple[float | None, float | None]:
+        """See `Truncated`."""
+        return self.low, self.high
+
+    def score(self, value: float) -> float:
+        """See `Truncated`."""
+        return (value - self.mean) / self.std
+
+    def at(self, score: FloatArray) -> FloatArray:
+        """See `Truncated`."""
+        return self.mean + self.std * score
+
+
+@dataclass(frozen=True)
+class LogNormal(Truncated):
+    """Normal in its natural logarithm, truncated if ends are given."""
+
+    median: float = number(above=0.0, text="in the variable's unit; of the whole distribution")
+    log_std: float = number(above=0.0, maximum=5.0, text="standard deviation of the natural logarithm")
+    low: float | None = number(None, text="lower end; none: none")
+    high: float | None = number(None, text="upper end; none: none")
+
+    @property
+    def ends(self) -> tuple[float | None, float | None]:
+        """See `Truncated`."""
+        return self.low, self.high
+
+    def score(self, value: float) -> float:
+        """See `Truncated`."""
+        return float(np.log(value / self.median)) / self.log_std if value > 0.0 else -np.inf
+
+    def at(self, score: FloatArray) -> FloatArray:
+        """See `Truncated`."""
+        return self.median * np.exp(self.log_std * score)
+
+
+@dataclass(frozen=True)
+class Choice(Distribution):
+    """One of some values, by chance."""
+
+    discrete: ClassVar[bool] = True
+    values: tuple[Any, ...] = listing(anything(), range(1, 10_000), text="what it may be")
+    weights: tuple[float, ...] = numbers(default=(), above=0.0, text="how likely, relative to each other; empty: alike")
+
+    def check(self, where: str) -> None:
+        """Refuse weights that are not one per value."""
+        if self.weights and len(self.weights) != len(self.values):
+            raise refused(f"{where}weights", self.weights, f"{len(self.values)} values, one for each of values")
+
+    @property
+    def count(self) -> int:
+        """See `Distribution`."""
+        return len(self.values)
+
+    def ppf(self, u: FloatArray) -> Sequence[Any]:
+        """See `Distribution`."""
+        weights = np.array(self.weights or [1.0] * self.count)
+        ends = np.cumsum(weights) / weights.sum()
+        return [self.values[min(int(i), self.count - 1)] for i in np.searchsorted(ends, u, side="right")]
+
+
+@dataclass(frozen=True)
+class Population(Distribution):
+    """A quantity of the people of a named population."""
+
+    people: str = choice(*populations.names(), default=REQUIRED, name="of", text="whose: a named population")
+    quantity: str = choice(*populations.QUANTITIES, default=REQUIRED, text="which")
+    percentiles: tuple[float, float] = numbers(
+        2,
+        (1.0, 99.0),
+        minimum=0.0,
+        maximum=100.0,
+        unit="%",
+        text="people beyond these are left out: what is known of a population says little of its tails",
+    )
+
+    def check(self, where: str) -> None:
+        """Refuse percentiles without anybody between them."""
+        if self.percentiles[0] >= self.percentiles[1]:
+            raise refused(f"{where}percentiles", self.percentiles, "the lower one first")
+
+    def ppf(self, u: FloatArray) -> Sequence[Any]:
+        """See `Distribution`."""
+        low, high = self.percentiles
+        return _floats(populations.quantity(self.people, self.quantity).ppf((low + u * (high - low)) / 100.0))
+
+
+KINDS: dict[str, type[Settings]] = {
+    "uniform": Uniform,
+    "log_uniform": LogUniform,
+    "triangular": Triangular,
+    "normal": Normal,
+    "log_normal": LogNormal,
+    "choice": Choice,
+    "population": Population,
+}
+"""By the word at `kind`."""
+DISTRIBUTION: Any = variant("kind", KINDS, text="how likely which values are")
+
+
+@dataclass(frozen=True)
+class Variable(Settings):
+    """One quantity that is varied, and where in the experiment it is."""
+
+    paths: tuple[str, ...] = names(text="dotted paths of the keys of the experiment that get its value, all the same")
+    unit: str = text("", text="of its values; of a population's quantity it is known")
+    text: str = text("", text="what it is, for tables and figures")
+    distribution: Distribution = DISTRIBUTION
+
+    def check(self, where: str) -> None:
+        """Take the unit of a population's quantity; refuse another one."""
+        if not isinstance(self.distribution, Population):
+            return
+        unit = populations.QUANTITIES[self.distribution.quantity]
+        if self.unit not in ("", unit):
+            raise refused(f"{where}unit", self.unit, f"{unit}, that of the population's {self.distribution.quantity}")
+        object.__setattr__(self, "unit", unit)
+
+
+def _floats(values: FloatArray) -> list[float]:
+    listed: list[float] = values.tolist()
+    return listed
+
+
+def _ordered(where: str, low: float, high: float) -> None:
+    if not low < high:
+        raise refused(f"{where}high", high, f"a finite number above low, {low:g}")
