@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import Connection
@@ -22,6 +22,42 @@ Stream = tuple[str, str]
 """Topic and the node that sent it."""
 Messages = dict[Stream, list[tuple[int, bytes]]]
 """(time [ns], serialised message) in order, of each stream."""
+
+
+class Bag(Protocol):
+    """What of a bag an analysis reads, from its files (`PartsReader`) or from memory (`hric_bags.memory`)."""
+
+    bag: Path
+    connections: list[Any]
+
+    @property
+    def topics(self) -> Any:
+        """By name, each with `msgcount`."""
+
+    @property
+    def message_count(self) -> int:
+        """Of all topics."""
+
+    @property
+    def start_time(self) -> int:
+        """Of the first message [ns]."""
+
+    @property
+    def end_time(self) -> int:
+        """Of the last message [ns]."""
+
+    @property
+    def duration(self) -> int:
+        """From the one to the other [ns]."""
+
+    def deserialize(self, raw: bytes, kind: str) -> Any:
+        """A message."""
+
+    def messages(self, connections: Collection[Any] = ()) -> Iterator[tuple[Any, int, bytes]]:
+        """(connection, time of recording [ns], serialised message), of some connections or of all."""
+
+    def chosen(self, chooses: Callable[[Any], bool], progress: str = "") -> Iterator[tuple[Any, int, bytes]]:
+        """The same of the connections that are chosen."""
 
 
 class PartsError(HricError):
@@ -59,7 +95,7 @@ def parts(bag: Path) -> list[Path]:
 
 
 @lru_cache(maxsize=16)
-def _typestore(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
+def typestore_of(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
     """What reads messages of these types, definitions and checksums. To make it takes longer than to read most of the
     messages of a bag, and a process reads many bags with the same ones."""
     types: dict[str, Any] = {}
@@ -105,7 +141,7 @@ class PartsReader(AnyReader):
     def typestore(self) -> Typestore:
         """What reads the messages; made when the first of them is read."""
         try:
-            return _typestore(frozenset((c.msgtype, c.msgdef.data, c.digest) for c in self.connections))
+            return typestore_of(frozenset((c.msgtype, c.msgdef.data, c.digest) for c in self.connections))
         except TypesysError as error:
             raise AnyReaderError(*error.args) from error
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from rosbags.highlevel import AnyReaderError
 
 from franka_hw_interface.robot_state import ERROR_NAMES
-from hric_bags.parts import PartsError, PartsReader
+from hric_bags.parts import Bag, PartsError, PartsReader
 from hric_control.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
@@ -128,13 +128,13 @@ class RunRecord:
 
 
 @contextmanager
-def opened(bag: Path | PartsReader) -> Iterator[PartsReader]:
+def opened(bag: Path | Bag) -> Iterator[Bag]:
     """A reader of a bag with all its parts; one that is open already stays so.
 
     Raises:
         BagError: the bag is missing or damaged.
     """
-    if isinstance(bag, PartsReader):
+    if not isinstance(bag, Path):
         yield bag
         return
     _check_file(bag)
@@ -194,7 +194,7 @@ class Messages:
                 self._reflexes.append((seconds(message.header.stamp), errors))
             self._errors[topic] = errors
 
-    def record(self, bag: PartsReader) -> RunRecord:
+    def record(self, bag: Bag) -> RunRecord:
         """All of them, with what their bag says of itself.
 
         Raises:
@@ -216,7 +216,7 @@ class Messages:
         )
 
 
-def read(bag: Path | PartsReader, known: Messages | None = None) -> RunRecord:
+def read(bag: Path | Bag, known: Messages | None = None) -> RunRecord:
     """Read a bag with all its parts.
 
     Args:

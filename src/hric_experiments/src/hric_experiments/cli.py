@@ -354,6 +354,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "measure_stops": _of("hric_experiments.stops.command"),
     "check_model": _of("hric_experiments.check_model.command"),
     "approaches": _of("hric_experiments.approaches.command"),
+    "sweep": _of("hric_experiments.sweep.command"),
 }
 
 

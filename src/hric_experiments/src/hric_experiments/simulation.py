@@ -9,8 +9,6 @@ from collections.abc import Iterator, Sequence
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-import yaml
 from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import TriggerRequest
 from tqdm import tqdm
@@ -26,6 +24,7 @@ from hric_control.robot_time import stamps
 from hric_experiments import provenance
 from hric_experiments.definition import experiment, parameters
 from hric_experiments.definition.experiment import Experiment, Setpoint
+from hric_experiments.definition.overrides import in_yaml
 from hric_msgs.msg import ControlLog
 from hric_perception.human import CapturedHuman
 from hric_perception.human.truth import Truth
@@ -228,16 +227,10 @@ class Simulation:
 
 def _definition(name: str | Experiment, overrides: dict[str, Any]) -> Experiment:
     if not isinstance(name, Experiment):
-        return experiment.load(name, [f"{key}:={_yaml(value)}" for key, value in overrides.items()])
+        return experiment.load(name, [f"{key}:={in_yaml(value)}" for key, value in overrides.items()])
     if overrides:
         raise HricError(f"overrides ({', '.join(overrides)}) need the experiment's name, not the experiment itself")
     return name
-
-
-def _yaml(value: Any) -> str:
-    """On one line, as an override has it."""
-    plain = np.asarray(value).tolist() if isinstance(value, np.ndarray | np.generic | tuple) else value
-    return str(yaml.safe_dump(plain, default_flow_style=True, width=float("inf"))).removesuffix("...\n").strip()
 
 
 def _tree(definition: Experiment, seed: int) -> dict[str, Any]:

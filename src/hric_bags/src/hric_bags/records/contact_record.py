@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag
 from hric_bags.reader import opened, seconds
 from hric_control.errors import HricError
 from hric_control.sim import contact_info
@@ -45,7 +45,7 @@ class PairForce:
     last: float
 
 
-def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> list[PairForce]:
+def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> list[PairForce]:
     """All pairs of a bag with all its parts; empty: nothing touched, or the bag has no such topic."""
     pairs: dict[tuple[str, str], PairForce] = {}
     with opened(bag) as reader:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, opened, seconds
 from hric_bags.records.muscle_record import MuscleMessages, MuscleRecord
 from hric_control.geometry import Vector
@@ -170,7 +170,7 @@ class HumanRecord:
     muscles: MuscleRecord | None = None
 
 
-def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> HumanRecord | None:
+def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord | None:
     """What the bag has of a human; None: nothing, or only his events."""
     with opened(bag) as reader:
         messages = HumanMessages(reader.connections)

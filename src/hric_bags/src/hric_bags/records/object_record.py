@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, opened
 from hric_control.errors import HricError
 from hric_control.plants import WindowlessConfig
@@ -47,7 +47,7 @@ def models(plant: Mapping[str, Any]) -> list[Model]:
         return []
 
 
-def read(bag: Path | PartsReader, plant: Mapping[str, Any], robot_time: Callable[[float], float]) -> list[ObjectRecord]:
+def read(bag: Path | Bag, plant: Mapping[str, Any], robot_time: Callable[[float], float]) -> list[ObjectRecord]:
     """What the bag has of the objects of a world, planes left out. The messages have no stamp: live, their times are
     those at which they came.
 

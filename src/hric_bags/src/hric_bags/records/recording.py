@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag
 from hric_bags.reader import ARRAYS, LOG_TYPE, ControlRecord, FloatArray, RobotTime, opened, robot_time_of, seconds
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
@@ -105,7 +105,7 @@ class Recording:
     static: dict[tuple[str, str], Pose] = field(default_factory=dict)
 
 
-def read(bag: Path | PartsReader) -> Recording:
+def read(bag: Path | Bag) -> Recording:
     """All of it, in one pass.
 
     Raises:
@@ -123,7 +123,7 @@ def read(bag: Path | PartsReader) -> Recording:
 class _Taken:
     """Messages as they come."""
 
-    def __init__(self, reader: PartsReader, rate: float) -> None:
+    def __init__(self, reader: Bag, rate: float) -> None:
         self._human = HumanMessages(reader.connections, rate)
         self._log, self._period = _ThinLog(rate), round(0.99e9 / rate)
         self._last: dict[str, int] = {}
@@ -182,7 +182,7 @@ class _Taken:
         if (named := self._people[topic]) is not None:
             named.add(message, message.position)
 
-    def recording(self, reader: PartsReader) -> Recording:
+    def recording(self, reader: Bag) -> Recording:
         """All that was taken."""
         topics = {topic: info.msgcount for topic, info in reader.topics.items()}
         count = reader.message_count

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag
 from hric_bags.reader import BagError, seconds
 from hric_human.body import Body
 from hric_human.muscles import Anatomy
@@ -36,7 +36,7 @@ class Tracked:
 
 
 def tracked(
-    reader: PartsReader,
+    reader: Bag,
     robot_time: Callable[[float], float],
     settings: PersonSettings,
     anatomy: Anatomy,
@@ -78,7 +78,7 @@ def tracked(
 
 
 def _messages(
-    reader: PartsReader, robot_time: Callable[[float], float], chosen: Callable[[Any], bool]
+    reader: Bag, robot_time: Callable[[float], float], chosen: Callable[[Any], bool]
 ) -> Iterator[tuple[float, Any]]:
     """Times [s] and messages of topics."""
     for connection, _, raw in reader.chosen(chosen):

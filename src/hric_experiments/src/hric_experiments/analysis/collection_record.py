@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag
 from hric_bags.reader import opened, seconds
 
 FloatArray = npt.NDArray[np.float64]
@@ -107,7 +107,7 @@ class Collection:
     frame: str = ""
 
 
-def read(bag: Path | PartsReader) -> Collection | None:
+def read(bag: Path | Bag) -> Collection | None:
     """Read a bag with all its parts; None: it has neither samples nor frames nor synchronised samples."""
     found: dict[str, dict[str, list[Any]]] = {kind: {} for kind in (*TYPES, TRUTH_TOPIC)}
     with opened(bag) as reader:
@@ -215,7 +215,7 @@ def _truth(messages: list[Any]) -> tuple[FloatArray, FloatArray, str] | None:
     return time[rising], position[rising], str(messages[0].header.frame_id)
 
 
-def missed_deadlines(bag: PartsReader) -> int | None:
+def missed_deadlines(bag: Bag) -> int | None:
     """Cycles that began late until the last diagnostics, of all control loops; None: no loop said so (headless)."""
     found: dict[str, int] = {}
     for connection, _, raw in bag.chosen(lambda one: one.msgtype == DIAGNOSTICS):

@@ -13,7 +13,8 @@ from hric_bags.run_folder import RunFolder, RunFolderError
 from hric_control.errors import UnknownNameError
 from hric_experiments.analysis import comparison, human_difference
 from hric_experiments.analysis.comparison import Comparison
-from hric_experiments.analysis.run import bag_of, joint_orders
+from hric_experiments.analysis.run import bag_of
+from hric_experiments.analysis.values import joint_orders
 
 SHOWN_JOINT = 5
 """Column of the joint shown large: the sixth, as in the thesis's figure 13."""

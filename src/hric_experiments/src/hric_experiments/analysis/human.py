@@ -13,7 +13,7 @@ import numpy as np
 from hric_assessment.contact.impact import Impact, impacts
 from hric_assessment.ergonomics.effort import effort
 from hric_assessment.ergonomics.smoothness import log_dimensionless_jerk
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, RunRecord
 from hric_bags.records.human_record import Event, GripRecord, HumanRecord, read
 from hric_experiments.analysis import carrying, muscle_metrics
@@ -47,7 +47,7 @@ class Person:
     carried: Sequence[Carried] = ()
 
 
-def analyse(bag: PartsReader, run: Mapping[str, Any], description: str, record: RunRecord) -> Person | None:
+def analyse(bag: Bag, run: Mapping[str, Any], description: str, record: RunRecord) -> Person | None:
     """What a run required of the human; None where nobody stood there.
 
     Args:

@@ -6,24 +6,13 @@ from typing import Any
 
 from hric_bags import files
 from hric_bags import reader as bag_reader
-from hric_bags.parts import PartsReader
 from hric_bags.reader import Messages, RunRecord
-from hric_bags.records import contact_record
 from hric_bags.run_folder import RunFolder
 from hric_control.plants import WindowlessConfig
-from hric_experiments.analysis import (
-    collection,
-    collection_record,
-    differences,
-    human,
-    metrics,
-    recordings,
-    stability,
-)
-from hric_experiments.analysis import tracking_run as tracking_analysis
+from hric_experiments.analysis import metrics, recordings
 from hric_experiments.analysis.human import Person
 from hric_experiments.analysis.tracking_run import Tracking
-from hric_experiments.definition.experiment import MetricsSpec
+from hric_experiments.analysis.values import Values, joint_orders
 from hric_experiments.report import text as report_text
 
 OPENSIM = "opensim_ros_control/OpenSimPlant"
@@ -56,33 +45,23 @@ def analyse(
     """
     folder = path if isinstance(path, RunFolder) else RunFolder.open(path)
     run = folder.read()
-    bag, definition = bag_of(folder, run), run.get("definition") or {}
+    bag = bag_of(folder, run)
     step("reading the control log")
-    tolerances = tuple((definition.get("metrics") or {}).get("tolerances") or MetricsSpec().tolerances)
     with bag_reader.opened(bag) as reader:
         record = bag_reader.read(reader, known)
+        values = Values(run, reader, record, folder.description())
         step("how a marker was followed")
-        followed = tracking_analysis.analyse(folder, reader, run, record)
+        followed = values.followed
         step("metrics of motion, contacts and samples")
-        result = _metrics(run, reader, record, tolerances)
-        person = human.analyse(reader, run, folder.description(), record)
-    result |= _of_human(person, result["stability"])
-    result["tracking"] = None if followed is None else followed.values
-    result |= _compared(definition, run.get("parameters") or {}, result)
+        result = dict(values)
+        person = values.person
     files.write_json(folder.metrics_path, result)
     report = report_text.render(run, result)
     files.write_text(folder.path / "summary.txt", report)
     _export(folder, run, record, person)
     if figures:
-        _draw(folder, run, bag, record, followed, person, tolerances, step)
+        _draw(folder, run, bag, record, followed, person, values.tolerances, step)
     return {**result, "report": report}
-
-
-def _of_human(person: Person | None, judged: Mapping[str, Any]) -> dict[str, Any]:
-    """What a human adds to metrics.json; judged: the verdict on the control loop, to which he may add reasons."""
-    if person is None:
-        return {"human": None}
-    return {"human": person.values, "stability": stability.also(judged, human.unrest(person.values["settling"]))}
 
 
 def _export(folder: RunFolder, run: Mapping[str, Any], record: RunRecord, person: Person | None) -> None:
@@ -124,52 +103,12 @@ def _draw(
     drawing.draw(folder.path / drawing.FOLDER, shown, title(run))
 
 
-def _metrics(
-    run: Mapping[str, Any], bag: PartsReader, record: RunRecord, tolerances: Sequence[float]
-) -> dict[str, Any]:
-    """What follows from the run alone, for metrics.json."""
-    limits: Mapping[str, Mapping[str, float]] = run.get("limits") or {}
-    collected, interval = collection_record.read(bag), run.get("interval")
-    return {
-        "experiment": run.get("experiment", ""),
-        **metrics.compute(record, limits, joint_orders(run), tolerances),
-        "real_time_factor": run.get("real_time_factor"),
-        "missed_deadlines": collection_record.missed_deadlines(bag),
-        "reflexes": [{"time": time, "errors": list(names)} for time, names in record.reflexes],
-        "contacts": contact_record.metrics(contact_record.read(bag, record.robot_time)),
-        "stability": stability.judge(run, record.log, limits),
-        **collection.metrics(collected, record.log, record.robot_time, interval),
-    }
-
-
 def bag_of(folder: RunFolder, run: Mapping[str, Any]) -> Path:
     """The bag of a run; run: contents of its run.yaml."""
     return folder.path / str(run.get("bag", folder.bag_path.name))
-
-
-def joint_orders(run: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Joint order of each controller of a run that names its joints; run: contents of run.yaml."""
-    found = {}
-    for name, values in (run.get("parameters") or {}).items():
-        if isinstance(values, Mapping) and isinstance(values.get("joints"), list) and values["joints"]:
-            found[name] = [str(joint) for joint in values["joints"]]
-    return found
 
 
 def title(run: Mapping[str, Any]) -> str:
     """Of a run: its experiment and its arguments; run: contents of run.yaml."""
     arguments = " ".join(run.get("arguments") or [])
     return f"{run.get('experiment', 'run')} ({arguments})" if arguments else str(run.get("experiment", "run"))
-
-
-def _compared(
-    definition: Mapping[str, Any], parameters: Mapping[str, Any], result: Mapping[str, Any]
-) -> dict[str, Any]:
-    name = (definition.get("metrics") or {}).get("reference")
-    if not name:
-        return {}
-    reference = differences.reference(name)
-    setpoints = definition.get("setpoints") or []
-    controller = parameters.get(setpoints[0]["controller"], {}) if setpoints else {}
-    setup = differences.Setup(reference, definition.get("robot") or {}, controller, result)
-    return {"reference": {"name": name, "title": reference["title"]}, "differences": differences.compare(setup)}

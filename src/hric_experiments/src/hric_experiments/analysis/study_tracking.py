@@ -78,7 +78,7 @@ def figure(runs: Mapping[str, RunFolder]) -> Figure | None:
 def _tracking(folder: RunFolder) -> Tracking | None:
     run = folder.read()
     bag = bag_of(folder, run)
-    return tracking_analysis.analyse(folder, bag, run, bag_reader.read(bag))
+    return tracking_analysis.analyse(folder.description(), bag, run, bag_reader.read(bag))
 
 
 def _column(name: str, part: Tracking) -> tuple[Panel, Panel]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag
 from hric_bags.reader import RobotTime, opened, seconds
 
 FloatArray = npt.NDArray[np.float64]
@@ -85,7 +85,7 @@ class TrackingRecord:
     own_time: FloatArray | None = None
 
 
-def read(bag: Path | PartsReader, robot_time: RobotTime, body: str) -> TrackingRecord | None:
+def read(bag: Path | Bag, robot_time: RobotTime, body: str) -> TrackingRecord | None:
     """Read a bag.
 
     Args:

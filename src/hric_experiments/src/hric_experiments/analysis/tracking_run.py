@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag
 from hric_bags.reader import BagError, ControlRecord, RunRecord
-from hric_bags.run_folder import RunFolder
 from hric_control.urdf import read
 from hric_experiments.analysis import tracking, tracking_record
 from hric_experiments.analysis.tracking import Followed
@@ -35,11 +34,11 @@ class Tracking:
     values: dict[str, Any]
 
 
-def analyse(folder: RunFolder, bag: Path | PartsReader, run: Mapping[str, Any], record: RunRecord) -> Tracking | None:
+def analyse(description: str, bag: Path | Bag, run: Mapping[str, Any], record: RunRecord) -> Tracking | None:
     """How well the marker was followed; None where no controller followed one.
 
     Args:
-        folder: of the run, for the robot's description.
+        description: URDF of the robot; "": the run folder has none.
         bag: its bag, or a reader of it.
         run: contents of its run.yaml.
         record: the rest of the bag.
@@ -57,10 +56,8 @@ def analyse(folder: RunFolder, bag: Path | PartsReader, run: Mapping[str, Any], 
         if found.frames.frame == found.base
         else np.array(own.get("frame_rotation", tracking.THESIS_ROTATION), dtype=float)
     )
-    try:
-        description = folder.urdf_path.read_text()
-    except OSError as error:
-        raise BagError(f"cannot read {folder.urdf_path.name} of {folder.path.name}: {error.strerror}") from error
+    if not description:
+        raise BagError("a marker was followed, and there is no description of the robot (robot.urdf) beside the bag")
     arm_id = str(own.get("arm_id") or "panda")
     ee = tip_positions(description, record.log, f"{arm_id}_link0", f"{arm_id}_link8", found.p_flange_ee)
     data = tracking.followed(found, record.log.time, ee, R, catch_up=own.get("on_return") == "catch_up")

@@ -17,7 +17,8 @@ from hric_assessment.findings import DISCLAIMER
 from hric_control.errors import HricError
 from hric_control.parameters import whole
 from hric_experiments.approaches.draw import draw
-from hric_experiments.approaches.run import MOVING, PUSHED, STANDING_ARM, Met, Outcome, Runner
+from hric_experiments.approaches.meetings import MOVING, PUSHED, STANDING_ARM, Met
+from hric_experiments.approaches.run import Outcome, Runner
 
 COUNT, QUICK = 1000, 20
 CONFIDENCE = 0.95

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from franka_hw_interface.friction_file import read_friction
@@ -143,6 +144,12 @@ def split(text: str) -> tuple[str, Any]:
         return key, yaml.safe_load(value) if value else ""
     except yaml.YAMLError as error:
         raise ExperimentError(f"the value of {key} in {text!r} is not YAML: {str(error).splitlines()[0]}") from error
+
+
+def in_yaml(value: Any) -> str:
+    """A value on one line, as an override has it."""
+    plain = np.asarray(value).tolist() if isinstance(value, np.ndarray | np.generic | tuple) else value
+    return str(yaml.safe_dump(plain, default_flow_style=True, width=float("inf"))).removesuffix("...\n").strip()
 
 
 def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:

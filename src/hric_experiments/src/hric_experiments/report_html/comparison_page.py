@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from hric_experiments.analysis import comparison
-from hric_experiments.analysis import run as analysis
 from hric_experiments.analysis.comparison import Comparison
+from hric_experiments.analysis.values import joint_orders
 from hric_experiments.report import comparison_figures, headline, run_figures, sections
 from hric_experiments.report.figure import Curve, Figure, FloatArray, per_joint
 from hric_experiments.report_html import beside, moving, run_page, tables
@@ -54,10 +54,10 @@ def lay(runs: Sequence[RunData], labels: Sequence[str], *, fit: bool = False) ->
     Raises:
         ComparisonError: a run has other joints or other setpoints than the first.
     """
-    first, orders = runs[0], analysis.joint_orders(runs[0].run)
+    first, orders = runs[0], joint_orders(runs[0].run)
     zero, found = float(first.record.log.time[0]), []
     for data, label in zip(runs[1:], labels[1:], strict=True):
-        laid = comparison.overlay(first.record, data.record, orders, analysis.joint_orders(data.run), fit=fit)
+        laid = comparison.overlay(first.record, data.record, orders, joint_orders(data.run), fit=fit)
         zero = laid.overlays[0].start_a
         order = comparison.columns(first.record.log.joint_names, data.record.log.joint_names)
         found.append(Laid(data, label, order, laid.overlays[0].start_b, laid))

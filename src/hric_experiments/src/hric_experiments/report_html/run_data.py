@@ -16,6 +16,7 @@ from hric_experiments.analysis import tracking_run as tracking_analysis
 from hric_experiments.analysis.human import Person
 from hric_experiments.analysis.recordings import Recordings
 from hric_experiments.analysis.tracking_run import Tracking
+from hric_experiments.analysis.values import joint_orders
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class RunData:
     @property
     def moves(self) -> list[metrics.Move]:
         """Its setpoints."""
-        return metrics.moves(self.record, analysis.joint_orders(self.run))
+        return metrics.moves(self.record, joint_orders(self.run))
 
 
 def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False) -> RunData:
@@ -67,7 +68,7 @@ def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False
     bag = analysis.bag_of(folder, run)
     record = bag_reader.read(bag)
     description = folder.description()
-    followed = tracking_analysis.analyse(folder, bag, run, record) if description else None
+    followed = tracking_analysis.analyse(description, bag, run, record) if description else None
     found = recordings.read(bag, record.robot_time, progress=progress)
     definition = run.get("definition") or {}
     beside = definition.get("human") and human_record.read(bag, record.robot_time)

@@ -1,0 +1,183 @@
+"""`rosrun hric_experiments sweep`: run a sweep, go on with one, run one of its runs again with bag and page."""
+
+import argparse
+import os
+import signal
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from hric_bags import files
+from hric_bags.run_folder import RunFolder, iso_now, runs_root
+from hric_control.errors import HricError
+from hric_control.parameters import read_yaml, whole
+from hric_control.processes import INTERRUPTED_CODE
+from hric_experiments import provenance
+from hric_experiments.sweep import definition, table, task
+from hric_experiments.sweep.definition import Plan
+from hric_experiments.sweep.engines.engine import Engine, Response, same
+from hric_experiments.sweep.journal import UNFINISHED_CODE, Journal
+from hric_experiments.sweep.supervisor import Supervisor, make_task
+
+FILE = "sweep.yaml"
+JOBS = os.cpu_count() or 1
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command; returns the exit code."""
+    if arguments and arguments[0] in _OTHERS:
+        return _OTHERS[arguments[0]](arguments[1:])
+    given = _parser().parse_args(list(arguments))
+    whole(minimum=1).checked(given.jobs, "--jobs")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if (given.sweep is None) == (given.resume is None):
+        raise HricError(f"one sweep is needed; valid: {', '.join(definition.names())}, a YAML file, or --resume DIR")
+    if given.resume is not None:
+        folder = table.find(given.resume)
+        return _run(folder, *_opened(folder), given)
+    plan = definition.load(given.sweep, quick=given.quick)
+    folder = RunFolder.create(runs_root(given.runs), plan.name).path
+    return _run(folder, plan, None, given)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "rosrun hric_experiments sweep",
+        description="Run an experiment many times with variables and seeds, on all processors, into one table. "
+        "Also: sweep rerun DIR ID, one of its runs again with bag and page.",
+        epilog="exit codes: 0 all runs ended; 2 a mistake, and nothing was begun; 3 runs failed, or it could not go on "
+        "(what ended is kept); 130 Ctrl-C (go on with --resume DIR)",
+    )
+    parser.add_argument("sweep", nargs="?", help=f"one of: {', '.join(definition.names())}; or the path of a YAML file")
+    parser.add_argument("--jobs", type=int, default=JOBS, help=f"runs at once (default: {JOBS}, the processors)")
+    parser.add_argument("--quick", action="store_true", help="the sweep's form with few runs")
+    parser.add_argument("--resume", metavar="DIR", help="go on with a sweep that was ended before its end, by whatever")
+    parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    return parser
+
+
+def _opened(folder: Path) -> tuple[Plan, Response]:
+    """A sweep that was begun, and its reference run. Raises HricError: it cannot go on with this code."""
+    content = read_yaml(folder / FILE)
+    plan = definition.plan(content["name"], content["definition"], base=content["experiment"])
+    return plan, {"code": content["code"], **content["reference"]}
+
+
+def _run(folder: Path, plan: Plan, before: Response | None, given: argparse.Namespace) -> int:
+    """Run a new sweep, or go on; before: its reference run."""
+    engine = _engine(plan, given)
+    now = True
+    try:
+        own = engine.check(make_task(plan, 0, plan.middle(), ""))
+        if before is None:
+            _begin(folder, plan, own)
+        else:
+            same([("this machine", own)], before)
+        print(f"sweep: {folder}", flush=True)
+        with Journal(folder) as journal:
+            supervisor = _supervised(folder, plan, journal, engine, own["code"], given.quiet)
+        now = False
+    except KeyboardInterrupt:
+        print(f"\ninterrupted; go on: rosrun hric_experiments sweep --resume {folder}", file=sys.stderr)
+        return INTERRUPTED_CODE
+    finally:
+        engine.close(now=now)
+    print(summary(plan, list(supervisor.rows.values())))
+    return UNFINISHED_CODE if any(row["failure"] for row in supervisor.rows.values()) else 0
+
+
+def _engine(plan: Plan, given: argparse.Namespace) -> Engine:
+    from hric_experiments.sweep.engines.pebble_engine import PebbleEngine
+
+    return PebbleEngine(given.jobs, 1e9 * plan.section.memory)
+
+
+def _begin(folder: Path, plan: Plan, own: Response) -> None:
+    """Write sweep.yaml."""
+    files.write_yaml(
+        folder / FILE,
+        {
+            "name": plan.name,
+            "started": iso_now(),
+            "definition": plan.content,
+            "experiment": plan.experiment,
+            "code": own["code"],
+            "revision": provenance.revision(),
+            "reference": {"state_sha256": own["state_sha256"]},
+            "versions": provenance.versions(),
+            "platform": provenance.platform_info(),
+        },
+    )
+
+
+def _supervised(folder: Path, plan: Plan, journal: Journal, engine: Engine, code: str, quiet: bool) -> Supervisor:
+    with closing(tqdm(total=plan.sampler().total, unit=" runs", disable=quiet or None)) as bar:
+        supervisor = Supervisor(plan, folder, journal, engine, code, ended=lambda _: bar.update())
+        supervisor.run()
+    return supervisor
+
+
+def summary(plan: Plan, rows: Sequence[table.Row]) -> str:
+    """For the terminal."""
+    good = [row for row in rows if not row["failure"]]
+    lines = [f"{len(rows)} runs, {len(rows) - len(good)} failed"]
+    for name, output in plan.section.outputs.items():
+        values = sorted(row["outputs"][name] for row in good if row["outputs"][name] is not None)
+        if values:
+            middle = values[len(values) // 2]
+            lines.append(f"{name}: {values[0]:.6g} to {values[-1]:.6g}, median {middle:.6g} {output.unit}".rstrip())
+    if plan.section.exceedance is not None:
+        known = [row["exceeded"] for row in good if row["exceeded"] is not None]
+        lines.append(f"exceeded: in {sum(known)} of {len(known)}")
+    reasons = Counter(row["failure"] for row in rows if row["failure"])
+    lines += [f"failed {count} times: {reason}" for reason, count in reasons.most_common(5)]
+    return "\n".join(lines)
+
+
+def rerun(arguments: Sequence[str]) -> int:
+    """Run one run of a sweep again, with bag, metrics and page."""
+    parser = argparse.ArgumentParser(
+        "rosrun hric_experiments sweep rerun",
+        description="Run one run of a sweep again, into a run folder with bag, metrics, figures and page; its hash is "
+        "compared with that of the sweep.",
+    )
+    parser.add_argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
+    parser.add_argument("id", help="of the run, or the first characters of it")
+    parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
+    given = parser.parse_args(list(arguments))
+    folder = table.find(given.sweep)
+    plan, before = _opened(folder)
+    row = _row(table.read(folder).to_pylist(), given.id)
+    values = {name: row[name] for name in plan.section.vary}
+    one = make_task(plan, row["index"], values, before["code"])
+    from hric_experiments import report_html
+    from hric_experiments.headless import runner
+
+    result = runner.run(
+        task.definition_of(one), definition.written(one["changes"]), seed=one["seed"], root=runs_root(given.runs)
+    )
+    print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
+    if result.metrics["state_sha256"] != row["state_sha256"]:
+        raise HricError(
+            f"state_sha256 is {result.metrics['state_sha256']}, and was {row['state_sha256']} in the sweep: code or "
+            f"machine differ (sweep: code {before['code'][:12]}, here {task.code_version()[:12]})"
+        )
+    print(f"state_sha256: {row['state_sha256']}, as in the sweep")
+    return 0
+
+
+def _row(rows: Sequence[dict[str, Any]], given: str) -> dict[str, Any]:
+    found = [row for row in rows if row["id"].startswith(given)]
+    if len(found) != 1:
+        worst = ", ".join(row["id"] for row in (found or rows)[:5])
+        raise HricError(f"{len(found)} runs have an id that begins with {given!r}; valid: one of {worst}, ...")
+    return found[0]
+
+
+_OTHERS = {"rerun": rerun}

@@ -1,0 +1,132 @@
+"""What a simulation publishes, for the outputs of a sweep: analysed from memory as a bag would be."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import asdict
+from functools import cached_property
+from typing import Any
+
+import roslib.message
+
+from hric_bags.memory import MemoryBag, nanoseconds
+from hric_bags.reader import TYPES, Messages, RunRecord
+from hric_bags.reader import read as read_record
+from hric_bags.records import contact_record, human_record
+from hric_experiments import provenance
+from hric_experiments.analysis.values import MOTION, Values
+from hric_experiments.approaches import meetings
+from hric_experiments.definition.experiment import to_dict
+from hric_experiments.simulation import Simulation
+from hric_experiments.sweep.outputs import IMPACT, SUPERVISION
+
+SAFETY_TYPE = "hric_msgs/msg/SafetyState"
+ALL = None
+HUMAN = (
+    *(human_record.GRIP_TYPE, human_record.TORQUE_TYPE, human_record.EVENT_TYPE, human_record.CONTACTS_TYPE),
+    *("hric_msgs/msg/MuscleActivation", "hric_msgs/msg/MuscleForce", "hric_msgs/msg/JointReactions"),
+    "sensor_msgs/msg/JointState",
+)
+NEEDS: dict[str, tuple[str, ...] | None] = {
+    **dict.fromkeys((*MOTION, "experiment", "real_time_factor", "reflexes"), ()),
+    "stability": HUMAN,
+    "human": HUMAN,
+    "contacts": (contact_record.CONTACTS_TYPE,),
+    IMPACT: (human_record.CONTACTS_TYPE,),
+    SUPERVISION: (SAFETY_TYPE,),
+}
+"""Types of messages that a group of metrics is computed from, beside those of every report; a group that is not here:
+all of them."""
+
+
+class Observed:
+    """Listens to a simulation that has not begun yet.
+
+    Args:
+        simulation: whose messages.
+        groups: first keys of the outputs that are requested; nothing else is kept.
+    """
+
+    def __init__(self, simulation: Simulation, groups: Collection[str]) -> None:
+        self._simulation, self._groups = simulation, groups
+        self._bag, self._messages = MemoryBag(), Messages()
+        needed = [NEEDS.get(group, ALL) for group in groups]
+        self._kept = None if None in needed else {kind for kinds in needed if kinds for kind in kinds}
+        for topic, message, at in simulation.early:
+            self._take(topic, message, at)
+        self._subscribe()
+
+    def _subscribe(self) -> None:
+        node, begun = self._simulation.node, False
+
+        def listen(topic: str, kind: Any) -> None:
+            self._bag.announce(topic, kind)
+            node.subscribe(topic, kind, lambda message: self._take(topic, message, node.clock()) if begun else None)
+
+        for topic, name in node.topics().items():
+            if self._wants(name.replace("/", "/msg/")):
+                listen(topic, roslib.message.get_message_class(name))
+        begun = True  # what is latched came with `early`
+
+    def _wants(self, kind: str) -> bool:
+        return kind in TYPES or self._kept is None or kind in self._kept
+
+    def _take(self, topic: str, message: Any, at: float) -> None:
+        kind = message._type.replace("/", "/msg/")
+        if kind in TYPES:
+            self._messages.add(topic, kind, nanoseconds(at), message)
+        if self._kept is None or kind in self._kept:
+            self._bag.write(topic, message, at)
+
+    def values(self) -> Mapping[str, Any]:
+        """Metrics of the run, by their first keys.
+
+        Raises:
+            HricError: it has no control log.
+        """
+        return _Observations(self._simulation, self._bag, read_record(self._bag, self._messages))
+
+
+class _Observations(Mapping[str, Any]):
+    """Metrics and what sweeps add to them."""
+
+    def __init__(self, simulation: Simulation, bag: MemoryBag, record: RunRecord) -> None:
+        self._simulation, self._bag, self._record = simulation, bag, record
+        self._description = simulation.tree["robot_description"]
+        self._own: dict[str, Callable[[], Any]] = {IMPACT: lambda: self._impact, SUPERVISION: lambda: self._supervision}
+
+    @cached_property
+    def _metrics(self) -> Values:
+        simulation = self._simulation
+        error = simulation.app.hw.error
+        run = {
+            "experiment": simulation.definition.name,
+            "definition": to_dict(simulation.definition),
+            "parameters": provenance.parameters(simulation.tree),
+            "limits": simulation.limits,
+            **({"arm_error": error} if error else {}),
+        }
+        return Values(run, self._bag, self._record, self._description)
+
+    def _messages(self, kind: str) -> list[Any]:
+        chosen = self._bag.chosen(lambda connection: connection.msgtype == kind)
+        return [self._bag.deserialize(raw, kind) for _, _, raw in chosen]
+
+    @cached_property
+    def _impact(self) -> dict[str, Any]:
+        """Contacts of the human, and those that an arm made that moved."""
+        contacts = meetings.listed(self._messages(human_record.CONTACTS_TYPE))
+        met = meetings.of(contacts, self._record.log, self._description)
+        moving = [one for one in met if one.arm == meetings.MOVING]
+        return {"contacts": [asdict(one) for one in met], "moving": [asdict(one) for one in moving]}
+
+    @cached_property
+    def _supervision(self) -> dict[str, Any] | None:
+        return meetings.supervision(self._messages(SAFETY_TYPE))
+
+    def __getitem__(self, key: str) -> Any:
+        return self._own[key]() if key in self._own else self._metrics[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self._metrics, *self._own))
+
+    def __len__(self) -> int:
+        return len(self._metrics) + len(self._own)

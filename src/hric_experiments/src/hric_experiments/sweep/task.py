@@ -1,0 +1,146 @@
+"""One run of a sweep, in a worker that keeps what it has loaded: numbers come from memory, and no bag is written."""
+
+import hashlib
+import json
+import logging
+import math
+import os
+import platform
+import time
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hric_bags.run_folder import RunFolderError
+from hric_control.errors import HricError
+from hric_experiments import provenance
+from hric_experiments.definition import experiment, overrides
+from hric_experiments.definition.experiment import Experiment, package_path
+from hric_experiments.simulation import Simulation
+from hric_experiments.sweep.definition import written
+from hric_experiments.sweep.observed import Observed
+from hric_experiments.sweep.outputs import Output
+
+REFERENCE = 0.1
+"""Robot time of the reference run [s]."""
+SOURCES = ("*.py", "*.yaml", "*.xacro", "*.xml", "*.urdf", "*.msg")
+"""Of the packages' files those on which a run depends."""
+LENGTH = 16
+"""Characters of an id."""
+
+
+def run(task: dict[str, Any]) -> dict[str, Any]:
+    """Carry a task out.
+
+    Args:
+        task: id, index, experiment (name, content), changes, seed, outputs, columns (where signals may be kept).
+
+    Returns:
+        id, index, outputs (name -> number, None: there is none), failure (empty, or why the run failed, as it always
+        will), state_sha256, processor [s], wall [s], host.
+    """
+    began, wall = time.process_time(), time.perf_counter()
+    outputs = {name: Output.of(given, f"outputs.{name}") for name, given in task["outputs"].items()}
+    response: dict[str, Any] = {"id": task["id"], "index": task["index"], "outputs": {name: None for name in outputs}}
+    failure, state = "", ""
+    simulation: Simulation | None = None
+    try:
+        simulation = Simulation(definition_of(task), seed=task["seed"])
+        observed = Observed(simulation, {one.group for one in outputs.values()})
+        simulation.run()
+        values = observed.values()
+        state = simulation.state_sha256
+        response["outputs"] = {name: _plain(one.measured(values)) for name, one in outputs.items()}
+    except HricError as error:
+        failure = f"{type(error).__name__}: {error}"
+    except MemoryError:
+        failure = "MemoryError: the run took more memory than a worker may"
+    finally:
+        if simulation is not None:
+            simulation.close()
+    if simulation is not None and task.get("columns"):
+        _keep(simulation, Path(task["columns"]) / f"{task['id']}.npz")
+    return {
+        **response,
+        "failure": failure,
+        "state_sha256": state,
+        "processor": round(time.process_time() - began, 4),
+        "wall": round(time.perf_counter() - wall, 4),
+        "host": platform.node(),
+    }
+
+
+def _plain(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _keep(simulation: Simulation, path: Path) -> None:
+    """The signals of a run, for a look at it without another run."""
+    try:
+        log = simulation.signals
+    except HricError:  # it failed before its first cycle
+        return
+    path.parent.mkdir(exist_ok=True)
+    temporary = path.with_name(f".{os.getpid()}.{path.name}")
+    columns = {name: getattr(log, name).astype(np.float32) for name in ("position", "velocity", "effort", "command")}
+    np.savez_compressed(temporary, joint_names=np.array(log.joint_names), time=log.time, **columns)
+    temporary.replace(path)
+
+
+def definition_of(task: dict[str, Any]) -> Experiment:
+    """The experiment with the values of the run.
+
+    Raises:
+        HricError: a value that cannot be.
+    """
+    given = task["experiment"]
+    return experiment.parse(given["name"], overrides.apply(given["content"], written(task["changes"])))
+
+
+def reference(task: dict[str, Any]) -> dict[str, Any]:
+    """A short run by which workers are compared: code (version), state_sha256, host.
+
+    Args:
+        task: experiment, changes, seed.
+
+    Raises:
+        HricError: it cannot run.
+    """
+    with Simulation(definition_of(task), seed=task["seed"]) as simulation:
+        simulation.run(min(REFERENCE, simulation.definition.duration))
+        return {"code": code_version(), "state_sha256": simulation.state_sha256, "host": platform.node()}
+
+
+def prepare() -> None:
+    """Once in a worker: what goes wrong is in the response, not on the terminal."""
+    logging.getLogger("hric").setLevel(logging.CRITICAL + 1)
+
+
+@cache
+def code_version() -> str:
+    """Of everything on which a run's numbers depend: the packages' own files, and the versions of what they use."""
+    digest = hashlib.sha256(json.dumps(_used_versions(), sort_keys=True).encode())
+    for name in provenance.HRIC_PACKAGES:
+        try:
+            folder = package_path(name)
+        except (HricError, RunFolderError):
+            continue
+        for path in sorted(path for pattern in SOURCES for path in folder.rglob(pattern)):
+            part = path.relative_to(folder)
+            if not {"test", "build", "__pycache__"} & set(part.parts):
+                digest.update(f"{name}/{part}".encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _used_versions() -> dict[str, str]:
+    found = provenance.versions()
+    return {name: found[name] for name in ("python", *provenance.DISTRIBUTIONS) if name in found}
+
+
+def identity(task: dict[str, Any], code: str) -> str:
+    """Id of a task: the same for the same experiment, values, seed, outputs and code."""
+    about = {key: task[key] for key in ("experiment", "changes", "seed", "outputs")}
+    text = json.dumps({**about, "code": code}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:LENGTH]
