@@ -214,7 +214,7 @@ def approach(folder: Path) -> Known:
             about = {"joint_names": ["rail"], "command_interface": ["none"], "first_cycle": k, "n_cycles": 20}
             bag.write("/control_log", "hric_msgs/msg/ControlLog", float(times[k]), **about, time=times[part], **rows)
     smallest, at = nearest(body, x)
-    s_p = 2.0 * (0.1 + 0.3) + speed * (0.1 + 0.3)  # of a hand nearer than 0.5 m, without data of the braking
+    s_p = 1.6 * (0.1 + 0.3) + speed * (0.1 + 0.3)  # above 0.5 m, so that he walks; without data of the braking
     return Known(
         "approach",
         group="separation",

@@ -6,7 +6,7 @@ import numpy as np
 
 import panda_description
 from hric_assessment.supervisor.arm import ArmShape, ArmState
-from hric_assessment.supervisor.decision import Supervisor
+from hric_assessment.supervisor.decision import UNHINDERED, Supervisor
 from hric_assessment.supervisor.person import BodyShape, Observation
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_control.geometry import Pose
@@ -40,13 +40,13 @@ class Cell:
         self.supervisor = Supervisor(SupervisorSettings(**settings), ARM)
         self.time, self.decisions = 0.0, []
 
-    def decide(self, person, dq=STILL, q=READY, arm_stamp=None, seen=True):
+    def decide(self, person, dq=STILL, q=READY, arm_stamp=None, seen=True, in_force=UNHINDERED):
         """Once; person: x of a ball, or what was seen, or None."""
         self.time = round(self.time + PERIOD, 9)
         if seen and isinstance(person, float):
             person = ball(self.time, person)
         arm = ArmState(self.time if arm_stamp is None else arm_stamp, q, dq)
-        self.decisions.append(self.supervisor.decide(self.time, arm, person))
+        self.decisions.append(self.supervisor.decide(self.time, arm, person, in_force))
         return self.decisions[-1]
 
     def approach(self, start, speed, seconds, dq=STILL):

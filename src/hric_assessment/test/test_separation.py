@@ -57,9 +57,28 @@ def test_the_distance_is_computed_for_all_instants_at_once() -> None:
     assert total.tolist() == expected
 
 
-@pytest.mark.parametrize(("distance", "speed"), [(0.499, 2.0), (0.5, 1.6), (0.501, 1.6)])
-def test_a_person_of_unknown_speed_walks_and_nearby_reaches(distance: float, speed: float) -> None:
-    assert person_speed(distance) == speed
+def by_the_steps_of_a_manual(time: float, added: float) -> float:
+    """S as an operating manual of a light curtain computes it after ISO 13855, in its three steps [m]."""
+    near = 2.0 * time + added
+    if near <= 0.5:
+        return near
+    return max(1.6 * time + added, 0.5)
+
+
+@pytest.mark.parametrize("added", [0.0, 0.05, 0.3, 0.6])
+def test_a_person_of_unknown_speed_comes_by_the_speed_that_the_distance_itself_asks_for(added: float) -> None:
+    for time in np.linspace(0.0, 0.6, 61).tolist():
+        stop = Stop(0.0, time, 0.0)
+        speed = person_speed(0.0, stop, added, 0.0, 0.0)
+        total = float(protective_distance(0.0, speed, stop, added, 0.0, 0.0).total)
+        assert total == pytest.approx(by_the_steps_of_a_manual(time, added))
+
+
+def test_the_example_of_that_manual_comes_out() -> None:
+    """SICK miniTwin4, page 24: T 0.32 s, C 0: S 640 mm with 2 m/s, therefore 512 mm with 1.6 m/s."""
+    stop = Stop(0.03, 0.29, 0.0)
+    assert person_speed(0.0, stop, 0.0, 0.0, 0.0) == pytest.approx(1.6)
+    assert protective_distance(0.0, 1.6, stop, 0.0, 0.0, 0.0).total == pytest.approx(0.512)
 
 
 @pytest.mark.parametrize(("resolution", "expected"), [(0.0, 0.0), (0.014, 0.0), (0.030, 0.128), (0.040, 0.208)])

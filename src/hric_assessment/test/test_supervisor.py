@@ -12,12 +12,12 @@ import panda_description
 from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.speed import speed_limit
 from hric_assessment.separation.capsules import nearest_points, segment_distance
-from hric_assessment.supervisor.arm import ArmShape, ArmState
+from hric_assessment.supervisor.arm import ArmShape, ArmState, InForce
 from hric_assessment.supervisor.decision import FREE, SLOWED, STOPPED
 from hric_assessment.supervisor.settings import MODES, SupervisorSettings
 from hric_assessment.tables import limit_table
 from hric_control.errors import HricError
-from hric_control.speed_scale import stopping_time
+from hric_control.speed_scale import Request, SpeedScale, stopping_time
 
 RNG = np.random.default_rng(5)
 SPEED = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -125,14 +125,18 @@ def test_the_terms_that_are_told_are_those_of_the_measured_speeds():
     own = SupervisorSettings()
     cell = Cell()
     for x in (2.50, 2.48):
-        decision = cell.decide(x, SPEED)
+        decision = cell.decide(x, SPEED, in_force=InForce(0.0, 0.8, 0.8))
     part = decision.part
     towards = _direction(part)
     assert part.person_speed == pytest.approx(2.0 * towards[0], abs=1e-6)  # measured, faster than the table's 1.6
-    time = own.reaction_time + stopping_time(cell.decisions[0].scale) + own.settling_time
+    time = own.reaction_time + stopping_time(0.8) + own.settling_time
     assert part.terms.person == pytest.approx(part.person_speed * time)
     assert part.terms.reaction == pytest.approx(part.robot_speed * own.reaction_time)
     assert decision.margin == pytest.approx(decision.separation - float(part.terms.total))
+    # Where the scale falls the arm brakes, and nothing is left of the time until it does.
+    part = cell.decide(2.46, SPEED, in_force=InForce(0.03, 0.6, 0.79)).part
+    assert part.terms.person == pytest.approx(part.person_speed * (stopping_time(0.79) + own.settling_time))
+    assert part.terms.reaction == 0.0
 
 
 def test_an_arm_that_moves_too_near_is_a_violation_and_one_that_stands_is_none():
@@ -141,6 +145,46 @@ def test_an_arm_that_moves_too_near_is_a_violation_and_one_that_stands_is_none()
     assert cell.decide(1.0, SPEED).violation and cell.events().count("violation") == 1
     cell.decide(1.0, SPEED)
     assert cell.events().count("violation") == 1
+
+
+LEAN = np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def braking(speed_of_person, start, lag=0.03, **settings):
+    """A person comes along x to an arm that leans towards him, and follows its scale with a lag [s], to its stand."""
+    cell, scale, q, dq = Cell(**settings), SpeedScale(), READY.copy(), LEAN.copy()
+    in_force, x = InForce(), start
+    while cell.time < 8.0 and np.abs(dq).max() > 1e-3:
+        decision = cell.decide(float(x), dq, q, in_force=in_force)
+        scale.request(Request(decision.scale))
+        for k in range(10):
+            scale.advance(cell.time + 1e-3 * k, 1e-3)
+            if k == 0:
+                in_force = InForce(cell.time, scale.target, scale.value)
+            dq = dq + (LEAN * scale.value - dq) * 1e-3 / lag
+            q = q + dq * 1e-3
+        x -= speed_of_person(cell.time) * PERIOD
+    assert np.abs(dq).max() <= 1e-3
+    return cell
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.6, 2.0])
+def test_who_comes_evenly_never_comes_nearer_than_he_should_while_the_arm_brakes(speed):
+    cell = braking(lambda time: speed, 3.0)
+    assert "violation" not in cell.events() and cell.decisions[0].scale == 1.0
+    # The distance that is required falls with the stop, to what is added for what is not known.
+    own, last = SupervisorSettings(), cell.decisions[-1].part.terms
+    assert float(last.total) == pytest.approx(own.intrusion + own.person_uncertainty + own.robot_uncertainty, abs=0.05)
+
+
+def test_who_runs_faster_once_the_arm_brakes_violates_and_that_is_named():
+    cell = braking(lambda time: 1.6 if time < 0.6 else 4.0, 3.0)
+    assert cell.events().count("violation") == 1
+
+
+def test_an_arm_that_comes_to_rest_later_than_is_said_violates():
+    assert "violation" in braking(lambda time: 1.6, 4.5, lag=0.15).events()
+    assert "violation" not in braking(lambda time: 1.6, 4.5, lag=0.15, settling_time=0.7).events()
 
 
 def test_an_arm_that_has_stood_and_moves_is_moved_by_others_and_that_is_told():

@@ -15,6 +15,8 @@ from hric_control.errors import HricError
 from hric_control.geometry import FloatArray
 
 Values = FloatArray | float
+TINY = 1e-9
+"""In place of a time of zero, in which nobody comes nearer [s]."""
 
 
 class Terms(NamedTuple):
@@ -99,10 +101,28 @@ def protective_distance(
     )
 
 
-def person_speed(distance: Values, table: SeparationTable | None = None) -> FloatArray:
-    """v_h of a person whose speed is not measured [m/s], by the distance [m]: that of hands where it is short."""
+def person_speed(
+    robot_speed: Values,
+    stop: Stop,
+    intrusion: float,
+    person_uncertainty: float,
+    robot_uncertainty: float,
+    table: SeparationTable | None = None,
+) -> FloatArray:
+    """v_h of a person whose speed is not measured [m/s].
+
+    By ISO 13855 it is the hands' where the distance that follows from it is not above `near`; otherwise it is that of
+    walking, and the distance not below `near`. The speed in between which gives `near` does the same.
+
+    Args:
+        robot_speed, stop, intrusion, person_uncertainty, robot_uncertainty: those of `protective_distance`.
+        table: by default the one that comes with the package.
+    """
     table = table or separation_table()
-    return np.where(np.asarray(distance) < table["near"], table["hand_speed"], table["walking_speed"])
+    still = protective_distance(robot_speed, 0.0, stop, intrusion, person_uncertainty, robot_uncertainty).total
+    time = np.add(stop.reaction_time, stop.time)
+    at_near = (table["near"] - still) / np.maximum(time, TINY)
+    return np.clip(at_near, table["walking_speed"], table["hand_speed"])
 
 
 def intrusion(resolution: float, table: SeparationTable | None = None) -> float:

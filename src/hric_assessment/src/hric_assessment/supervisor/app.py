@@ -16,7 +16,7 @@ from controller_manager_msgs.srv import (
     SwitchControllerRequest,
 )
 from hric_assessment.supervisor import topics
-from hric_assessment.supervisor.arm import ArmShape
+from hric_assessment.supervisor.arm import ArmShape, InForce
 from hric_assessment.supervisor.decision import Decision, Event, Supervisor
 from hric_assessment.supervisor.inputs import ArmInput, person_input
 from hric_assessment.supervisor.settings import NodeSettings
@@ -77,6 +77,7 @@ class SupervisorApp:
         self._events = node.advertise(f"{root}hric/safety/events", SafetyEvent, queue_size=100)
         self._markers = node.advertise(f"{root}hric/safety/markers", MarkerArray)
         self._requests = node.advertise(f"{root}{REQUEST_TOPIC}", SpeedScale)
+        self._in_force = InForce()
         self._taken = node.subscribe(f"{root}{STATE_TOPIC}", SpeedScaleState, self._on_taken)
         self.latencies: deque[float] = deque(maxlen=KEPT)
         self._slower: dict[int, bool] = {}
@@ -102,7 +103,7 @@ class SupervisorApp:
     def decide(self, now: float) -> Decision:
         """Decide at robot time `now` [s], and publish; from any thread, one at a time."""
         with self._lock:
-            decision = self._supervisor.decide(now, self._arm.newest, self._person.newest)
+            decision = self._supervisor.decide(now, self._arm.newest, self._person.newest, self._in_force)
             if self.settings.active:
                 self._request(decision)
             self._state.publish(topics.state(decision, self.settings, self._latency))
@@ -128,7 +129,8 @@ class SupervisorApp:
                 (self._node.log_warn if one.kind in ("fault", "violation") else self._node.log_info)(one.text)
 
     def _on_taken(self, message: Any) -> None:
-        """The robot took a request up: how long after the measurement it follows from."""
+        """The robot took a request up: what is in force, and how long after the measurement it follows from."""
+        self._in_force = InForce(message.header.stamp.to_sec(), message.requested, message.scale)
         slower = self._slower.pop(message.request.to_nsec(), None)
         if slower is None or message.expired:
             return

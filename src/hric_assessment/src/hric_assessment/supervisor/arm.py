@@ -30,6 +30,20 @@ class ArmState(NamedTuple):
     dq: FloatArray
 
 
+class InForce(NamedTuple):
+    """The speed scale of the robot, in a cycle that took a request up.
+
+    Attributes:
+        stamp: robot time of that cycle [s].
+        requested: scale that it goes to.
+        scale: in force.
+    """
+
+    stamp: float = -math.inf
+    requested: float = 1.0
+    scale: float = 1.0
+
+
 class Placed(NamedTuple):
     """Capsules in the world.
 

@@ -11,16 +11,18 @@ from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.speed import half_mass, speed_limit
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.separation.protective import Terms
-from hric_assessment.supervisor.arm import ArmShape, ArmState, Placed
+from hric_assessment.supervisor.arm import ArmShape, ArmState, InForce, Placed
 from hric_assessment.supervisor.perception import Watch
 from hric_assessment.supervisor.person import HAND, Observation, moved
-from hric_assessment.supervisor.separation import SCALES, STANDING, Nearness, Protective, nearness
+from hric_assessment.supervisor.separation import SCALES, STANDING, Nearness, Protective, Stopping, nearness
 from hric_assessment.supervisor.settings import HAND_GUIDED, POWER_AND_FORCE, STANDSTILL, SupervisorSettings
 from hric_assessment.tables import limit_table
 from hric_control.geometry import FloatArray, Vector
 
 WORLD = "world"
 FREE, SLOWED, STOPPED = "free", "slowed", "stopped"
+UNHINDERED = InForce()
+"""Nobody requested anything of the robot."""
 _KINDS = {FREE: "freed", SLOWED: "slowed", STOPPED: "stopped"}
 
 
@@ -144,15 +146,24 @@ class Supervisor:
         self.settings, self._arm = settings, arm
         self._rotors = np.zeros(len(arm.joints)) if rotors is None else np.asarray(rotors)
         self._limits, self._half_mass = Limits(limit_table(settings.table)), half_mass(arm.moving_mass)
-        self._protective, self._watch = Protective(settings), Watch(frame, settings.max_age)
+        self._protective, self._stopping = Protective(settings), Stopping(settings)
+        self._watch = Watch(frame, settings.max_age)
         self._speed = settings.speed
         self._scale, self._since, self._state, self._fault = 1.0, 0.0, FREE, ""
         self._violated = self._moved = self._stood = False
         self._before: Observation | None = None
         self._velocities = np.zeros((0, 2, 3))
 
-    def decide(self, now: float, arm: ArmState | None, person: Observation | None) -> Decision:
-        """What the arm may do from robot time `now` [s] on, by the newest that is known. Never raises on bad inputs."""
+    def decide(
+        self, now: float, arm: ArmState | None, person: Observation | None, in_force: InForce = UNHINDERED
+    ) -> Decision:
+        """What the arm may do from robot time `now` [s] on, by the newest that is known. Never raises on bad inputs.
+
+        Args:
+            now: robot time [s].
+            arm, person: None: not known.
+            in_force: speed scale of the robot.
+        """
         fault = self._watch.fault(now, arm, person)
         stamp = math.nan if person is None else person.stamp
         if fault or arm is None or person is None:
@@ -161,13 +172,13 @@ class Supervisor:
         speeds = np.linalg.norm(placed.velocities, axis=2)
         self._speed = max(self._speed, float(speeds.max()))
         near = nearness(placed, person, self._velocities_of(person))
-        human = self._protective.approach(near)
-        allowed = self._allowed(arm, placed, person, near, human, 0.0)
-        freer = self._allowed(arm, placed, person, near, human, self.settings.hysteresis)
+        allowed = self._allowed(arm, placed, person, near, 0.0)
+        freer = self._allowed(arm, placed, person, near, self.settings.hysteresis)
         before = self._scale if self.settings.active else 1.0
         scale = self._smoothed(now, allowed.scale, freer.scale)
         at_rest = bool(speeds.max() < STANDING)
-        terms = self._protective.measured(near, human, before, at_rest)
+        braking = self._stopping.left(now, min(arm.stamp, person.stamp), in_force, at_rest)
+        human, terms = self._protective.measured(near, braking)
         part = _part(placed, person, near, human, terms)
         # An arm that is to stand and has stood is moved by others.
         self._stood = before == 0.0 and (self._stood or at_rest)
@@ -242,14 +253,12 @@ class Supervisor:
             self._velocities = (person.ends - before.ends) / (person.stamp - before.stamp)
         return self._velocities
 
-    def _allowed(
-        self, arm: ArmState, placed: Placed, person: Observation, near: Nearness, human: FloatArray, less: float
-    ) -> Permitted:
+    def _allowed(self, arm: ArmState, placed: Placed, person: Observation, near: Nearness, less: float) -> Permitted:
         """By the mode, as if the person were nearer by `less` [m]."""
         mode, distance = self.settings.mode, near.distance - less
-        by_distance = self._protective.permitted(distance, human, self._speed)
+        by_distance = self._protective.permitted(distance, near.person_speed, self._speed)
         if mode == HAND_GUIDED:
-            return self._guided(person, distance, human)
+            return self._guided(person, distance, near.person_speed)
         if mode == POWER_AND_FORCE:
             return self._by_contact(arm, placed, person, near, by_distance)
         if mode == STANDSTILL:
@@ -291,7 +300,7 @@ class Supervisor:
         limit = self._limits.at(regions) if regions else None
         return 0.0 if limit is None or not limit.permitted else limit.force.quasi_static
 
-    def _guided(self, person: Observation, distance: FloatArray, human: FloatArray) -> Permitted:
+    def _guided(self, person: Observation, distance: FloatArray, towards: FloatArray) -> Permitted:
         """A hand leads the arm; all of the person but that arm of his is as far as it must be."""
         own = self.settings
         hands = [at for at, regions in enumerate(person.regions) if HAND in regions]
@@ -304,7 +313,7 @@ class Supervisor:
         leading = [link.partition("_")[0] in sides and _is_arm(link) for link in person.links]
         leading = [is_so or at in at_arm for at, is_so in enumerate(leading)]
         share = min(1.0, own.guided_speed / self._speed)
-        others = np.where(leading, 1.0, self._protective.permitted(distance, human, own.guided_speed))
+        others = np.where(leading, 1.0, self._protective.permitted(distance, towards, own.guided_speed))
         part = int(np.argmin(others))
         return Permitted(share * float(others[part]), part, *limits)
 

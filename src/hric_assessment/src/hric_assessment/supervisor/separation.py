@@ -1,12 +1,14 @@
 """How near a person is to an arm, part by part, and how fast the arm may be for it."""
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from hric_assessment.separation.capsules import distances, nearest_points
 from hric_assessment.separation.protective import Stop, Terms, person_speed, protective_distance
-from hric_assessment.supervisor.arm import Placed
+from hric_assessment.supervisor.arm import InForce, Placed
 from hric_assessment.supervisor.person import Observation
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_assessment.tables import separation_table
@@ -66,6 +68,56 @@ def _towards(velocities: FloatArray, direction: FloatArray, crossing: FloatArray
     return np.asarray(np.maximum(np.where(crossing, full, along), 0.0))
 
 
+class Braking(NamedTuple):
+    """What is still to come of a stop that is requested now, or was before.
+
+    Attributes:
+        reaction: until the arm begins to brake [s].
+        ramp: until its speed scale is 0 [s].
+        settling: from then on until it is at rest [s].
+    """
+
+    reaction: float
+    ramp: float
+    settling: float
+
+
+class Stopping:
+    """Follows the robot's speed scale from decision to decision: of a stop that has begun less is still to come.
+
+    Args:
+        settings: of the supervisor.
+    """
+
+    def __init__(self, settings: SupervisorSettings) -> None:
+        self._settings = settings
+        self._stands_since, self._before, self._brakes = math.inf, InForce(), False
+
+    def left(self, now: float, known: float, in_force: InForce, at_rest: bool) -> Braking:
+        """At robot time `now` [s].
+
+        Args:
+            now: robot time [s].
+            known: stamp of the older of what is known of person and arm [s].
+            in_force: the robot's speed scale.
+            at_rest: whether the arm is.
+        """
+        own = self._settings
+        # An arm that brakes has reacted; of that time is left by how much the person was seen before now.
+        if in_force.stamp != self._before.stamp:
+            falls = in_force.scale < self._before.scale
+            slows = in_force.requested < in_force.scale and (falls or self._brakes)
+            self._brakes = slows or in_force.requested == 0.0
+            self._before = in_force
+        reaction = min(now - known, own.reaction_time) if self._brakes else own.reaction_time
+        self._stands_since = min(self._stands_since, in_force.stamp) if in_force.scale == 0.0 else math.inf
+        if at_rest:
+            return Braking(reaction, 0.0, 0.0)
+        settling = own.settling_time - max(now - self._stands_since, 0.0)
+        # An arm that is not at rest when it should be has a stop of which nothing is known.
+        return Braking(reaction, stopping_time(in_force.scale), settling if settling > 0.0 else own.settling_time)
+
+
 class Protective:
     """The protective separation distance of this arm.
 
@@ -76,36 +128,30 @@ class Protective:
     def __init__(self, settings: SupervisorSettings) -> None:
         self._settings, self._table = settings, separation_table()
 
-    def approach(self, near: Nearness) -> FloatArray:
-        """v_h of each capsule: the table's, or the measured one where he is faster, shape (m,) [m/s]."""
-        return np.maximum(person_speed(near.distance, self._table), near.person_speed)
-
-    def _terms(self, robot: FloatArray, human: FloatArray, ramp: FloatArray | float, settling: float) -> Terms:
-        """From a speed of the arm towards him [m/s], which its scale needs `ramp` to end, and it `settling` more."""
-        own = self._settings
+    def _terms(
+        self, robot: FloatArray, person: FloatArray, ramp: FloatArray | float, braking: Braking
+    ) -> tuple[FloatArray, Terms]:
+        """(v_h, terms) from a speed of the arm towards him, and his measured one, which counts where he is faster than
+        the table has it [m/s]."""
         # Half of the ramp at the full speed, as at any even deceleration, and all of what the controller lags behind.
-        stop = Stop(own.reaction_time, ramp + settling, robot * (0.5 * ramp + settling))
-        return protective_distance(robot, human, stop, own.intrusion, own.person_uncertainty, own.robot_uncertainty)
+        settling = braking.settling
+        stop = Stop(braking.reaction, ramp + settling, robot * (0.5 * ramp + settling))
+        own = self._settings.intrusion, self._settings.person_uncertainty, self._settings.robot_uncertainty
+        human = np.maximum(person_speed(robot, stop, *own, self._table), person)
+        return human, protective_distance(robot, human, stop, *own)
 
-    def measured(self, near: Nearness, human: FloatArray, scale: float, at_rest: bool) -> Terms:
-        """Of each capsule at the measured speeds, shape (m,).
+    def measured(self, near: Nearness, braking: Braking) -> tuple[FloatArray, Terms]:
+        """v_h [m/s] and the terms of each capsule at the measured speeds, shape (m,)."""
+        return self._terms(near.robot_speed, near.person_speed, braking.ramp, braking)
 
-        Args:
-            near, human: of the capsules, and their v_h [m/s].
-            scale: that the robot was requested to have.
-            at_rest: whether the arm does.
-        """
-        if at_rest:
-            return self._terms(near.robot_speed, human, 0.0, 0.0)
-        return self._terms(near.robot_speed, human, stopping_time(scale), self._settings.settling_time)
-
-    def permitted(self, distance: FloatArray, human: FloatArray, speed: float) -> FloatArray:
+    def permitted(self, distance: FloatArray, person: FloatArray, speed: float) -> FloatArray:
         """Largest scale at which each capsule is as far as it must be, shape (m,); 0: the arm must stand.
 
         Args:
-            distance, human: of the capsules [m], and their v_h [m/s].
+            distance, person: of the capsules [m], and their measured speed towards the arm [m/s].
             speed: of the arm at full speed [m/s], as if all of it were towards him.
         """
-        terms = self._terms(speed * SCALES[:, None], human, _RAMPS[:, None], self._settings.settling_time)
+        braking = Braking(self._settings.reaction_time, 0.0, self._settings.settling_time)
+        _, terms = self._terms(speed * SCALES[:, None], person, _RAMPS[:, None], braking)
         found = [np.interp(d, row, SCALES, left=0.0) for d, row in zip(distance, terms.total.T, strict=True)]
         return np.array(found)

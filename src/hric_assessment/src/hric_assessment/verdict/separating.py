@@ -33,6 +33,7 @@ class Separated:
     Attributes:
         found: distances.
         speed: of the fastest end of the arm's capsules, shape (n,) [m/s].
+        human: v_h, shape (n,) [m/s].
         terms: of S_p.
         arm, person: links of the capsules.
         notes: how it was made.
@@ -43,6 +44,7 @@ class Separated:
 
     found: Separation
     speed: FloatArray
+    human: FloatArray
     terms: Terms
     arm: tuple[str, ...]
     person: tuple[str, ...]
@@ -93,7 +95,8 @@ def separated(given: Given, person: Person | None, choices: Choices) -> Separate
     uncertainty = person.uncertainty
     load = float((given.definition.get("robot") or {}).get("load", {}).get("mass", 0.0))
     stop = choices.braking.stop(speed, load)
-    terms = protective_distance(speed, person_speed(np.maximum(found.distance, 0.0)), stop, 0.0, uncertainty, 0.0)
+    human = person_speed(speed, stop, 0.0, uncertainty, 0.0)
+    terms = protective_distance(speed, human, stop, 0.0, uncertainty, 0.0)
     notes = _notes(person, choices.braking.text(load), left_out, unknown)
     held, felt = _held(given), any(topic.endswith("human/contacts") for topic in given.recording.topics)
     relied = not (held or felt)
@@ -102,7 +105,7 @@ def separated(given: Given, person: Person | None, choices: Choices) -> Separate
         notes.append(f"the distance was not what protected him: {why}; below it is a warning (chosen here)")
     signals = ("/control_log", *person.signals)
     known = 1.0 - unknown
-    return Separated(found, speed, terms, robot.links, body.links, tuple(notes), signals, known, relied)
+    return Separated(found, speed, human, terms, robot.links, body.links, tuple(notes), signals, known, relied)
 
 
 def _filled(q: FloatArray) -> tuple[FloatArray, float]:
@@ -127,8 +130,8 @@ def _held(given: Given) -> bool:
 def _notes(person: Person, braking: str, left_out: Sequence[str], unknown: float) -> list[str]:
     table, rules = separation_table(), verdict_table()
     notes = [
-        f"v_r: of the fastest point of the arm, whatever its direction; v_h: {table['walking_speed']:g} m/s, nearer "
-        f"than {table['near']:g} m {table['hand_speed']:g} m/s ({table.mark})",
+        f"v_r: of the fastest point of the arm, whatever its direction; v_h: {table['walking_speed']:g} m/s, up to "
+        f"{table['hand_speed']:g} m/s where S_p is then {table['near']:g} m or less ({table.mark})",
         f"T_r, T_s, S_s: {braking}",
         f"C: 0, since the whole body is known; Z_d: {person.uncertainty:.3f} m ({person.uncertainty_from}); Z_r: 0, "
         "the arm's joints are measured",
@@ -199,5 +202,5 @@ def _values(one: Separated, at: int) -> dict[str, float | None]:
         "S_p [m]": float(one.terms.total[at]),
         **terms,
         "v_r [m/s]": float(one.speed[at]),
-        "v_h [m/s]": float(person_speed(max(float(found.distance[at]), 0.0))),
+        "v_h [m/s]": float(one.human[at]),
     }

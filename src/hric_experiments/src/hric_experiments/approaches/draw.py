@@ -16,6 +16,8 @@ BEARING = math.radians(100.0)
 CONTROLLER = "joint_pd_controller"
 SWING = 1.5
 """Between two setpoints of the arm [s]."""
+BEGIN = 0.5
+"""Of the arm's motion [s]: later than the supervisor's first request has come into force, which takes 0.34 s."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +65,9 @@ class Approach:
         joints = ("right_sh_flex", "right_el_flex", "left_sh_flex", "left_el_flex")
         posture = {"time": 0.0, **dict(zip(joints, self.arms, strict=True))}
         sent = [
-            {"time": round(SWING * k, 3), "controller": CONTROLLER, "positions": list(row)}
+            {"time": round(BEGIN + SWING * k, 3), "controller": CONTROLLER, "positions": list(row)}
             for k, row in enumerate(self.setpoints)
-            if SWING * k < self.duration
+            if BEGIN + SWING * k < self.duration
         ]
         return {
             "human.subject": self.subject,
