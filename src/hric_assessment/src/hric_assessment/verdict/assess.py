@@ -42,7 +42,7 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
     findings += lift_findings(given, person)
     heavy = loads(given, person)
     timelines["activation"] = heavy.timeline()
-    figures = (*heavy.figures, *interaction(given), *productivity(apart))
+    figures = (*heavy.figures, *interaction(given), *productivity(apart, found.safety))
     table = choices.limits.table
     return Verdict(
         {

@@ -9,6 +9,7 @@ from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.result import Figure
 from hric_assessment.verdict.separating import Separated
 from hric_bags.records.human_record import Event, GripRecord
+from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
 
 GROUP, WORK = "interaction", "productivity"
 
@@ -44,8 +45,24 @@ def _smooth(grip: GripRecord, events: list[Event], what: str) -> Figure:
     return Figure(GROUP, name, log_dimensionless_jerk(time, np.gradient(grip.point[during], time, axis=0)), "1", note)
 
 
-def productivity(apart: Separated | None) -> list[Figure]:
-    """Share of the time in which the arm rests between its first and its last motion."""
+def productivity(apart: Separated | None, safety: SafetyRecord | None) -> list[Figure]:
+    """Shares of the time in which the arm stands, and in which a supervisor stopped it or slowed it."""
+    return [*_standing(apart), *_supervised(safety)]
+
+
+def _supervised(safety: SafetyRecord | None) -> list[Figure]:
+    """What a supervisor requested, which an arm may have done or not."""
+    if safety is None:
+        return []
+    note = f"requested in mode {safety.mode}, between its first decision and its last"
+    return [
+        Figure(WORK, f"share of time {state} by the supervisor", safety.share(state), "1", note)
+        for state in (STOPPED, SLOWED)
+    ]
+
+
+def _standing(apart: Separated | None) -> list[Figure]:
+    """Between the arm's first and its last motion."""
     if apart is None:
         return []
     table = verdict_table()

@@ -16,6 +16,7 @@ from hric_bags.reader import ARRAYS, LOG_TYPE, ControlRecord, FloatArray, RobotT
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord
+from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_control.geometry import Pose
 from hric_human.body.joints import joints
 from hric_human.body.subject import PARTS
@@ -27,6 +28,7 @@ SAMPLES = 150_000
 STATES_TYPE, TRACKING_TYPE = "sensor_msgs/msg/JointState", "hric_msgs/msg/PersonTracking"
 ACTIVATION_TYPE, STATIC_TYPE = "hric_msgs/msg/MuscleActivation", "tf2_msgs/msg/TFMessage"
 TEXT_TYPE = "std_msgs/msg/String"
+_THINNED = (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, STATE_TYPE)
 JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
 """Names of the joints of a body of `hric_human`."""
 
@@ -86,6 +88,7 @@ class Recording:
         activation: of muscles, by topic.
         shares: of the strength of joints of real persons, by topic.
         description: URDF of the robot; "": none in the bag.
+        safety: what a supervisor decided; None: none was there.
         static: poses of child frames in their parents, by (parent, child).
     """
 
@@ -103,6 +106,7 @@ class Recording:
     shares: dict[str, Columns] = field(default_factory=dict)
     description: str = ""
     static: dict[tuple[str, str], Pose] = field(default_factory=dict)
+    safety: SafetyRecord | None = None
 
 
 def read(bag: Path | Bag) -> Recording:
@@ -133,10 +137,11 @@ class _Taken:
         self._roots: dict[str, _Roots] = {}
         self._pairs: dict[tuple[str, str], PairForce] = {}
         self._static: dict[tuple[str, str], Pose] = {}
+        self._safety = SafetyMessages()
         self.description = ""
 
     def wants(self, connection: Any) -> bool:
-        kinds = (LOG_TYPE, STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, PAIRS_TYPE)
+        kinds = (*_THINNED, LOG_TYPE, PAIRS_TYPE, EVENT_TYPE)
         if connection.msgtype in kinds or self._human.wants(connection):
             return True
         return str(connection.topic).endswith(("/robot_description", "/tf_static"))
@@ -146,7 +151,7 @@ class _Taken:
         topic, kind = connection.topic, connection.msgtype
         if self._human.wants(connection):
             return self._human.due(topic, kind, stamp, raw)
-        if kind not in (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE):
+        if kind not in _THINNED:
             return True
         if self._people.get(topic, self) is None or stamp - self._last.get(topic, -self._period) < self._period:
             return False
@@ -168,6 +173,8 @@ class _Taken:
             self._roots.setdefault(topic, _Roots()).add(message)
         elif kind == PAIRS_TYPE:
             add_to(self._pairs, message, seconds(message.header.stamp))
+        elif kind in (STATE_TYPE, EVENT_TYPE):
+            self._safety.add(kind, message)
         elif kind == TEXT_TYPE:
             self.description = self.description or str(message.data)
         elif kind == STATIC_TYPE:
@@ -209,6 +216,7 @@ class _Taken:
             {topic: named.columns(topic, robot_time) for topic, named in self._shares.items()},
             self.description,
             self._static,
+            self._safety.record(robot_time),
         )
 
 

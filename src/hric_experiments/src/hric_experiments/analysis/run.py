@@ -7,6 +7,7 @@ from typing import Any
 from hric_bags import files
 from hric_bags import reader as bag_reader
 from hric_bags.reader import Messages, RunRecord
+from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_folder import RunFolder
 from hric_control.plants import WindowlessConfig
 from hric_experiments.analysis import metrics, recordings
@@ -60,7 +61,7 @@ def analyse(
     files.write_text(folder.path / "summary.txt", report)
     _export(folder, run, record, person)
     if figures:
-        _draw(folder, run, bag, record, followed, person, values.tolerances, step)
+        _draw(folder, run, bag, record, followed, person, values.safety, values.tolerances, step)
     return {**result, "report": report}
 
 
@@ -87,16 +88,18 @@ def _draw(
     record: RunRecord,
     followed: Tracking | None,
     person: Person | None,
+    safety: SafetyRecord | None,
     tolerances: Sequence[float],
     step: Callable[[str], object],
 ) -> None:
     """The figures of a run and what its sensors measured, into its folder `figures`."""
-    from hric_experiments.report import drawing, human_figures, run_figures, signal_figures
+    from hric_experiments.report import drawing, human_figures, run_figures, safety_figures, signal_figures
 
     step("reading what sensors measured")
     moves = metrics.moves(record, joint_orders(run))
     shown = run_figures.robot_figures(record, moves, run.get("limits") or {}, tolerances)
     shown += human_figures.human_figures(person)
+    shown += safety_figures.safety_figures(safety)
     shown += run_figures.tracking_figures(followed)
     shown += signal_figures.signal_figures(recordings.read(bag, record.robot_time, signals_only=True).signals)
     step(f"drawing {len(shown)} figures")

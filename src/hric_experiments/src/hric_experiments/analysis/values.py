@@ -6,8 +6,17 @@ from typing import Any
 
 from hric_bags.parts import Bag
 from hric_bags.reader import RunRecord
-from hric_bags.records import contact_record
-from hric_experiments.analysis import collection, collection_record, differences, human, metrics, stability
+from hric_bags.records import contact_record, safety_record
+from hric_bags.records.safety_record import SafetyRecord
+from hric_experiments.analysis import (
+    collection,
+    collection_record,
+    differences,
+    human,
+    metrics,
+    stability,
+    supervised,
+)
 from hric_experiments.analysis import tracking_run as tracking_analysis
 from hric_experiments.analysis.human import Person
 from hric_experiments.analysis.tracking_run import Tracking
@@ -19,7 +28,7 @@ KEYS = (
     "experiment",
     *MOTION,
     *("real_time_factor", "missed_deadlines", "reflexes", "contacts", "stability", "sources", "sync"),
-    *("human", "tracking"),
+    *("human", "supervisor", "tracking"),
 )
 """Of every run; one that is compared with a set-up has `reference` and `differences`, too."""
 
@@ -52,6 +61,11 @@ class Values(Mapping[str, Any]):
     def person(self) -> Person | None:
         """What the run required of a human; None: nobody was there."""
         return human.analyse(self._bag, self._run, self._description, self._record)
+
+    @cached_property
+    def safety(self) -> SafetyRecord | None:
+        """What a supervisor said and did; None: there was none."""
+        return safety_record.read(self._bag, self._record.robot_time)
 
     @cached_property
     def _motion(self) -> dict[str, Any]:
@@ -96,6 +110,7 @@ class Values(Mapping[str, Any]):
             "contacts": lambda: contact_record.metrics(contact_record.read(self._bag, record.robot_time)),
             "stability": self._stability,
             "human": lambda: None if self.person is None else self.person.values,
+            "supervisor": lambda: supervised.metrics(self.safety),
             "tracking": lambda: None if self.followed is None else self.followed.values,
         }
         return others[key]()

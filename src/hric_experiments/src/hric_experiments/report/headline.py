@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hric_experiments.analysis import human, stability
+from hric_experiments.analysis import human, stability, supervised
 
 GOOD, BAD, PLAIN = "good", "bad", "plain"
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -41,6 +41,8 @@ def of_run(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> list[Finding]:
         found += _tracking(metrics["tracking"])
     if metrics.get("human"):
         found += _human(metrics["human"])
+    if metrics.get("supervisor"):
+        found += _supervised(metrics["supervisor"])
     if metrics["setpoints"]:
         found += _setpoints(metrics["setpoints"])
     if metrics.get("sources"):
@@ -79,6 +81,18 @@ def _human(found: Mapping[str, Any]) -> list[Finding]:
         text = f"grip force and hand speed within {human.SETTLING_TIME:g} s after the motion"
         result.append(Finding("After the motion", settling["verdict"], text, kind))
     return result
+
+
+def _supervised(found: Mapping[str, Any]) -> list[Finding]:
+    stopped, slowed = (f"{100.0 * found[key]:.1f} %" for key in ("share_stopped", "share_slowed"))
+    violations = found["violations"]
+    kept = Finding(
+        "Nearer than the protective distance",
+        _count(len(violations), "time"),
+        f"{supervised.said(found).lower()}, estimate of a model",
+        BAD if violations else GOOD,
+    )
+    return [Finding("Stopped", stopped, f"of the time, by the supervisor, which slowed for another {slowed}"), kept]
 
 
 def _contact(same: Sequence[Mapping[str, Any]], of_model: str) -> list[Finding]:

@@ -7,6 +7,7 @@ RESULTS = "What was found"
 MOTION = "Motion"
 FORCES = "Forces and torques"
 HUMAN = "The human"
+SUPERVISOR = "The supervisor"
 TRACKING = "Motion capture and tracking"
 EMG = "EMG"
 PLATE = "Force plate"
@@ -14,7 +15,7 @@ SYNC = "Synchronisation"
 LIMITS = "Limits and stability"
 OTHER = "Other measurements"
 MADE = "How it was made"
-ORDER = (VERDICT, RESULTS, MOTION, FORCES, HUMAN, TRACKING, EMG, PLATE, SYNC, LIMITS, OTHER, MADE)
+ORDER = (VERDICT, RESULTS, MOTION, FORCES, HUMAN, SUPERVISOR, TRACKING, EMG, PLATE, SYNC, LIMITS, OTHER, MADE)
 KNOWN = (
     (r"/emg/raw$", EMG, "Muscle activity", "EMG as the device sent it, one panel per muscle."),
     (r"/emg/envelope$", EMG, "Envelope of the muscle activity", "Rectified and low-pass filtered EMG."),

@@ -5,7 +5,7 @@ from typing import Any
 
 from hric_bags import text
 from hric_bags.records import contact_record
-from hric_experiments.analysis import collection, human, stability, tracking
+from hric_experiments.analysis import collection, human, stability, supervised, tracking
 
 
 def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
@@ -24,6 +24,8 @@ def render(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     parts += [_move(move, metrics["joints"]) for move in metrics["setpoints"]]
     if metrics.get("human"):
         parts.append(human.render(metrics["human"]))
+    if metrics.get("supervisor"):
+        parts.append(supervised.render(metrics["supervisor"]))
     if metrics.get("tracking"):
         parts.append(tracking.render(metrics["tracking"]))
     elif not metrics["setpoints"] and not metrics.get("human"):

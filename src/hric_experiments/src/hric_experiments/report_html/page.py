@@ -39,6 +39,7 @@ class Page:
         robots: in the replay.
         notes: what a reader must know of the page itself, e.g. what could not be drawn.
         verdict: what the run would have meant for the person in it, HTML; "": nobody was there.
+        supervisor: what a supervisor did along time, HTML; "": none was there.
         name: of the run, for captions and names of files; "": the title.
     """
 
@@ -51,6 +52,7 @@ class Page:
     robots: list[Robot] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     verdict: str = ""
+    supervisor: str = ""
     name: str = ""
 
 
@@ -94,9 +96,11 @@ def render_page(page: Page) -> str:
 
 def _parts(page: Page, figures: Sequence[Figure], notes: Sequence[str]) -> dict[str, str]:
     """HTML of each part of the report that has something in it, by its title."""
+    own = {sections.VERDICT: page.verdict, sections.SUPERVISOR: page.supervisor}
+    own[sections.RESULTS] = _findings(page.findings)
     found = {}
     for title in sections.ORDER:
-        content = {sections.VERDICT: page.verdict, sections.RESULTS: _findings(page.findings)}.get(title, "")
+        content = own.get(title, "")
         content += "".join(_plot(figure) for figure in figures if (figure.section or sections.OTHER) == title)
         content += "".join(render(table) for table in page.tables if (table.section or sections.OTHER) == title)
         if title == sections.MADE:

@@ -7,8 +7,9 @@ from typing import Any
 from hric_assessment.contact import impact
 from hric_bags import reader as bag_reader
 from hric_bags.reader import RunRecord
-from hric_bags.records import human_record, object_record
+from hric_bags.records import human_record, object_record, safety_record
 from hric_bags.records.object_record import ObjectRecord
+from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_folder import RunFolder
 from hric_experiments.analysis import human, metrics, recordings
 from hric_experiments.analysis import run as analysis
@@ -33,6 +34,7 @@ class RunData:
         description: URDF; "": the run folder has none.
         person: the human beside the robot; None: nobody was there.
         objects: of the world around them.
+        safety: what a supervisor decided; None: none was there.
         verdict: contents of verdict.json; None: there was no person.
     """
 
@@ -45,6 +47,7 @@ class RunData:
     description: str
     person: Person | None = None
     objects: Sequence[ObjectRecord] = ()
+    safety: SafetyRecord | None = None
     verdict: Mapping[str, Any] | None = None
 
     @property
@@ -78,4 +81,5 @@ def load(folder: RunFolder, values: Mapping[str, Any], *, progress: bool = False
         person = Person(beside, values.get("human") or {}, met, human.carried_in(beside, definition))
     plant = (definition.get("robot") or {}).get("plant") or {}
     objects = object_record.read(bag, plant, record.robot_time)
-    return RunData(folder, run, values, record, followed, found, description, person, objects)
+    safety = safety_record.read(bag, record.robot_time)
+    return RunData(folder, run, values, record, followed, found, description, person, objects, safety)

@@ -7,8 +7,8 @@ from hric_bags.records import contact_record
 from hric_bags.run_folder import COMPLETED
 from hric_experiments.analysis import stability
 from hric_experiments.analysis.recordings import Event
-from hric_experiments.report import headline, human_figures, run_figures, sections, signal_figures
-from hric_experiments.report_html import beside, moving, tables, verdict
+from hric_experiments.report import headline, human_figures, run_figures, safety_figures, sections, signal_figures
+from hric_experiments.report_html import beside, moving, supervisor, tables, verdict
 from hric_experiments.report_html.page import Page, replay_rate
 from hric_experiments.report_html.run_data import RunData
 from hric_experiments.report_html.scene import Robot
@@ -28,6 +28,7 @@ def build(data: RunData) -> Page:
         figures=[
             *run_figures.robot_figures(data.record, data.moves, run.get("limits") or {}, tolerances),
             *human_figures.human_figures(data.person),
+            *safety_figures.safety_figures(data.safety),
             *run_figures.tracking_figures(data.followed),
             *signal_figures.signal_figures(data.found.signals),
         ],
@@ -37,6 +38,7 @@ def build(data: RunData) -> Page:
         else [],
         notes=notes if data.description else ["The run folder has no robot.urdf: there is no replay."],
         verdict="" if data.verdict is None else verdict.part(data.verdict),
+        supervisor=supervisor.part(data.safety),
         name=data.folder.path.name,
     )
 
@@ -111,4 +113,6 @@ def events(data: RunData) -> list[Event]:
         for s in data.record.setpoints
     ]
     found += [Event(time, "reflex", "arm", ", ".join(names)) for time, names in data.record.reflexes]
+    if data.safety is not None:
+        found += [Event(one.time, one.kind, "supervisor", one.text) for one in data.safety.events]
     return sorted(found, key=lambda event: event.time)

@@ -1,0 +1,147 @@
+"""What a supervisor of a collaboration decided in a run, and what it noticed. No ROS."""
+
+from array import array
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hric_bags.parts import PartsReader
+from hric_bags.reader import FloatArray, opened, seconds
+
+STATE_TYPE, EVENT_TYPE = "hric_msgs/msg/SafetyState", "hric_msgs/msg/SafetyEvent"
+TYPES = (STATE_TYPE, EVENT_TYPE)
+FREE, SLOWED, STOPPED = "free", "slowed", "stopped"
+STATES = (FREE, SLOWED, STOPPED)
+"""Of the supervisor; a code in `SafetyRecord.state` is an index here."""
+
+
+class SafetyEvent(NamedTuple):
+    """Something that it noticed or did.
+
+    Attributes:
+        time: robot time [s].
+        kind, text: as hric_msgs/SafetyEvent has them.
+        separation, margin: distance then, and that less the protective one [m]; NaN where not known.
+    """
+
+    time: float
+    kind: str
+    text: str
+    separation: float
+    margin: float
+
+
+@dataclass(frozen=True)
+class SafetyRecord:
+    """Of n decisions.
+
+    Attributes:
+        mode: of the supervisor.
+        time: robot time, shape (n,) [s].
+        state: index in STATES, shape (n,) ints.
+        fault: whether nothing could be decided, shape (n,) bools.
+        violation: whether the arm moved nearer than it should, shape (n,) bools.
+        scale: that was requested, shape (n,) [1].
+        separation, protective: smallest distance, and S_p of the part with the smallest margin, shape (n,) [m]; NaN
+            with a fault.
+        margin: of that part, shape (n,) [m].
+        latency: from a pose to the cycle that took its request up, shape (n,) [s]; NaN where none did.
+        events: in the order of time.
+    """
+
+    mode: str
+    time: FloatArray
+    state: np.ndarray
+    fault: np.ndarray
+    violation: np.ndarray
+    scale: FloatArray
+    separation: FloatArray
+    protective: FloatArray
+    margin: FloatArray
+    latency: FloatArray
+    events: tuple[SafetyEvent, ...]
+
+    def share(self, state: str) -> float:
+        """Of the time between the first decision and the last, in which the supervisor was in a state [1]."""
+        if len(self.time) < 2:
+            return float(np.mean(self.state == STATES.index(state)))
+        period = np.diff(self.time)
+        return float(period[self.state[:-1] == STATES.index(state)].sum() / period.sum())
+
+    def stretches(self, state: str) -> list[tuple[float, float]]:
+        """Begin and end of each stretch of time in a state [s]; the last one ends with the record."""
+        return self._stretches(self.state == STATES.index(state))
+
+    @property
+    def violations(self) -> list[tuple[float, float]]:
+        """Begin and end of each stretch of time in which the arm moved nearer than it should [s]."""
+        return self._stretches(self.violation)
+
+    def _stretches(self, chosen: np.ndarray) -> list[tuple[float, float]]:
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], chosen, [False])).astype(int)))
+        last = len(self.time) - 1
+        return [(float(self.time[a]), float(self.time[min(b, last)])) for a, b in edges.reshape(-1, 2)]
+
+
+class SafetyMessages:
+    """Takes messages as they come."""
+
+    def __init__(self) -> None:
+        self._mode, self._rows, self._events = "", array("d"), list[tuple[float, Any]]()
+
+    def add(self, kind: str, message: Any) -> None:
+        """One of TYPES."""
+        stamp = seconds(message.header.stamp)
+        if kind == EVENT_TYPE:
+            self._events.append((stamp, message))
+            return
+        self._mode = str(message.mode)
+        numbers = (message.scale, message.separation, message.protective, message.margin, message.latency)
+        code = STATES.index(message.state)
+        self._rows.extend((stamp, code, bool(message.fault), message.violation, *numbers))
+
+    def record(self, robot_time: Callable[[float], float]) -> SafetyRecord | None:
+        """Of all that came; None: no decision did.
+
+        Args:
+            robot_time: of a stamp [s].
+        """
+        if not self._rows:
+            return None
+        rows = np.array(self._rows).reshape(-1, 9)
+        rows[:, 0] = [robot_time(stamp) for stamp in rows[:, 0].tolist()]
+        rows = rows[np.argsort(rows[:, 0], kind="stable")]
+        time, state, fault, violation, scale, separation, protective, margin, latency = rows.T
+        events = (
+            SafetyEvent(robot_time(stamp), str(one.kind), str(one.text), float(one.separation), float(one.margin))
+            for stamp, one in self._events
+        )
+        return SafetyRecord(
+            self._mode,
+            time,
+            state.astype(int),
+            fault > 0.0,
+            violation > 0.0,
+            scale,
+            separation,
+            protective,
+            margin,
+            latency,
+            tuple(sorted(events, key=lambda event: event.time)),
+        )
+
+
+def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> SafetyRecord | None:
+    """Of a bag with all its parts; None: no supervisor was there.
+
+    Raises:
+        BagError: the bag is missing or damaged.
+    """
+    taken = SafetyMessages()
+    with opened(bag) as reader:
+        for connection, _, raw in reader.chosen(lambda c: c.msgtype in TYPES):
+            taken.add(connection.msgtype, reader.deserialize(raw, connection.msgtype))
+    return taken.record(robot_time)
