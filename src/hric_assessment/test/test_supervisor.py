@@ -182,6 +182,14 @@ def test_who_runs_faster_once_the_arm_brakes_violates_and_that_is_named():
     assert cell.events().count("violation") == 1
 
 
+def test_while_the_arm_brakes_a_pose_may_be_a_little_ahead_of_the_clock():
+    cell, ahead = Cell(), 0.01
+    for scale in (1.0, 0.8, 0.5, 0.0):
+        now = round(cell.time + PERIOD, 9)
+        decision = cell.decide(ball(now + ahead, 1.0), SPEED, arm_stamp=now + ahead, in_force=InForce(now, 0.0, scale))
+    assert not decision.fault and decision.scale == 0.0 and decision.part.terms.reaction == 0.0
+
+
 def test_an_arm_that_comes_to_rest_later_than_is_said_violates():
     assert "violation" in braking(lambda time: 1.6, 4.5, lag=0.15).events()
     assert "violation" not in braking(lambda time: 1.6, 4.5, lag=0.15, settling_time=0.7).events()

@@ -109,7 +109,8 @@ class Stopping:
             slows = in_force.requested < in_force.scale and (falls or self._brakes)
             self._brakes = slows or in_force.requested == 0.0
             self._before = in_force
-        reaction = min(now - known, own.reaction_time) if self._brakes else own.reaction_time
+        age = max(now - known, 0.0)  # a stamp may be a little ahead of the clock
+        reaction = min(age, own.reaction_time) if self._brakes else own.reaction_time
         self._stands_since = min(self._stands_since, in_force.stamp) if in_force.scale == 0.0 else math.inf
         if at_rest:
             return Braking(reaction, 0.0, 0.0)
