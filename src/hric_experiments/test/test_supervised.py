@@ -12,7 +12,7 @@ from hric_control.speed_scale import stopping_time
 from hric_experiments.approaches import command
 from hric_experiments.approaches.draw import SPEEDS, draw
 from hric_experiments.approaches.run import Runner
-from hric_experiments.definition import experiment
+from hric_experiments.definition import experiment, parameters
 from hric_experiments.simulation import Simulation
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScaleState
 
@@ -122,6 +122,7 @@ def test_a_supervised_run_is_the_same_each_time_and_one_that_is_watched_only_is_
     [
         ({"supervisor.mode": "brave"}, "monitored_standstill"),
         ({"supervisor.source": "marker"}, "base_from_mocap"),
+        ({"supervisor.source": "person"}, "a section person"),
         ({"supervisor.limits": "nobody"}, "iso_ts_15066"),
         ({"supervisor.speed": 0.0}, "above 0"),
     ],
@@ -136,6 +137,18 @@ def test_a_supervisor_who_sees_nobody_is_refused():
     del raw["human"]
     with pytest.raises(HricError, match="nobody is in the robot's plant"):
         experiment.parse(NAME, raw)
+
+
+def test_a_tracked_person_is_of_live_runs_and_his_section_reaches_the_supervisor():
+    raw = experiment.read(NAME)
+    del raw["human"]
+    raw["mocap"] = {"base_from_mocap": {"xyz": [0, 0, 0], "xyzw": [0, 0, 0, 1]}}
+    raw["person"], raw["supervisor"]["source"] = {"subject": "P50_female"}, "person"
+    definition = experiment.parse(NAME, raw)
+    (given,) = parameters.supervisor(definition).values()
+    assert given["person"]["subject"] == "P50_female"
+    with pytest.raises(HricError, match="scripts/bringup"):
+        Simulation(definition)
 
 
 def test_a_real_arm_is_refused_without_the_acknowledgement():

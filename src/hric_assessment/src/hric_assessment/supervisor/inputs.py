@@ -10,16 +10,19 @@ from sensor_msgs.msg import JointState
 from hric_assessment.supervisor.arm import ArmState
 from hric_assessment.supervisor.decision import WORLD
 from hric_assessment.supervisor.person import BodyShape, Observation, hand_ball
-from hric_assessment.supervisor.settings import MARKER, SupervisorSettings
+from hric_assessment.supervisor.settings import MARKER, PERSON, SupervisorSettings
 from hric_control.errors import ParameterError
 from hric_control.geometry import Pose
 from hric_control.geometry.messages import pose_of
 from hric_control.node import Node, Registration
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
-from hric_msgs.msg import MocapData
+from hric_human.tracking import LOST
+from hric_msgs.msg import MocapData, PersonTracking
+from hric_perception.person.settings import PersonSettings
 
 JOINTS, FRAMES = "joint_states", "hric/perception/mocap"
+PERSON_JOINTS, PERSON_TRACKING = "hric/person/joint_states", "hric/person/tracking"
 HUMAN_JOINTS, HUMAN_ROOT = "hric/human/joint_states", "hric/human/root"
 
 
@@ -142,12 +145,69 @@ class MarkerInput:
         return self._newest
 
 
+class TrackedInput:
+    """A real person by the joints that the node `person` estimates. While a joint or his root is lost nothing is known
+    of him.
+
+    Args:
+        node: any.
+        root: namespace of the robot, with a slash at its end.
+        person: the section `person` of the experiment; None: its defaults.
+        where: name of that parameter.
+        frame: of the arm's base, in which his markers must be.
+    """
+
+    def __init__(self, node: Node, root: str, person: Mapping[str, Any] | None, where: str, frame: str) -> None:
+        body, _ = PersonSettings.of(person or {}, where).known()
+        self._shape, self.frame, self.came = BodyShape(body, Pose()), frame, _nobody
+        self._joints: Any = None
+        self._tracking: Any = None
+        self._pair: Any = None
+        self._made: tuple[Any, Observation] | None = None
+        self.registrations: list[Registration] = [
+            node.subscribe(f"{root}{PERSON_JOINTS}", JointState, self._on_joints),
+            node.subscribe(f"{root}{PERSON_TRACKING}", PersonTracking, self._on_tracking),
+        ]
+
+    def _on_joints(self, message: Any) -> None:
+        self._joints = message
+        self._match()
+
+    def _on_tracking(self, message: Any) -> None:
+        self._tracking = message
+        self._match()
+
+    def _match(self) -> None:
+        """Both are of one frame, and all of him is known."""
+        joints, tracking = self._joints, self._tracking
+        if joints is None or tracking is None or joints.header.stamp != tracking.header.stamp:
+            return
+        if tracking.root_state != LOST and len(joints.name) == len(tracking.name):
+            self._pair = joints, tracking
+            self.came()
+
+    @property
+    def newest(self) -> Observation | None:
+        """Made on access: more messages come than decisions are."""
+        pair, made = self._pair, self._made
+        if pair is None:
+            return None
+        if made is None or made[0] is not pair:
+            joints, tracking = pair
+            head, angles = tracking.header, dict(zip(joints.name, joints.position, strict=True))
+            found = self._shape.seen(head.stamp.to_sec(), head.frame_id, angles, pose_of(tracking.root))
+            made = self._made = pair, found
+        return made[1]
+
+
 def person_input(
     node: Node, root: str, settings: SupervisorSettings, person: Mapping[str, Any] | None, where: str, base: str
 ) -> PersonInput:
     """By the settings; the arguments are those of the classes, base: the frame of the arm's base."""
     if settings.source == MARKER:
         return MarkerInput(node, root, settings, base)
+    if settings.source == PERSON:
+        return TrackedInput(node, root, person, where, base)
     return HumanInput(node, root, person, where)
 
 

@@ -9,7 +9,7 @@ from hric_control.parameters import Settings, anything, choice, flag, number, te
 SPEED_AND_SEPARATION, POWER_AND_FORCE = "speed_and_separation", "power_and_force_limiting"
 HAND_GUIDED, STANDSTILL = "hand_guided", "monitored_standstill"
 MODES = (SPEED_AND_SEPARATION, POWER_AND_FORCE, HAND_GUIDED, STANDSTILL)
-HUMAN, MARKER = "human", "marker"
+HUMAN, MARKER, PERSON = "human", "marker", "person"
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,9 @@ class SupervisorSettings(Settings):
     source: str = choice(
         HUMAN,
         MARKER,
+        PERSON,
         text="who sees the person: `human`, the joint states of the one in the plant; `marker`, a hand whose rigid "
-        "body motion capture tracks",
+        "body motion capture tracks; `person`, the joints of a real one whom the node `person` tracks",
     )
     body: str = text("hand", empty=False, text="with `marker`: rigid body of the hand")
     hand_radius: float = number(
@@ -93,5 +94,6 @@ class NodeSettings(SupervisorSettings):
     person: Any = anything(
         None,
         default_text="none",
-        text="with `human`: the section `human` of the experiment, that is, who it is, and where",
+        text="with `human`: the section `human` of the experiment, that is, who it is, and where; with `person`: the "
+        "section of that name",
     )

@@ -283,7 +283,11 @@ def supervisor(experiment: Experiment) -> dict[str, dict[str, Any]]:
     """Private parameters of the supervisor, by its name; empty without a section `supervisor`."""
     if experiment.supervisor is None:
         return {}
-    seen = {} if experiment.human is None else {"person": dict(located(experiment.human, Path.cwd()))}
+    seen: dict[str, Any] = {}
+    if experiment.supervisor.get("source") == "person":
+        seen = {"person": _from_root(experiment.person or {}, "subject", "calibration")}
+    elif experiment.human is not None:
+        seen = {"person": dict(located(experiment.human, Path.cwd()))}
     return {SUPERVISOR: {**_from_root(experiment.supervisor, "limits"), **seen}}
 
 
