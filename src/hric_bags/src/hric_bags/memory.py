@@ -1,6 +1,6 @@
 """A bag that is kept in memory: what a run published, for whoever analyses it without leaving a file."""
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -78,11 +78,17 @@ class MemoryBag:
         return (item for item in self._messages if id(item[0]) in chosen)
 
     def chosen(
-        self, chooses: Callable[[Connection], bool], progress: str = ""
+        self, chooses: Callable[[Connection], bool], progress: str = "", spacing: Mapping[str, int] | None = None
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """The same of the connections that are chosen; progress: nobody waits for it."""
+        """The same of the connections that are chosen; progress: nobody waits for it; spacing: as `PartsReader` has
+        it."""
         selected = [connection for connection in self.connections if chooses(connection)]
-        return self.messages(selected) if selected else iter(())
+        last, periods = dict[str, int](), spacing or {}
+        for item in self.messages(selected) if selected else ():
+            connection, time, _ = item
+            if connection.topic not in last or time - last[connection.topic] >= periods.get(connection.topic, 0):
+                last[connection.topic] = time
+                yield item
 
     @property
     def topics(self) -> dict[str, Connection]:

@@ -2,7 +2,7 @@
 comes once."""
 
 import re
-from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,6 +13,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 from tqdm import tqdm
 
+from hric_bags.indexed import IndexedReader
 from hric_control.errors import HricError
 
 MARGIN = 2_000_000_000
@@ -56,8 +57,10 @@ class Bag(Protocol):
     def messages(self, connections: Collection[Any] = ()) -> Iterator[tuple[Any, int, bytes]]:
         """(connection, time of recording [ns], serialised message), of some connections or of all."""
 
-    def chosen(self, chooses: Callable[[Any], bool], progress: str = "") -> Iterator[tuple[Any, int, bytes]]:
-        """The same of the connections that are chosen."""
+    def chosen(
+        self, chooses: Callable[[Any], bool], progress: str = "", spacing: Mapping[str, int] | None = None
+    ) -> Iterator[tuple[Any, int, bytes]]:
+        """The same of the connections that are chosen; spacing: see `PartsReader.messages`."""
 
 
 class PartsError(HricError):
@@ -127,7 +130,9 @@ class PartsReader(AnyReader):
 
     def __init__(self, bag: Path) -> None:
         self.bag = bag
-        super().__init__(parts(bag))
+        found = parts(bag)
+        super().__init__(found)
+        self.readers: list[Any] = [IndexedReader(path) for path in found]
         self._repeated: list[dict[Stream, int]] | None = None
 
     def _open(self) -> None:
@@ -146,30 +151,37 @@ class PartsReader(AnyReader):
             raise AnyReaderError(*error.args) from error
 
     def messages(
-        self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None
+        self,
+        connections: Collection[Connection] = (),
+        start: int | None = None,
+        stop: int | None = None,
+        spacing: Mapping[str, int] | None = None,
     ) -> Generator[Any, None, None]:
-        """As in AnyReader, each message once."""
+        """As in AnyReader, each message once; spacing: shortest time between two messages of a topic [ns], before which
+        a further one is left out."""
         if len(self.readers) == 1:
-            yield from super().messages(connections, start, stop)
+            yield from self.readers[0].messages(connections, start, stop, spacing)
             return
         repeated, earliest = [dict(counts) for counts in self._seams()], -1 if start is None else start
         numbers = {id(reader): number for number, reader in enumerate(self.readers)}
+        last, periods = dict[str, int](), spacing or {}
         for connection, time, raw in super().messages(connections, None, stop):
-            left, stream = repeated[numbers[id(connection.owner)]], _stream(connection)
+            left, stream, topic = repeated[numbers[id(connection.owner)]], _stream(connection), connection.topic
             if left.get(stream, 0):
                 left[stream] -= 1
-            elif time >= earliest:
+            elif time >= earliest and (topic not in last or time - last[topic] >= periods.get(topic, 0)):
+                last[topic] = time
                 yield connection, time, raw
 
     def chosen(
-        self, chooses: Callable[[Connection], bool], progress: str = ""
+        self, chooses: Callable[[Connection], bool], progress: str = "", spacing: Mapping[str, int] | None = None
     ) -> Iterator[tuple[Connection, int, bytes]]:
         """(connection, time of recording [ns], serialised message) of some connections; progress: label of a bar on the
-        terminal, "" for none."""
+        terminal, "" for none; spacing: see `messages`."""
         connections = [connection for connection in self.connections if chooses(connection)]
         if connections:  # without any `messages` takes all
             yield from tqdm(
-                self.messages(connections),
+                self.messages(connections, spacing=spacing),
                 total=sum(connection.msgcount for connection in connections),
                 unit=" messages",
                 desc=progress,

@@ -15,7 +15,8 @@ import numpy as np
 
 from hric_assessment.tables import episode_table
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
-from hric_bags.records.human_record import HumanRecord, RegionForce
+from hric_bags.records.human_record import HumanRecord
+from hric_bags.records.region_contacts import RegionForce
 from hric_control import urdf
 from hric_control.errors import HricError
 from hric_control.geometry import homogeneous
@@ -24,6 +25,7 @@ from hric_control.plant import Surface
 from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces
 from hric_human.body import describe, surfaces
 from hric_human.participant.settings import HumanSettings
+from hric_human.participant.walk import JOINTS, Walk
 from urdf_to_osim.mass_matrix import mass_matrix, point_jacobian
 
 LASTING = episode_table()["transient_time"]
@@ -218,8 +220,13 @@ class Beside:
         body = describe(settings.person)
         root = settings.root(body)
         T_world_root = homogeneous(rotation_from_quaternion(root.orientation), root.position)
+        described, joints, self._human_q = body.urdf, human.joints, human.position
+        if settings.walk is not None and human.root is not None:  # he gives way along the joints that carry him, too
+            described, joints = Walk(settings.walk, body, settings.heading).urdf, (*JOINTS, *human.joints)
+            walked = human.root.at(human.time)[:, :2] - np.array(root.position[:2])
+            self._human_q = np.hstack([walked, human.position])
         self._robot = Mechanism(urdf.read(description), log.joint_names, config.rotor_inertia)
-        self._human = Mechanism(urdf.read(body.urdf), human.joints, [0.0] * len(human.joints), T_world_root)
+        self._human = Mechanism(urdf.read(described), joints, [0.0] * len(joints), T_world_root)
         rules = Surfaces((*load_surfaces(config.world), *config.surfaces), config.contact_stiffness)
         self._name = self._robot.tree.name
         self._skin = rules.of_model("human", body.regions, Surface(), surfaces(body))
@@ -228,17 +235,24 @@ class Beside:
 
     def impact(self, met: RegionForce) -> Impact:
         """A contact with what is expected of it."""
-        model, _, link = met.other.rpartition("::")
-        if met.kind != "penalty" or model != self._name:
+        if not self._ours(met):
             return Impact(met, None, None)
-        return Impact(met, self._transient(met, link), self._press(met, link))
+        return Impact(met, self.transient(met), self._press(met, met.other.rpartition("::")[2]))
 
-    def _transient(self, met: RegionForce, link: str) -> Transient | None:
+    def _ours(self, met: RegionForce) -> bool:
+        """Whether it has a force, and is one with the robot."""
+        return met.kind == "penalty" and met.other.rpartition("::")[0] == self._name
+
+    def transient(self, met: RegionForce) -> Transient | None:
+        """The closed form; None: see `Impact`."""
+        if not self._ours(met):
+            return None
+        link = met.other.rpartition("::")[2]
         law, speed = combine(self._skin[met.link], self._hull[link]), met.speed or 0.0
         if law is None or law[1] or met.point is None or met.normal is None or speed <= 0.0:
             return None
         log, record = self._log, self._record
-        q_robot, q_human = _at(met.begin, log.time, log.position), _at(met.begin, record.time, record.position)
+        q_robot, q_human = _at(met.begin, log.time, log.position), _at(met.begin, record.time, self._human_q)
         return Transient(
             speed,
             self._robot.reflected_mass(q_robot, link, met.point, met.normal),

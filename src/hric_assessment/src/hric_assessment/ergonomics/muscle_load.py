@@ -4,12 +4,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from hric_bags.records.human_record import GripRecord
+from hric_bags.records.human_record import GripRecord, HumanRecord
+from hric_control.errors import HricError
 from hric_control.geometry import FloatArray, Pose, Vector
 from hric_human.body import Body
 from hric_human.control.kinematics import GRAVITY
-from hric_human.control.whole_body import Load
-from hric_human.muscles.after_run import AfterRun, Motion, MuscleLoad
+from hric_human.control.whole_body import Load, RootMotion
+from hric_human.muscles.after_run import RATE, AfterRun, Motion, MuscleLoad, of_root_too, smoothed
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.muscle_set import MuscleSet
 
@@ -39,10 +40,34 @@ def _load(grip: GripRecord, link: str, sign: float, time: FloatArray) -> Load:
     return Load(link, sign * at(grip.force, 0.0), sign * at(grip.torque, 0.0), at(grip.point, None))
 
 
+def motion_of(
+    record: HumanRecord, joints: Sequence[str], still: Pose, cutoff: float, rate: float = RATE
+) -> tuple[Motion, Pose | RootMotion]:
+    """The smooth motion of joints, and that of the root link, or its pose where it is at rest.
+
+    Args:
+        record: of a run, or a part of it.
+        joints: names, of all joints of a body.
+        still: pose of its root link in the world, where the record has none.
+        cutoff, rate: see `smoothed`.
+
+    Raises:
+        HricError: a joint that the record has not; see `smoothed`.
+    """
+    missing = [name for name in joints if name not in record.joints]
+    if missing:
+        raise HricError(f"no joint {missing[0]} in the recorded motion; valid: {', '.join(record.joints)}")
+    q = record.position[:, [record.joints.index(name) for name in joints]]
+    if record.root is None:
+        return smoothed(record.time, q, cutoff, rate), still
+    walked = smoothed(record.time, np.hstack([q, record.root.at(record.time)]), cutoff, rate)
+    return of_root_too(walked, len(joints))
+
+
 def load_of(
     body: Body,
     anatomy: Anatomy,
-    T_world_root: Pose,
+    root: Pose | RootMotion,
     motion: Motion,
     loads: Sequence[Load] = (),
     strength: float = 1.0,
@@ -53,10 +78,11 @@ def load_of(
     Args:
         body: his.
         anatomy: of his muscles.
-        T_world_root: of his root link, at rest.
+        root: T_world_root of his root link, at rest; or its motion at the instants of the other one.
         motion: of his joints.
         loads: on his links.
         strength: factor of that of his muscles.
         gravity: in the world [m/s^2].
     """
-    return AfterRun(body, MuscleSet(body, anatomy, strength), anatomy, T_world_root, gravity).of(motion, loads)
+    still, moved = (root, None) if isinstance(root, Pose) else (Pose(), root)
+    return AfterRun(body, MuscleSet(body, anatomy, strength), anatomy, still, gravity).of(motion, loads, moved)

@@ -6,9 +6,8 @@ import numpy as np
 
 from hric_assessment.separation.capsules import Capsules
 from hric_control import urdf
-from hric_control.geometry import FloatArray, homogeneous
-from hric_control.geometry.quaternions import normalized
-from hric_control.geometry.transforms import rotation_from_quaternion, skew
+from hric_control.geometry import FloatArray
+from hric_control.geometry.transforms import skew
 from hric_control.urdf.shapes import Shape, join_capsules
 
 Poses = Callable[[FloatArray], FloatArray]
@@ -108,28 +107,6 @@ def _motion(joint: urdf.Joint, q: FloatArray) -> FloatArray:
     K = skew(joint.axis)
     T[:, :3, :3] += np.sin(q)[:, None, None] * K + (1.0 - np.cos(q))[:, None, None] * (K @ K)
     return T
-
-
-def moving(time: FloatArray, pose: FloatArray) -> Poses:
-    """A root link between its samples: position and quaternion x y z w on straight lines.
-
-    Args:
-        time: shape (m,) [s].
-        pose: shape (m, 7) [m].
-    """
-    quaternion = pose[:, 3:].copy()
-    flips = np.cumprod(np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0.0, -1.0, 1.0))
-    quaternion[1:] *= flips[:, None]  # the same rotations, and a smooth curve
-    columns = np.hstack([pose[:, :3], quaternion])
-
-    def at(times: FloatArray) -> FloatArray:
-        if len(pose) == 1:
-            still = homogeneous(rotation_from_quaternion(pose[0, 3:].tolist()), pose[0, :3])
-            return np.tile(still, (len(times), 1, 1))
-        rows = np.array([np.interp(times, time, column) for column in columns.T]).T.tolist()
-        return np.array([homogeneous(rotation_from_quaternion(normalized(row[3:])), row[:3]) for row in rows])
-
-    return at
 
 
 def speeds(ends: Callable[[FloatArray], FloatArray], time: FloatArray, block: int = 2000) -> FloatArray:

@@ -16,7 +16,7 @@ from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
 from hric_assessment.verdict.result import warned
-from hric_bags.records.human_record import RegionForce
+from hric_bags.records.region_contacts import RegionForce
 from hric_control import urdf
 from hric_control.errors import HricError
 from hric_control.geometry import FloatArray
@@ -139,7 +139,7 @@ class Expected:
         """The finding with it; own: the contacts of the episode."""
         if self._beside is None:
             return replace(finding, missing=(*finding.missing, self._why))
-        forms = [form for one in own if (form := self._beside.impact(one).transient) is not None]
+        forms = [form for one in own if (form := self._beside.transient(one)) is not None]
         if not forms:
             return finding
         form = max(forms, key=lambda form: form.peak)

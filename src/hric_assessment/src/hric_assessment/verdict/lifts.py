@@ -94,7 +94,7 @@ def _lift(one: Carried, person: Person, phase: str, end: int, top: int) -> Lift:
     return Lift(
         phase,
         max(0.0, float(one.load[rows][raised].mean())),
-        float(np.linalg.norm(one.point[end, :2] - root[0, :2])),
+        float(np.linalg.norm(one.point[end, :2] - root.at(one.time[end : end + 1])[0, :2])),
         max(0.0, low - settings.floor),
         travel,
         hands=one.hands,

@@ -1,12 +1,12 @@
 """Figures of joints and muscles: they neither pass nor fail, since whose strength it is is a model's."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from hric_assessment.ergonomics.muscle_load import grip_loads, load_of
+from hric_assessment.ergonomics.muscle_load import grip_loads, load_of, motion_of
 from hric_assessment.tables import verdict_table
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
@@ -15,7 +15,8 @@ from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import Columns
 from hric_control.errors import HricError
 from hric_control.geometry import FloatArray, Pose
-from hric_human.muscles.after_run import CUTOFF, Motion, MuscleLoad, smoothed
+from hric_human.control.whole_body import RootMotion
+from hric_human.muscles.after_run import CUTOFF, Motion, MuscleLoad
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.choose import find
 
@@ -64,14 +65,17 @@ def loads(given: Given, person: Person | None) -> Loads:
             figures += _active(own, f"as modelled, by static optimisation, {MODEL}")
         factor = verdict_table()["weak_shoulder"]
         figures += _active(weak, f"with all muscles at {factor:g} of that, {MODEL}", brief=True)
-        figures += _contact(own.contact)
+        figures += [] if given.recording.contact else _contact(own.contact, "computed")
+    for columns in given.recording.contact.values():
+        figures += _contact(dict(zip(columns.names, columns.values.T, strict=True)), "recorded")
     shown = recorded if recorded is not None else (computed[0].columns if computed else None)
     return Loads(tuple(figures), shown)
 
 
 @dataclass(frozen=True)
 class _Muscles:
-    """Activation of muscles alone, without actuators of joints."""
+    """Activation of muscles alone, without actuators of joints; contact: size of the force in each joint centre, shape
+    (n,) [N]."""
 
     columns: Columns
     contact: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -129,13 +133,13 @@ def _active(muscles: _Muscles, note: str, brief: bool = False) -> list[Figure]:
     return found
 
 
-def _contact(contact: Mapping[str, FloatArray]) -> list[Figure]:
+def _contact(contact: Mapping[str, FloatArray], how: str) -> list[Figure]:
+    """Sizes of forces, by joint centre, shape (n,) each [N]; NaN: not known."""
     found = []
     for joint, force in contact.items():
-        size = np.linalg.norm(force, axis=1)
-        size = size[np.isfinite(size)]
+        size = force[np.isfinite(force)]
         if len(size):
-            note = f"mean {size.mean():.0f} N; {MODEL}"
+            note = f"mean {size.mean():.0f} N; {how}, {MODEL}"
             found.append(Figure("joint load", f"largest contact force in {joint}", float(size.max()), "N", note))
     return found
 
@@ -156,20 +160,23 @@ def _computed(given: Given, person: Person | None) -> tuple[_Muscles, _Muscles] 
 
 
 def _over(person: Person, record: HumanRecord, anatomy: Anatomy, root: Pose, strength: float) -> _Muscles:
-    columns = [record.joints.index(name) for name in person.body.joints]
     found: list[MuscleLoad] = []
     begin = float(record.time[0])
     while begin < record.time[-1] - OVERLAP or not found:
         rows = (record.time >= begin - OVERLAP) & (record.time <= begin + PIECE + OVERLAP)
-        motion = smoothed(record.time[rows], record.position[rows][:, columns], CUTOFF, RATE)
+        part = replace(record, time=record.time[rows], position=record.position[rows])
+        motion, moved = motion_of(part, list(person.body.joints), root, CUTOFF, RATE)
         kept = (motion.time >= begin) & (motion.time < begin + PIECE)
         motion = Motion(*(values[kept] for values in (motion.time, motion.q, motion.dq, motion.ddq)))
+        if not isinstance(moved, Pose):
+            moved = RootMotion(*(values[kept] for values in moved))
         acting = grip_loads(record.grips.values(), motion.time)
-        found.append(load_of(person.body, anatomy, root, motion, acting, strength))
+        found.append(load_of(person.body, anatomy, moved, motion, acting, strength))
         begin += PIECE
     muscles = np.flatnonzero(found[0].is_muscle)
     names = tuple(found[0].names[k] for k in muscles)
     time = np.concatenate([one.time for one in found])
     values = np.concatenate([one.activation[:, muscles] for one in found])
-    contact = {name: np.concatenate([one.contact[name] for one in found]) for name in found[0].contact}
+    sizes = [{name: np.linalg.norm(force, axis=1) for name, force in one.contact.items()} for one in found]
+    contact = {name: np.concatenate([one[name] for one in sizes]) for name in sizes[0]}
     return _Muscles(Columns("computed", names, time, values), contact)

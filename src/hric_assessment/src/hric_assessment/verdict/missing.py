@@ -11,6 +11,7 @@ DESCRIPTION = "the robot's description (robot.urdf, /robot_description)"
 ROOT = "where the person was in the world (run.yaml, tracking, or a static transform)"
 TORQUE = "joint torques of a person (hric/human/joint_torque, hric/person/joint_torque)"
 MAXIMUM = "the largest voluntary activation of each EMG channel (none is recorded: a bag has volts)"
+BONES = "contact forces between a person's bones (hric/human/joint_reactions, hric/person/joint_reactions)"
 LEGS = "joints of the legs (parts: whole_body)"
 GRIP = "what his hands hold, and with which force (hric/human/grip)"
 
@@ -30,6 +31,11 @@ def missing(given: Given, person: Person | None) -> list[Missing]:
         (person is not None and person.root is None, ROOT, "the distance to the arm"),
         (not _has(given, "joint_torque"), TORQUE, "the load of his joints as share of their strength"),
         (not found.activation, "activation of his muscles (activation)", "how active they were"),
+        (
+            person is not None and person.settings is None and not found.contact,
+            BONES,
+            "how much his shoulders and elbows carry",
+        ),
         (not _has(given, "/grip"), GRIP, "the effort of the interaction, the load in RULA, REBA and NIOSH"),
         (_of_kind(given, "SampleChunk") and not found.activation, MAXIMUM, "how active the muscles below them were"),
         (person is not None and not _knees(person), LEGS, "REBA, which counts bent knees, and the balance of RULA"),

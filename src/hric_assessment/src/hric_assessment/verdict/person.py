@@ -6,6 +6,7 @@ import numpy as np
 
 from hric_assessment.verdict.given import Given
 from hric_bags.records.recording import Tracked
+from hric_bags.records.root_record import RootRecord
 from hric_control import urdf
 from hric_control.geometry import FloatArray, Pose, compose, quaternion_from_rotation
 from hric_control.geometry.quaternions import normalized
@@ -26,7 +27,7 @@ class Person:
         names: of joints whose angles are known.
         time: robot time, shape (n,) [s].
         q: shape (n, j) [rad]; NaN where not known.
-        root_time, root: when and where his root link was in the world, shapes (m,) and (m, 7) [m]; None: not known.
+        root: where his root link was in the world; None: not known.
         signals: topics.
         assumptions: sentences.
         settings: of a simulated human; None: of others.
@@ -39,8 +40,7 @@ class Person:
     names: tuple[str, ...]
     time: FloatArray
     q: FloatArray
-    root_time: FloatArray | None
-    root: FloatArray | None
+    root: RootRecord | None
     signals: tuple[str, ...]
     assumptions: tuple[str, ...] = ()
     settings: HumanSettings | None = None
@@ -75,17 +75,18 @@ def _simulated(given: Given) -> Person | None:
     else:
         settings = HumanSettings.of(section, "human")
     body = describe(settings.person)
-    root = settings.root(body) if section is not None else _placed(given)
-    root_time, root_pose = (None, None) if root is None else _still(root, record.time)
-    signals = tuple(t for t in given.recording.topics if t.endswith(("human/joint_states", "human/joint_torque")))
+    root = record.root
+    if root is None and (where := settings.root(body) if section is not None else _placed(given)) is not None:
+        root = RootRecord.still(where)
+    own = ("human/joint_states", "human/joint_torque", "human/root")
+    signals = tuple(topic for topic in given.recording.topics if topic.endswith(own))
     return Person(
         "simulated human",
         body,
         record.joints,
         record.time,
         record.position,
-        root_time,
-        root_pose,
+        root,
         signals,
         tuple(assumptions),
         settings if section is not None else None,
@@ -98,10 +99,6 @@ def _placed(given: Given) -> Pose | None:
         if child.endswith(ROOT_FRAME) and parent == "world":
             return pose
     return None
-
-
-def _still(root: Pose, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return time[:1], np.array([[*root.position, *root.orientation]])
 
 
 def _other(given: Given) -> Person | None:
@@ -121,7 +118,6 @@ def _other(given: Given) -> Person | None:
         body, calibrated = PersonSettings.of(section, "person").known()
         if not calibrated:
             assumptions.append("the body was not fitted to the person in a still pose: lengths are those of his file")
-    time, root = _root(given, tracked)
     what = "tracked person" if tracked is not None else "person of whom joint states alone were recorded"
     signals = (topic,) if tracked is None else (topic, beside)
     return Person(
@@ -130,8 +126,7 @@ def _other(given: Given) -> Person | None:
         states.names,
         states.time,
         states.values,
-        time,
-        root,
+        _root(given, tracked),
         signals,
         tuple(assumptions),
         uncertainty=0.0 if tracked is None else float(np.nanpercentile(tracked.residual, 95.0)),
@@ -139,17 +134,16 @@ def _other(given: Given) -> Person | None:
     )
 
 
-def _root(given: Given, tracked: Tracked | None) -> tuple[FloatArray | None, FloatArray | None]:
-    """(times, poses in the world)."""
+def _root(given: Given, tracked: Tracked | None) -> RootRecord | None:
     T_world_markers = None if tracked is None else _markers_frame(given, tracked.frame)
     if tracked is None or T_world_markers is None:
-        return None, None
+        return None
     known = np.isfinite(tracked.pose).all(axis=1)
     if not known.any():
-        return None, None
+        return None
     rows = [(row[:3], row[3:]) for row in tracked.pose[known].tolist()]
     poses = [compose(T_world_markers, Pose((x, y, z), normalized(q))) for (x, y, z), q in rows]
-    return tracked.time[known], np.array([[*pose.position, *pose.orientation] for pose in poses])
+    return RootRecord(tracked.time[known], np.array([[*pose.position, *pose.orientation] for pose in poses]))
 
 
 def _markers_frame(given: Given, frame: str) -> Pose | None:

@@ -11,7 +11,7 @@ from hric_assessment.separation.capsules import of_body
 from hric_assessment.separation.minima import Separation, separation
 from hric_assessment.separation.protective import Terms, person_speed, protective_distance
 from hric_assessment.tables import separation_table, verdict_table
-from hric_assessment.verdict.capsule_motion import CapsuleMotion, capsules_of, moving, speeds
+from hric_assessment.verdict.capsule_motion import CapsuleMotion, capsules_of, speeds
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
@@ -76,17 +76,16 @@ def separated(given: Given, person: Person | None, choices: Choices) -> Separate
         NotAssessableError: the arm is faster, or carries more, than any stop that is known.
     """
     log = given.recording.log
-    if person is None or person.root is None or person.root_time is None or log is None or not given.description:
+    if person is None or person.root is None or log is None or not given.description:
         return None
     tree = urdf.read(given.description)
     robot, left_out = capsules_of(tree, log.joint_names)
     if not len(robot.radii):
         return None
     arm = CapsuleMotion(tree, robot, log.joint_names, log.time, log.position)
-    q, unknown = _filled(person.q)
+    q, unknown = filled(person.q)
     body = of_body(person.body)
-    root = moving(person.root_time, person.root)
-    him = CapsuleMotion(urdf.read(person.body.urdf), body, person.names, person.time, q, root)
+    him = CapsuleMotion(urdf.read(person.body.urdf), body, person.names, person.time, q, person.root.transforms)
     begin, end = max(log.time[0], person.time[0]), min(log.time[-1], person.time[-1])
     if not end > begin:
         return None
@@ -108,9 +107,9 @@ def separated(given: Given, person: Person | None, choices: Choices) -> Separate
     return Separated(found, speed, human, terms, robot.links, body.links, tuple(notes), signals, known, relied)
 
 
-def _filled(q: FloatArray) -> tuple[FloatArray, float]:
-    """Angles with straight lines over what is not known, zero where nothing is; and the share of instants with any
-    such."""
+def filled(q: FloatArray) -> tuple[FloatArray, float]:
+    """Angles with straight lines over what is not known, zero where nothing is, shape (n, j) [rad]; and the share of
+    instants with any such [1]."""
     lost = ~np.isfinite(q)
     if not lost.any():
         return q, 0.0

@@ -9,6 +9,7 @@ import numpy as np
 
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, opened
+from hric_bags.records.rows import seven
 from hric_control.errors import HricError
 from hric_control.plants import WindowlessConfig
 from hric_control.plants.models import Model, model_of_object
@@ -65,7 +66,6 @@ def read(bag: Path | Bag, plant: Mapping[str, Any], robot_time: Callable[[float]
             message, time = reader.deserialize(raw, connection.msgtype), robot_time(1e-9 * stamp)
             for name, pose in zip(message.name, message.pose, strict=True):
                 if name in found:
-                    p, q = pose.position, pose.orientation
-                    found[name].append([time, p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+                    found[name].append([time, *seven(pose)])
     rows = {name: np.array(own) for name, own in found.items() if own}
     return [ObjectRecord(name, known[name].xml, own[:, 0], own[:, 1:]) for name, own in rows.items()]

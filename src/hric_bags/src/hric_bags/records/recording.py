@@ -16,6 +16,7 @@ from hric_bags.reader import ARRAYS, LOG_TYPE, ControlRecord, FloatArray, RobotT
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord
+from hric_bags.records.rows import seven, times, xyz
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_control.geometry import Pose
 from hric_human.body.joints import joints
@@ -27,8 +28,9 @@ SAMPLES = 150_000
 """Of a stream, at most: a recording of an hour is kept at a lower rate; project default."""
 STATES_TYPE, TRACKING_TYPE = "sensor_msgs/msg/JointState", "hric_msgs/msg/PersonTracking"
 ACTIVATION_TYPE, STATIC_TYPE = "hric_msgs/msg/MuscleActivation", "tf2_msgs/msg/TFMessage"
+REACTIONS_TYPE = "hric_msgs/msg/JointReactions"
 TEXT_TYPE = "std_msgs/msg/String"
-_THINNED = (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, STATE_TYPE)
+_THINNED = (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, REACTIONS_TYPE, STATE_TYPE)
 JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
 """Names of the joints of a body of `hric_human`."""
 
@@ -86,6 +88,7 @@ class Recording:
         people: joint states of bodies of `hric_human`, by topic.
         tracked: roots of real persons, by topic.
         activation: of muscles, by topic.
+        contact: size of the contact forces between bones [N], by topic, from beside the activation.
         shares: of the strength of joints of real persons, by topic.
         description: URDF of the robot; "": none in the bag.
         safety: what a supervisor decided; None: none was there.
@@ -103,6 +106,7 @@ class Recording:
     people: dict[str, Columns] = field(default_factory=dict)
     tracked: dict[str, Tracked] = field(default_factory=dict)
     activation: dict[str, Columns] = field(default_factory=dict)
+    contact: dict[str, Columns] = field(default_factory=dict)
     shares: dict[str, Columns] = field(default_factory=dict)
     description: str = ""
     static: dict[tuple[str, str], Pose] = field(default_factory=dict)
@@ -118,7 +122,7 @@ def read(bag: Path | Bag) -> Recording:
     with opened(bag) as reader:
         seconds_long = 1e-9 * reader.duration if reader.message_count else 0.0
         taken = _Taken(reader, min(RATE, SAMPLES / max(seconds_long, 1.0)))
-        for connection, stamp, raw in reader.chosen(taken.wants):
+        for connection, stamp, raw in reader.chosen(taken.wants, spacing=taken.spacing(reader)):
             if taken.due(connection, stamp, raw):
                 taken.add(connection.topic, connection.msgtype, reader.deserialize(raw, connection.msgtype))
         return taken.recording(reader)
@@ -130,9 +134,10 @@ class _Taken:
     def __init__(self, reader: Bag, rate: float) -> None:
         self._human = HumanMessages(reader.connections, rate)
         self._log, self._period = _ThinLog(rate), round(0.99e9 / rate)
-        self._last: dict[str, int] = {}
         self._people: dict[str, _Named | None] = {}
         self._activation: dict[str, _Named] = {}
+        self._contact: dict[str, _Named] = {}
+        self._beside = {c.topic.rpartition("/")[0] for c in reader.connections if c.msgtype == ACTIVATION_TYPE}
         self._shares: dict[str, _Named] = {}
         self._roots: dict[str, _Roots] = {}
         self._pairs: dict[tuple[str, str], PairForce] = {}
@@ -141,22 +146,23 @@ class _Taken:
         self.description = ""
 
     def wants(self, connection: Any) -> bool:
+        if connection.msgtype == REACTIONS_TYPE:  # those of a robot's joints are beside no muscles
+            return str(connection.topic).rpartition("/")[0] in self._beside
         kinds = (*_THINNED, LOG_TYPE, PAIRS_TYPE, EVENT_TYPE)
         if connection.msgtype in kinds or self._human.wants(connection):
             return True
         return str(connection.topic).endswith(("/robot_description", "/tf_static"))
 
+    def spacing(self, reader: Bag) -> dict[str, int]:
+        """Of the streams of a bag, as `chosen` takes it."""
+        thinned = {c.topic: self._period for c in reader.connections if c.msgtype in _THINNED}
+        return thinned | self._human.spacing
+
     def due(self, connection: Any, stamp: int, raw: bytes) -> bool:
         """Whether the message of a time [ns] is to be read."""
-        topic, kind = connection.topic, connection.msgtype
         if self._human.wants(connection):
-            return self._human.due(topic, kind, stamp, raw)
-        if kind not in _THINNED:
-            return True
-        if self._people.get(topic, self) is None or stamp - self._last.get(topic, -self._period) < self._period:
-            return False
-        self._last[topic] = stamp
-        return True
+            return self._human.due(connection, stamp, raw)
+        return self._people.get(connection.topic, self) is not None
 
     def add(self, topic: str, kind: str, message: Any) -> None:
         if kind == LOG_TYPE:
@@ -166,9 +172,12 @@ class _Taken:
         elif kind == STATES_TYPE:
             self._add_states(topic, message)
         elif kind == ACTIVATION_TYPE:
-            self._activation.setdefault(topic, _Named()).add(message, message.activation)
+            self._activation.setdefault(topic, _Named()).add(message, message.name, message.activation)
+        elif kind == REACTIONS_TYPE:
+            sizes = [math.hypot(*xyz(wrench.force)) for wrench in message.wrenches]
+            self._contact.setdefault(topic, _Named()).add(message, message.joint_names, sizes)
         elif kind == TORQUE_TYPE:
-            self._shares.setdefault(topic, _Named()).add(message, message.strength_share)
+            self._shares.setdefault(topic, _Named()).add(message, message.name, message.strength_share)
         elif kind == TRACKING_TYPE:
             self._roots.setdefault(topic, _Roots()).add(message)
         elif kind == PAIRS_TYPE:
@@ -187,7 +196,7 @@ class _Taken:
         if topic not in self._people:
             self._people[topic] = _Named() if JOINTS & set(message.name) else None
         if (named := self._people[topic]) is not None:
-            named.add(message, message.position)
+            named.add(message, message.name, message.position)
 
     def recording(self, reader: Bag) -> Recording:
         """All that was taken."""
@@ -210,10 +219,11 @@ class _Taken:
             log,
             self._human.record(robot_time),
             pairs if any(connection.msgtype == PAIRS_TYPE for connection in reader.connections) else None,
-            {topic: named.columns(topic, robot_time) for topic, named in self._people.items() if named is not None},
+            _columns({topic: named for topic, named in self._people.items() if named is not None}, robot_time),
             {topic: roots.tracked(topic, robot_time) for topic, roots in self._roots.items()},
-            {topic: named.columns(topic, robot_time) for topic, named in self._activation.items()},
-            {topic: named.columns(topic, robot_time) for topic, named in self._shares.items()},
+            _columns(self._activation, robot_time),
+            _columns(self._contact, robot_time),
+            _columns(self._shares, robot_time),
             self.description,
             self._static,
             self._safety.record(robot_time),
@@ -227,8 +237,8 @@ class _Named:
         self._names: dict[str, int] = {}
         self._parts: list[tuple[tuple[str, ...], array[float], array[float]]] = []
 
-    def add(self, message: Any, values: Sequence[float]) -> None:
-        names = tuple(message.name)
+    def add(self, message: Any, of: Sequence[str], values: Sequence[float]) -> None:
+        names = tuple(of)
         if not self._parts or self._parts[-1][0] != names:
             self._parts.append((names, array("d"), array("d")))
             for name in names:
@@ -245,7 +255,11 @@ class _Named:
             columns = [self._names[name] for name in names]
             values[row : row + len(own), columns] = np.array(rows).reshape(len(own), -1)
             row += len(own)
-        return Columns(topic, tuple(self._names), np.array([robot_time(stamp) for stamp in stamps]), values)
+        return Columns(topic, tuple(self._names), times(stamps, robot_time), values)
+
+
+def _columns(streams: dict[str, _Named], robot_time: RobotTime) -> dict[str, Columns]:
+    return {topic: named.columns(topic, robot_time) for topic, named in streams.items()}
 
 
 class _Roots:
@@ -256,15 +270,14 @@ class _Roots:
         self._last: Any = None
 
     def add(self, message: Any) -> None:
-        p, q = message.root.position, message.root.orientation
         self._stamps.append(seconds(message.header.stamp))
-        self._rows.extend((p.x, p.y, p.z, q.x, q.y, q.z, q.w, message.residual))
+        self._rows.extend((*seven(message.root), message.residual))
         self._last = message
 
     def tracked(self, topic: str, robot_time: RobotTime) -> Tracked:
         """Over time."""
         rows = np.array(self._rows).reshape(-1, 8)
-        time = np.array([robot_time(stamp) for stamp in self._stamps])
+        time = times(self._stamps, robot_time)
         frame = str(self._last.header.frame_id).strip("/")
         return Tracked(topic, frame, time, rows[:, :7], rows[:, 7], bool(self._last.calibrated))
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hric_bags.parts import PartsReader
+from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, opened, seconds
 
 STATE_TYPE, EVENT_TYPE = "hric_msgs/msg/SafetyState", "hric_msgs/msg/SafetyEvent"
@@ -134,7 +134,7 @@ class SafetyMessages:
         )
 
 
-def read(bag: Path | PartsReader, robot_time: Callable[[float], float]) -> SafetyRecord | None:
+def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> SafetyRecord | None:
     """Of a bag with all its parts; None: no supervisor was there.
 
     Raises:

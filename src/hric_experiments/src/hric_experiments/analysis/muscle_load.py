@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_assessment.ergonomics.muscle_load import grip_loads, load_of
+from hric_assessment.ergonomics.muscle_load import grip_loads, load_of, motion_of
 from hric_bags import reader as bag_reader
 from hric_bags import text
 from hric_bags.export.opensim_text import GROUND, write_storage
@@ -22,7 +22,7 @@ from hric_bags.records import human_record, tracked_person
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_control.errors import HricError
-from hric_control.geometry import FloatArray, Vector
+from hric_control.geometry import FloatArray, Pose, Vector
 from hric_control.geometry.poses import inverse
 from hric_control.geometry.transforms import R_YUP_ZUP, rotation_from_quaternion
 from hric_control.plants import WindowlessConfig
@@ -34,7 +34,7 @@ from hric_human.body import Body, describe
 from hric_human.body.markers import marker_labels
 from hric_human.control import HumanControl
 from hric_human.control.recorded import MarkerSolver
-from hric_human.control.whole_body import Load
+from hric_human.control.whole_body import Load, RootMotion
 from hric_human.muscles.after_run import CUTOFF, Motion, MuscleLoad, smoothed
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.choose import NAME, find
@@ -162,9 +162,8 @@ def of_run(person: Described, cutoff: float = CUTOFF) -> Result:
     record = person.record
     if record is None:
         raise MuscleLoadError(f"{person.source} describes somebody, and has no motion; valid: a run, or a c3d file")
-    columns = [record.joints.index(name) for name in person.body.joints]
-    motion = smoothed(record.time, record.position[:, columns], cutoff)
-    result = _result(person, motion, [f"motion: joint states of {person.source}"])
+    motion, root = motion_of(record, list(person.body.joints), person.settings.root(person.body), cutoff)
+    result = _result(person, motion, [f"motion: joint states of {person.source}"], root)
     return replace(result, notes=(*result.notes, _against(result.load, record)))
 
 
@@ -242,7 +241,7 @@ def of_c3d(
     note = f"motion: {len(names)} markers of {path.name}, {1e3 * worst:.1f} mm from those of the body (median)"
     if worst > POOR_FIT:
         note += f": another body than that of {person.source}, or markers elsewhere on it; measure both"
-    return _result(person, motion, [note], pressed)
+    return _result(person, motion, [note], person.settings.root(body), pressed)
 
 
 def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> Load:
@@ -261,11 +260,11 @@ def _result(
     person: Described,
     motion: Motion,
     notes: list[str],
+    root: Pose | RootMotion,
     pressed: Sequence[Load] = (),
 ) -> Result:
     settings = person.settings.muscles
     anatomy = find(settings.anatomy, person.anatomy)
-    root = person.settings.root(person.body)
     loads = [*person.loads(motion.time), *pressed]
     found = load_of(person.body, anatomy, root, motion, loads, settings.strength, person.gravity)
     count = sum(found.is_muscle)

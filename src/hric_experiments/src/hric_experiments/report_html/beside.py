@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from hric_bags.records.human_record import ContactRecord, GripRecord
+from hric_bags.records.human_record import GripRecord
 from hric_bags.records.muscle_record import MuscleRecord
+from hric_bags.records.region_contacts import ContactRecord
 from hric_control.errors import HricError
 from hric_experiments.report_html.run_data import RunData
 from hric_experiments.report_html.scene import Arrow, Lines, Robot, Track, instants
@@ -22,7 +23,8 @@ def width(data: RunData) -> int:
         return 0
     record = data.person.record
     muscles = 0 if record.muscles is None else len(record.muscles.muscles) + 1
-    return len(record.joints) + 1 + 7 * (len(record.grips) + len(record.contacts)) + muscles
+    walks = 0 if record.root is None else 8
+    return walks + len(record.joints) + 1 + 7 * (len(record.grips) + len(record.contacts)) + muscles
 
 
 def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> list[Robot]:
@@ -44,8 +46,12 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
     arrows += [_contact(one, rate, shift) for one in record.contacts.values()]
     time, position = record.time[shown] + shift, record.position[shown]
     lines = None if record.muscles is None else _muscles(record.muscles, body, settings, rate, shift)
-    root = settings.root(body)
-    return [Robot("", body.urdf, record.joints, time, position, role=role, pose=root, arrows=arrows, lines=lines)]
+    one = Robot("", body.urdf, record.joints, time, position, role=role, pose=settings.root(body), arrows=arrows)
+    one.lines = lines
+    if record.root is not None:
+        seen = instants(record.root.time, rate)
+        one.motion = Track("frame", "person", "world", record.root.time[seen] + shift, record.root.pose[seen])
+    return [one]
 
 
 def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: float, shift: float) -> Lines | None:

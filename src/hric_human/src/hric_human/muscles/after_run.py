@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
-from scipy.signal import butter, sosfiltfilt
 
 from hric_control.errors import HricError
 from hric_control.geometry import FloatArray, Pose, Vector
@@ -111,6 +109,9 @@ def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rat
     Raises:
         HricError: too short, not rising, not finite, or a cut-off that samples of this rate do not have.
     """
+    from scipy.interpolate import make_interp_spline  # slow to load, which who has no motion need not wait for
+    from scipy.signal import butter, sosfiltfilt
+
     if len(time) < FEWEST or not bool(np.all(np.diff(time) > 0.0)) or not np.isfinite(q).all():
         raise HricError(
             f"a motion of {len(time)} instants; valid: {FEWEST} or more, one after the other, with angles that are "
@@ -127,6 +128,33 @@ def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rat
     curve = make_interp_spline(even, values, DEGREE)
     instants = np.minimum(time[0] + np.arange(int(span * rate + 1e-6) + 1) / rate, time[-1])
     return Motion(instants, *(np.asarray(curve(instants, derivative)) for derivative in range(3)))
+
+
+def of_root_too(motion: Motion, joints: int) -> tuple[Motion, RootMotion]:
+    """A motion of joints, and of the root whose position and quaternion x y z w are the seven columns behind them.
+
+    Args:
+        motion: of both; quaternions need not be of unit length.
+        joints: their number.
+    """
+    q, dq, ddq = motion.q, motion.dq, motion.ddq
+    here, quaternion = slice(joints, joints + 3), slice(joints + 3, joints + 7)
+    turned = q[:, quaternion]
+    root = RootMotion(
+        q[:, here],
+        turned / np.linalg.norm(turned, axis=1, keepdims=True),
+        _turning(turned, dq[:, quaternion]),
+        _turning(turned, ddq[:, quaternion]),
+        ddq[:, here],
+    )
+    return Motion(motion.time, *(np.ascontiguousarray(one[:, :joints]) for one in (q, dq, ddq))), root
+
+
+def _turning(q: FloatArray, rate: FloatArray) -> FloatArray:
+    """Vector part of 2 rate / q, quaternions of shape (n, 4): with the first derivative of q its angular velocity, with
+    the second its angular acceleration, shape (n, 3)."""
+    v, w, dv, dw = q[:, :3], q[:, 3:], rate[:, :3], rate[:, 3:]
+    return np.asarray(2.0 * (w * dv - dw * v - np.cross(dv, v)) / (q * q).sum(axis=1, keepdims=True))
 
 
 class AfterRun:

@@ -24,7 +24,7 @@ from hric_control.geometry import FloatArray, Pose, Vector, transformed
 from hric_human.body import Body
 from hric_human.control.kinematics import GRAVITY, HandChain
 from hric_human.control.whole_body import Load, RootMotion
-from hric_human.muscles.after_run import RATE, AfterRun, Motion, MuscleLoad
+from hric_human.muscles.after_run import RATE, AfterRun, Motion, MuscleLoad, of_root_too
 from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.tracking import BRIDGED, LOST, MEASURED, Estimate
@@ -189,7 +189,7 @@ class LiveLoad:
     def _of(self, found: "list[_Instant]") -> PersonLoad:
         time = np.array([one.time for one in found])
         derivatives = np.array([one.derivatives for one in found])
-        motion, root = _motion(time, derivatives, self._count)
+        motion, root = of_root_too(Motion(time, *derivatives.swapaxes(0, 1)), self._count)
         force, acting, distance = self._acting(time, motion, root)
         known = acting._replace(force=np.nan_to_num(acting.force), torque=np.nan_to_num(acting.torque))
         worst = np.array([one.states for one in found])
@@ -250,25 +250,6 @@ class _Fitted:
         coefficients = np.linalg.lstsq(powers, self._values[first:last], rcond=None)[0]
         scale = np.array([1.0, 1.0 / WINDOW, 2.0 / WINDOW**2])
         return _Instant(time, scale[:, None] * coefficients[:3], self._states[first:last].max(axis=0))
-
-
-def _motion(time: FloatArray, derivatives: FloatArray, joints: int) -> tuple[Motion, RootMotion]:
-    """Of joints and root; derivatives: of frames, shape (n, 3, values)."""
-    q, dq, ddq = derivatives[:, :, :joints].swapaxes(0, 1)
-    position, _, acceleration = derivatives[:, :, joints : joints + 3].swapaxes(0, 1)
-    orientation, rate, change = derivatives[:, :, joints + 3 :].swapaxes(0, 1)
-    length = np.linalg.norm(orientation, axis=1, keepdims=True)
-    turned = RootMotion(
-        position, orientation / length, _turning(orientation, rate), _turning(orientation, change), acceleration
-    )
-    return Motion(time, q, dq, ddq), turned
-
-
-def _turning(q: FloatArray, rate: FloatArray) -> FloatArray:
-    """Vector part of 2 rate / q, quaternions of shape (n, 4): with the first derivative of q its angular velocity, with
-    the second its angular acceleration, shape (n, 3)."""
-    v, w, dv, dw = q[:, :3], q[:, 3:], rate[:, :3], rate[:, 3:]
-    return np.asarray(2.0 * (w * dv - dw * v - np.cross(dv, v)) / (q * q).sum(axis=1, keepdims=True))
 
 
 def _between(forces: deque[HandForce], time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:

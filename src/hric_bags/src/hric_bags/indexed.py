@@ -1,0 +1,149 @@
+"""rosbags' reader of one bag with its index in arrays: 20 bytes for each message in place of 200, messages read several
+times as fast, and those of which fewer are wanted not at all."""
+
+from collections import defaultdict
+from collections.abc import Collection, Generator, Iterator, Mapping
+from pathlib import Path
+from struct import Struct
+from struct import error as StructError
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rosbags.interfaces import Connection
+from rosbags.rosbag1.reader import Header, IndexData, Reader, ReaderError, RecordType, read_bytes, read_uint32
+
+_STORED = np.dtype([("secs", "<u4"), ("nsecs", "<u4"), ("offset", "<u4")])
+"""An entry of an index in a bag."""
+_INDEX = np.dtype([("time", np.int64), ("chunk", np.int64), ("offset", np.uint32)])
+"""An entry here: time of recording [ns], where its chunk begins in the file, and the message in the chunk."""
+_MESSAGE = b"\x04\x00\x00\x00op=" + bytes([RecordType.MSGDATA])
+"""In the header of a message."""
+BLOCK = 4096
+"""Entries that are Python objects at a time."""
+_size = Struct("<L").unpack_from
+Index = npt.NDArray[Any]
+
+
+class IndexedReader(Reader):
+    """Reads one bag; of a stream with a spacing only messages that are so far apart.
+
+    Args:
+        path: of the bag.
+
+    Raises:
+        FileNotFoundError: there is none.
+    """
+
+    connections: list[Connection]
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._stored: dict[int, list[tuple[int, bytes]]] = defaultdict(list)
+        self._index: dict[int, Index] = {}
+        self._chunk: tuple[int, bytes] = -1, b""
+
+    def open(self) -> None:
+        """Read all but the messages.
+
+        Raises:
+            ReaderError: it is no bag, or a damaged one.
+        """
+        super().open()
+        self._index = {c.id: _sorted(self._stored.pop(c.id, [])) for c in self.connections}
+        self.connections = [c._replace(msgcount=len(self._index[c.id])) for c in self.connections]
+
+    def close(self) -> None:
+        """Close the file."""
+        super().close()
+        self._index, self._chunk = {}, (-1, b"")
+
+    def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
+        """Of one connection in the chunk at a position; kept here, not in `indexes`."""
+        assert self.bio
+        header = Header.read(self.bio, RecordType.IDXDATA)
+        self._stored[header.get_uint32("conn")].append((pos, read_bytes(self.bio, read_uint32(self.bio))))
+
+    def messages(
+        self,
+        connections: Collection[Connection] = (),
+        start: int | None = None,
+        stop: int | None = None,
+        spacing: Mapping[str, int] | None = None,
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
+        """As in the base class; spacing: shortest time between two messages of a topic [ns], before which a further one
+        is left out."""
+        self._check_open()
+        chosen = list(connections) or self.connections
+        for number, time, chunk, offset in self._entries(chosen, start, stop, spacing or {}):
+            yield chosen[number], time, self._message(chunk, offset)
+
+    def _entries(
+        self, chosen: list[Connection], start: int | None, stop: int | None, spacing: Mapping[str, int]
+    ) -> Iterator[tuple[int, int, int, int]]:
+        """Which of the connections, time, chunk and offset of each message, in order of time."""
+        parts = [self._index[connection.id] for connection in chosen]
+        if not parts:
+            return
+        rows = np.concatenate(parts)
+        owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        kept = np.ones(len(rows), dtype=bool)
+        if start is not None:
+            kept &= rows["time"] >= start
+        if stop is not None:
+            kept &= rows["time"] < stop
+        for topic, period in spacing.items():
+            own = np.flatnonzero(np.isin(owner, [k for k, one in enumerate(chosen) if one.topic == topic]) & kept)
+            own = own[np.argsort(rows["time"][own], kind="stable")]
+            kept[own] = False
+            kept[own[spaced(rows["time"][own], period)]] = True
+        at = np.flatnonzero(kept)
+        at = at[np.argsort(rows["time"][at], kind="stable")]
+        for begin in range(0, len(at), BLOCK):
+            block = at[begin : begin + BLOCK]
+            of = rows[block]
+            columns = owner[block], of["time"], of["chunk"], of["offset"]
+            yield from zip(*(column.tolist() for column in columns), strict=True)
+
+    def _message(self, position: int, offset: int) -> bytes:
+        if self._chunk[0] != position:
+            assert self.bio
+            chunk = self.chunks[position]
+            self.bio.seek(chunk.datapos)
+            self._chunk = position, chunk.decompressor(read_bytes(self.bio, chunk.datasize))
+        raw = self._chunk[1]
+        try:
+            while True:
+                data = offset + 4 + _size(raw, offset)[0]
+                end = data + 4 + _size(raw, data)[0]
+                if raw.find(_MESSAGE, offset, data) >= 0:
+                    break
+                offset = end  # a connection, which some programs have in front
+        except StructError as error:
+            raise ReaderError("Expected to find message data.") from error
+        if end > len(raw):
+            raise ReaderError(f"Got only {len(raw) - data - 4} of requested {end - data - 4} bytes.")
+        return raw[data + 4 : end]
+
+
+def _sorted(stored: list[tuple[int, bytes]]) -> Index:
+    found = np.frombuffer(b"".join(raw for _, raw in stored), _STORED)
+    index = np.empty(len(found), _INDEX)
+    index["time"] = found["secs"] * np.int64(1_000_000_000) + found["nsecs"]
+    index["chunk"] = np.repeat([at for at, _ in stored], [len(raw) // _STORED.itemsize for _, raw in stored])
+    index["offset"] = found["offset"]
+    return index[np.argsort(index["time"], kind="stable")]
+
+
+def spaced(time: npt.NDArray[np.int64], period: int) -> list[int]:
+    """Indices of the first instant, and of each that is a period or more behind the one before it.
+
+    Args:
+        time: rising, shape (n,) [ns].
+        period: [ns].
+    """
+    kept, at = list[int](), 0
+    while at < len(time):
+        kept.append(at)
+        at = max(int(np.searchsorted(time, time[at] + period)), at + 1)
+    return kept

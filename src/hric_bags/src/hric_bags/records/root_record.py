@@ -1,0 +1,48 @@
+"""Where the root link of a body was in the world over a run. No ROS."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hric_bags.reader import FloatArray
+from hric_control.geometry import Pose
+
+
+@dataclass(frozen=True)
+class RootRecord:
+    """Of one body.
+
+    Attributes:
+        time: robot time, rising, shape (n,) [s].
+        pose: position and unit quaternion x y z w, shape (n, 7) [m].
+    """
+
+    time: FloatArray
+    pose: FloatArray
+
+    @classmethod
+    def still(cls, T_world_root: Pose) -> "RootRecord":
+        """Of one that does not move."""
+        return cls(np.zeros(1), np.array([[*T_world_root.position, *T_world_root.orientation]]))
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Position and unit quaternion on straight lines between the samples, held before the first and after the last,
+        shape (n, 7) [m]; time: shape (n,) [s]."""
+        q = self.pose[:, 3:]
+        flips = np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))
+        smooth = np.vstack([q[:1], q[1:] * flips[:, None]])  # the same rotations, and a smooth curve
+        columns = np.hstack([self.pose[:, :3], smooth])
+        found = np.array([np.interp(time, self.time, column) for column in columns.T]).T
+        found[:, 3:] /= np.linalg.norm(found[:, 3:], axis=1, keepdims=True)
+        return found
+
+    def transforms(self, time: FloatArray) -> FloatArray:
+        """T_world_root, shape (n, 4, 4); time: shape (n,) [s]."""
+        pose = self.at(time)
+        x, y, z, w = pose[:, 3:].T
+        T = np.tile(np.eye(4), (len(pose), 1, 1))
+        T[:, :3, 3] = pose[:, :3]
+        T[:, 0, :3] = np.array([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)]).T
+        T[:, 1, :3] = np.array([2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)]).T
+        T[:, 2, :3] = np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)]).T
+        return T

@@ -1,0 +1,54 @@
+"""Numbers of messages as they come, kept without the messages, and as arrays at the end. No ROS."""
+
+from array import array
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from hric_bags.reader import FloatArray
+from hric_control.geometry import Vector
+
+
+def times(stamps: Iterable[float], robot_time: Callable[[float], float]) -> FloatArray:
+    """Robot times of stamps, shape (n,) [s]."""
+    return np.array([robot_time(stamp) for stamp in stamps])
+
+
+def xyz(v: Any) -> Vector:
+    """Of a point or a vector."""
+    return v.x, v.y, v.z
+
+
+def seven(pose: Any) -> tuple[float, ...]:
+    """Position and quaternion x y z w of a geometry_msgs/Pose."""
+    q = pose.orientation
+    return (*xyz(pose.position), q.x, q.y, q.z, q.w)
+
+
+class Rows:
+    """Rows of arrays of one length.
+
+    Args:
+        fields: of the messages.
+
+    Attributes:
+        last: message; None: there was none.
+    """
+
+    def __init__(self, *fields: str) -> None:
+        self._fields, self._stamps = fields, array("d")
+        self._values = {name: array("d") for name in fields}
+        self.last: Any = None
+
+    def add(self, stamp: float, message: Any) -> None:
+        """Take one; stamp: of its header [s]."""
+        self._stamps.append(stamp)
+        for name, values in self._values.items():
+            values.frombytes(np.asarray(getattr(message, name), dtype=float).tobytes())
+        self.last = message
+
+    def columns(self, robot_time: Callable[[float], float]) -> list[FloatArray]:
+        """Times, and the values of each field, shape (n, j)."""
+        n = len(self._stamps)
+        return [times(self._stamps, robot_time), *(np.array(v).reshape(n, -1) for v in self._values.values())]
