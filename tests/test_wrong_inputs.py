@@ -106,6 +106,7 @@ TOOLS = [
         "hric_experiments measure_stops --speeds 40",
         r"no pose reaches 40 m/s within the velocity limits; valid: slower ones",
     ),
+    ("hric_experiments speed_map --region face", r"no contact with face is permitted .* valid: neck; "),
     ("hric_experiments inverse_dynamics nowhere", r"no run folder 'nowhere'"),
     ("hric_experiments muscle_load nowhere.c3d", r"nowhere\.c3d does not say .* add --person RUN\|EXPERIMENT\.yaml"),
     ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),

@@ -352,6 +352,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "inverse_dynamics": _of("hric_bags.export.command", "inverse_dynamics"),
     "muscle_load": _of("hric_experiments.analysis.muscle_load"),
     "measure_stops": _of("hric_experiments.stops.command"),
+    "speed_map": _of("hric_experiments.speed_map.command"),
     "check_model": _of("hric_experiments.check_model.command"),
     "approaches": _of("hric_experiments.approaches.command"),
     "sweep": _of("hric_experiments.sweep.command"),

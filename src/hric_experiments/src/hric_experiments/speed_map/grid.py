@@ -1,0 +1,78 @@
+"""Where the map measures: points of the workspace, with postures of the arm, and directions."""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+
+from franka_hw_interface.model import Frame
+from franka_sim.box.config import motion_parameters
+from franka_sim.box.inverse_kinematics import ElbowInverseKinematics
+from franka_sim.franka_hw_sim import FrankaHWSim
+from hric_control.errors import HricError
+from hric_control.geometry import FloatArray
+
+DIRECTIONS = {
+    "+x": (1.0, 0.0, 0.0),
+    "-x": (-1.0, 0.0, 0.0),
+    "+y": (0.0, 1.0, 0.0),
+    "-y": (0.0, -1.0, 0.0),
+    "+z": (0.0, 0.0, 1.0),
+    "-z": (0.0, 0.0, -1.0),
+}
+"""Into which the end effector moves, in the base frame."""
+STRIDE = 0.02
+"""Of the way from the start pose to a point, within which Newton's method finds the next posture [m]."""
+NEAR_LIMIT = 0.02
+"""Nearer to a joint limit no posture is used [rad]."""
+MANIPULABLE = 0.05
+"""Smallest singular value of the end effector's Jacobian (m and rad mixed); below, the arm is nearly stretched. Project
+default, unconfirmed."""
+
+
+def points(x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> FloatArray:
+    """All points of a grid, shape (n, 3) [m]; x, y, z: lowest, highest and how many, each.
+
+    Raises:
+        HricError: a range that is none.
+    """
+    axes = []
+    for name, (low, high, count) in zip("xyz", (x, y, z), strict=True):
+        if not (np.isfinite([low, high]).all() and low <= high and count >= 1 and count == int(count)):
+            raise HricError(f"--{name} {low:g} {high:g} {count:g}; valid: lowest and highest [m], and a whole number")
+        axes.append(np.linspace(low, high, int(count)))
+    return np.array(list(product(*axes)))
+
+
+class Postures:
+    """Postures of an arm whose hand is turned as at its start.
+
+    Args:
+        robot: whose.
+    """
+
+    def __init__(self, robot: FrankaHWSim) -> None:
+        self._model, self._limits = robot.model, robot.box.config.limits
+        self._kinematics = ElbowInverseKinematics(robot.model, motion_parameters())
+        self._start = list(robot.q_start)
+        self._T_base_start = robot.model.pose(Frame.END_EFFECTOR, self._start)
+
+    def at(self, point: FloatArray) -> FloatArray | None:
+        """Joint position with the end effector at a point, shape (3,) [m]; None: out of reach, or nearly so."""
+        T = self._T_base_start.copy()
+        begin = T[:3, 3].copy()
+        q: list[float] | None = self._start
+        count = max(1, int(np.ceil(np.linalg.norm(point - begin) / STRIDE)))
+        elbow = self._start[2]
+        self._kinematics.begin(self._start)
+        for k in range(1, count + 1):
+            T[:3, 3] = begin + (point - begin) * k / count
+            assert q is not None, "left below"
+            q = self._kinematics.solve(T.T.ravel().tolist(), elbow, q)
+            if q is None:
+                return None
+        found = np.array(q)
+        low, high = np.array(self._limits.lower) + NEAR_LIMIT, np.array(self._limits.upper) - NEAR_LIMIT
+        if np.any(found < low) or np.any(found > high):
+            return None
+        return None if self._kinematics.begin(found.tolist()) < MANIPULABLE else found
