@@ -355,6 +355,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
     "speed_map": _of("hric_experiments.speed_map.command"),
     "check_model": _of("hric_experiments.check_model.command"),
     "approaches": _of("hric_experiments.approaches.command"),
+    "benchmark": _of("hric_experiments.benchmark.command"),
     "sweep": _of("hric_experiments.sweep.command"),
 }
 

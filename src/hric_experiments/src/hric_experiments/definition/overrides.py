@@ -64,6 +64,8 @@ SENSORS = {
     "supervisor": "supervisor of the collaboration",
 }
 """Groups that an experiment has or has not. The bring-up alone may add a sensor, by its `device`."""
+ADDED_BY = {"supervisor": ["mode"]}
+"""What adds such a group to an experiment: a supervisor comes with its mode, a sensor with its device."""
 DOTTED = (
     "parameters.<controller>.<name>, robot.<key>, metrics.<key>, mocap.<key>, emg.<key>, force_plate.<key>, "
     "sync.<key>, human.<key>, person.<key>, supervisor.<key>, setpoints.<i>.<key>"
@@ -160,7 +162,7 @@ def resolve(key: str, raw: Mapping[str, Any]) -> list[str]:
     """
     short = key in SHORTCUTS
     path = (SHORTCUTS[key][0].format(controller=_controller(raw)) if short else key).split(".")
-    if path[0] in SENSORS and not raw.get(path[0]) and path[1:] != ["device"]:
+    if path[0] in SENSORS and not raw.get(path[0]) and path[1:] != ADDED_BY.get(path[0], ["device"]):
         raise ExperimentError(f"no override {key!r}: this experiment has no {SENSORS[path[0]]}")
     if short:
         return path

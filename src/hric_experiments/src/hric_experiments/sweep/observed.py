@@ -8,15 +8,16 @@ from typing import Any
 import roslib.message
 
 from hric_bags.memory import MemoryBag, nanoseconds
-from hric_bags.reader import TYPES, Messages, RunRecord
+from hric_bags.reader import LOG_TYPE, TYPES, Messages, RunRecord
 from hric_bags.reader import read as read_record
 from hric_bags.records import contact_record, human_record
 from hric_experiments import provenance
+from hric_experiments.analysis import collaboration
 from hric_experiments.analysis.values import MOTION, Values
 from hric_experiments.approaches import meetings
 from hric_experiments.definition.experiment import to_dict
 from hric_experiments.simulation import Simulation
-from hric_experiments.sweep.outputs import IMPACT, SUPERVISION
+from hric_experiments.sweep.outputs import COLLABORATION, IMPACT, SUPERVISION
 
 SAFETY_TYPE = "hric_msgs/msg/SafetyState"
 ALL = None
@@ -32,6 +33,7 @@ NEEDS: dict[str, tuple[str, ...] | None] = {
     "contacts": (contact_record.CONTACTS_TYPE,),
     IMPACT: (human_record.CONTACTS_TYPE,),
     SUPERVISION: (SAFETY_TYPE,),
+    COLLABORATION: (*HUMAN, LOG_TYPE),
 }
 """Types of messages that a group of metrics is computed from, beside those of every report; a group that is not here:
 all of them."""
@@ -91,20 +93,28 @@ class _Observations(Mapping[str, Any]):
     def __init__(self, simulation: Simulation, bag: MemoryBag, record: RunRecord) -> None:
         self._simulation, self._bag, self._record = simulation, bag, record
         self._description = simulation.tree["robot_description"]
-        self._own: dict[str, Callable[[], Any]] = {IMPACT: lambda: self._impact, SUPERVISION: lambda: self._supervision}
+        self._own: dict[str, Callable[[], Any]] = {
+            IMPACT: lambda: self._impact,
+            SUPERVISION: lambda: self._supervision,
+            COLLABORATION: lambda: self._collaboration,
+        }
 
     @cached_property
-    def _metrics(self) -> Values:
+    def _run(self) -> dict[str, Any]:
+        """Of run.yaml what an analysis reads."""
         simulation = self._simulation
         error = simulation.app.hw.error
-        run = {
+        return {
             "experiment": simulation.definition.name,
             "definition": to_dict(simulation.definition),
             "parameters": provenance.parameters(simulation.tree),
             "limits": simulation.limits,
             **({"arm_error": error} if error else {}),
         }
-        return Values(run, self._bag, self._record, self._description)
+
+    @cached_property
+    def _metrics(self) -> Values:
+        return Values(self._run, self._bag, self._record, self._description)
 
     def _messages(self, kind: str) -> list[Any]:
         chosen = self._bag.chosen(lambda connection: connection.msgtype == kind)
@@ -121,6 +131,10 @@ class _Observations(Mapping[str, Any]):
     @cached_property
     def _supervision(self) -> dict[str, Any] | None:
         return meetings.supervision(self._messages(SAFETY_TYPE))
+
+    @cached_property
+    def _collaboration(self) -> dict[str, Any] | None:
+        return collaboration.values(self._run, self._bag, self._description, self._metrics.person)
 
     def __getitem__(self, key: str) -> Any:
         return self._own[key]() if key in self._own else self._metrics[key]

@@ -16,8 +16,8 @@ from hric_control.errors import HricError, ParameterError
 from hric_control.parameters import Settings, choice, number, text
 from hric_experiments.analysis.values import KEYS
 
-IMPACT, SUPERVISION = "impact", "supervision"
-GROUPS = (*KEYS, IMPACT, SUPERVISION)
+IMPACT, SUPERVISION, COLLABORATION = "impact", "supervision", "collaboration"
+GROUPS = (*KEYS, IMPACT, SUPERVISION, COLLABORATION)
 REDUCE: dict[str, Callable[[Sequence[float]], float]] = {
     "max": max,
     "min": min,

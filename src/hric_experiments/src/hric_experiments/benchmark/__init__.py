@@ -1,0 +1,1 @@
+"""Controllers compared over collaborations, bodies and seeds, by stated rules."""

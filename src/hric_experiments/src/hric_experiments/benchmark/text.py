@@ -1,0 +1,71 @@
+"""The table of a benchmark, for a terminal."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hric_experiments.benchmark.results import predicted
+
+HEAD = ("rank", "controller", "out of limits", "ergonomics", "task", "not completed", "spread")
+
+
+def rows(results: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """A row of text per controller, below HEAD: counts of runs, and mean places."""
+    return [
+        (
+            str(one["rank"]),
+            one["name"],
+            f"{one['out_of_limits']} of {one['runs']}",
+            f"{one['ergonomics']:.2f}",
+            f"{one['task']:.2f}",
+            f"{one['incomplete']} of {one['runs']}",
+            f"{one['spread']:.2f}",
+        )
+        for one in results["standings"]
+    ]
+
+
+def by_collaboration(results: Mapping[str, Any], name: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Head and rows of one collaboration: medians of its scores, by controller in order."""
+    one, order = results["collaborations"][name], [item["name"] for item in results["standings"]]
+    found = []
+    for key, about in one["scores"].items():
+        category, _, score = key.partition(".")
+        label = f"{score} [{about['unit']}]" if about["unit"] else score
+        limit = "" if about["limit"] is None else f"{about['limit']:g}"
+        values = (_value(one["controllers"][who]["scores"][key]) for who in order)
+        found.append((category, label, limit, *values))
+    for label, key in (("runs above limits", "above"), ("runs not completed", "incomplete")):
+        own = (f"{one['controllers'][who][key]} of {one['controllers'][who]['runs']}" for who in order)
+        found.append(("findings" if key == "above" else "robustness", label, "", *own))
+    return ("category", "score, median", "limit", *order), found
+
+
+def _value(score: Mapping[str, Any]) -> str:
+    if score["median"] is None:
+        return "-"
+    return f"{score['median']:.3g} ({score['lowest']:.3g} to {score['highest']:.3g})"
+
+
+def render(results: Mapping[str, Any]) -> str:
+    """All of it."""
+    part = results["part"]
+    lines = [
+        f"{results['description']}: {len(part['collaborations'])} collaborations, {len(part['bodies'])} bodies "
+        f"({', '.join(part['bodies'])}: {results['population']['name']}), {len(part['seeds'])} seeds",
+        "",
+        *_aligned(HEAD, rows(results)),
+        "",
+        f"rule: {results['rule']}",
+    ]
+    for name in results["collaborations"]:
+        lines += ["", f"{name}:", *_aligned(*by_collaboration(results, name))]
+    lines += ["", *(f"{name}: predicted place {said}, found {place}" for name, said, place in predicted(results))]
+    lines += [f"definition {results['hashes']['definition'][:16]}, tables {results['hashes']['tables'][:16]}"]
+    return "\n".join([*lines, results["disclaimer"]])
+
+
+def _aligned(head: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[column]) for row in (head, *cells)) for column in range(len(head))]
+    return [
+        "  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip() for row in (head, *cells)
+    ]
