@@ -220,7 +220,7 @@ def controller(name: str, benchmark: Benchmark) -> Controller:
 
 def _check(found: Controller, benchmark: Benchmark) -> None:
     mistakes, body = Mistakes(), next(iter(benchmark.population.bodies.values()))
-    known = load()[0].collaborations | benchmark.collaborations
+    known = {**load()[0].collaborations, **benchmark.collaborations}
     for name in found.changes:
         with mistakes.noted():
             if name not in known:
@@ -239,9 +239,10 @@ def arguments(benchmark: Benchmark, one: Collaboration, by: Controller, subject:
     return [*benchmark.changes, *one.changes, f"human.subject:={subject}", *by.changes.get(one.name, ())]
 
 
-def plain(content: Any) -> Any:
+def plain(content: Any) -> dict[str, Any]:
     """As JSON has it."""
-    return json.loads(json.dumps(content, default=str))
+    found: dict[str, Any] = json.loads(json.dumps(content, default=str))
+    return found
 
 
 def digest(content: Any) -> str:

@@ -106,8 +106,8 @@ def _chart(one: Mapping[str, Any], key: str, order: Sequence[str]) -> str:
     scores = [one["controllers"][who]["scores"][key] for who in order]
     limit = one["scores"][key]["limit"]
     ends = [value for score in scores for value in (score["lowest"], score["highest"]) if value is not None]
-    top = max([*ends, *([limit] if limit else []), 0.0]) or 1.0
-    bottom = min([*ends, 0.0])
+    top = float(max([*ends, *([limit] if limit else []), 0.0]) or 1.0)
+    bottom = float(min([*ends, 0.0]))
     height = ROW * len(order) + 22
 
     def x(value: float) -> float:

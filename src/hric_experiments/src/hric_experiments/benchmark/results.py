@@ -7,9 +7,9 @@ from typing import Any
 
 from hric_assessment.findings import DISCLAIMER
 from hric_control.errors import HricError
-from hric_experiments.benchmark.definition import Benchmark, Controller, digest, plain, tables_digest
+from hric_experiments.benchmark.definition import ERGONOMICS, TASK, Benchmark, Controller, digest, plain, tables_digest
 from hric_experiments.benchmark.running import Run
-from hric_experiments.benchmark.scoring import ERGONOMICS, RULE, TASK, Cell, category_places, spread_places, standings
+from hric_experiments.benchmark.scoring import RULE, Cell, category_places, spread_places, standings
 
 VERSION = 1
 NAME = "results.json"

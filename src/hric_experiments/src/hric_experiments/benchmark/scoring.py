@@ -10,7 +10,6 @@ from statistics import mean, median
 from typing import Any
 
 from hric_experiments.benchmark.definition import (
-    CATEGORIES,
     ERGONOMICS,
     FINDINGS,
     TASK,
@@ -225,6 +224,3 @@ def standings(
 def _overall(by_cell: Mapping[tuple[str, str], float], controllers: Sequence[str]) -> dict[str, float]:
     """Mean over collaborations, rounded so that equal means are equal."""
     return {who: round(mean(place for (_, name), place in by_cell.items() if name == who), 9) for who in controllers}
-
-
-__all__ = ["CATEGORIES", "RULE", "Cell", "Standing", "category_places", "cells", "places", "spread_places", "standings"]
