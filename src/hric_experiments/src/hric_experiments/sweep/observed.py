@@ -11,6 +11,7 @@ from hric_bags.memory import MemoryBag, nanoseconds
 from hric_bags.reader import LOG_TYPE, TYPES, Messages, RunRecord
 from hric_bags.reader import read as read_record
 from hric_bags.records import contact_record, human_record
+from hric_bags.records.region_contacts import CONTACTS_TYPE
 from hric_experiments import provenance
 from hric_experiments.analysis import collaboration
 from hric_experiments.analysis.values import MOTION, Values
@@ -22,7 +23,7 @@ from hric_experiments.sweep.outputs import COLLABORATION, IMPACT, SUPERVISION
 SAFETY_TYPE = "hric_msgs/msg/SafetyState"
 ALL = None
 HUMAN = (
-    *(human_record.GRIP_TYPE, human_record.TORQUE_TYPE, human_record.EVENT_TYPE, human_record.CONTACTS_TYPE),
+    *(human_record.GRIP_TYPE, human_record.TORQUE_TYPE, human_record.EVENT_TYPE, CONTACTS_TYPE),
     *("hric_msgs/msg/MuscleActivation", "hric_msgs/msg/MuscleForce", "hric_msgs/msg/JointReactions"),
     "sensor_msgs/msg/JointState",
 )
@@ -31,7 +32,7 @@ NEEDS: dict[str, tuple[str, ...] | None] = {
     "stability": HUMAN,
     "human": HUMAN,
     "contacts": (contact_record.CONTACTS_TYPE,),
-    IMPACT: (human_record.CONTACTS_TYPE,),
+    IMPACT: (CONTACTS_TYPE,),
     SUPERVISION: (SAFETY_TYPE,),
     COLLABORATION: (*HUMAN, LOG_TYPE),
 }
@@ -123,7 +124,7 @@ class _Observations(Mapping[str, Any]):
     @cached_property
     def _impact(self) -> dict[str, Any]:
         """Contacts of the human, and those that an arm made that moved."""
-        contacts = meetings.listed(self._messages(human_record.CONTACTS_TYPE))
+        contacts = meetings.listed(self._messages(CONTACTS_TYPE))
         met = meetings.of(contacts, self._record.log, self._description)
         moving = [one for one in met if one.arm == meetings.MOVING]
         return {"contacts": [asdict(one) for one in met], "moving": [asdict(one) for one in moving]}
