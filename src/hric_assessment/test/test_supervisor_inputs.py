@@ -1,11 +1,22 @@
 """Who sees the person: a tracked one by the messages of his node."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from hric_assessment.supervisor.inputs import PERSON_JOINTS, PERSON_TRACKING, TrackedInput
+from hric_assessment.supervisor.inputs import (
+    HUMAN_JOINTS,
+    HUMAN_ROOT,
+    PERSON_JOINTS,
+    PERSON_TRACKING,
+    HumanInput,
+    Pairs,
+    TrackedInput,
+)
 from hric_assessment.supervisor.person import BodyShape
 from hric_control.geometry import Pose
 from hric_control.local.node import LocalNode
@@ -65,3 +76,40 @@ def test_who_is_lost_in_part_is_not_known_and_so_becomes_stale(lost):
     assert tracking.input.newest.stamp == 0.5 and tracking.came == 1
     tracking.publish(0.7, q)
     assert tracking.input.newest.stamp == 0.7
+
+
+def test_messages_are_paired_by_their_stamps_however_late_one_topic_is():
+    taken = []
+    pairs = Pairs(lambda a, b: taken.append((a.name, b.name)))
+    for k in range(5):
+        pairs.add(0, one("joints", k))
+    assert not taken
+    for k in (0, 2, 4):
+        pairs.add(1, one("root", k))
+    assert taken == [("joints0", "root0"), ("joints2", "root2"), ("joints4", "root4")]
+    for k in range(10, 200):
+        pairs.add(0, one("joints", k))
+    pairs.add(1, one("root", 10))  # too late
+    pairs.add(1, one("root", 199))
+    assert taken[3:] == [("joints199", "root199")]
+
+
+def one(name, stamp):
+    return SimpleNamespace(header=Header(stamp=stamps.to_time(0.01 * stamp)), name=f"{name}{stamp}")
+
+
+def test_a_human_who_walks_has_no_speed_of_late_messages():
+    """His joints and his root come on two topics; while one is late, the other one alone would throw him about."""
+    node = LocalNode({})
+    him = HumanInput(node, "", {"parts": "upper_body", "walk": {"points": [[1.0, 0.0, 0.0], [2.0, 1.0, 0.0]]}}, "human")
+    joints, root = node.advertise(HUMAN_JOINTS, JointState), node.advertise(HUMAN_ROOT, PoseStamped)
+    for k in range(4):
+        message = PoseStamped(header=Header(stamp=stamps.to_time(0.01 * k), frame_id="world"))
+        message.pose.position.x, message.pose.orientation.w = 0.016 * k, 1.0
+        root.publish(message)
+    where = []
+    for k in range(4):
+        names = list(him._shape._names)
+        joints.publish(JointState(Header(stamp=stamps.to_time(0.01 * k)), names, [0.0] * len(names), [], []))
+        where.append(him.newest.ends[0, 0, 0])
+    np.testing.assert_allclose(np.diff(where), 0.016, atol=1e-9)

@@ -1,5 +1,6 @@
 """What the supervisor subscribes to: the arm's joints, and who sees the person."""
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
@@ -21,6 +22,8 @@ from hric_human.tracking import LOST
 from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.settings import PersonSettings
 
+WAITING = 50
+"""Messages of a topic that wait for those of another one, at most; chosen here."""
 JOINTS, FRAMES = "joint_states", "hric/perception/mocap"
 PERSON_JOINTS, PERSON_TRACKING = "hric/person/joint_states", "hric/person/tracking"
 HUMAN_JOINTS, HUMAN_ROOT = "hric/human/joint_states", "hric/human/root"
@@ -67,6 +70,32 @@ class PersonInput(Protocol):
         """See the attributes."""
 
 
+class Pairs:
+    """Messages of two topics that belong together, by their stamps: one topic may be behind the other.
+
+    Args:
+        take: called with both.
+    """
+
+    def __init__(self, take: Callable[[Any, Any], None]) -> None:
+        self._take = take
+        self._waiting: tuple[dict[int, Any], dict[int, Any]] = {}, {}
+        self._lock = threading.Lock()
+
+    def add(self, side: int, message: Any) -> None:
+        """One of topic 0 or 1, from any thread."""
+        stamp = message.header.stamp.to_nsec()
+        with self._lock:
+            other = self._waiting[1 - side].pop(stamp, None)
+            own = self._waiting[side]
+            if other is None:
+                own[stamp] = message
+                for old in list(own)[:-WAITING]:
+                    del own[old]
+                return
+        self._take(*((message, other) if side == 0 else (other, message)))
+
+
 class HumanInput:
     """The human in the robot's plant, by his joint states and, where he walks, his root.
 
@@ -86,33 +115,35 @@ class HumanInput:
         settings = HumanSettings.of(person, where)
         body = describe(settings.person)
         self._shape = BodyShape(body, settings.root(body))
-        self._walks, self._root = settings.walk is not None, Pose()
         self.frame, self.came = WORLD, _nobody
-        self._message: Any = None
+        self._pair: tuple[Any, Any] | None = None
         self._made: tuple[Any, Observation] | None = None
-        self._rooted, self._frame = False, WORLD
-        self.registrations: list[Registration] = [
-            node.subscribe(f"{root}{HUMAN_ROOT}", PoseStamped, self._on_root),
-            node.subscribe(f"{root}{HUMAN_JOINTS}", JointState, self._on_joints),
-        ]
+        pairs = Pairs(self._take)
+        if settings.walk is None:
+            self.registrations = [
+                node.subscribe(f"{root}{HUMAN_JOINTS}", JointState, lambda one: self._take(one, None))
+            ]
+        else:
+            self.registrations = [
+                node.subscribe(f"{root}{HUMAN_ROOT}", PoseStamped, lambda one: pairs.add(1, one)),
+                node.subscribe(f"{root}{HUMAN_JOINTS}", JointState, lambda one: pairs.add(0, one)),
+            ]
 
-    def _on_root(self, message: Any) -> None:
-        self._root, self._rooted, self._frame = pose_of(message.pose), True, message.header.frame_id
-
-    def _on_joints(self, message: Any) -> None:
-        self._message = message
+    def _take(self, joints: Any, root: Any) -> None:
+        self._pair = joints, root
         self.came()
 
     @property
     def newest(self) -> Observation | None:
         """Made on access: more messages come than decisions are."""
-        message, made = self._message, self._made
-        if message is None or (self._walks and not self._rooted):
+        pair, made = self._pair, self._made
+        if pair is None:
             return None
-        if made is None or made[0] is not message:
-            angles = dict(zip(message.name, message.position, strict=True))
-            root = self._root if self._walks else None
-            made = self._made = message, self._shape.seen(message.header.stamp.to_sec(), self._frame, angles, root)
+        if made is None or made[0] is not pair:
+            joints, root = pair
+            angles, stamp = dict(zip(joints.name, joints.position, strict=True)), joints.header.stamp.to_sec()
+            frame, pose = (WORLD, None) if root is None else (root.header.frame_id, pose_of(root.pose))
+            made = self._made = pair, self._shape.seen(stamp, frame, angles, pose)
         return made[1]
 
 
@@ -160,28 +191,15 @@ class TrackedInput:
     def __init__(self, node: Node, root: str, person: Mapping[str, Any] | None, where: str, frame: str) -> None:
         body, _ = PersonSettings.of(person or {}, where).known()
         self._shape, self.frame, self.came = BodyShape(body, Pose()), frame, _nobody
-        self._joints: Any = None
-        self._tracking: Any = None
-        self._pair: Any = None
+        self._pair: tuple[Any, Any] | None = None
         self._made: tuple[Any, Observation] | None = None
+        pairs = Pairs(self._take)
         self.registrations: list[Registration] = [
-            node.subscribe(f"{root}{PERSON_JOINTS}", JointState, self._on_joints),
-            node.subscribe(f"{root}{PERSON_TRACKING}", PersonTracking, self._on_tracking),
+            node.subscribe(f"{root}{PERSON_JOINTS}", JointState, lambda one: pairs.add(0, one)),
+            node.subscribe(f"{root}{PERSON_TRACKING}", PersonTracking, lambda one: pairs.add(1, one)),
         ]
 
-    def _on_joints(self, message: Any) -> None:
-        self._joints = message
-        self._match()
-
-    def _on_tracking(self, message: Any) -> None:
-        self._tracking = message
-        self._match()
-
-    def _match(self) -> None:
-        """Both are of one frame, and all of him is known."""
-        joints, tracking = self._joints, self._tracking
-        if joints is None or tracking is None or joints.header.stamp != tracking.header.stamp:
-            return
+    def _take(self, joints: Any, tracking: Any) -> None:
         if tracking.root_state != LOST and len(joints.name) == len(tracking.name):
             self._pair = joints, tracking
             self.came()
