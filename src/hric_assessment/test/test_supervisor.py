@@ -12,6 +12,7 @@ import panda_description
 from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.speed import speed_limit
 from hric_assessment.separation.capsules import nearest_points, segment_distance
+from hric_assessment.separation.stopping import MEASUREMENT, Row, StopTable, as_yaml
 from hric_assessment.supervisor.arm import ArmShape, ArmState, InForce
 from hric_assessment.supervisor.decision import FREE, SLOWED, STOPPED
 from hric_assessment.supervisor.settings import MODES, SupervisorSettings
@@ -216,6 +217,39 @@ def test_it_goes_on_only_when_the_person_was_farther_away_for_a_while():
     for k in range(200):
         cell.decide(1.9 + (0.02 if k % 2 else 0.0))
     assert len(cell.events()) == 1
+
+
+def stops(folder, *rows):
+    table = StopTable("own", MEASUREMENT, "somebody", None, 0.02, tuple(Row(*row) for row in rows))
+    path = folder / "stops.yaml"
+    path.write_text(as_yaml(table))
+    return str(path)
+
+
+def test_measured_stops_take_the_place_of_the_settling_time(tmp_path):
+    cell = Cell(
+        stops=stops(tmp_path, (0.5, 0.0, 0.6, 0.2), (2.0, 0.0, 0.9, 0.5), (0.5, 1.0, 0.7, 0.25), (2.0, 1.0, 1.0, 0.6))
+    )
+    own = SupervisorSettings()
+    part = cell.decide(2.5, SPEED).part
+    speed = np.linalg.norm(ARM.at(ArmState(0.0, READY, SPEED)).velocities, axis=2).max()
+    assert 0.05 < speed < 0.5
+    # Of the largest load, from the next speed above; the distance by the speed towards him.
+    assert part.terms.person == pytest.approx(part.person_speed * (own.reaction_time + 0.02 + 0.7))
+    assert part.terms.stopping == pytest.approx(part.robot_speed * max(0.25 / speed, 0.5 * stopping_time(1.0)))
+
+
+def test_stops_that_are_shorter_than_the_speed_scale_needs_do_not_count(tmp_path):
+    part = Cell(stops=stops(tmp_path, (2.0, 0.0, 0.01, 0.001))).decide(2.5, SPEED).part
+    assert part.terms.person == pytest.approx(part.person_speed * (0.1 + 0.02 + stopping_time(1.0)))
+
+
+def test_an_arm_that_is_faster_than_its_stops_are_known_is_stopped_and_that_is_named(tmp_path):
+    file = stops(tmp_path, (0.32, 0.0, 0.5, 0.1))
+    cell = Cell(stops=file)
+    assert cell.decide(5.0).scale == pytest.approx(0.3)  # of 1 m/s
+    decision = cell.decide(5.0, 3.0 * SPEED)
+    assert decision.scale == 0.0 and "stops are known up to 0.32 m/s" in decision.fault
 
 
 def test_standstill_knows_free_and_stopped_only():

@@ -146,7 +146,8 @@ class Supervisor:
         self.settings, self._arm = settings, arm
         self._rotors = np.zeros(len(arm.joints)) if rotors is None else np.asarray(rotors)
         self._limits, self._half_mass = Limits(limit_table(settings.table)), half_mass(arm.moving_mass)
-        self._protective, self._stopping = Protective(settings), Stopping(settings)
+        self._stopping = Stopping(settings)
+        self._protective = Protective(settings, self._stopping)
         self._watch = Watch(frame, settings.max_age)
         self._speed = settings.speed
         self._scale, self._since, self._state, self._fault = 1.0, 0.0, FREE, ""
@@ -170,14 +171,18 @@ class Supervisor:
             return self._faulty(now, stamp, fault)
         person, placed = moved(person, WORLD, self._T_world_frame), self._arm.at(arm)
         speeds = np.linalg.norm(placed.velocities, axis=2)
-        self._speed = max(self._speed, float(speeds.max()))
+        fastest = float(speeds.max())
+        if fastest > self._stopping.fastest:
+            known = f"its stops are known up to {self._stopping.fastest:g} m/s"
+            return self._faulty(now, stamp, f"the arm is too fast: {fastest:.2f} m/s, and {known}")
+        self._speed = max(self._speed, fastest)
         near = nearness(placed, person, self._velocities_of(person))
         allowed = self._allowed(arm, placed, person, near, 0.0)
         freer = self._allowed(arm, placed, person, near, self.settings.hysteresis)
         before = self._scale if self.settings.active else 1.0
         scale = self._smoothed(now, allowed.scale, freer.scale)
-        at_rest = bool(speeds.max() < STANDING)
-        braking = self._stopping.left(now, min(arm.stamp, person.stamp), in_force, at_rest)
+        at_rest = fastest < STANDING
+        braking = self._stopping.left(now, min(arm.stamp, person.stamp), in_force, fastest)
         human, terms = self._protective.measured(near, braking)
         part = _part(placed, person, near, human, terms)
         # An arm that is to stand and has stood is moved by others.

@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from hric_assessment.separation.capsules import distances, nearest_points
 from hric_assessment.separation.protective import Stop, Terms, person_speed, protective_distance
+from hric_assessment.separation.stopping import load
 from hric_assessment.supervisor.arm import InForce, Placed
 from hric_assessment.supervisor.person import Observation
 from hric_assessment.supervisor.settings import SupervisorSettings
@@ -19,7 +21,8 @@ STANDING = 0.01
 """Speed below which an arm is at rest [m/s]: 10 mm/s, chosen here."""
 SCALES = np.linspace(0.0, 1.0, 21)[1:]
 """At which the protective distance is computed; between them it is interpolated. Below the first it is 0."""
-_RAMPS = np.array([stopping_time(scale) for scale in SCALES])
+_SLOWEST = 1e-6
+"""In place of a speed of zero [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -69,38 +72,70 @@ def _towards(velocities: FloatArray, direction: FloatArray, crossing: FloatArray
 
 
 class Braking(NamedTuple):
-    """What is still to come of a stop that is requested now, or was before.
+    """What is still to come of a stop that is requested now, or was before; numbers, or arrays of one shape.
 
     Attributes:
         reaction: until the arm begins to brake [s].
-        ramp: until its speed scale is 0 [s].
-        settling: from then on until it is at rest [s].
+        time: from then on until it is at rest [s].
+        lead: distance that it covers in that time, by the speed at which it begins to brake [s].
     """
 
     reaction: float
-    ramp: float
-    settling: float
+    time: FloatArray | float
+    lead: FloatArray | float
 
 
 class Stopping:
-    """Follows the robot's speed scale from decision to decision: of a stop that has begun less is still to come.
+    """How the arm stops: by its speed scale and what the controller lags behind, or as a table has it. It follows the
+    scale from decision to decision: of a stop that has begun less is still to come.
 
     Args:
         settings: of the supervisor.
+
+    Attributes:
+        fastest: speed up to which stops are known [m/s].
+
+    Raises:
+        HricError: the file of stops cannot be used.
     """
 
     def __init__(self, settings: SupervisorSettings) -> None:
-        self._settings = settings
+        self._settings, self._table = settings, load(Path(settings.stops)) if settings.stops else None
         self._stands_since, self._before, self._brakes = math.inf, InForce(), False
+        self.fastest = math.inf
+        if self._table is not None:
+            table = self._table
+            self.fastest = max(row.speed for row in table.stops if row.load == table.max_load)
 
-    def left(self, now: float, known: float, in_force: InForce, at_rest: bool) -> Braking:
+    @property
+    def _reaction(self) -> float:
+        return self._settings.reaction_time + (0.0 if self._table is None else self._table.reaction_time)
+
+    def _braking(
+        self, reaction: float, speed: FloatArray | float, ramp: FloatArray | float, settling: float
+    ) -> Braking:
+        """From a speed of the fastest place [m/s], with a ramp of the scale and what comes after it [s]."""
+        if self._table is None:
+            # Half of the ramp at the full speed, as at any even deceleration, and all of what the controller lags.
+            return Braking(reaction, ramp + settling, 0.5 * ramp + settling)
+        stop = self._table.stop(speed, self._table.max_load)
+        assert stop.distance is not None, "of a table"
+        lead = stop.distance / np.maximum(speed, _SLOWEST)
+        return Braking(reaction, np.maximum(stop.time, ramp), np.maximum(lead, 0.5 * np.asarray(ramp)))
+
+    def from_scales(self, scales: FloatArray, speed: float) -> Braking:
+        """From scales, shape (k,), of a speed [m/s]."""
+        ramps = np.array([stopping_time(scale) for scale in scales])
+        return self._braking(self._reaction, speed * scales, ramps, self._settings.settling_time)
+
+    def left(self, now: float, known: float, in_force: InForce, speed: float) -> Braking:
         """At robot time `now` [s].
 
         Args:
             now: robot time [s].
             known: stamp of the older of what is known of person and arm [s].
             in_force: the robot's speed scale.
-            at_rest: whether the arm is.
+            speed: of the arm's fastest place, `fastest` at most [m/s].
         """
         own = self._settings
         # An arm that brakes has reacted; of that time is left by how much the person was seen before now.
@@ -110,13 +145,14 @@ class Stopping:
             self._brakes = slows or in_force.requested == 0.0
             self._before = in_force
         age = max(now - known, 0.0)  # a stamp may be a little ahead of the clock
-        reaction = min(age, own.reaction_time) if self._brakes else own.reaction_time
+        reaction = min(age, self._reaction) if self._brakes else self._reaction
         self._stands_since = min(self._stands_since, in_force.stamp) if in_force.scale == 0.0 else math.inf
-        if at_rest:
+        if speed < STANDING:
             return Braking(reaction, 0.0, 0.0)
         settling = own.settling_time - max(now - self._stands_since, 0.0)
         # An arm that is not at rest when it should be has a stop of which nothing is known.
-        return Braking(reaction, stopping_time(in_force.scale), settling if settling > 0.0 else own.settling_time)
+        left = settling if settling > 0.0 else own.settling_time
+        return self._braking(reaction, speed, stopping_time(in_force.scale), left)
 
 
 class Protective:
@@ -124,26 +160,23 @@ class Protective:
 
     Args:
         settings: of the supervisor.
+        stopping: how the arm stops.
     """
 
-    def __init__(self, settings: SupervisorSettings) -> None:
-        self._settings, self._table = settings, separation_table()
+    def __init__(self, settings: SupervisorSettings, stopping: Stopping) -> None:
+        self._settings, self._stopping, self._table = settings, stopping, separation_table()
 
-    def _terms(
-        self, robot: FloatArray, person: FloatArray, ramp: FloatArray | float, braking: Braking
-    ) -> tuple[FloatArray, Terms]:
+    def _terms(self, robot: FloatArray, person: FloatArray, braking: Braking) -> tuple[FloatArray, Terms]:
         """(v_h, terms) from a speed of the arm towards him, and his measured one, which counts where he is faster than
         the table has it [m/s]."""
-        # Half of the ramp at the full speed, as at any even deceleration, and all of what the controller lags behind.
-        settling = braking.settling
-        stop = Stop(braking.reaction, ramp + settling, robot * (0.5 * ramp + settling))
+        stop = Stop(braking.reaction, braking.time, robot * braking.lead)
         own = self._settings.intrusion, self._settings.person_uncertainty, self._settings.robot_uncertainty
         human = np.maximum(person_speed(robot, stop, *own, self._table), person)
         return human, protective_distance(robot, human, stop, *own)
 
     def measured(self, near: Nearness, braking: Braking) -> tuple[FloatArray, Terms]:
         """v_h [m/s] and the terms of each capsule at the measured speeds, shape (m,)."""
-        return self._terms(near.robot_speed, near.person_speed, braking.ramp, braking)
+        return self._terms(near.robot_speed, near.person_speed, braking)
 
     def permitted(self, distance: FloatArray, person: FloatArray, speed: float) -> FloatArray:
         """Largest scale at which each capsule is as far as it must be, shape (m,); 0: the arm must stand.
@@ -152,7 +185,11 @@ class Protective:
             distance, person: of the capsules [m], and their measured speed towards the arm [m/s].
             speed: of the arm at full speed [m/s], as if all of it were towards him.
         """
-        braking = Braking(self._settings.reaction_time, 0.0, self._settings.settling_time)
-        _, terms = self._terms(speed * SCALES[:, None], person, _RAMPS[:, None], braking)
-        found = [np.interp(d, row, SCALES, left=0.0) for d, row in zip(distance, terms.total.T, strict=True)]
+        scales = SCALES[speed * SCALES <= self._stopping.fastest]
+        if not len(scales):
+            return np.zeros(len(distance))
+        reaction, time, lead = self._stopping.from_scales(scales, speed)
+        braking = Braking(reaction, np.asarray(time)[:, None], np.asarray(lead)[:, None])
+        _, terms = self._terms(speed * scales[:, None], person, braking)
+        found = [np.interp(d, row, scales, left=0.0) for d, row in zip(distance, terms.total.T, strict=True)]
         return np.array(found)

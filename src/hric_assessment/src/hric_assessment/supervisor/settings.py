@@ -51,6 +51,11 @@ class SupervisorSettings(Settings):
         unit="s",
         text="by which the arm is at rest later than its speed scale: what its controller lags behind",
     )
+    stops: str = text(
+        "",
+        text="file of stops (Stops, above) in place of `settling_time`: T_s and S_s of its largest load, measured as "
+        "this robot stops with its speed scale; less than the scale needs does not count; empty: none",
+    )
     intrusion: float = number(0.1, minimum=0.0, unit="m", text="C")
     person_uncertainty: float = number(0.05, minimum=0.0, unit="m", text="Z_d")
     robot_uncertainty: float = number(0.01, minimum=0.0, unit="m", text="Z_r")

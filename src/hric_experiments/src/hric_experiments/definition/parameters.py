@@ -288,7 +288,7 @@ def supervisor(experiment: Experiment) -> dict[str, dict[str, Any]]:
         seen = {"person": _from_root(experiment.person or {}, "subject", "calibration")}
     elif experiment.human is not None:
         seen = {"person": dict(located(experiment.human, Path.cwd()))}
-    return {SUPERVISOR: {**_from_root(experiment.supervisor, "limits"), **seen}}
+    return {SUPERVISOR: {**_from_root(experiment.supervisor, "limits", "stops"), **seen}}
 
 
 def beside(experiment: Experiment) -> dict[str, dict[str, Any]]:
