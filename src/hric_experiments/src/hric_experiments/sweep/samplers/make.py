@@ -6,6 +6,7 @@
 | random | probabilities, with an exact interval | any |
 | sobol, lhs | distributions and means of outputs | a power of two; any |
 | saltelli | first-order and total indices | n + 2 times a power of two, for n variables |
+| cross_entropy, subset | small probabilities | some hundreds or thousands, in batches |
 
 sampler: {kind: sobol}
 """
@@ -13,7 +14,7 @@ sampler: {kind: sobol}
 from typing import Any
 
 from hric_control.parameters import Settings, variant
-from hric_experiments.sweep.samplers import designs
+from hric_experiments.sweep.samplers import cross_entropy, designs, subset
 from hric_experiments.sweep.samplers.sampler import Sampler
 from hric_experiments.sweep.space import Space
 
@@ -24,6 +25,8 @@ KINDS: dict[str, type[Settings]] = {
     "sobol": designs.Sobol,
     "lhs": designs.Lhs,
     "saltelli": designs.Saltelli,
+    "cross_entropy": cross_entropy.CrossEntropy,
+    "subset": subset.Subset,
 }
 """By the word at `kind`."""
 SAMPLER: Any = variant("kind", KINDS, text="where the runs are")

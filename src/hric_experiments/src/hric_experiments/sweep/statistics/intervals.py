@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import betaincinv
+from scipy.special import betaincinv, stdtrit
 
 from hric_control.errors import HricError
 
@@ -73,3 +73,21 @@ def effective_size(weights: FloatArray) -> float:
     """
     squares = float(np.sum(np.square(weights)))
     return float(np.sum(weights)) ** 2 / squares if squares > 0.0 else 0.0
+
+
+def log_interval(weights: FloatArray, runs: int, level: float = LEVEL) -> Interval:
+    """Interval of a probability from weighted independent runs, symmetric about the estimate on a logarithmic scale.
+
+    The estimate is sum(w)/runs over those that exceeded. With their effective number e its logarithm scatters by
+    1/sqrt(e): the count is taken as Poisson's, which is on the safe side where most of the runs exceed. The quantile is
+    that of Student's distribution with e - 1 degrees of freedom, since the scatter is estimated from so many.
+
+    Args:
+        weights: likelihood ratios of those that exceeded, one at least, shape (m,).
+        runs: how many there were, with those that did not.
+        level: in (0, 1).
+    """
+    size = effective_size(weights)
+    quantile = float(stdtrit(max(size - 1.0, 1.0), 0.5 + 0.5 * level))
+    estimate, factor = float(np.sum(weights)) / runs, float(np.exp(quantile / np.sqrt(size)))
+    return Interval(estimate / factor, min(estimate * factor, 1.0))

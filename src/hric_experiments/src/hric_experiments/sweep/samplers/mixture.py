@@ -1,0 +1,132 @@
+"""Proposals of importance sampling in the space of normal scores: normal distributions, fitted to weighted points.
+
+The distributions themselves are the standard normal there. A proposal is a mixture: a share of the standard normal,
+which bounds the weights (a defensive mixture: Hesterberg, Technometrics 37:185, 1995), and components fitted to the
+points that came near the limit, one for each region of failure (Kurtz & Song, Struct. Saf. 42:35, 2013).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import logsumexp
+
+FloatArray = npt.NDArray[np.float64]
+DEFENSIVE = 0.1
+"""Share of each batch that is drawn from the distributions themselves [1]; no weight exceeds its inverse."""
+NARROWEST, WIDEST = 0.35, 1.2
+"""Standard deviations of a component along its axes [1]: narrower than the failures' own it would miss their tails."""
+SHRINKAGE = 0.3
+"""Least share of the standard normal's covariance in that of a component [1]; more where few points are."""
+COMPONENTS = 3
+"""At most: regions of failure that are distinguished (project default, unconfirmed)."""
+STEPS = 30
+"""Of expectation and maximisation per fit."""
+
+
+def log_normal(z: FloatArray) -> FloatArray:
+    """Logarithm of the density of the standard normal at points, shape (m, n)."""
+    density: FloatArray = -0.5 * np.sum(z * z, axis=1) - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+    return density
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A mixture of normal distributions, without its defensive share.
+
+    Attributes:
+        shares: of the components, shape (k,).
+        means: shape (k, n).
+        factors: Cholesky factors of the covariances, shape (k, n, n).
+    """
+
+    shares: FloatArray
+    means: FloatArray
+    factors: FloatArray
+
+    def each(self, z: FloatArray) -> FloatArray:
+        """Logarithm of share times density of each component at points of shape (m, n), shape (k, m)."""
+        found = []
+        for share, mean, factor in zip(self.shares, self.means, self.factors, strict=True):
+            scaled = np.linalg.solve(factor, (z - mean).T).T
+            found.append(np.log(share) + log_normal(scaled) - np.log(np.diag(factor)).sum())
+        return np.array(found)
+
+    def log_weights(self, z: FloatArray, defensive: float) -> FloatArray:
+        """Logarithm of the likelihood ratio of points drawn from the mixture, shape (m,).
+
+        Args:
+            z: shape (m, n).
+            defensive: share of them that was drawn from the standard normal [1].
+        """
+        plain = log_normal(z)
+        fitted = np.log1p(-defensive) + logsumexp(self.each(z), axis=0)
+        weights: FloatArray = plain - np.logaddexp(np.log(defensive) + plain, fitted)
+        return weights
+
+    def draw(self, count: int, random: np.random.Generator) -> FloatArray:
+        """Points of the components, shape (count, n)."""
+        chosen = random.choice(len(self.shares), size=count, p=self.shares / self.shares.sum())
+        scores = random.standard_normal((count, self.means.shape[1]))
+        points: FloatArray = self.means[chosen] + np.einsum("mij,mj->mi", self.factors[chosen], scores)
+        return points
+
+
+def fit(z: FloatArray, weights: FloatArray) -> Proposal:
+    """The mixture, of as many components as the points support, that fits them best.
+
+    How many: by the Bayesian information criterion, with the effective number of points.
+
+    Args:
+        z: shape (m, n).
+        weights: likelihood ratios, shape (m,), above 0.
+    """
+    weights = weights / weights.sum()
+    size, n = 1.0 / float(np.sum(weights**2)), z.shape[1]
+    best, lowest = None, np.inf
+    for count in range(1, COMPONENTS + 1):
+        if best is not None and len(z) < count * (n + 1):
+            break
+        made = _fitted(z, weights, count, size)
+        likelihood = float(weights @ logsumexp(made.each(z), axis=0)) * size
+        criterion = -2.0 * likelihood + np.log(max(size, 2.0)) * count * (n + 1)
+        if criterion < lowest:
+            best, lowest = made, criterion
+    assert best is not None
+    return best
+
+
+def _fitted(z: FloatArray, weights: FloatArray, count: int, size: float) -> Proposal:
+    """By expectation and maximisation, from points far from each other."""
+    n = z.shape[1]
+    made = Proposal(np.full(count, 1.0 / count), _far_apart(z, weights, count), np.tile(np.eye(n), (count, 1, 1)))
+    for _ in range(STEPS if count > 1 else 1):
+        each = made.each(z)
+        parts = np.exp(each - logsumexp(each, axis=0)) * weights
+        shares = parts.sum(axis=1) + 1e-12
+        means = parts @ z / shares[:, None]
+        factors = [
+            _factor(z - mean, part / share, size * share)
+            for mean, part, share in zip(means, parts, shares, strict=True)
+        ]
+        made = Proposal(shares / shares.sum(), means, np.array(factors))
+    return made
+
+
+def _far_apart(z: FloatArray, weights: FloatArray, count: int) -> FloatArray:
+    """Points to begin with: the heaviest, then each time the one with most weight times distance squared."""
+    chosen = [z[np.argmax(weights)]]
+    while len(chosen) < count:
+        nearest = np.min([np.sum((z - one) ** 2, axis=1) for one in chosen], axis=0)
+        chosen.append(z[np.argmax(nearest * weights)])
+    return np.array(chosen)
+
+
+def _factor(deviations: FloatArray, weights: FloatArray, size: float) -> FloatArray:
+    """Cholesky factor of a component's covariance, drawn towards the standard normal's and bounded along its axes."""
+    n = deviations.shape[1]
+    towards = min(1.0, max(SHRINKAGE, (n + 1) / max(size, 1e-9)))
+    covariance = (1.0 - towards) * (deviations.T * weights) @ deviations + towards * np.eye(n)
+    values, axes = np.linalg.eigh(covariance)
+    bounded: FloatArray = (axes * np.clip(values, NARROWEST**2, WIDEST**2)) @ axes.T
+    return np.linalg.cholesky(0.5 * (bounded + bounded.T)).astype(float)
