@@ -3,6 +3,7 @@
 import copy
 import json
 import re
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,13 @@ from browser import Browser, installed
 
 from hric_assessment.findings import DISCLAIMER
 from hric_bags.run_folder import RunFolder
+from hric_control.errors import HricError
 from hric_experiments import cli, report_html
 from hric_experiments.report_html import body_picture, verdict
 from hric_experiments.report_html.body_picture import PAIRS, SHAPES, colour, picture, touched
+from hric_human.body import Body, describe
 from hric_human.body.regions import REGION_MODELS
+from hric_human.participant.settings import HumanSettings
 
 HAND, FACE, CHEST, ARM = "hand, fingers", "face", "chest", "lower arm, wrist"
 
@@ -159,6 +163,43 @@ def test_a_run_without_a_person_has_none(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
     folder.write({"definition": {"human": None, "person": None}})
     assert verdict.verdict_of(folder) is None and not (tmp_path / "verdict.json").exists()
+
+
+def robots_of(page: str) -> list[dict[str, Any]]:
+    found = re.search(r"<script[^>]*id=data>(.*?)</script>", page, re.DOTALL)
+    assert found is not None
+    return list(json.loads(found[1])["scene"]["robots"])
+
+
+def test_a_bag_alone_gets_a_page_with_its_verdict_and_a_replay(
+    run: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = tmp_path / "alone.bag"
+    shutil.copy(run.bag_path, bag)
+    assert cli.main(["report", str(bag), "--html"]) == 0
+    printed, page = capsys.readouterr().out, (tmp_path / "alone_report.html").read_text()
+    found = json.loads((tmp_path / "verdict.json").read_text())
+    assert f"verdict: {found['outcome']}" in printed and "alone_report.html" in printed and DISCLAIMER in printed
+    assert f'class="outcome {verdict.KINDS[found["outcome"]]}"' in page and DISCLAIMER in page
+    arm, person = robots_of(page)
+    assert arm["columns"] == 7 and arm["motion"] is None
+    assert person["columns"] == len(settings_body(run).joints) and person["motion"] is None
+    assert "Where the person was is not known" in page  # his settings are in the run folder
+    (tmp_path / "verdict.json").write_text(json.dumps(found | {"outcome": "warning"}))  # as one left it with choices
+    assert cli.main(["report", str(bag)]) == 0
+    assert "verdict: warning" in capsys.readouterr().out
+    (tmp_path / "verdict.json").write_text(json.dumps(MADE))  # of another recording
+    assert cli.main(["report", str(bag)]) == 0
+    assert f"verdict: {found['outcome']}" in capsys.readouterr().out
+
+
+def settings_body(run: RunFolder) -> Body:
+    return describe(HumanSettings.of(run.read()["definition"]["human"], "human").person)
+
+
+def test_a_bag_that_is_not_there_is_a_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(HricError, match=r"no bag nothing\.bag"):
+        cli.COMMANDS["report"]([str(tmp_path / "nothing.bag"), "--html"])
 
 
 def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:

@@ -174,17 +174,29 @@ def list_experiments(arguments: Sequence[str]) -> int:
 
 def report(arguments: Sequence[str]) -> int:
     """Compute metrics and figures of a run again."""
-    what = "Compute metrics, figures and report of a run again, from its bag."
+    what = (
+        "Compute metrics, figures and report of a run again, from its bag. Of a bag or a c3d file without a run "
+        "folder: its verdict."
+    )
     parser = argparse.ArgumentParser("rosrun hric_experiments report", description=what)
-    parser.add_argument("run", nargs="?", default="latest", help="run folder, its name, or latest (default)")
+    parser.add_argument(
+        "run",
+        nargs="?",
+        default="latest",
+        metavar="RUN|BAG|C3D",
+        help="run folder, its name, latest (default), a bag, or a c3d file with markers of a body",
+    )
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
     parser.add_argument(
         "--html",
         action="store_true",
-        help="leave report.html, too: one file with plots, tables and a replay, for any browser",
+        help="leave report.html, too: one file with plots, tables and a replay, for any browser; of a bag or a c3d "
+        "file NAME_report.html beside it, with its verdict and a replay",
     )
     parser.add_argument("--no-figures", action="store_true", help="do not draw the PNG files")
     given = parser.parse_args(list(arguments))
+    if Path(given.run).suffix.lower() in (".bag", ".c3d") and not Path(given.run).expanduser().is_dir():
+        return _report_recording(Path(given.run).expanduser(), given.html)
     from hric_experiments.analysis.run import FIGURE_STEPS, STEPS, analyse
 
     folder = RunFolder.open(given.run, runs_root(given.runs))
@@ -197,6 +209,20 @@ def report(arguments: Sequence[str]) -> int:
         print(f"verdict: {verdict['outcome']} (verdict.json). {verdict['disclaimer']}")
     if given.html:
         _html(folder)
+    return 0
+
+
+def _report_recording(path: Path, html: bool) -> int:
+    """Of a bag or a c3d file."""
+    from hric_assessment.verdict import opened
+    from hric_experiments.report_html import recording_page
+    from hric_experiments.report_html.verdict import verdict_beside
+
+    given = opened(str(path))
+    verdict = verdict_beside(given)
+    print(f"verdict: {verdict['outcome']} (verdict.json). {verdict['disclaimer']}")
+    if html:
+        print(f"page: {recording_page.write(given, verdict, path.with_name(f'{path.stem}_report.html'))}")
     return 0
 
 

@@ -6,15 +6,18 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hric_assessment.verdict import assess, opened
 from hric_assessment.verdict.command import FILE
+from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.result import VERSION
 from hric_bags import files
 from hric_bags.run_folder import RunFolder
+from hric_control.errors import HricError
 from hric_experiments.report import sections
 from hric_experiments.report_html import body_picture
 from hric_experiments.report_html.tables import Table, escape, number, render
@@ -84,18 +87,36 @@ def verdict_of(folder: RunFolder) -> dict[str, Any] | None:
         HricError: the bag cannot be used.
     """
     path = folder.path / FILE
-    if path.is_file():
-        try:
-            found: dict[str, Any] = json.loads(path.read_text())
-        except ValueError:
-            found = {}
-        if found.get("version") == VERSION:
-            return found
+    if (found := _kept(path)) is not None:
+        return found
     definition = folder.read().get("definition") or {}
     if not (definition.get("human") or definition.get("person")):
         return None
     made: dict[str, Any] = assess(opened(str(folder.path))).to_dict()
     files.write_json(path, made)
+    return made
+
+
+def _kept(path: Path) -> dict[str, Any] | None:
+    """What is in a file, of today's version; None: nothing of use."""
+    try:
+        found: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
+    except ValueError:
+        return None
+    return found if found.get("version") == VERSION else None
+
+
+def verdict_beside(given: Given) -> dict[str, Any]:
+    """Likewise of a bag or a c3d file, whose verdict.json is beside it; one of another recording is replaced."""
+    path = given.folder / FILE
+    found = _kept(path)
+    if found is not None and found["input"]["name"] == given.name and found["input"]["kind"] == given.kind:
+        return found
+    made: dict[str, Any] = assess(given).to_dict()
+    try:
+        files.write_json(path, made)
+    except OSError as error:
+        raise HricError(f"cannot write {FILE} in {given.folder}: {error.strerror or error}") from error
     return made
 
 
