@@ -1,0 +1,106 @@
+"""The published tables, and the one loader of their files.
+
+    limits = limit_table("iso_ts_15066")        # or "bgia2011", or a Path to a user's own file
+    rula_table(), reba_table(), niosh_table(), separation_table(), episode_table(), verdict_table()
+
+Each file in config/tables has the values in the units in which they are printed, their sources, and a mark for each: by
+how many public sources it is confirmed. What is read here is as printed; who computes converts to SI.
+"""
+
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+from hric_assessment.tables.base import MARKS, Table
+from hric_assessment.tables.limits import FOOT, REGIONS, ForceRow, LimitTable, PressureRow, Row
+from hric_assessment.tables.posture import Adder, Band, Condition, PostureTable, RebaTable, RulaTable
+from hric_assessment.tables.values import EpisodeTable, NioshTable, SeparationTable, VerdictTable
+from hric_control.parameters import package_yaml, read_yaml, unknown
+
+__all__ = [
+    "FOOT",
+    "LIMIT_TABLES",
+    "MARKS",
+    "REGIONS",
+    "UNITS",
+    "Adder",
+    "Band",
+    "Condition",
+    "EpisodeTable",
+    "ForceRow",
+    "LimitTable",
+    "NioshTable",
+    "PostureTable",
+    "PressureRow",
+    "RebaTable",
+    "Row",
+    "RulaTable",
+    "SeparationTable",
+    "Table",
+    "VerdictTable",
+    "episode_table",
+    "limit_table",
+    "niosh_table",
+    "reba_table",
+    "rula_table",
+    "separation_table",
+    "verdict_table",
+]
+LIMIT_TABLES = ("iso_ts_15066", "bgia2011")
+"""Those that come with the package; the first is the default."""
+T = TypeVar("T", bound="Table")
+UNITS = {"force": 1.0, "pressure": 1e4, "stiffness": 1e3, "length": 1e-2}
+"""What a printed unit is in SI: N, N/cm^2, N/mm, cm."""
+
+
+def limit_table(which: str | Path = LIMIT_TABLES[0]) -> LimitTable:
+    """One of LIMIT_TABLES, or a user's own file, which takes its place.
+
+    Raises:
+        ParameterError: no such table, or a file that cannot be used, with all its mistakes.
+    """
+    if isinstance(which, Path):
+        return LimitTable.of(read_yaml(which), f"{which.name}:")
+    if which not in LIMIT_TABLES:
+        raise unknown("limits", which, [*LIMIT_TABLES, "a YAML file"], "hric_assessment")
+    return _built_in(LimitTable, which)
+
+
+@cache
+def rula_table() -> RulaTable:
+    """config/tables/rula.yaml."""
+    return _built_in(RulaTable, "rula")
+
+
+@cache
+def reba_table() -> RebaTable:
+    """config/tables/reba.yaml."""
+    return _built_in(RebaTable, "reba")
+
+
+@cache
+def niosh_table() -> NioshTable:
+    """config/tables/niosh.yaml."""
+    return _built_in(NioshTable, "niosh")
+
+
+@cache
+def separation_table() -> SeparationTable:
+    """config/tables/separation.yaml."""
+    return _built_in(SeparationTable, "separation")
+
+
+@cache
+def episode_table() -> EpisodeTable:
+    """config/tables/episodes.yaml."""
+    return _built_in(EpisodeTable, "episodes")
+
+
+@cache
+def verdict_table() -> VerdictTable:
+    """config/tables/verdict.yaml."""
+    return _built_in(VerdictTable, "verdict")
+
+
+def _built_in(kind: type[T], name: str) -> T:
+    return kind.of(package_yaml(__file__, f"tables/{name}"), f"{name}.yaml:")
