@@ -7,6 +7,6 @@ setup(
     **generate_distutils_setup(
         packages=find_packages("src"),
         package_dir={"": "src"},
-        package_data={"hric_experiments.report_html": ["assets/*"], "hric_experiments.benchmark": ["assets/*"]},
+        package_data={f"hric_experiments.{name}": ["assets/*"] for name in ("report_html", "benchmark", "sweep_page")},
     )
 )

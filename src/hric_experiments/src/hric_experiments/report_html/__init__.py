@@ -75,10 +75,15 @@ def metrics_of(folder: RunFolder) -> dict[str, Any]:
 def _write(folder: Path, page: Page) -> Path:
     from hric_experiments.report_html.page import render_page
 
+    return write_text(folder, render_page(page))
+
+
+def write_text(folder: Path, text: str) -> Path:
+    """Write the text of a page into a folder, made if missing. Raises HricError: it cannot be written."""
     path = folder / NAME
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        files.write_text(path, render_page(page))
+        files.write_text(path, text)
     except OSError as error:
         raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from error
     return path

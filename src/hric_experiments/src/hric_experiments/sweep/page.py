@@ -1,0 +1,149 @@
+"""The page of a sweep: report.html from its table and its settings alone, one file that needs no network."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from string import Template
+
+from hric_experiments import report_html
+from hric_experiments.report import style
+from hric_experiments.report_html.scene import Blob
+from hric_experiments.report_html.tables import Table, escape, flat, render
+from hric_experiments.sweep_page import drawn, estimate, lists, sensitivity, spread, words
+from hric_experiments.sweep_page.study import EXCEEDED, FAILED, FINE, Study, load
+
+PARTS = Path(__file__).parents[1]
+ASSETS, SHARED = PARTS / "sweep_page" / "assets", PARTS / "report_html" / "assets"
+SCRIPTS = ("density.js", "parallel.js", "matrix.js", "sweep.js")
+PERIOD, RUNS_PER_SECOND = 10.0, 2000.0
+"""Time between two loads of a growing page [s]: at least, and a second more for so many runs."""
+CONTENTS = ("definition", "experiment")
+"""Of sweep.yaml, that have a table of their own."""
+COLOURS = {"fine": "measured", "exceeded": "limit", "failed": "desired"}
+
+
+def write(folder: Path, *, running: bool = False) -> Path:
+    """Write the page of a sweep into its folder, replacing one that is there.
+
+    Args:
+        folder: of the sweep, with runs.parquet and sweep.yaml.
+        running: whether the sweep goes on; the page then says so and loads itself again.
+
+    Raises:
+        HricError: the folder has no table, or one that no sweep wrote; or the page cannot be written.
+    """
+    return report_html.write_text(folder, render_page(load(folder), running=running))
+
+
+def render_page(study: Study, *, running: bool) -> str:
+    """The file's text; running: whether the sweep goes on, so that the page reloads itself."""
+    blob, rows = Blob(), drawn.chosen(study)
+    rank = sensitivity.ranks(study)
+    data = {
+        "columns": drawn.columns(study, rows, rank, blob),
+        "kinds": blob.add(study.kinds[rows], "u4"),
+        "index": blob.add(study.columns["index"][rows], "u4"),
+        "command": lists.command(study),
+        "words": {"exceeded": estimate.condition(study)},
+        "pairs": drawn.PAIRS,
+        "running": running,
+        "period": PERIOD + study.runs / RUNS_PER_SECOND,
+    }
+    parts = dict(_parts(study, drawn.said(study, rows), rank))
+    head = f"<p class=running>{_progress(study)}</p>" if running else ""
+    return Template((ASSETS / "sweep.html").read_text()).substitute(
+        title=escape(study.folder.resolve().name),
+        subtitle=escape(study.definition.get("description") or "a sweep"),
+        verdicts="".join(_verdicts(study, running)),
+        links=" ".join(f'<a href="#{_anchor(title)}">{escape(title)}</a>' for title in parts),
+        sections=head + "".join(_section(title, content) for title, content in parts.items()),
+        foot=escape(f"Made from {study.runs} rows of runs.parquet."),
+        style=(SHARED / "page.css").read_text() + (ASSETS / "sweep.css").read_text() + style.css(),
+        data=json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
+        numbers=blob.text(),
+        ids=" ".join(study.columns["id"][rows]),
+        scripts="\n".join(
+            [(SHARED / "data.js").read_text(), (ASSETS / "columns.js").read_text()]
+            + [(ASSETS / name).read_text() for name in SCRIPTS]
+        ),
+    )
+
+
+def _parts(study: Study, sampled: str, rank: sensitivity.Ranks) -> Iterator[tuple[str, str]]:
+    """Title and content of each part that has something in it."""
+    yield "Estimate", estimate.part(study)
+    yield "What was varied", f"<p>{escape(_how_many(study))}</p>{render(words.varied(study))}"
+    yield "Runs", _runs(study, sampled)
+    found = spread.part(study)
+    if found:
+        yield "Distribution of the outputs", found
+    found = sensitivity.part(study, rank)
+    if found:
+        yield "What the outputs depend on", found
+    yield "Failures", lists.failures(study)
+    yield "Worst runs", lists.worst(study)
+    yield "Cost", render(lists.cost(study))
+    yield "How it was made", _made(study)
+
+
+def _section(title: str, content: str) -> str:
+    return f'<section id="{_anchor(title)}"><h2>{escape(title)}</h2>{content}</section>'
+
+
+def _anchor(title: str) -> str:
+    return title.lower().replace(" ", "-")
+
+
+def _how_many(study: Study) -> str:
+    base = study.definition.get("extends")
+    of = f" of {base}" if base else ""
+    return f"{study.runs} runs{of}; points chosen by {words.sampler(study)}."
+
+
+def _verdicts(study: Study, running: bool) -> Iterator[str]:
+    failed = int((study.kinds == FAILED).sum())
+    planned = study.planned
+    state = "running" if running else "whole" if planned is None or study.runs >= planned else "stopped before its end"
+    yield f'<span class="verdict plain">{state}</span>'
+    yield f'<span class="verdict plain">{study.runs}{"" if planned is None else f" of {planned}"} runs</span>'
+    if failed:
+        yield f'<span class="verdict bad">{failed} failed</span>'
+
+
+def _progress(study: Study) -> str:
+    planned, period = study.planned, PERIOD + study.runs / RUNS_PER_SECOND
+    bar = "" if not planned else f'<progress max="{planned}" value="{study.runs}"></progress>'
+    of = "" if planned is None else f" of {planned}"
+    return (
+        f"This sweep is running: {study.runs}{of} runs so far.{bar} All below is of these. "
+        f"<label><input type=checkbox id=reload checked> load again every {period:.0f} s</label>"
+    )
+
+
+def _runs(study: Study, sampled: str) -> str:
+    names = {"fine": "within" if study.limit else "ended", "exceeded": estimate.condition(study), "failed": "failed"}
+    kinds = {"fine": FINE, "exceeded": EXCEEDED, "failed": FAILED}
+    buttons = "".join(
+        f'<button type=button data-kind={kind} aria-pressed=true><i style="background:var(--{COLOURS[kind]})"></i>'
+        f"{escape(names[kind])}: {int((study.kinds == number).sum())}</button> "
+        for kind, number in kinds.items()
+        if (study.kinds == number).any()
+    )
+    pairs = (
+        f"The first {drawn.PAIRS} of the columns above, drawn likewise; above the diagonal their rank correlation "
+        "(Spearman), on it all runs in grey and the kept ones in blue."
+    )
+    return Template((ASSETS / "runs.html").read_text()).substitute(
+        sampled=escape(sampled), kinds=buttons, pairs=escape(pairs)
+    )
+
+
+def _made(study: Study) -> str:
+    leaves = flat({key: value for key, value in study.made.items() if key not in CONTENTS})
+    head = ("what", "value")
+    shown = [Table("", head, tuple(leaves))] if leaves else []
+    shown.append(Table("Definition", head, tuple(flat(study.definition)), folded=True))
+    experiment = study.made.get("experiment")
+    if isinstance(experiment, Mapping):
+        shown.append(Table("Experiment", head, tuple(flat(experiment)), folded=True))
+    return "".join(map(render, shown))

@@ -1,0 +1,115 @@
+"use strict";
+// The columns of the sweep: their values, their scales, and which runs are shown.
+const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementById("ids").textContent.trim().split(" ") };
+{
+  const { data } = report, KINDS = ["fine", "exceeded", "failed"];
+  sweep.KINDS = KINDS;
+  sweep.kinds = report.read(data.kinds);
+  sweep.index = report.read(data.index);
+  sweep.count = sweep.kinds.length;
+  sweep.shown = new Uint8Array(sweep.count).fill(1);
+
+  sweep.rgb = (colour) => {
+    const pencil = document.createElement("canvas").getContext("2d");
+    pencil.fillStyle = colour;
+    return [1, 3, 5].map((at) => parseInt(pencil.fillStyle.slice(at, at + 2), 16));
+  };
+  sweep.colours = () => [report.colour("line"), report.colour("measured"), report.colour("desired"), report.colour("limit")];
+  sweep.STRENGTH = [0.55, 0.9, 0.95, 1];
+  // Below all lie runs that are brushed away, then fine, failed, exceeded.
+  sweep.layer = (row) => (sweep.shown[row] ? [1, 3, 2][sweep.kinds[row]] : 0);
+
+  // A number for a reader.
+  sweep.text = (value) => {
+    if (!Number.isFinite(value)) return "none";
+    const size = Math.abs(value);
+    if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(2).replace(/\.?0*e\+?/, "e");
+    return String(Number(value.toPrecision(4)));
+  };
+
+  const ticks = (low, high, count) => {
+    const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough)), part = rough / power;
+    const step = power * (part > 5 ? 10 : part > 2 ? 5 : part > 1 ? 2 : 1), found = [];
+    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
+    return found;
+  };
+
+  // Of a logarithmic axis: powers of ten, with twos and fives between them where these are few.
+  const decades = (low, high, count) => {
+    const found = [], few = Math.log10(high / low) < count / 2;
+    for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power++) {
+      for (const part of few ? [1, 2, 5] : [1]) found.push(Number(`${part}e${power}`));
+    }
+    return found;
+  };
+
+  class Column {
+    constructor(spec) {
+      Object.assign(this, spec, { values: report.read(spec.values) });
+      let low = Infinity, high = -Infinity;
+      this.gaps = false;
+      for (const value of this.values) {
+        if (!Number.isFinite(value)) { this.gaps = true; continue; }
+        if (value < low) low = value;
+        if (value > high) high = value;
+      }
+      if (low > high) [low, high] = [0, 1];
+      if (low === high) { const half = this.labels.length ? 0.5 : Math.abs(low) * 0.05 || 0.5; low -= half; high += half; }
+      this.ends = this.log ? [Math.log(low), Math.log(high)] : [low, high];
+      this.shares = Float32Array.from(this.values, (value) => this.share(value));
+    }
+
+    // Where a value lies between the ends, 0 to 1; -1: none.
+    share(value) {
+      if (!Number.isFinite(value)) return -1;
+      return ((this.log ? Math.log(value) : value) - this.ends[0]) / (this.ends[1] - this.ends[0]);
+    }
+
+    value(share) {
+      const found = this.ends[0] + share * (this.ends[1] - this.ends[0]);
+      return this.log ? Math.exp(found) : found;
+    }
+
+    // Of its axis: [share, text].
+    ticks(count) {
+      if (this.labels.length) return this.labels.map((label, k) => [this.share(k), label]);
+      const [low, high] = this.ends;
+      const found = this.log ? decades(Math.exp(low), Math.exp(high), count) : ticks(low, high, count);
+      return found.map((value) => [this.share(value), sweep.text(value)]).filter(([share]) => share >= -1e-6 && share <= 1 + 1e-6);
+    }
+
+    said(row) {
+      const value = this.values[row];
+      if (this.labels.length) return this.labels[value] ?? "none";
+      return sweep.text(value) + (this.unit && Number.isFinite(value) ? " " + this.unit : "");
+    }
+  }
+  sweep.columns = data.columns.map((spec) => new Column(spec));
+
+  // Which runs are within all brushes and of a kind that is not switched off.
+  sweep.filter = () => {
+    const { shown, kinds, hidden } = sweep, off = KINDS.map((kind) => hidden.has(kind));
+    for (let row = 0; row < sweep.count; row++) shown[row] = off[kinds[row]] ? 0 : 1;
+    for (const [name, [low, high]] of sweep.brushes) {
+      const column = sweep.columns.find((one) => one.name === name);
+      if (!column) continue;
+      const { shares } = column;
+      for (let row = 0; row < sweep.count; row++) if (!(shares[row] >= low && shares[row] <= high)) shown[row] = 0;
+    }
+    sweep.left = shown.reduce((sum, one) => sum + one, 0);
+  };
+
+  const NAMES = "http://www.w3.org/2000/svg";
+  sweep.svg = (parent, tag, attributes, text) => {
+    const made = document.createElementNS(NAMES, tag);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    if (text !== undefined) made.textContent = text;
+    parent.append(made);
+    return made;
+  };
+  // A text that is no wider than `width` [CSS pixels], about.
+  sweep.short = (text, width, perLetter = 6.6) => {
+    const most = Math.max(3, Math.floor(width / perLetter));
+    return text.length <= most ? text : text.slice(0, most - 1) + "…";
+  };
+}

@@ -1,0 +1,137 @@
+"use strict";
+// The page of a sweep: one set of shown runs for all drawings, the run that is pointed at, themes, and reloading.
+{
+  const find = (id) => document.getElementById(id), { data } = report;
+  const THEMES = ["auto", "light", "dark"], dark = matchMedia("(prefers-color-scheme: dark)"), KEPT = "sweep " + location.pathname;
+  let theme = "auto", waiting = false, picked = null;
+  sweep.parallel = new sweep.Parallel(find("parallel"));
+  sweep.matrix = new sweep.Matrix(find("matrix"));
+  const { parallel, matrix } = sweep;
+
+  // What the user chose outlives a reload; a browser that keeps nothing for files begins anew.
+  const keep = () => {
+    const on = sweep.columns.filter((column) => column.on).map((column) => column.name);
+    const kept = { brushes: [...sweep.brushes], hidden: [...sweep.hidden], on, theme, picked: picked === null ? null : sweep.ids[picked], reload: find("reload")?.checked, top: scrollY };
+    try { sessionStorage.setItem(KEPT, JSON.stringify(kept)); } catch { /* nothing is kept */ }
+  };
+  const recall = () => {
+    let kept = null;
+    try { kept = JSON.parse(sessionStorage.getItem(KEPT)); } catch { /* nothing was kept */ }
+    if (!kept || !data.running) return;
+    for (const [name, range] of kept.brushes) sweep.brushes.set(name, range);
+    for (const kind of kept.hidden) sweep.hidden.add(kind);
+    for (const column of sweep.columns) column.on = kept.on.includes(column.name);
+    theme = kept.theme;
+    if (find("reload")) find("reload").checked = kept.reload;
+    const row = kept.picked === null ? -1 : sweep.ids.indexOf(kept.picked);
+    if (row >= 0) sweep.pick(row);
+    setTimeout(() => scrollTo(0, kept.top));
+  };
+
+  const said = () => {
+    const limits = [...sweep.brushes].map(([name, [low, high]]) => {
+      const column = sweep.columns.find((one) => one.name === name);
+      if (!column) return "";
+      if (column.labels.length) return `${name}: ${column.labels.filter((_, k) => column.share(k) >= low && column.share(k) <= high).join(", ") || "none"}`;
+      return `${name} ${sweep.text(column.value(low))} to ${sweep.text(column.value(high))}${column.unit ? " " + column.unit : ""}`;
+    });
+    const counts = sweep.KINDS.map((_, kind) => sweep.kinds.reduce((sum, one, row) => sum + (one === kind && sweep.shown[row]), 0));
+    const among = [counts[1] && `${counts[1]} of them ${data.words.exceeded}`, counts[2] && `${counts[2]} failed`].filter(Boolean).join(", ");
+    find("shown").textContent = `${sweep.left.toLocaleString("en")} of ${sweep.count.toLocaleString("en")} runs${among ? ": " + among : ""}${limits.length ? "; kept: " + limits.join("; ") : ""}`;
+    find("clear").hidden = !sweep.brushes.size;
+    document.querySelectorAll("#kinds button").forEach((button) => button.setAttribute("aria-pressed", String(!sweep.hidden.has(button.dataset.kind))));
+  };
+
+  const redraw = () => { sweep.filter(); parallel.draw(); matrix.draw(); said(); };
+  // Once before the next frame, however many events ask for it.
+  sweep.soon = (then) => {
+    if (waiting) return;
+    waiting = true;
+    requestAnimationFrame(() => { waiting = false; redraw(); then?.(); });
+  };
+
+  const name = (row) => `${sweep.ids[row]} (run ${sweep.index[row]})`;
+  const outcome = (row) => ({ exceeded: data.words.exceeded, failed: "failed", fine: "" })[sweep.KINDS[sweep.kinds[row]]];
+
+  // The run below the pointer; null: none.
+  sweep.point = (row, event) => {
+    const tip = find("tip");
+    tip.hidden = row === null;
+    parallel.mark(row ?? picked);
+    matrix.mark(row ?? picked);
+    if (row === null) return;
+    const head = document.createElement("b"), table = document.createElement("table");
+    head.textContent = name(row) + (outcome(row) ? ", " + outcome(row) : "");
+    for (const column of sweep.columns) {
+      const line = table.insertRow();
+      line.className = column.role;
+      line.insertCell().textContent = column.name;
+      line.insertCell().textContent = column.said(row);
+    }
+    tip.replaceChildren(head, table);
+    const { offsetWidth: wide, offsetHeight: high } = tip;
+    tip.style.left = Math.max(4, event.clientX + 18 + wide > innerWidth ? event.clientX - wide - 14 : event.clientX + 18) + "px";
+    tip.style.top = Math.max(4, Math.min(event.clientY + 14, innerHeight - high - 6)) + "px";
+  };
+
+  // The run that a click chose, with the command that runs it again.
+  sweep.pick = (row) => {
+    picked = row;
+    find("picked").hidden = false;
+    find("picked-name").textContent = name(row) + (outcome(row) ? ", " + outcome(row) : "");
+    find("picked-command").textContent = `${data.command} ${sweep.ids[row]}`;
+  };
+
+  const paint = () => {
+    document.documentElement.dataset.theme = theme === "dark" || (theme === "auto" && dark.matches) ? "dark" : "light";
+    find("theme").textContent = "theme: " + theme;
+    redraw();
+  };
+
+  const choices = () => {
+    for (const column of sweep.columns) {
+      const label = document.createElement("label"), box = document.createElement("input");
+      Object.assign(box, { type: "checkbox", checked: column.on });
+      box.addEventListener("change", () => { column.on = box.checked; if (!box.checked) sweep.brushes.delete(column.name); sweep.soon(); });
+      label.append(box, " " + column.name);
+      find("choices").append(label, " ");
+    }
+  };
+
+  const copy = async (button, text) => {
+    try { await navigator.clipboard.writeText(text); } catch {
+      const area = document.createElement("textarea"); // a browser that lends no clipboard to files
+      area.value = text;
+      document.body.append(area);
+      area.select();
+      document.execCommand("copy");
+      area.remove();
+    }
+    button.textContent = "copied";
+    setTimeout(() => { button.textContent = "copy"; }, 1500);
+  };
+
+  const connect = () => {
+    find("theme").addEventListener("click", () => { theme = THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length]; paint(); });
+    dark.addEventListener("change", paint);
+    find("clear").addEventListener("click", () => { sweep.brushes.clear(); sweep.soon(); });
+    document.querySelectorAll("#kinds button").forEach((button) => button.addEventListener("click", () => {
+      const { kind } = button.dataset;
+      if (!sweep.hidden.delete(kind)) sweep.hidden.add(kind);
+      sweep.soon();
+    }));
+    document.querySelectorAll("button.copy").forEach((button) => button.addEventListener("click", () => copy(button, button.previousElementSibling.textContent)));
+    let width = innerWidth;
+    addEventListener("resize", () => { if (innerWidth !== width) { width = innerWidth; sweep.soon(); } });
+    addEventListener("beforeprint", () => document.querySelectorAll("details:not([open])").forEach((one) => { one.open = true; }));
+    if (!data.running) return;
+    addEventListener("pagehide", keep);
+    setInterval(() => { if (find("reload").checked && !parallel.held && find("tip").hidden) location.reload(); }, 1000 * data.period);
+  };
+
+  recall();
+  choices();
+  connect();
+  paint();
+  report.ready = true;
+}

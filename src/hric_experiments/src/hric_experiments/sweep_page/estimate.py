@@ -1,0 +1,92 @@
+"""The probability of exceeding the limit in one line, with its interval and what kind of interval it is."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from hric_experiments.report_html.tables import escape, number
+from hric_experiments.sweep.statistics.intervals import LEVEL, clopper_pearson
+from hric_experiments.sweep_page.study import EXCEEDED, FAILED, Study
+from hric_experiments.sweep_page.words import GRID, LIST, RANDOM, SALTELLI, SPREAD, TPE
+
+DESIGNED = {
+    GRID: "The points were chosen, not drawn",
+    LIST: "The points were chosen, not drawn",
+    TPE: "The points were searched for the worst, not drawn",
+    SALTELLI: "Runs of this design share values with each other",
+}
+"""Samplers whose runs count nothing, and why."""
+
+
+def part(study: Study) -> str:
+    """HTML."""
+    if study.limit is None:
+        return "<p>No limit is given, so nothing is counted.</p>"
+    value, *notes = _lines(study)
+    below = "".join(f"<p>{escape(note)}</p>" for note in notes if note)
+    return f"<div class=estimate><p class=value>{escape(value)}</p>{below}</div>"
+
+
+def condition(study: Study) -> str:
+    """What is counted, e.g. "peak > 140 N"; "exceeded" where nothing is."""
+    limit = study.limit
+    if limit is None:
+        return "exceeded"
+    unit = study.about[limit.output].unit if limit.output in study.about else ""
+    return f"{limit.output} {limit.sign} {limit.bound:g}{' ' + unit if unit else ''}"
+
+
+def _lines(study: Study) -> list[str]:
+    """The line, and notes below it."""
+    exceeded, failed = int((study.kinds == EXCEEDED).sum()), int((study.kinds == FAILED).sum())
+    if study.sampler in DESIGNED:
+        why = f"{DESIGNED[study.sampler]}: this is no probability, and has no interval."
+        return [f"{condition(study)} in {exceeded} of {study.runs - failed} runs", why]
+    given = f"P({condition(study)} given the distributions below)"
+    found = study.estimate or _counted(study, exceeded, failed)
+    if found is None:
+        return [
+            f"{given}: not known yet",
+            "It is estimated when the first runs, or the levels of the sampler, are done.",
+        ]
+    level = f"{100.0 * found['level']:g} % interval"
+    line = (
+        f"{given} = {number(found['probability'], 3)}, {level} {number(found['low'], 3)} to {number(found['high'], 3)}"
+    )
+    return [line, _method(study, found), _failed(int(found["failed"])), _check(found.get("check"))]
+
+
+def _counted(study: Study, exceeded: int, failed: int) -> dict[str, Any] | None:
+    """Of runs that are drawn, until the sampler says it; None: there is none, or the runs have weights."""
+    if study.sampler not in (RANDOM, *SPREAD) or study.runs == failed:
+        return None
+    low, high = clopper_pearson(exceeded, study.runs).low, clopper_pearson(exceeded + failed, study.runs).high
+    counts = {"runs": study.runs, "exceeded": exceeded, "failed": failed, "ess": float(exceeded)}
+    share = exceeded / (study.runs - failed)
+    return {"probability": share, "low": low, "high": high, "level": LEVEL, "method": "Clopper-Pearson", **counts}
+
+
+def _method(study: Study, found: Mapping[str, Any]) -> str:
+    runs = f"{found['exceeded']} of {found['runs'] - found['failed']} runs exceeded"
+    said = f"{found['method']}; {runs}."
+    if study.weighted:
+        said += f" Runs have weights: effective number of those that exceeded {number(float(found['ess']), 3)}."
+    if study.sampler in SPREAD:
+        said += (
+            " The points are spread evenly, not drawn one by one: the interval is that of independent points, an "
+            "estimate that is usually too wide."
+        )
+    return said
+
+
+def _failed(failed: int) -> str:
+    if not failed:
+        return ""
+    return f"Failed: {failed}. The interval's lower end takes them as not exceeding, its upper end as exceeding."
+
+
+def _check(check: Mapping[str, Any] | None) -> str:
+    if not check:
+        return ""
+    ends = f"{number(check['low'], 3)} to {number(check['high'], 3)}"
+    agrees = "agrees" if check["agrees"] else "DOES NOT AGREE"
+    return f"Plain Monte Carlo beside it: {check['exceeded']} of {check['runs']} runs, {ends}; it {agrees}."

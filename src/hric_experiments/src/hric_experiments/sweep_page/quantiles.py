@@ -1,0 +1,67 @@
+"""Quantiles of a sample with their intervals: by order statistics, or by bootstrap where runs have weights."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from hric_control.geometry import FloatArray
+
+RESAMPLED, SEED = 400, 0
+"""Of the bootstrap: how often, and its seed. Project default, unconfirmed."""
+
+
+@dataclass(frozen=True)
+class Quantile:
+    """A quantile.
+
+    Attributes:
+        share: of the distribution that lies below it.
+        value: estimated.
+        low, high: ends of its interval; NaN: the sample is too small for one, or makes none.
+    """
+
+    share: float
+    value: float
+    low: float = np.nan
+    high: float = np.nan
+
+
+def of_sample(values: FloatArray, share: float, level: float) -> Quantile:
+    """From independent values of one distribution, whatever it is: the interval lies between two order statistics,
+    whose numbers the binomial distribution gives (David and Nagaraja, Order Statistics, 3rd ed., 7.1).
+
+    Args:
+        values: shape (n,).
+        share: of the distribution below the quantile, within 0 and 1.
+        level: at least so often does the interval hold the quantile.
+    """
+    ordered = np.sort(values)
+    count, beyond = len(ordered), 0.5 * (1.0 - level)
+    if not count:
+        return Quantile(share, np.nan)
+    value = float(np.quantile(ordered, share))
+    # P(X_(i) <= quantile) = P(at least i of n below it): the largest i with at most `beyond` of error, and likewise j.
+    below = int(stats.binom.ppf(beyond, count, share))
+    above = int(stats.binom.ppf(1.0 - beyond, count, share)) + 1
+    low = float(ordered[below - 1]) if below >= 1 else np.nan
+    high = float(ordered[above - 1]) if above <= count else np.nan
+    return Quantile(share, value, low, high)
+
+
+def weighted(values: FloatArray, weights: FloatArray, share: float) -> float:
+    """The quantile of values with weights, shape (n,) each: the least value up to which the weights come to `share`."""
+    return float(np.quantile(values, share, weights=weights, method="inverted_cdf"))
+
+
+def of_weighted(values: FloatArray, weights: FloatArray, share: float, level: float) -> Quantile:
+    """From an importance sample: the interval is that of a bootstrap by percentiles; arguments as of `of_sample`."""
+    count = len(values)
+    if count < 2:
+        return Quantile(share, float(values[0]) if count else np.nan)
+    random, found = np.random.default_rng(SEED), []
+    for _ in range(RESAMPLED):
+        times = random.multinomial(count, np.full(count, 1.0 / count))
+        found.append(weighted(values, weights * times, share))
+    low, high = np.quantile(found, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
+    return Quantile(share, weighted(values, weights, share), float(low), float(high))

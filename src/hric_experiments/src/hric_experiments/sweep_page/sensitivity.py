@@ -1,0 +1,70 @@
+"""What the outputs depend on: rank correlations of all pairs of columns, and of each output with each variable."""
+
+import numpy as np
+from scipy import stats
+
+from hric_experiments.report_html.tables import escape
+from hric_experiments.sweep_page.study import OUTPUT, VARIABLE, Study
+
+FEWEST = 10
+"""Runs below which a rank correlation is not shown. Project default, unconfirmed."""
+LIKELY = 0.05
+"""A correlation that chance alone reaches or exceeds with this probability is shown faint. Project default,
+unconfirmed."""
+Ranks = dict[str, dict[str, tuple[float, float]]]
+"""Spearman's rank correlation of a column with another, and the probability of as much by chance."""
+
+
+def ranks(study: Study) -> Ranks:
+    """Of all pairs of columns with an order, over the runs that have both; words have one if they are two."""
+    values = {}
+    for name in (*study.named(VARIABLE), *study.named(OUTPUT)):
+        numbers, labels = study.numbers(name)
+        if len(labels) <= 2:
+            values[name] = numbers
+    found: Ranks = {name: {} for name in values}
+    names = list(values)
+    for k, first in enumerate(names):
+        for second in names[k + 1 :]:
+            a, b = values[first], values[second]
+            both = np.isfinite(a) & np.isfinite(b)
+            if both.sum() < FEWEST or np.ptp(a[both]) == 0.0 or np.ptp(b[both]) == 0.0:
+                continue
+            result = stats.spearmanr(a[both], b[both])
+            found[first][second] = found[second][first] = (float(result.statistic), float(result.pvalue))
+    return found
+
+
+def part(study: Study, found: Ranks) -> str:
+    """HTML: each output with each variable; "" where nothing is known."""
+    variables, outputs = study.named(VARIABLE), study.named(OUTPUT)
+    if not any(found.get(name, {}).get(output) for name in variables for output in outputs):
+        return ""
+    head = "".join(f"<th class=num>{escape(study.label(output))}</th>" for output in outputs)
+    body = "".join(
+        f"<tr><td>{escape(study.label(name))}</td>"
+        + "".join(_cell(found.get(name, {}).get(output)) for output in outputs)
+        + "</tr>"
+        for name in variables
+    )
+    weighted = " Of the runs as they were drawn, without their weights." if study.weighted else ""
+    note = (
+        "Spearman's rank correlation: 1 where the output rises with the variable, -1 where it falls, whatever the "
+        "curve; near 0 also where it rises and falls. Faint: chance alone reaches as much in one of twenty sweeps. "
+        f"-: words have no order, or fewer than {FEWEST} runs.{weighted}"
+    )
+    return (
+        f"<p class=note>{note}</p><div class=wide><table><thead><tr><th>variable</th>{head}</tr></thead>"
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+def _cell(found: tuple[float, float] | None) -> str:
+    if found is None:
+        return "<td class=rank>-</td>"
+    value, chance = found
+    if chance > LIKELY:
+        return f'<td class="rank faint">{value:.2f}</td>'
+    colour = "--s1" if value > 0.0 else "--s6"
+    shade = f"background:color-mix(in srgb, var({colour}) {100.0 * abs(value):.0f}%, transparent)"
+    return f'<td class=rank style="{shade}">{value:.2f}</td>'

@@ -1,0 +1,182 @@
+"""A sweep as its page needs it: columns of runs.parquet with their roles and units, and its definition."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_bags.run_folder import RunFolderError
+from hric_control.geometry import FloatArray
+
+RUNS, SETTINGS = "runs.parquet", "sweep.yaml"
+VARIABLE, OUTPUT = "variable", "output"
+FINE, EXCEEDED, FAILED = 0, 1, 2
+"""Of a run: what came of it."""
+
+Column = npt.NDArray[Any]
+
+
+@dataclass(frozen=True)
+class About:
+    """Of a column: role in the table, unit of its numbers, and what it is."""
+
+    role: str
+    unit: str = ""
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a sweep counts: an output above or below a bound."""
+
+    output: str
+    bound: float
+    above: bool
+
+    @property
+    def sign(self) -> str:
+        """Between the output and the bound."""
+        return ">" if self.above else "<"
+
+
+@dataclass(frozen=True)
+class Study:
+    """A sweep.
+
+    Attributes:
+        folder: of it.
+        columns: by name, each of shape (runs,), in order of index.
+        about: the columns.
+        definition: canonical, of the whole file; its section `sweep` says what was varied.
+        estimate: of a sampler that makes its own; None: it makes none, or it is too early.
+        made: what sweep.yaml says beside the definition.
+    """
+
+    folder: Path
+    columns: Mapping[str, Column]
+    about: Mapping[str, About]
+    definition: Mapping[str, Any]
+    estimate: Mapping[str, Any] | None = None
+    made: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def section(self) -> Mapping[str, Any]:
+        """The section `sweep` of the definition."""
+        found: Mapping[str, Any] = self.definition.get("sweep") or {}
+        return found
+
+    @property
+    def sampler(self) -> str:
+        """Kind of the sampler."""
+        return str((self.section.get("sampler") or {}).get("kind", ""))
+
+    @property
+    def runs(self) -> int:
+        """How many are in the table."""
+        return len(self.columns["id"])
+
+    @property
+    def planned(self) -> int | None:
+        """How many there will be at most; None: nothing says it."""
+        runs = self.section.get("runs")
+        return None if runs is None else int(runs)
+
+    def named(self, role: str) -> list[str]:
+        """Columns of a role, in their order."""
+        return [name for name, one in self.about.items() if one.role == role and name in self.columns]
+
+    def label(self, name: str) -> str:
+        """A column's name with its unit."""
+        unit = self.about[name].unit
+        return f"{name} [{unit}]" if unit else name
+
+    @cached_property
+    def limit(self) -> Limit | None:
+        """What is counted; None: nothing."""
+        counted = self.section.get("exceedance")
+        if not counted:
+            return None
+        above = counted.get("above") is not None
+        return Limit(str(counted["output"]), float(counted["above" if above else "below"]), above)
+
+    @cached_property
+    def kinds(self) -> npt.NDArray[np.uint32]:
+        """FINE, EXCEEDED or FAILED, shape (runs,)."""
+        found = np.full(self.runs, FINE, dtype=np.uint32)
+        found[[bool(one) for one in self.columns["exceeded"]]] = EXCEEDED
+        found[self.columns["failure"] != ""] = FAILED
+        return found
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Likelihood ratios, shape (runs,); 1 where the points were drawn from the distributions themselves."""
+        return np.asarray(self.columns["weight"], dtype=float)
+
+    @property
+    def weighted(self) -> bool:
+        """Whether a run counts other than one."""
+        return bool(np.any(self.weights != 1.0))
+
+    def numbers(self, name: str) -> tuple[FloatArray, list[str]]:
+        """A column as numbers, and the names of its values where they are words: number k is the k-th."""
+        values = self.columns[name]
+        if values.dtype.kind in "iuf":
+            return values.astype(float), []
+        words = [str(value) for value in values]
+        labels = sorted(set(words))
+        known = {word: number for number, word in enumerate(labels)}
+        return np.array([known[word] for word in words], dtype=float), labels
+
+    @cached_property
+    def order_of_worst(self) -> tuple[npt.NDArray[np.intp], str]:
+        """Rows that did not fail from the worst on, and by what: the objective, else the output that is counted, else
+        the first output from its largest value on."""
+        aim: Mapping[str, Any] = self.section.get("objective") or {}
+        outputs = self.named(OUTPUT)
+        if aim:
+            largest = bool(aim.get("maximise"))
+            name = str(aim["maximise" if largest else "minimise"])
+        elif self.limit is not None:
+            name, largest = self.limit.output, self.limit.above
+        elif outputs:
+            name, largest = outputs[0], True
+        else:
+            return np.zeros(0, dtype=np.intp), ""
+        values = np.asarray(self.columns[name], dtype=float)
+        order = np.argsort(-values if largest else values, kind="stable")
+        return order[np.isfinite(values[order])], f"{'largest' if largest else 'smallest'} {name}"
+
+
+def load(folder: Path) -> Study:
+    """Read a sweep.
+
+    Raises:
+        HricError: the folder has no table, or one that no sweep wrote.
+    """
+    import pyarrow
+    from pyarrow import parquet
+
+    path = folder / RUNS
+    try:
+        rows = parquet.read_table(path)
+        content = json.loads(rows.schema.metadata[b"hric"])
+        about = {name: About(**one) for name, one in content["columns"].items()}
+    except (OSError, KeyError, TypeError, ValueError, pyarrow.ArrowException) as error:
+        raise RunFolderError(f"cannot read {path}: {error}; valid: the folder of a sweep") from error
+    columns = {name: rows.column(name).to_numpy() for name in rows.column_names}
+    return Study(folder, columns, about, content["sweep"], content.get("estimate"), _made(folder / SETTINGS))
+
+
+def _made(path: Path) -> Mapping[str, Any]:
+    import yaml
+
+    try:
+        found = yaml.safe_load(path.read_text())
+    except (OSError, yaml.YAMLError) as error:
+        raise RunFolderError(f"cannot read {path}: {error}; valid: the folder of a sweep") from error
+    return found if isinstance(found, Mapping) else {}
