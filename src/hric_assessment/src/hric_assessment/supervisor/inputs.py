@@ -96,7 +96,44 @@ class Pairs:
         self._take(*((message, other) if side == 0 else (other, message)))
 
 
-class HumanInput:
+class _BodyInput:
+    """By the angles of joints, and the message that says where the root is.
+
+    Args:
+        shape: of the body.
+        frame: in which he is seen.
+    """
+
+    def __init__(self, shape: BodyShape, frame: str) -> None:
+        self._shape, self.frame, self.came = shape, frame, _nobody
+        self._pair: tuple[Any, Any] | None = None
+        self._made: tuple[Any, Observation] | None = None
+        self.registrations: list[Registration] = []
+
+    def _take(self, joints: Any, where: Any) -> None:
+        """Both of one instant; where: None of who stays."""
+        self._pair = joints, where
+        self.came()
+
+    @staticmethod
+    def _root(where: Any) -> Pose:
+        return pose_of(where.pose)
+
+    @property
+    def newest(self) -> Observation | None:
+        """Made on access: more messages come than decisions are."""
+        pair, made = self._pair, self._made
+        if pair is None:
+            return None
+        if made is None or made[0] is not pair:
+            joints, where = pair
+            angles, stamp = dict(zip(joints.name, joints.position, strict=True)), joints.header.stamp.to_sec()
+            frame, root = (self.frame, None) if where is None else (where.header.frame_id, self._root(where))
+            made = self._made = pair, self._shape.seen(stamp, frame, angles, root)
+        return made[1]
+
+
+class HumanInput(_BodyInput):
     """The human in the robot's plant, by his joint states and, where he walks, his root.
 
     Args:
@@ -114,10 +151,7 @@ class HumanInput:
             )
         settings = HumanSettings.of(person, where)
         body = describe(settings.person)
-        self._shape = BodyShape(body, settings.root(body))
-        self.frame, self.came = WORLD, _nobody
-        self._pair: tuple[Any, Any] | None = None
-        self._made: tuple[Any, Observation] | None = None
+        super().__init__(BodyShape(body, settings.root(body)), WORLD)
         pairs = Pairs(self._take)
         if settings.walk is None:
             self.registrations = [
@@ -128,23 +162,6 @@ class HumanInput:
                 node.subscribe(f"{root}{HUMAN_ROOT}", PoseStamped, lambda one: pairs.add(1, one)),
                 node.subscribe(f"{root}{HUMAN_JOINTS}", JointState, lambda one: pairs.add(0, one)),
             ]
-
-    def _take(self, joints: Any, root: Any) -> None:
-        self._pair = joints, root
-        self.came()
-
-    @property
-    def newest(self) -> Observation | None:
-        """Made on access: more messages come than decisions are."""
-        pair, made = self._pair, self._made
-        if pair is None:
-            return None
-        if made is None or made[0] is not pair:
-            joints, root = pair
-            angles, stamp = dict(zip(joints.name, joints.position, strict=True)), joints.header.stamp.to_sec()
-            frame, pose = (WORLD, None) if root is None else (root.header.frame_id, pose_of(root.pose))
-            made = self._made = pair, self._shape.seen(stamp, frame, angles, pose)
-        return made[1]
 
 
 class MarkerInput:
@@ -176,7 +193,7 @@ class MarkerInput:
         return self._newest
 
 
-class TrackedInput:
+class TrackedInput(_BodyInput):
     """A real person by the joints that the node `person` estimates. While a joint or his root is lost nothing is known
     of him.
 
@@ -190,32 +207,20 @@ class TrackedInput:
 
     def __init__(self, node: Node, root: str, person: Mapping[str, Any] | None, where: str, frame: str) -> None:
         body, _ = PersonSettings.of(person or {}, where).known()
-        self._shape, self.frame, self.came = BodyShape(body, Pose()), frame, _nobody
-        self._pair: tuple[Any, Any] | None = None
-        self._made: tuple[Any, Observation] | None = None
+        super().__init__(BodyShape(body, Pose()), frame)
         pairs = Pairs(self._take)
-        self.registrations: list[Registration] = [
+        self.registrations = [
             node.subscribe(f"{root}{PERSON_JOINTS}", JointState, lambda one: pairs.add(0, one)),
             node.subscribe(f"{root}{PERSON_TRACKING}", PersonTracking, lambda one: pairs.add(1, one)),
         ]
 
-    def _take(self, joints: Any, tracking: Any) -> None:
-        if tracking.root_state != LOST and len(joints.name) == len(tracking.name):
-            self._pair = joints, tracking
-            self.came()
+    def _take(self, joints: Any, where: Any) -> None:
+        if where.root_state != LOST and len(joints.name) == len(where.name):
+            super()._take(joints, where)
 
-    @property
-    def newest(self) -> Observation | None:
-        """Made on access: more messages come than decisions are."""
-        pair, made = self._pair, self._made
-        if pair is None:
-            return None
-        if made is None or made[0] is not pair:
-            joints, tracking = pair
-            head, angles = tracking.header, dict(zip(joints.name, joints.position, strict=True))
-            found = self._shape.seen(head.stamp.to_sec(), head.frame_id, angles, pose_of(tracking.root))
-            made = self._made = pair, found
-        return made[1]
+    @staticmethod
+    def _root(where: Any) -> Pose:
+        return pose_of(where.root)
 
 
 def person_input(
