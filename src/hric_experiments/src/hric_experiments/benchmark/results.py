@@ -7,7 +7,16 @@ from typing import Any
 
 from hric_assessment.findings import DISCLAIMER
 from hric_control.errors import HricError
-from hric_experiments.benchmark.definition import ERGONOMICS, TASK, Benchmark, Controller, digest, plain, tables_digest
+from hric_experiments.benchmark.definition import (
+    ERGONOMICS,
+    TASK,
+    Benchmark,
+    Collaboration,
+    Controller,
+    digest,
+    plain,
+    tables_digest,
+)
 from hric_experiments.benchmark.running import Run
 from hric_experiments.benchmark.scoring import RULE, Cell, category_places, spread_places, standings
 
@@ -46,19 +55,7 @@ def make(
         "controllers": {one.name: _controller(one) for one in controllers},
         "standings": [vars(one) for one in standings(benchmark, found, names)],
         "collaborations": {
-            one.name: {
-                "scores": {".".join(key): _about(score) for key, score in one.all.items()},
-                "controllers": {
-                    who: {
-                        **_cell(found[one.name, who]),
-                        "places": {
-                            **{category: places[one.name, who] for category, places in by.items()},
-                            "robustness": spread[one.name, who],
-                        },
-                    }
-                    for who in names
-                },
-            }
+            one.name: _collaboration(one, names, found, {**by, "robustness": spread})
             for one in benchmark.collaborations.values()
         },
     }
@@ -73,6 +70,24 @@ def part(benchmark: Benchmark) -> dict[str, Any]:
             "seeds": benchmark.seeds,
         }
     )
+
+
+def _collaboration(
+    one: Collaboration,
+    names: Sequence[str],
+    found: Mapping[tuple[str, str], Cell],
+    places: Mapping[str, Mapping[tuple[str, str], float]],
+) -> dict[str, Any]:
+    return {
+        "scores": {".".join(key): _about(score) for key, score in one.all.items()},
+        "controllers": {
+            who: {
+                **_cell(found[one.name, who]),
+                "places": {category: own[one.name, who] for category, own in places.items()},
+            }
+            for who in names
+        },
+    }
 
 
 def _controller(one: Controller) -> dict[str, Any]:
