@@ -59,10 +59,10 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str, 
         running.carry_out(todo, Here(after=3), journal)
     engine = Here()
     with Journal(folder) as journal:
-        answers = running.carry_out(todo, engine, journal)
+        responses = running.carry_out(todo, engine, journal)
     assert engine.begun == len(todo) - 3  # what had ended was not run again
-    found = results.make(benchmark, content, controllers, scoring.cells(benchmark, todo, answers), "code")
-    found["runs"] = results.runs_table(todo, answers)
+    found = results.make(benchmark, content, controllers, scoring.cells(benchmark, todo, responses), "code")
+    found["runs"] = results.run_rows(todo, responses)
     yield json.loads(json.dumps(found)), folder, todo
 
 
@@ -148,7 +148,7 @@ def test_values_within_the_tolerance_share_a_place_and_who_has_none_comes_last()
     assert scoring.places(values, -1.0, 0.02) == {"a": 2, "b": 2, "c": 1, "d": 4}
 
 
-def ordered(**answers: tuple[float | None, float, float | None]) -> list[scoring.Standing]:
+def ordered(**responses: tuple[float | None, float, float | None]) -> list[scoring.Standing]:
     """Controllers in order; each with share of a limit, effort and error of its one run, None: it failed."""
     score = {"path": "human.strength_share_max"}
     content = {
@@ -164,13 +164,13 @@ def ordered(**answers: tuple[float | None, float, float | None]) -> list[scoring
         },
     }
     benchmark = definition.Benchmark.of(content, "")
-    todo = [running.Run(name, "contact", "p50", 0, {}) for name in answers]
+    todo = [running.Run(name, "contact", "p50", 0, {}) for name in responses]
     keys = ("findings.share", "ergonomics.effort", "task.error")
     given = [
         {"outputs": dict(zip(keys, values, strict=True)), "failure": "" if values[0] is not None else "it diverged"}
-        for values in answers.values()
+        for values in responses.values()
     ]
-    return scoring.standings(benchmark, scoring.cells(benchmark, todo, given), list(answers))
+    return scoring.standings(benchmark, scoring.cells(benchmark, todo, given), list(responses))
 
 
 def test_findings_come_before_ergonomics_and_ergonomics_before_the_task() -> None:

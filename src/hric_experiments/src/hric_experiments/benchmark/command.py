@@ -146,13 +146,13 @@ def _run(
     engine, now = PebbleEngine(min(given.jobs, len(todo)), MEMORY), True
     try:
         with Journal(folder) as journal, closing(_bar(len(todo), given.quiet)) as bar:
-            answers = running.carry_out(todo, engine, journal, bar.update)
+            responses = running.carry_out(todo, engine, journal, bar.update)
         now = False
     finally:
         engine.close(now=now)
-    cells = scoring.cells(benchmark, todo, answers)
+    cells = scoring.cells(benchmark, todo, responses)
     found = results.make(benchmark, content, controllers, cells, code)
-    found["runs"] = results.runs_table(todo, answers)
+    found["runs"] = results.run_rows(todo, responses)
     files.write_json(folder / results.NAME, found)
     page.write(folder, found)
     return found

@@ -250,7 +250,7 @@ def digest(content: Any) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def tables_digest() -> str:
+def limits_digest() -> str:
     """Hash of the tables that findings are held against."""
     found = hashlib.sha256()
     for path in sorted((Path(tables.__file__).resolve().parents[2] / "config" / "tables").glob("*.yaml")):

@@ -14,8 +14,8 @@ from hric_experiments.benchmark.definition import (
     Collaboration,
     Controller,
     digest,
+    limits_digest,
     plain,
-    tables_digest,
 )
 from hric_experiments.benchmark.running import Run
 from hric_experiments.benchmark.scoring import RULE, Cell, category_places, spread_places, standings
@@ -47,7 +47,7 @@ def make(
         "version": VERSION,
         "disclaimer": DISCLAIMER,
         "rule": RULE,
-        "hashes": {"definition": digest([content, part(benchmark)]), "tables": tables_digest(), "code": code},
+        "hashes": {"definition": digest([content, part(benchmark)]), "tables": limits_digest(), "code": code},
         "description": benchmark.description,
         "tolerance": benchmark.tolerance,
         "part": part(benchmark),
@@ -133,14 +133,14 @@ def predicted(results: Mapping[str, Any]) -> list[tuple[str, int, int]]:
     return [(name, said[name], 1 + sum(ranks[other] < ranks[name] for other in own)) for name in own]
 
 
-def runs_table(runs: Sequence[Run], answers: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def run_rows(runs: Sequence[Run], responses: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """A row per run, for those who want all of it."""
     return [
         {
             **{key: getattr(run, key) for key in ("controller", "collaboration", "body", "seed")},
-            **{key: answer[key] for key in ("outputs", "failure", "state_sha256")},
+            **{key: response[key] for key in ("outputs", "failure", "state_sha256")},
         }
-        for run, answer in zip(runs, answers, strict=True)
+        for run, response in zip(runs, responses, strict=True)
     ]
 
 

@@ -63,22 +63,22 @@ def runs(
 def carry_out(
     todo: Sequence[Run], engine: Engine, journal: Journal, ended: Callable[[], object] = lambda: None
 ) -> list[dict[str, Any]]:
-    """The answers of all runs, in their order; those that the journal has are not run again.
+    """The responses of all runs, in their order; those that the journal has are not run again.
 
     Args:
         todo: the runs.
         engine: carries them out.
-        journal: keeps each answer as it comes.
+        journal: keeps each response as it comes.
         ended: called with each run that has ended, and for those of before.
 
     Raises:
         JournalError: what ended cannot be kept.
         KeyboardInterrupt: all that ended is kept.
     """
-    answers = {entry["id"]: entry for entry in journal.entries}
+    responses = {entry["id"]: entry for entry in journal.entries}
     waiting: deque[tuple[Run, int]] = deque()
     for one in todo:
-        if one.task["id"] in answers:
+        if one.task["id"] in responses:
             ended()
         else:
             waiting.append((one, 1))
@@ -90,16 +90,16 @@ def carry_out(
         for future in wait(open_, LOOK, FIRST_COMPLETED).done:
             one, attempt = open_.pop(future)
             try:
-                answer = future.result()
+                response = future.result()
             except (Died, TimedOut) as error:
                 if attempt < TRIES:
                     waiting.appendleft((one, attempt + 1))
                     continue
-                answer = _lost(one, str(error))
-            journal.append(answer)
-            answers[one.task["id"]] = answer
+                response = _lost(one, str(error))
+            journal.append(response)
+            responses[one.task["id"]] = response
             ended()
-    return [answers[one.task["id"]] for one in todo]
+    return [responses[one.task["id"]] for one in todo]
 
 
 def _lost(one: Run, why: str) -> Response:

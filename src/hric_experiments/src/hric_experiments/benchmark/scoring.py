@@ -83,26 +83,26 @@ class Standing:
 
 
 def cells(
-    benchmark: Benchmark, runs: Sequence[Run], answers: Sequence[Mapping[str, Any]]
+    benchmark: Benchmark, runs: Sequence[Run], responses: Sequence[Mapping[str, Any]]
 ) -> dict[tuple[str, str], Cell]:
     """By collaboration and controller.
 
     Args:
         benchmark: what was run.
         runs: of it.
-        answers: one per run, in their order.
+        responses: one per run, in their order.
     """
     rows: dict[tuple[str, str], list[tuple[Run, Mapping[str, Any]]]] = {}
-    for run, answer in zip(runs, answers, strict=True):
-        rows.setdefault((run.collaboration, run.controller), []).append((run, answer))
+    for run, response in zip(runs, responses, strict=True):
+        rows.setdefault((run.collaboration, run.controller), []).append((run, response))
     return {key: _cell(benchmark.collaborations[key[0]], own) for key, own in rows.items()}
 
 
 def _cell(one: Collaboration, rows: Sequence[tuple[Run, Mapping[str, Any]]]) -> Cell:
     failures: dict[str, int] = {}
     above = unknown = incomplete = 0
-    for _, answer in rows:
-        found, failure = answer["outputs"], answer["failure"]
+    for _, response in rows:
+        found, failure = response["outputs"], response["failure"]
         if failure:
             failures[failure] = failures.get(failure, 0) + 1
         states = [_state(score, found[f"{FINDINGS}.{name}"]) for name, score in one.findings.items()]
@@ -129,7 +129,7 @@ def _cell(one: Collaboration, rows: Sequence[tuple[Run, Mapping[str, Any]]]) -> 
 
 
 def _known(key: tuple[str, str], rows: Sequence[tuple[Run, Mapping[str, Any]]]) -> list[float]:
-    found = (answer["outputs"][".".join(key)] for _, answer in rows)
+    found = (response["outputs"][".".join(key)] for _, response in rows)
     return [float(value) for value in found if value is not None]
 
 
