@@ -1,5 +1,6 @@
 """The benchmark of collaborations: its order, its results file, and a quick form with a deliberately bad controller."""
 
+import hashlib
 import json
 from collections.abc import Iterator
 from concurrent.futures import Future
@@ -222,3 +223,7 @@ def test_a_controller_that_there_is_not_is_named_with_those_that_are() -> None:
 def test_a_part_that_there_is_not_is_refused() -> None:
     with pytest.raises(HricError, match="no collaboration 'dance'"):
         definition.load()[0].only(["dance"], [], None)
+
+
+def test_the_hash_of_the_tables_is_of_files_that_are_there() -> None:
+    assert definition.limits_digest() != hashlib.sha256().hexdigest()

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hric_assessment import tables
 from hric_control.errors import HricError, ParameterError, UnknownNameError, message_about
 from hric_control.parameters import (
     Mistakes,
@@ -253,6 +252,6 @@ def digest(content: Any) -> str:
 def limits_digest() -> str:
     """Hash of the tables that findings are held against."""
     found = hashlib.sha256()
-    for path in sorted((Path(tables.__file__).resolve().parents[2] / "config" / "tables").glob("*.yaml")):
+    for path in sorted((experiment.package_path("hric_assessment") / "config" / "tables").glob("*.yaml")):
         found.update(path.name.encode() + b"\0" + path.read_bytes())
     return found.hexdigest()
