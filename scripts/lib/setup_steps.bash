@@ -225,6 +225,7 @@ about_part() {
     run) echo " (1.3 GB)" ;;
     checks) echo " of tests and lint (0.2 GB)" ;;
     pictures) echo " that draw pictures (0.6 GB)" ;;
+    search) echo " that search worst cases (40 MB)" ;;
   esac
 }
 

@@ -47,9 +47,9 @@ class Distribution(Settings):
         """
 
     @property
-    def count(self) -> int:
-        """How many values a discrete distribution has; 0 for others."""
-        return 0
+    def middles(self) -> FloatArray:
+        """Percentile in the middle of each value of a discrete distribution, shape (count,); of others empty."""
+        return np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -203,15 +203,21 @@ class Choice(Distribution):
             raise refused(f"{where}weights", self.weights, f"{len(self.values)} values, one for each of values")
 
     @property
-    def count(self) -> int:
+    def middles(self) -> FloatArray:
         """See `Distribution`."""
-        return len(self.values)
+        ends = self._ends()
+        middles: FloatArray = ends - 0.5 * np.diff(ends, prepend=0.0)
+        return middles
+
+    def _ends(self) -> FloatArray:
+        """Percentile at which each value ends, shape (count,)."""
+        weights = np.array(self.weights or [1.0] * len(self.values))
+        return np.cumsum(weights / weights.sum())
 
     def ppf(self, u: FloatArray) -> Sequence[Any]:
         """See `Distribution`."""
-        weights = np.array(self.weights or [1.0] * self.count)
-        ends = np.cumsum(weights) / weights.sum()
-        return [self.values[min(int(i), self.count - 1)] for i in np.searchsorted(ends, u, side="right")]
+        last = len(self.values) - 1
+        return [self.values[min(int(i), last)] for i in np.searchsorted(self._ends(), u, side="right")]
 
 
 @dataclass(frozen=True)

@@ -58,10 +58,10 @@ class Grid(Settings):
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Raises ParameterError: a variable without single values, or another number of runs than the grid has."""
-        counts = _counts(space, "grid")
-        _all_of(runs, int(np.prod(counts)), "the whole grid")
-        indices = np.indices(counts).reshape(len(counts), -1).T
-        return Design((indices + 0.5) / np.array(counts), drawn=False)
+        middles = _middles(space, "grid")
+        _all_of(runs, int(np.prod([len(one) for one in middles])), "the whole grid")
+        axes = np.meshgrid(*middles, indexing="ij")
+        return Design(np.stack([axis.ravel() for axis in axes], axis=1), drawn=False)
 
 
 @dataclass(frozen=True)
@@ -71,13 +71,13 @@ class Listed(Settings):
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Raises ParameterError: variables without single values, or not as many each, or another number of runs."""
-        counts = _counts(space, "list")
+        middles = _middles(space, "list")
+        counts = [len(one) for one in middles]
         if len(set(counts)) > 1:
             told = ", ".join(f"{name} {count}" for name, count in zip(space.names, counts, strict=True))
             raise refused("sweep.vary", told, "as many values of each variable with the sampler list")
         _all_of(runs, counts[0], "one for each value")
-        column = (np.arange(counts[0]) + 0.5) / counts[0]
-        return Design(np.tile(column[:, None], len(counts)), drawn=False)
+        return Design(np.stack(middles, axis=1), drawn=False)
 
 
 @dataclass(frozen=True)
@@ -151,12 +151,12 @@ def _above(count: int) -> int:
     return 1 << (count - 1).bit_length()
 
 
-def _counts(space: Space, kind: str) -> list[int]:
-    counts = [variable.distribution.count for variable in space.variables.values()]
-    without = [name for name, count in zip(space.names, counts, strict=True) if not count]
+def _middles(space: Space, kind: str) -> list[FloatArray]:
+    middles = [variable.distribution.middles for variable in space.variables.values()]
+    without = [name for name, one in zip(space.names, middles, strict=True) if not one.size]
     if without:
         raise refused("sweep.vary", ", ".join(without), f"distributions of kind choice with the sampler {kind}")
-    return counts
+    return middles
 
 
 def _all_of(runs: int | None, total: int, what: str) -> None:

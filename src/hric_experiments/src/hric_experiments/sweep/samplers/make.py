@@ -6,6 +6,7 @@
 | random | probabilities, with an exact interval | any |
 | sobol, lhs | distributions and means of outputs | a power of two; any |
 | saltelli | first-order and total indices | n + 2 times a power of two, for n variables |
+| tpe | the worst case | about a hundred, in batches |
 | cross_entropy, subset | small probabilities | some hundreds or thousands, in batches |
 
 sampler: {kind: sobol}
@@ -14,7 +15,7 @@ sampler: {kind: sobol}
 from typing import Any
 
 from hric_control.parameters import Settings, variant
-from hric_experiments.sweep.samplers import cross_entropy, designs, subset
+from hric_experiments.sweep.samplers import cross_entropy, designs, subset, tpe
 from hric_experiments.sweep.samplers.sampler import Sampler
 from hric_experiments.sweep.space import Space
 
@@ -25,6 +26,7 @@ KINDS: dict[str, type[Settings]] = {
     "sobol": designs.Sobol,
     "lhs": designs.Lhs,
     "saltelli": designs.Saltelli,
+    "tpe": tpe.Tpe,
     "cross_entropy": cross_entropy.CrossEntropy,
     "subset": subset.Subset,
 }
