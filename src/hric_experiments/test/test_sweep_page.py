@@ -152,6 +152,23 @@ def test_rank_correlations_are_those_of_scipy_and_stand_in_the_pairs_too(folder:
     assert found["speed"]["peak"][0] == pytest.approx(expected) and found["peak"]["speed"] == found["speed"]["peak"]
 
 
+def test_the_design_of_saltelli_gives_the_indices_of_an_additive_output(tmp_path: Path) -> None:
+    """y = 3 a + b of uniform variables: 9/10 and 1/10 of the variance, first-order and total alike."""
+    rows, names = 4096, list(sweep_folder.VARY)
+    a, b = np.random.default_rng(2).random((2, rows, len(names)))
+    mixed = [np.where(np.arange(len(names)) == k, b, a) for k in range(len(names))]
+    u = np.concatenate([a, b, *mixed])
+    columns = {name: u[:, k] for k, name in enumerate(names)}
+    folder = sweep_folder.write(tmp_path / "a", len(u), sampler="saltelli", **columns, peak=3.0 * u[:, 0] + u[:, 1])
+    text = text_of(folder)
+    told = re.search(r"first-order and total indices of peak: ([^\"]*)", text)
+    assert told is not None
+    found = dict(re.findall(r"(\w+) (-?[\d.]+ and -?[\d.]+)", told[1]))
+    for name, expected in zip(names, (0.9, 0.1, 0.0, 0.0), strict=True):
+        assert [float(one) for one in found[name].split(" and ")] == pytest.approx([expected] * 2, abs=0.05)
+    assert "no probability" in estimate(text)
+
+
 def test_words_without_an_order_have_no_rank_correlation(tmp_path: Path) -> None:
     words = np.array(["a", "b", "c"] * 20)
     study = load(sweep_folder.write(tmp_path / "a", 60, controller=words))

@@ -9,7 +9,7 @@ from hric_experiments import report_html
 from hric_experiments.report import style
 from hric_experiments.report_html.scene import Blob
 from hric_experiments.report_html.tables import Table, escape, flat, render
-from hric_experiments.sweep_page import drawn, estimate, lists, sensitivity, spread, words
+from hric_experiments.sweep_page import drawn, estimate, indices, lists, sensitivity, spread, words
 from hric_experiments.sweep_page.study import EXCEEDED, FAILED, FINE, Study, load
 
 PARTS = Path(__file__).parents[1]
@@ -77,7 +77,7 @@ def _parts(study: Study, sampled: str, rank: sensitivity.Ranks) -> Iterator[tupl
     found = spread.part(study)
     if found:
         yield "Distribution of the outputs", found
-    found = sensitivity.part(study, rank)
+    found = indices.part(study) + sensitivity.part(study, rank)
     if found:
         yield "What the outputs depend on", found
     yield "Failures", lists.failures(study)

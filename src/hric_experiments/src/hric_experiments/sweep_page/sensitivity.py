@@ -1,9 +1,12 @@
 """What the outputs depend on: rank correlations of all pairs of columns, and of each output with each variable."""
 
-import numpy as np
-from scipy import stats
+import contextlib
 
+import numpy as np
+
+from hric_control.errors import HricError
 from hric_experiments.report_html.tables import escape
+from hric_experiments.sweep.statistics.sensitivity import rank_correlation
 from hric_experiments.sweep_page.study import OUTPUT, VARIABLE, Study
 
 FEWEST = 10
@@ -27,11 +30,10 @@ def ranks(study: Study) -> Ranks:
     for k, first in enumerate(names):
         for second in names[k + 1 :]:
             a, b = values[first], values[second]
-            both = np.isfinite(a) & np.isfinite(b)
-            if both.sum() < FEWEST or np.ptp(a[both]) == 0.0 or np.ptp(b[both]) == 0.0:
+            if np.sum(np.isfinite(a) & np.isfinite(b)) < FEWEST:
                 continue
-            result = stats.spearmanr(a[both], b[both])
-            found[first][second] = found[second][first] = (float(result.statistic), float(result.pvalue))
+            with contextlib.suppress(HricError):  # one of both is the same in all runs
+                found[first][second] = found[second][first] = rank_correlation(a, b)
     return found
 
 
