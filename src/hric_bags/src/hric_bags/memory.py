@@ -18,11 +18,13 @@ class Connection:
     """One topic.
 
     Attributes:
+        id: within the bag.
         topic, msgtype: its name and its type, e.g. "hric_msgs/msg/ControlLog".
         definition, digest: of the type, as ROS has them.
         msgcount: messages so far.
     """
 
+    id: int
     topic: str
     msgtype: str
     definition: str
@@ -49,7 +51,7 @@ class MemoryBag:
         """The connection of a topic, made at first; kind: class of its messages."""
         if topic not in self._by_topic:
             package, name = kind._type.split("/")
-            made = Connection(topic, f"{package}/msg/{name}", kind._full_text, kind._md5sum)
+            made = Connection(len(self.connections), topic, f"{package}/msg/{name}", kind._full_text, kind._md5sum)
             self._by_topic[topic] = made
             self.connections.append(made)
         return self._by_topic[topic]

@@ -204,13 +204,20 @@ def _assign(raw: dict[str, Any], path: list[str], value: Any, text: str) -> None
     if path == ["robot", "plant_type"]:
         value = SIMULATORS.get(value, value)
     target: Any = raw
-    for depth, part in enumerate(path[:-1]):
+    for depth, part in enumerate(path):
+        above = ".".join(path[:depth])
         if isinstance(target, list):
-            target = target[int(part)]
-            continue
-        if target.get(part) is None:
-            target[part] = {}
-        target = target[part]
-        if not isinstance(target, dict | list):
-            raise ExperimentError(f"cannot apply {text!r}: {'.'.join(path[: depth + 1])} is a value, not a group")
-    target[path[-1]] = value
+            if not part.isdigit() or int(part) >= len(target):
+                raise ExperimentError(
+                    f"cannot apply {text!r}: {above} is a list of {len(target)}; valid: an index from 0"
+                )
+            key: Any = int(part)
+        elif isinstance(target, dict):
+            key = part
+        else:
+            raise ExperimentError(f"cannot apply {text!r}: {above} is a value, not a group")
+        if depth == len(path) - 1:
+            target[key] = value
+        elif isinstance(target, dict) and target.get(key) is None:
+            target[key] = {}
+        target = target[key]

@@ -8,7 +8,7 @@ from typing import Any
 import roslib.message
 
 from hric_bags.memory import MemoryBag, nanoseconds
-from hric_bags.reader import LOG_TYPE, TYPES, Messages, RunRecord
+from hric_bags.reader import COMMAND_TYPE, COUNTS_TYPE, FRANKA_TYPE, LOG_TYPE, Messages, RunRecord
 from hric_bags.reader import read as read_record
 from hric_bags.records import contact_record, human_record
 from hric_bags.records.region_contacts import CONTACTS_TYPE
@@ -28,7 +28,8 @@ HUMAN = (
     "sensor_msgs/msg/JointState",
 )
 NEEDS: dict[str, tuple[str, ...] | None] = {
-    **dict.fromkeys((*MOTION, "experiment", "real_time_factor", "reflexes"), ()),
+    **dict.fromkeys((*MOTION, "experiment", "real_time_factor"), ()),
+    "reflexes": (FRANKA_TYPE,),
     "stability": HUMAN,
     "human": HUMAN,
     "contacts": (contact_record.CONTACTS_TYPE,),
@@ -36,8 +37,9 @@ NEEDS: dict[str, tuple[str, ...] | None] = {
     SUPERVISION: (SAFETY_TYPE,),
     COLLABORATION: (*HUMAN, LOG_TYPE),
 }
-"""Types of messages that a group of metrics is computed from, beside those of every report; a group that is not here:
-all of them."""
+"""Types of messages that a group of metrics is computed from, beside MOVED; a group that is not here: all of them."""
+MOVED = (LOG_TYPE, COUNTS_TYPE, COMMAND_TYPE)
+"""Types that the record of every run is made of."""
 
 
 class Observed:
@@ -70,11 +72,11 @@ class Observed:
         begun = True  # what is latched came with `early`
 
     def _wants(self, kind: str) -> bool:
-        return kind in TYPES or self._kept is None or kind in self._kept
+        return kind in MOVED or self._kept is None or kind in self._kept
 
     def _take(self, topic: str, message: Any, at: float) -> None:
         kind = message._type.replace("/", "/msg/")
-        if kind in TYPES:
+        if kind in MOVED or kind == FRANKA_TYPE:
             self._messages.add(topic, kind, nanoseconds(at), message)
         if self._kept is None or kind in self._kept:
             self._bag.write(topic, message, at)

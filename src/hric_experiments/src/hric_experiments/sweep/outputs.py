@@ -65,6 +65,7 @@ class Output(Settings):
         found = [item for item in walk(values, self.path.split("."), self.path) if item is not None]
         if self.reduce == COUNT:
             return float(len(found))
+        found = [item for item in found if not (isinstance(item, float) and math.isnan(item))]
         if not found:
             return math.nan if self.otherwise is None else self.otherwise
         for item in found:

@@ -27,6 +27,8 @@ REFERENCE = 0.1
 """Robot time of the reference run [s]."""
 SOURCES = ("*.py", "*.yaml", "*.xacro", "*.xml", "*.urdf", "*.msg")
 """Of the packages' files those on which a run depends."""
+NOT_SOURCES = {"test", "build", "__pycache__", "sweeps"}
+"""Folders without such files; what a sweep file has is in the sweep itself."""
 LENGTH = 16
 """Characters of an id."""
 
@@ -129,7 +131,7 @@ def code_version() -> str:
             continue
         for path in sorted(path for pattern in SOURCES for path in folder.rglob(pattern)):
             part = path.relative_to(folder)
-            if not {"test", "build", "__pycache__"} & set(part.parts):
+            if not NOT_SOURCES & set(part.parts):
                 digest.update(f"{name}/{part}".encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
 
