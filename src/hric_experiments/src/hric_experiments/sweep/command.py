@@ -74,7 +74,7 @@ def _run(folder: Path, plan: Plan, before: Response | None, given: argparse.Name
     engine = _engine(plan, given)
     now = True
     try:
-        own = engine.check(make_task(plan, 0, plan.middle(), ""))
+        own = engine.check(make_task(plan, 0, {}, ""))
         if before is None:
             _begin(folder, plan, own)
         else:

@@ -179,10 +179,11 @@ class Plan:
         return make(self.section.sampler, self.space, self.section.runs, self.section.seed)
 
     def changes(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Overrides of a run, by their keys; values: of the variables."""
+        """Overrides of a run, by their keys; values: of the variables, none of the reference run."""
         found = dict(map(overrides.split, self.sweep.changes))
         for name, variable in self.section.vary.items():
-            found |= dict.fromkeys(variable.paths, values[name])
+            if name in values:
+                found |= dict.fromkeys(variable.paths, values[name])
         return found
 
     def middle(self) -> dict[str, Any]:

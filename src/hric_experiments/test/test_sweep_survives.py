@@ -1,0 +1,178 @@
+"""What a sweep survives: kill -9 of a worker and of itself, Ctrl-C, and runs that end their worker or take memory."""
+
+import os
+import random
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import test_sweep as sweeps
+import yaml
+
+from hric_experiments.sweep import table
+
+ENOUGH = 580.0
+"""For anything here, on a machine that does much else [s]."""
+RUNS = 12
+BAD = """\
+import os
+
+from hric_control.controller import Controller
+
+
+class Bad(Controller):
+    def init(self, robot_hw, root_node, controller_node):
+        self.how = controller_node.param("how")
+
+    def update(self, now, period):
+        if self.how == "ends":
+            os._exit(7)
+        if self.how == "takes all memory":
+            self.taken = bytearray(20_000_000_000)
+"""
+
+
+def begun(folder: Path, *arguments: str | Path) -> "subprocess.Popen[str]":
+    """A sweep in a process group of its own."""
+    return subprocess.Popen(
+        ["rosrun", "hric_experiments", "sweep", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "HRIC_RUNS": str(folder / "runs")},
+    )
+
+
+def until(reached: Callable[[], bool], process: "subprocess.Popen[str]") -> None:
+    deadline = time.monotonic() + ENOUGH
+    while not reached():
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def ended(folder: Path) -> int:
+    """Runs in the journal."""
+    path = folder / "runs.jsonl"
+    return path.read_bytes().count(b"\n") if path.is_file() else 0
+
+
+def folder_in(runs: Path) -> Path:
+    return next(iter(runs.glob("gains_*")), runs / "none")
+
+
+def children(pid: int) -> list[int]:
+    """Workers of a supervisor: processes below it that lead a group of their own."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:  # it ended meanwhile
+            continue
+        child, parent, group = int(stat.parent.name), int(fields[1]), int(fields[2])
+        if parent == pid and group == child:
+            found.append(child)
+    return found
+
+
+def supervisor_of(process: "subprocess.Popen[str]") -> int:
+    """rosrun replaces itself by the program, or starts it."""
+    return (
+        process.pid
+        if children(process.pid)
+        else int(next(s.parent.name for s in Path("/proc").glob("[0-9]*/stat") if _parent(s) == process.pid))
+    )
+
+
+def _parent(stat: Path) -> int:
+    try:
+        return int(stat.read_text().rpartition(")")[2].split()[1])
+    except OSError:
+        return 0
+
+
+@pytest.mark.slow  # three sweeps with pauses
+def test_the_table_is_the_same_after_kill_9_of_a_worker_and_of_the_sweep_at_random_moments(tmp_path: Path) -> None:
+    path = sweeps.written(tmp_path, runs=RUNS)
+    whole = sweeps.folder_of(sweeps.sweep(tmp_path, path, "--jobs", "1"))
+    expected = table.results_sha256(table.read(whole))
+    drawn = random.Random(19)
+    for number in range(3):
+        own = tmp_path / f"killed_{number}"
+        process = begun(own, path, "--jobs", "2")
+        first, then = sorted(drawn.sample(range(1, RUNS - 2), 2))
+        until(lambda: ended(folder_in(own / "runs")) >= first, process)  # noqa: B023
+        workers = children(supervisor_of(process))
+        if workers:
+            os.kill(drawn.choice(workers), signal.SIGKILL)
+        until(lambda: ended(folder_in(own / "runs")) >= then, process)  # noqa: B023
+        supervisor = supervisor_of(process)
+        left = children(supervisor)
+        os.kill(supervisor, signal.SIGKILL)
+        process.wait(ENOUGH)
+        deadline = time.monotonic() + ENOUGH
+        while any(Path(f"/proc/{pid}").exists() for pid in left):  # none goes on without its supervisor
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        folder = folder_in(own / "runs")
+        assert ended(folder) < RUNS
+        sweeps.sweep(own, "--resume", folder)
+        assert table.results_sha256(table.read(folder)) == expected
+
+
+def test_ctrl_c_keeps_what_ended_and_says_how_to_go_on(tmp_path: Path) -> None:
+    process = begun(tmp_path, sweeps.written(tmp_path, runs=400), "--jobs", "2")
+    until(lambda: ended(folder_in(tmp_path / "runs")) >= 2, process)
+    os.killpg(process.pid, signal.SIGINT)
+    printed, _ = process.communicate(timeout=ENOUGH)
+    folder = folder_in(tmp_path / "runs")
+    assert process.returncode == 130, printed
+    assert f"sweep --resume {folder}" in printed and "Traceback" not in printed
+    assert table.read(folder).num_rows == ended(folder) < 400
+
+
+@pytest.mark.slow  # a worker begins four times
+def test_runs_that_end_their_worker_or_take_all_memory_cost_themselves_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "packages" / "bad_runs"
+    package.mkdir(parents=True)
+    (package / "package.xml").write_text(
+        '<package format="3"><name>bad_runs</name><export><hric_control plugin="${prefix}/plugins.xml"/></export>'
+        "</package>"
+    )
+    (package / "plugins.xml").write_text(
+        '<library path="src"><class name="bad_runs/Bad" type="bad_module:Bad" '
+        'base_class_type="hric_control::Controller"><description>-</description></class></library>'
+    )
+    (package / "src").mkdir()
+    (package / "src" / "bad_module.py").write_text(BAD)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{package.parent}:{os.environ['ROS_PACKAGE_PATH']}")
+    base = yaml.safe_load((Path(sweeps.__file__).parents[1] / "config/experiments/pd_step.yaml").read_text())
+    base["controllers"].append("bad")
+    base["parameters"]["bad"] = {"type": "bad_runs/Bad", "how": "not"}
+    (tmp_path / "base.yaml").write_text(yaml.safe_dump(base))
+    ways = ["not", "ends", "takes all memory", "not"]
+    how = {"paths": ["parameters.bad.how"], "distribution": {"kind": "choice", "values": ways}}
+    content = {
+        **sweeps.SWEEP,
+        "extends": "base.yaml",
+        "sweep": {
+            **sweeps.SWEEP["sweep"],
+            "vary": {"how": how},
+            "sampler": {"kind": "list"},
+            "runs": len(ways),
+            "timeout": 60.0,
+        },
+    }
+    (tmp_path / "bad.yaml").write_text(yaml.safe_dump(content))
+    printed = sweeps.sweep(tmp_path, tmp_path / "bad.yaml", "--jobs", "2", code=3)
+    frame = table.load_sweep(sweeps.folder_of(printed)).set_index("index")
+    assert frame["how"].tolist() == ways
+    assert (frame["failure"][[0, 3]] == "").all() and frame["speed"][[0, 3]].notna().all()
+    assert frame["failure"][1] == "poison: ended its worker (exit code 7) in each of 3 tries"
+    assert frame["failure"][2]
+    assert "4 runs, 2 failed" in printed and "Traceback" not in printed
