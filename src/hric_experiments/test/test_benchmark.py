@@ -72,7 +72,7 @@ def test_the_references_rank_as_their_design_says_and_a_bad_controller_comes_las
 ) -> None:
     found = quick[0]
     assert [one["name"] for one in found["standings"]] == ["supervised", "compliant", "stiff", "bad"]
-    assert all(said == place for _, said, place in results.predicted(found)) and len(results.predicted(found)) == 3
+    assert all(said == rank for _, said, rank in results.predicted(found)) and len(results.predicted(found)) == 3
     out = {one["name"]: one["out_of_limits"] for one in found["standings"]}
     assert out == {"supervised": 0, "compliant": 1, "stiff": 1, "bad": 2}
     assert found["collaborations"]["contact"]["controllers"]["bad"]["scores"]["findings.contact share"]["median"] > 1.0
@@ -145,8 +145,8 @@ def test_a_file_that_is_no_result_is_refused(tmp_path: Path) -> None:
 
 def test_values_within_the_tolerance_share_a_place_and_who_has_none_comes_last() -> None:
     values = {"a": 1.0, "b": 1.01, "c": 2.0, "d": None}
-    assert scoring.places(values, 1.0, 0.02) == {"a": 1, "b": 1, "c": 3, "d": 4}
-    assert scoring.places(values, -1.0, 0.02) == {"a": 2, "b": 2, "c": 1, "d": 4}
+    assert scoring.ranks(values, 1.0, 0.02) == {"a": 1, "b": 1, "c": 3, "d": 4}
+    assert scoring.ranks(values, -1.0, 0.02) == {"a": 2, "b": 2, "c": 1, "d": 4}
 
 
 def ordered(**responses: tuple[float | None, float, float | None]) -> list[scoring.Standing]:

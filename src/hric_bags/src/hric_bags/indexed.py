@@ -1,5 +1,5 @@
 """rosbags' reader of one bag with its index in arrays: 20 bytes for each message in place of 200, messages read several
-times as fast, and those of which fewer are wanted not at all."""
+times as fast, and those of which fewer are requested not at all."""
 
 from collections import defaultdict
 from collections.abc import Collection, Generator, Iterator, Mapping

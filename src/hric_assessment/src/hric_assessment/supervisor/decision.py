@@ -191,21 +191,9 @@ class Supervisor:
         is_moved = self._stood and not at_rest
         reason = allowed.reason or self._said(scale, allowed, placed, person, near)
         events = self._events(scale, "", reason, (violation, is_moved), part)
-        return Decision(
-            now,
-            stamp,
-            self._state,
-            scale,
-            allowed.stiffness,
-            allowed.force,
-            "",
-            reason,
-            float(near.distance.min()),
-            part,
-            violation,
-            allowed.contact_speed,
-            events,
-        )
+        nearest, speed = float(near.distance.min()), allowed.contact_speed
+        limits = (scale, allowed.stiffness, allowed.force, "", reason)
+        return Decision(now, stamp, self._state, *limits, nearest, part, violation, speed, events)
 
     # -- faults and hysteresis -----------------------------------------------------------------------------------------
 

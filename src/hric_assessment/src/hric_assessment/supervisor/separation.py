@@ -101,7 +101,7 @@ class Stopping:
 
     def __init__(self, settings: SupervisorSettings) -> None:
         self._settings, self._table = settings, load(Path(settings.stops)) if settings.stops else None
-        self._stands_since, self._before, self._brakes = math.inf, InForce(), False
+        self._standing_since, self._before, self._brakes = math.inf, InForce(), False
         self.fastest = math.inf
         if self._table is not None:
             table = self._table
@@ -146,10 +146,10 @@ class Stopping:
             self._before = in_force
         age = max(now - known, 0.0)  # a stamp may be a little ahead of the clock
         reaction = min(age, self._reaction) if self._brakes else self._reaction
-        self._stands_since = min(self._stands_since, in_force.stamp) if in_force.scale == 0.0 else math.inf
+        self._standing_since = min(self._standing_since, in_force.stamp) if in_force.scale == 0.0 else math.inf
         if speed < STANDING:
             return Braking(reaction, 0.0, 0.0)
-        settling = own.settling_time - max(now - self._stands_since, 0.0)
+        settling = own.settling_time - max(now - self._standing_since, 0.0)
         # An arm that is not at rest when it should be has a stop of which nothing is known.
         left = settling if settling > 0.0 else own.settling_time
         return self._braking(reaction, speed, stopping_time(in_force.scale), left)

@@ -46,7 +46,7 @@ def _smooth(grip: GripRecord, events: list[Event], what: str) -> Figure:
 
 
 def productivity(apart: Separated | None, safety: SafetyRecord | None) -> list[Figure]:
-    """Shares of the time in which the arm stands, and in which a supervisor stopped it or slowed it."""
+    """Shares of the time in which the arm is at rest, and in which a supervisor stopped it or slowed it."""
     return [*_standing(apart), *_supervised(safety)]
 
 

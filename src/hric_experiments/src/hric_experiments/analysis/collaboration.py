@@ -1,5 +1,5 @@
 """What a run meant for the collaboration in it, in numbers by which controllers are compared: contacts and distance
-held against their limits, and how far the person's hand stayed from where he wanted it. No ROS.
+held against their limits, and how far the person's hand stayed from where he meant it to be. No ROS.
 
 All of it is an estimate of a model: `hric_assessment.findings.DISCLAIMER`.
 """
@@ -91,10 +91,10 @@ def below(apart: Separated) -> float:
 
 
 def _hand(run: Mapping[str, Any], person: Person) -> dict[str, float] | None:
-    wanted = _reference(run, person)
-    if wanted is None:
+    meant = _reference(run, person)
+    if meant is None:
         return None
-    time, at, goal, end = wanted
+    time, at, goal, end = meant
     during = time <= end
     distance = np.linalg.norm(at - goal, axis=1)[during]
     away = np.linalg.norm(at - at[-1], axis=1) > AT_REST

@@ -25,9 +25,9 @@ def metrics(record: SafetyRecord | None) -> dict[str, Any] | None:
         "share_stopped": record.share(STOPPED),
         "share_slowed": record.share(SLOWED),
         "scale_mean": float(np.mean(record.scale)),
-        "separation_min": _least(record.separation),
+        "separation_min": _smallest(record.separation),
         "violations": [{"begin": begin, "end": end} for begin, end in record.violations],
-        "margin_min_violated": _least(record.margin[record.violation]),
+        "margin_min_violated": _smallest(record.margin[record.violation]),
         "latency": {"median": median, "p99": p99},
         "events": [
             {
@@ -42,7 +42,7 @@ def metrics(record: SafetyRecord | None) -> dict[str, Any] | None:
     }
 
 
-def _least(values: Any) -> float | None:
+def _smallest(values: Any) -> float | None:
     known = values[np.isfinite(values)]
     return float(known.min()) if len(known) else None
 

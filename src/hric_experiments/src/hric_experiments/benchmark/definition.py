@@ -101,7 +101,7 @@ class Benchmark(Settings):
     seeds: tuple[int, ...] = listing(whole(minimum=0), range(1, 1000), different=True, text="one run each")
     changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of all runs")
     tolerance: float = number(
-        0.02, minimum=0.0, maximum=1.0, text="share of a value within which two are the same, for places and --compare"
+        0.02, minimum=0.0, maximum=1.0, text="share of a value within which two are the same, for ranks and --compare"
     )
     timeout: float = number(600.0, above=0.0, unit="s", text="of wall time for one run")
     collaborations: Mapping[str, Collaboration] = mapping(
@@ -141,7 +141,7 @@ class Prediction(Settings):
     """What the design of a controller says of the result."""
 
     separator = "."
-    place: int = whole(minimum=1, text="among the reference controllers")
+    rank: int = whole(minimum=1, text="among the reference controllers")
     text: str = text(empty=False, text="why")
 
 

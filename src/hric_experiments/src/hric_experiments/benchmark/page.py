@@ -64,19 +64,19 @@ def _spaced(name: str) -> str:
 
 
 def _overview(results: Mapping[str, Any]) -> str:
-    table = Table("", text.HEAD, tuple(text.rows(results)), note=results["rule"])
-    places = "".join(_places(results, key) for key in ("ergonomics", "task", "robustness"))
-    return _section("Order", render(table) + places)
+    shown = Table("", text.HEAD, tuple(text.rows(results)), note=results["rule"])
+    ranks = "".join(_ranks(results, key) for key in ("ergonomics", "task", "robustness"))
+    return _section("Order", render(shown) + ranks)
 
 
-def _places(results: Mapping[str, Any], category: str) -> str:
-    """Mean places of a category, by collaboration."""
+def _ranks(results: Mapping[str, Any], category: str) -> str:
+    """Mean ranks of a category, by collaboration."""
     order = [one["name"] for one in results["standings"]]
     rows = tuple(
-        (_spaced(name), *(f"{one['controllers'][who]['places'][category]:.2f}" for who in order))
+        (_spaced(name), *(f"{one['controllers'][who]['ranks'][category]:.2f}" for who in order))
         for name, one in results["collaborations"].items()
     )
-    return render(Table(f"Mean place in {category}", ("collaboration", *order), rows, folded=True))
+    return render(Table(f"Mean rank in {category}", ("collaboration", *order), rows, folded=True))
 
 
 def _collaboration(results: Mapping[str, Any], name: str, order: Sequence[str]) -> str:
@@ -150,6 +150,6 @@ def _made(results: Mapping[str, Any]) -> str:
     for name, one in results["controllers"].items():
         words = [(_spaced(where), " ".join(changes)) for where, changes in one["changes"].items()]
         said = one["prediction"]
-        note = one["description"] + ("" if said is None else f". Predicted place {said['place']}: {said['text']}")
+        note = one["description"] + ("" if said is None else f". Predicted rank {said['rank']}: {said['text']}")
         content += render(Table(f"Controller {name}", ("collaboration", "overrides"), tuple(words), note=note))
     return _section("How this was made", content)

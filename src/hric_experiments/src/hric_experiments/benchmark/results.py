@@ -18,7 +18,7 @@ from hric_experiments.benchmark.definition import (
     plain,
 )
 from hric_experiments.benchmark.running import Run
-from hric_experiments.benchmark.scoring import RULE, Cell, category_places, spread_places, standings
+from hric_experiments.benchmark.scoring import RULE, Cell, category_ranks, spread_ranks, standings
 
 VERSION = 1
 NAME = "results.json"
@@ -41,8 +41,8 @@ def make(
         code: version of the code.
     """
     names = [one.name for one in controllers]
-    by = {category: category_places(benchmark, found, names, category) for category in (ERGONOMICS, TASK)}
-    spread = spread_places(benchmark, found, names)
+    by = {category: category_ranks(benchmark, found, names, category) for category in (ERGONOMICS, TASK)}
+    spread = spread_ranks(benchmark, found, names)
     return {
         "version": VERSION,
         "disclaimer": DISCLAIMER,
@@ -76,14 +76,14 @@ def _collaboration(
     one: Collaboration,
     names: Sequence[str],
     found: Mapping[tuple[str, str], Cell],
-    places: Mapping[str, Mapping[tuple[str, str], float]],
+    ranks: Mapping[str, Mapping[tuple[str, str], float]],
 ) -> dict[str, Any]:
     return {
         "scores": {".".join(key): _about(score) for key, score in one.all.items()},
         "controllers": {
             who: {
                 **_cell(found[one.name, who]),
-                "places": {category: own[one.name, who] for category, own in places.items()},
+                "ranks": {category: own[one.name, who] for category, own in ranks.items()},
             }
             for who in names
         },
@@ -121,12 +121,10 @@ def _cell(one: Cell) -> dict[str, Any]:
 
 
 def predicted(results: Mapping[str, Any]) -> list[tuple[str, int, int]]:
-    """(controller, predicted place, place found) of those whose files say one; places among these alone."""
+    """(controller, predicted rank, rank found) of those whose files say one; ranks among these alone."""
     order = [one["name"] for one in results["standings"]]
     said = {
-        name: one["prediction"]["place"]
-        for name, one in results["controllers"].items()
-        if one["prediction"] is not None
+        name: one["prediction"]["rank"] for name, one in results["controllers"].items() if one["prediction"] is not None
     }
     own = [name for name in order if name in said]
     ranks = {one["name"]: one["rank"] for one in results["standings"]}

@@ -1,4 +1,4 @@
-"""From the runs of a benchmark to what is compared: values by controller and collaboration, places, and one order.
+"""From the runs of a benchmark to what is compared: values by controller and collaboration, ranks, and one order.
 
 Categories are never added up. The order follows from `RULE` alone.
 """
@@ -21,9 +21,9 @@ from hric_experiments.benchmark.running import Run
 
 RULE = (
     "1. findings: fewer runs that are above a limit, or could not be judged; 2. ergonomics, 3. task: smaller mean "
-    "place; 4. robustness: fewer runs not completed, then smaller mean place of the spread. A later category decides "
-    "only where all before it are equal. The place in a collaboration is that of the median over bodies and seeds, "
-    "score by score, all scores alike; controllers within the tolerance of each other share a place."
+    "rank; 4. robustness: fewer runs not completed, then smaller mean rank of the spread. A later category decides "
+    "only where all before it are equal. The rank in a collaboration is that of the median over bodies and seeds, "
+    "score by score, all scores alike; controllers within the tolerance of each other share a rank."
 )
 """How controllers are put in order."""
 
@@ -65,9 +65,9 @@ class Standing:
 
     Attributes:
         name: of the controller.
-        rank: 1 at first; controllers that the rule does not tell apart share one.
+        rank: 1 at first; equal by the rule, equal in rank.
         out_of_limits: runs that are above a limit or could not be judged.
-        ergonomics, task, spread: mean places over collaborations.
+        ergonomics, task, spread: mean ranks over collaborations.
         incomplete: runs whose task was not completed.
         runs: all of them.
     """
@@ -143,7 +143,7 @@ def _state(score: Score, value: float | None) -> str:
     return "above" if score.limit is not None and value > score.limit else "within"
 
 
-def places(values: Mapping[str, float | None], sign: float, tolerance: float) -> dict[str, int]:
+def ranks(values: Mapping[str, float | None], sign: float, tolerance: float) -> dict[str, int]:
     """Place of each controller by one score: one more than those that are better by more than the tolerance; who has no
     value comes last.
 
@@ -165,14 +165,14 @@ def _better(a: float, b: float, tolerance: float) -> bool:
     return b - a > tolerance * max(abs(a), abs(b))
 
 
-def category_places(
+def category_ranks(
     benchmark: Benchmark, found: Mapping[tuple[str, str], Cell], controllers: Sequence[str], category: str
 ) -> dict[tuple[str, str], float]:
-    """Mean place over the scores of a category, by collaboration and controller."""
+    """Mean rank over the scores of a category, by collaboration and controller."""
     result = {}
     for one in benchmark.collaborations.values():
         own = {
-            name: places(
+            name: ranks(
                 {who: found[one.name, who].values[category, name] for who in controllers},
                 score.sign,
                 benchmark.tolerance,
@@ -180,23 +180,23 @@ def category_places(
             for name, score in one.scores(category).items()
         }
         for who in controllers:
-            result[one.name, who] = float(mean(place[who] for place in own.values())) if own else 1.0
+            result[one.name, who] = float(mean(rank[who] for rank in own.values())) if own else 1.0
     return result
 
 
-def spread_places(
+def spread_ranks(
     benchmark: Benchmark, found: Mapping[tuple[str, str], Cell], controllers: Sequence[str]
 ) -> dict[tuple[str, str], float]:
-    """Mean place by the spread of all scores, by collaboration and controller."""
+    """Mean rank by the spread of all scores, by collaboration and controller."""
     result = {}
     for one in benchmark.collaborations.values():
         own = [
-            places({who: found[one.name, who].spread(key) for who in controllers}, 1.0, benchmark.tolerance)
+            ranks({who: found[one.name, who].spread(key) for who in controllers}, 1.0, benchmark.tolerance)
             for key in one.all
             if key[0] != FINDINGS
         ]
         for who in controllers:
-            result[one.name, who] = float(mean(place[who] for place in own))
+            result[one.name, who] = float(mean(rank[who] for rank in own))
     return result
 
 
@@ -205,10 +205,10 @@ def standings(
 ) -> list[Standing]:
     """All controllers in order, by RULE."""
     overall = {
-        category: _overall(category_places(benchmark, found, controllers, category), controllers)
+        category: _overall(category_ranks(benchmark, found, controllers, category), controllers)
         for category in (ERGONOMICS, TASK)
     }
-    spread = _overall(spread_places(benchmark, found, controllers), controllers)
+    spread = _overall(spread_ranks(benchmark, found, controllers), controllers)
     rows = []
     for who in controllers:
         own = [found[name, who] for name in benchmark.collaborations]
@@ -223,4 +223,4 @@ def standings(
 
 def _overall(by_cell: Mapping[tuple[str, str], float], controllers: Sequence[str]) -> dict[str, float]:
     """Mean over collaborations, rounded so that equal means are equal."""
-    return {who: round(mean(place for (_, name), place in by_cell.items() if name == who), 9) for who in controllers}
+    return {who: round(mean(rank for (_, name), rank in by_cell.items() if name == who), 9) for who in controllers}

@@ -9,7 +9,7 @@ HEAD = ("rank", "controller", "out of limits", "ergonomics", "task", "not comple
 
 
 def rows(results: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """A row of text per controller, below HEAD: counts of runs, and mean places."""
+    """A row of text per controller, below HEAD: counts of runs, and mean ranks."""
     return [
         (
             str(one["rank"]),
@@ -59,7 +59,7 @@ def render(results: Mapping[str, Any]) -> str:
     ]
     for name in results["collaborations"]:
         lines += ["", f"{name}:", *_aligned(*by_collaboration(results, name))]
-    lines += ["", *(f"{name}: predicted place {said}, found {place}" for name, said, place in predicted(results))]
+    lines += ["", *(f"{name}: predicted rank {said}, found {rank}" for name, said, rank in predicted(results))]
     lines += [f"definition {results['hashes']['definition'][:16]}, tables {results['hashes']['tables'][:16]}"]
     return "\n".join([*lines, results["disclaimer"]])
 

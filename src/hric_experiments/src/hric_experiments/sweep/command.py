@@ -1,4 +1,4 @@
-"""`rosrun hric_experiments sweep`: run a sweep, go on with one, run one of its runs again with bag and page."""
+"""`rosrun hric_experiments sweep`: run a sweep or go on with it, draw it, run one of its runs again."""
 
 import argparse
 import os
@@ -49,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "rosrun hric_experiments sweep",
         description="Run an experiment many times with variables and seeds, on all processors, into one table. "
-        "Also: sweep rerun DIR ID, one of its runs again with bag and page.",
+        "Also: sweep rerun DIR ID, one of its runs again with bag and page; sweep page DIR, its page from its table.",
         epilog="exit codes: 0 all runs ended; 2 a mistake, and nothing was begun; 3 runs failed, or it could not go on "
         "(what ended is kept); 130 Ctrl-C (go on with --resume DIR)",
     )
@@ -117,9 +117,19 @@ def _begin(folder: Path, plan: Plan, own: Response) -> None:
 
 
 def _supervised(folder: Path, plan: Plan, journal: Journal, engine: Engine, code: str, quiet: bool) -> Supervisor:
+    from hric_experiments.sweep import page
+
+    def shown(folder: Path) -> None:
+        if supervisor.rows:
+            page.write(folder, running=True)
+
     with closing(tqdm(total=plan.sampler().total, unit=" runs", disable=quiet or None)) as bar:
-        supervisor = Supervisor(plan, folder, journal, engine, code, ended=lambda _: bar.update())
-        supervisor.run()
+        supervisor = Supervisor(plan, folder, journal, engine, code, lambda _: bar.update(), shown)
+        try:
+            supervisor.run()
+        finally:
+            if supervisor.rows:
+                print(f"\npage: {page.write(folder)}")
     return supervisor
 
 
@@ -180,4 +190,17 @@ def _row(rows: Sequence[dict[str, Any]], given: str) -> dict[str, Any]:
     return found[0]
 
 
-_OTHERS = {"rerun": rerun}
+def draw(arguments: Sequence[str]) -> int:
+    """Write the page of a sweep again, from its table."""
+    parser = argparse.ArgumentParser(
+        "rosrun hric_experiments sweep page", description="Write report.html of a sweep again, from its table."
+    )
+    parser.add_argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
+    folder = table.find(parser.parse_args(list(arguments)).sweep)
+    from hric_experiments.sweep import page
+
+    print(f"page: {page.write(folder)}")
+    return 0
+
+
+_OTHERS = {"rerun": rerun, "page": draw}
