@@ -72,6 +72,7 @@ def _log(reader: PartsReader, raw: bytes, later: int) -> bytes:
     return _stamped(bytes(reader.typestore.serialize_ros1(message, LOG_TYPE)), later)
 
 
+@pytest.mark.slow
 def test_a_minute_is_assessed_in_six_seconds_of_a_processor(run: Path) -> None:
     lengthened(run, MINUTE)
     begin = time.process_time()
