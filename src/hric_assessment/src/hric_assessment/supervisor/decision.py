@@ -192,8 +192,10 @@ class Supervisor:
         reason = allowed.reason or self._said(scale, allowed, placed, person, near)
         events = self._events(scale, "", reason, (violation, is_moved), part)
         nearest, speed = float(near.distance.min()), allowed.contact_speed
-        limits = (scale, allowed.stiffness, allowed.force, "", reason)
-        return Decision(now, stamp, self._state, *limits, nearest, part, violation, speed, events)
+        stiffness, force = allowed.stiffness, allowed.force
+        return Decision(
+            now, stamp, self._state, scale, stiffness, force, "", reason, nearest, part, violation, speed, events
+        )
 
     # -- faults and hysteresis -----------------------------------------------------------------------------------------
 
