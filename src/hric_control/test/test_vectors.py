@@ -7,7 +7,7 @@ import pytest
 
 from hric_control.errors import HricError
 from hric_control.native import load
-from hric_control.native.vectors import add, near, smaller, spring_damper, untouched, within
+from hric_control.native.vectors import add, near, smaller, spring_damper, touched, within
 
 
 def test_bounds_belong_to_what_is_within():
@@ -37,18 +37,27 @@ def test_sums_have_the_bits_of_python():
         ]
 
 
-@pytest.mark.parametrize("spoiled", range(5))
-def test_a_command_is_untouched_where_nothing_reaches_its_bound(spoiled):
-    rows = [[0.5, 0.5], [2.0, -2.0], [10.0, 9.0]]  # position, velocity, command
-    low, high, v_bound, bound, last, change = [0.0, 0.5], [1.0, 0.5], [2.0, 2.0], [10.0, 10.0], [9.0, 9.5], [1.0, 1.0]
-
-    def free() -> bool:
-        return untouched(rows[0], low, high, rows[1], v_bound, rows[2], bound, last, change)
-
-    assert free()
-    row, value = [(rows[0], 0.49), (rows[0], math.nan), (rows[1], -2.1), (rows[2], 10.1), (rows[2], 6.9)][spoiled]
-    row[1] = value
-    assert not free()
+@pytest.mark.parametrize("softness", [0.0, 8.0])
+def test_what_a_limit_may_touch_is_found_by_index_and_the_largest_speeds_are_kept(softness):
+    """Against the same inequalities in Python, in numbers so coarse that bounds are met exactly."""
+    rng, fastest_so_far = np.random.default_rng(4), [0.0] * 7
+    expected_speeds = np.zeros(7)
+    for _ in range(300):
+        x, v, value, last = (rng.integers(-4, 5, (4, 7)) / 2.0).tolist()
+        for row in (x, v, value, last):
+            if rng.random() < 0.1:
+                row[rng.integers(7)] = [math.nan, math.inf, -math.inf][rng.integers(3)]
+        low, high, fastest, bound, change = [-1.5] * 7, [1.0] * 7, [1.5] * 7, [2.0] * 7, [2.5] * 7
+        found = touched(x, low, high, v, fastest, [softness] * 7, value, bound, last, change, fastest_so_far)
+        speed = np.abs(v)
+        free = (np.array(x) >= -1.5) & (np.array(x) <= 1.0) & (speed <= 1.5) & (np.abs(value) <= 2.0)
+        with np.errstate(invalid="ignore"):
+            free &= np.abs(np.array(value) - last) <= 2.5
+        if softness:
+            free &= np.abs(value) <= softness * (1.5 - speed)
+        assert found == np.flatnonzero(~free).tolist()
+        expected_speeds = np.fmax(expected_speeds, np.where(np.isfinite(speed), speed, 0.0))
+        assert fastest_so_far == expected_speeds.tolist()
 
 
 def test_lists_of_different_length_are_refused():
@@ -63,6 +72,8 @@ def test_what_is_no_number_is_refused():
         spring_damper(["a"], [1.0], [1.0], [1.0], [1.0], [1.0], None, 0.0)
     with pytest.raises(TypeError):
         within([None], [0.0], [1.0])
+    with pytest.raises(TypeError):
+        touched(*[[0.0]] * 10, (0.0,))
 
 
 def test_a_module_that_is_not_built_is_refused_with_what_builds_it():

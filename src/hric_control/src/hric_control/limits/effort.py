@@ -10,7 +10,7 @@ from hric_control.errors import HricError, check_known
 from hric_control.hardware_interface import JointCommands, JointStates
 from hric_control.limits.counts import LimitCounts
 from hric_control.limits.values import INFINITY, JointLimits
-from hric_control.native.vectors import untouched
+from hric_control.native.vectors import touched
 
 TOUCHED = 1e-12
 """A limit was touched when it changed the command by more than this."""
@@ -73,10 +73,9 @@ class Limiter:
         self._period, self._run = math.nan, -1
         self._been_inside = [False] * n  # the range, since the start: from then on the soft limits of efforts act
         self._speed = [0.0] * n  # of the position command before [rad/s or m/s]
-        # Within these bounds no limit can touch a command, see `enforce`.
+        # Within these no limit touches a command, see `native.vectors.touched`.
         self._low, self._high, self._bound, self._change = ([0.0] * n for _ in range(4))
-        self._v_near = [INFINITY] * n  # speed below which the velocity limit cannot act
-        self._v_quick = [0.0] * n  # the same, but at most the largest speed so far, so that `_limit` sees each new one
+        self._fastest, self._softness = [FINITE] * n, [0.0] * n
 
     def enforce(self, period: float) -> None:
         """Limit the commands in place. Well below a microsecond for seven joints when no limit is near.
@@ -89,14 +88,9 @@ class Limiter:
             self._begin(period)
         counts.cycles += 1
         position = value if self._bounds_command else states.position
-        # The tests let through what no limit can touch; anything else, NaN too, goes to `_limit`.
-        quick = self._v_quick, value, self._bound, last, self._change
-        if not untouched(position, self._low, self._high, states.velocity, *quick):
-            bounds = self._low, self._high, self._v_quick, self._bound, self._change
-            rows = zip(position, states.velocity, value, last, *bounds, strict=True)
-            for i, (x, v, new, old, low, high, v_quick, bound, change) in enumerate(rows):
-                if not (low <= x <= high and abs(v) <= v_quick and abs(new) <= bound and abs(new - old) <= change):
-                    value[i] = self._limit(i, states.position[i], v, new, old)
+        bounds = self._fastest, self._softness, value, self._bound, last, self._change, counts.speed_max
+        for i in touched(position, self._low, self._high, states.velocity, *bounds):
+            value[i] = self._limit(i, states.position[i], states.velocity[i], value[i], last[i])
         last[:] = value
 
     def reset(self, previous: Sequence[float] | None = None) -> None:
@@ -142,15 +136,10 @@ class Limiter:
             self.check_start()
         self._period, self._run = period, self.counts.run
         self._prepare(period)
-        for i in range(len(self.limits)):
-            self._set_v_quick(i)
 
     def _prepare(self, period: float) -> None:
-        """Set the bounds within which no limit can touch a command: `_low`, `_high`, `_bound`, `_change`, `_v_near`."""
+        """Set what no limit touches: `_low`, `_high`, `_bound`, `_change`, and for efforts `_fastest`, `_softness`."""
         raise NotImplementedError
-
-    def _set_v_quick(self, i: int) -> None:
-        self._v_quick[i] = min(self.counts.speed_max[i], self._v_near[i])
 
     def _limit(self, i: int, q: float, v: float, value: float, last: float) -> float:
         """The command of one joint within its limits; `last`: the command before it, NaN where it is not known."""
@@ -159,10 +148,6 @@ class Limiter:
         if not math.isfinite(value + (last if self._bounds_command else q + v)):
             self._note_not_finite(i)
             return last if math.isfinite(last) else 0.0
-        speed = abs(v)
-        if speed > counts.speed_max[i]:
-            counts.speed_max[i] = speed
-            self._set_v_quick(i)
         if not self._selected[i]:
             return value
         excess = max(limit.lower - q, q - limit.upper)
@@ -208,25 +193,15 @@ class EffortLimiter(Limiter):
 
     def _prepare(self, period: float) -> None:
         for i, (limit, chosen) in enumerate(zip(self.limits, self._selected, strict=True)):
-            self._low[i], self._high[i], self._change[i], self._v_near[i] = -INFINITY, INFINITY, INFINITY, INFINITY
+            self._low[i], self._high[i], self._bound[i], self._change[i] = -INFINITY, INFINITY, FINITE, INFINITY
+            self._fastest[i], self._softness[i] = FINITE, 0.0
             if chosen:
                 whole = max(limit.lower, -FINITE), min(limit.upper, FINITE)
                 self._low[i], self._high[i] = limit.full_speed_range(*whole) if limit.k_velocity > 0.0 else whole
-                self._change[i] = limit.effort_rate * period
-                # A soft velocity limit bounds the effort by the speed that is left: leave some of it for the tests.
-                self._v_near[i] = limit.velocity if limit.k_velocity == 0.0 else 0.75 * limit.velocity
-
-    def _set_v_quick(self, i: int) -> None:
-        super()._set_v_quick(i)
-        limit = self.limits[i]
-        self._bound[i] = FINITE
-        if self._selected[i]:
-            soft = limit.k_velocity * (limit.velocity - self._v_quick[i]) if limit.k_velocity > 0.0 else FINITE
-            self._bound[i] = min(limit.effort, soft, FINITE)
+                self._bound[i], self._change[i] = min(limit.effort, FINITE), limit.effort_rate * period
+                self._fastest[i], self._softness[i] = min(limit.velocity, FINITE), limit.k_velocity
 
     def _enforced(self, i: int, q: float, v: float, value: float, last: float) -> float:
-        if self._is_free(i, q, abs(v), value, last):
-            return value
         counts, limit = self.counts, self.limits[i]
         tau = self._position_stage(limit, q, v, value, self._soft_acts(i, q))
         tau = counted(counts.position, i, value, tau)
@@ -236,16 +211,6 @@ class EffortLimiter(Limiter):
             change = self._change[i]
             tau = counted(counts.effort_rate, i, tau, clamp(tau, last - change, last + change))
         return tau
-
-    def _is_free(self, i: int, q: float, speed: float, tau: float, last: float) -> bool:
-        """Whether no limit acts: a joint with soft velocity limits often comes here although it is far from them."""
-        limit = self.limits[i]
-        left = limit.velocity - speed
-        return (
-            self._low[i] <= q <= self._high[i] and left >= 0.0 and abs(tau) <= limit.effort
-            and abs(tau - last) <= self._change[i]
-            and (limit.k_velocity == 0.0 or abs(tau) <= limit.k_velocity * left)
-        )  # fmt: skip
 
     def _soft_acts(self, i: int, q: float) -> bool:
         """Whether the soft range counts: not yet for a joint that started outside, which it would push in with all its

@@ -1,6 +1,7 @@
 /* Sums and tests over short lists of Python's floats, for what happens each millisecond: see vectors.py. A number that
  * is not finite is within nothing. */
 #include "hric_control/python_numbers.h"
+#include <math.h>
 
 /* The items of a list or tuple, checked for its length; the reference is borrowed from the caller's. NULL with an error
  * set. */
@@ -73,29 +74,45 @@ FUNCTION(smaller)
     return PyErr_Occurred() ? NULL : PyBool_FromLong(all);
 }
 
-/* Whether no limit can touch a command: `within`, `smaller` twice, and `near`, in one call. */
-FUNCTION(untouched)
-{
-    enum { POSITION, LOW, HIGH, VELOCITY, V_BOUND, VALUE, BOUND, LAST, CHANGE, ROWS };
-    PyObject **row[ROWS];
-    Py_ssize_t n =
-        rows("untouched(position, low, high, velocity, v_bound, value, bound, last, change)", given, count, ROWS, row);
-    int all = n >= 0;
-    for (Py_ssize_t i = 0; all && i < n; i++) {
-        const double x = number(row[POSITION][i]), v = number(row[VELOCITY][i]), v_bound = number(row[V_BOUND][i]),
-                     value = number(row[VALUE][i]), bound = number(row[BOUND][i]), step = value - number(row[LAST][i]),
-                     change = number(row[CHANGE][i]);
-        all = number(row[LOW][i]) <= x && x <= number(row[HIGH][i]) && -v_bound <= v && v <= v_bound && -bound <= value
-              && value <= bound && -change <= step && step <= change;
-    }
-    return PyErr_Occurred() ? NULL : PyBool_FromLong(all);
-}
-
 static PyObject *finished(PyObject *list)
 {
     if (list != NULL && PyErr_Occurred())
         Py_CLEAR(list);
     return list;
+}
+
+/* Indices of the joints that a limit may touch, and the largest speeds written in place: see vectors.py. */
+FUNCTION(touched)
+{
+    enum { POSITION, LOW, HIGH, VELOCITY, FASTEST, SOFTNESS, VALUE, BOUND, LAST, CHANGE, SPEED_MAX, ROWS };
+    PyObject **row[ROWS];
+    Py_ssize_t n = rows(
+        "touched(position, low, high, velocity, fastest, softness, value, bound, last, change, speed_max)", given,
+        count, ROWS, row);
+    if (n >= 0 && !PyList_Check(given[SPEED_MAX])) {
+        PyErr_SetString(PyExc_TypeError, "speed_max is written in place: a list is needed");
+        return NULL;
+    }
+    PyObject *found = n < 0 ? NULL : PyList_New(0);
+    for (Py_ssize_t i = 0; found != NULL && i < n; i++) {
+        const double x = number(row[POSITION][i]), speed = fabs(number(row[VELOCITY][i])),
+                     fastest = number(row[FASTEST][i]), softness = number(row[SOFTNESS][i]),
+                     value = number(row[VALUE][i]), bound = number(row[BOUND][i]),
+                     step = value - number(row[LAST][i]), change = number(row[CHANGE][i]);
+        const int is_free = number(row[LOW][i]) <= x && x <= number(row[HIGH][i]) && speed <= fastest && -bound <= value
+                            && value <= bound && -change <= step && step <= change
+                            && (softness == 0.0 || fabs(value) <= softness * (fastest - speed));
+        PyObject *index = is_free ? NULL : PyLong_FromSsize_t(i);
+        if (index != NULL)
+            PyList_Append(found, index);
+        Py_XDECREF(index);
+        if (isfinite(speed) && speed > number(row[SPEED_MAX][i])) {
+            PyObject *fresh = PyFloat_FromDouble(speed);
+            if (fresh != NULL)
+                PyList_SetItem(given[SPEED_MAX], i, fresh);
+        }
+    }
+    return finished(found);
 }
 
 static void set(PyObject *list, Py_ssize_t i, double value)
@@ -148,7 +165,7 @@ static PyMethodDef methods[] = {
     METHOD(within, "(values, low, high)"),
     METHOD(near, "(a, b, bound)"),
     METHOD(smaller, "(values, bound)"),
-    METHOD(untouched, "(position, low, high, velocity, v_bound, value, bound, last, change)"),
+    METHOD(touched, "(position, low, high, velocity, fastest, softness, value, bound, last, change, speed_max)"),
     METHOD(add, "(a, b)"),
     METHOD(spring_damper, "(k, d, x_d, x, v, last, added, step)"),
     {0},
