@@ -58,10 +58,11 @@ class RealtimePublisher:
         name: topic, for messages.
         limit: how many may wait; the oldest give way.
         report: takes one line of text when something fails; from the publishing thread.
-        thread: who sends; None builds and sends within `publish`.
+        thread: who sends; None builds and sends within `publish`, where anybody listens.
+        latch: the publisher keeps the last message for those who listen later.
     """
 
-    __slots__ = ("_outbox", "_publisher", "_thread")
+    __slots__ = ("_latch", "_outbox", "_publisher", "_thread")
 
     def __init__(
         self,
@@ -71,8 +72,9 @@ class RealtimePublisher:
         limit: int = LAGGING_LIMIT,
         report: Callable[[str], None] | None = None,
         thread: PublishThread | None = None,
+        latch: bool = False,
     ) -> None:
-        self._publisher, self._thread = publisher, thread
+        self._publisher, self._thread, self._latch = publisher, thread, latch
         self._outbox: Outbox | None = None
         if thread is not None:
             later = None if report is None else lambda text: thread.call(lambda: report(text))
@@ -85,10 +87,16 @@ class RealtimePublisher:
         It is called later, by the thread or between two cycles: it must get plain snapshots (lists of floats, the
         stamp), not live storage.
         """
-        if self._outbox is None:
-            self._publisher.publish(build(*args))
-        else:
+        if self._outbox is not None:
             self._outbox.append(build, args)
+        elif self.wanted:
+            self._publisher.publish(build(*args))
+
+    @property
+    def wanted(self) -> bool:
+        """Whether a message would be built: always where a thread does it, else where somebody listens now, or later to
+        a latched topic."""
+        return self._outbox is not None or self._latch or self._publisher.subscribers() > 0
 
     @property
     def dropped(self) -> int:
@@ -128,7 +136,7 @@ def publisher(
     limit = LOSSLESS_LIMIT if lossless else 1 if newest_only else LAGGING_LIMIT
     name, thread = node.resolve(topic), None if node.publishes_inline else _the_thread()
     raw = node.advertise(topic, message_type, queue_size=0, latch=latch)
-    made = RealtimePublisher(raw, name, limit=limit, report=node.log_error, thread=thread)
+    made = RealtimePublisher(raw, name, limit=limit, report=node.log_error, thread=thread, latch=latch)
     if isinstance(node, ScopedNode):
         node.keep(made)
     return made

@@ -63,7 +63,7 @@ class World(Models):
         losses = dict(self._robot.losses)
         for joints in self._joints.values():
             losses |= joints.losses
-        built = build(
+        self._built = build(
             [self._itself, *self.models.values()],
             self._surfaces_of_links(),
             losses,
@@ -72,7 +72,11 @@ class World(Models):
             self._config.time_step,
             self_collision=self._config.self_collision,
         )
-        self.scene = Scene(built, self._config.time_step, self._config.gravity, self._config.integrator)
+        self._make_scene()
+
+    def _make_scene(self) -> None:
+        config = self._config
+        self.scene = Scene(self._built, config.time_step, config.gravity, config.integrator)
 
     def _begin(self, models: Iterable[Model]) -> None:
         """These models as they begin, in a scene that was just compiled; then everything goes on in it."""
@@ -95,8 +99,12 @@ class World(Models):
     def reset(self) -> None:
         """Models of the world file and those spawned as they began; the robot's joints stay."""
         states = self.scene.states()
+        before = list(self.models)
         self._restore()
-        self._compile()
+        if list(self.models) == before:
+            self._make_scene()  # the description of the scene is that of now
+        else:
+            self._compile()
         prefix = f"{self._itself.name}::"
         self.scene.put({name: state for name, state in states.items() if name.startswith(prefix)})
         self._begin(self.models.values())

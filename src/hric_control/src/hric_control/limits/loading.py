@@ -1,14 +1,16 @@
 """Reading joint limits: URDF first, parameters over it, with ros_control's names."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from hric_control.errors import DescriptionError, ParameterError, check_known, message_about
 from hric_control.limits.values import INFINITY, KINDS, JointLimits, check_kinds
 from hric_control.node import Node
 from hric_control.parameters import Settings, choice, either, flag, listing, number
-from hric_control.urdf import BOUNDED, Joint, read
+from hric_control.urdf import BOUNDED, Limit, SafetyController, read
 
 URDF = "from the URDF"
 # Switch of a group of parameters -> parameter -> (field, value that means "not limited").
@@ -120,15 +122,25 @@ def load_limits(
     check_known("joint", joint_names, joints, "the robot description")
     result = []
     for name in joint_names:
-        values = _from_urdf(joints[name])
         where = f"joint_limits/{name}"
-        if node is not None and node.has_param(where):
-            _override(values, node.param(where), node.resolve(where))
-            limits = _build(name, values, node.resolve(where))
-        else:
-            limits = _build(name, values, "the robot description")
-        result.append(limits.only(tuple(use)))
+        given = node.param(where) if node is not None and node.has_param(where) else None
+        source = "the robot description" if node is None or given is None else node.resolve(where)
+        joint = joints[name]
+        said = name, joint.type, joint.limit, joint.safety
+        result.append(_of_joint(*said, json.dumps(given, default=str), source).only(tuple(use)))
     return result
+
+
+@lru_cache(256)
+def _of_joint(
+    name: str, kind: str, limit: Limit | None, safety: SafetyController | None, parameters: str, where: str
+) -> JointLimits:
+    """What the description says of a joint, and its parameters, which are JSON. Kept: the robot and its controllers ask
+    for the same, and so does the next run."""
+    values, given = _from_urdf(name, kind, limit, safety), json.loads(parameters)
+    if given is not None:
+        _override(values, given, where)
+    return _build(name, values, where)
 
 
 def _build(name: str, values: Mapping[str, Any], where: str) -> JointLimits:
@@ -138,17 +150,16 @@ def _build(name: str, values: Mapping[str, Any], where: str) -> JointLimits:
         raise ParameterError(message_about(where, error)) from None
 
 
-def _from_urdf(joint: Joint) -> dict[str, Any]:
-    values: dict[str, Any] = {"unit": "m" if joint.type == "prismatic" else "rad"}
-    limit, safety = joint.limit, joint.safety
+def _from_urdf(name: str, kind: str, limit: Limit | None, safety: SafetyController | None) -> dict[str, Any]:
+    values: dict[str, Any] = {"unit": "m" if kind == "prismatic" else "rad"}
     if limit is not None:
-        for name, value in (("velocity", limit.velocity), ("effort", limit.effort)):
+        for field, value in (("velocity", limit.velocity), ("effort", limit.effort)):
             if value is None:
-                raise DescriptionError(f"joint {joint.name}: <limit> has no {name}")
-            values[name] = value
+                raise DescriptionError(f"joint {name}: <limit> has no {field}")
+            values[field] = value
     if safety is not None:
         values["k_velocity"], values["k_position"] = safety.k_velocity, safety.k_position
-    if joint.type in BOUNDED:
+    if kind in BOUNDED:
         values |= {"lower": limit.lower, "upper": limit.upper} if limit else {}
         values |= {"soft_lower": safety.soft_lower, "soft_upper": safety.soft_upper} if safety else {}
     return values

@@ -41,6 +41,7 @@ class FrankaStateController(Controller):
         self._desired = realtime.publisher(node, "joint_states_desired", JointState)
         self._wrench = realtime.publisher(node, "F_ext", WrenchStamped)
         self._tf = realtime.publisher(node, "/tf", TFMessage)
+        self._publishers = self._states, self._measured, self._desired, self._wrench, self._tf
 
     def starting(self, time: float) -> None:
         """Publish in the first cycle."""
@@ -48,7 +49,7 @@ class FrankaStateController(Controller):
 
     def update(self, time: float, period: float) -> None:
         """Publish at the rate; the messages are built outside the loop from a snapshot."""
-        if not self._time.due(time):
+        if not self._time.due(time) or not any(publisher.wanted for publisher in self._publishers):
             return
         state, stamp = self._state.snapshot(), self._node.now()
         self._states.publish(messages.franka_state, state, stamp)
@@ -59,5 +60,5 @@ class FrankaStateController(Controller):
 
     def shutdown(self) -> None:
         """Stop advertising."""
-        for publisher in (self._states, self._measured, self._desired, self._wrench, self._tf):
+        for publisher in self._publishers:
             publisher.unregister()

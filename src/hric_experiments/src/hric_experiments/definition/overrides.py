@@ -143,7 +143,7 @@ def split(text: str) -> tuple[str, Any]:
     if not separator or not key:
         raise ExperimentError(f"cannot read override {text!r}; write key:=value, for example kp:=200")
     try:
-        return key, yaml.safe_load(value) if value else ""
+        return key, yaml.load(value, Loader=yaml.CSafeLoader) if value else ""
     except yaml.YAMLError as error:
         raise ExperimentError(f"the value of {key} in {text!r} is not YAML: {str(error).splitlines()[0]}") from error
 

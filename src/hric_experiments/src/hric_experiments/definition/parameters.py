@@ -4,6 +4,7 @@ and the robot's own."""
 import copy
 import math
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -116,10 +117,16 @@ def defaults(arm_id: str) -> dict[str, dict[str, Any]]:
 
 def _configured(path: Path, arm_id: str) -> dict[str, dict[str, Any]]:
     try:
-        data = yaml.load(path.read_text().replace("$(arg arm_id)", arm_id), Loader=yaml.CSafeLoader)
+        data = _parsed(path.read_text().replace("$(arg arm_id)", arm_id))
     except (OSError, yaml.YAMLError) as error:
         raise HricError(f"cannot read {path}: {error}") from error
     return dict(data or {}) if isinstance(data, dict | None) else {}
+
+
+@cache
+def _parsed(text: str) -> Any:
+    """YAML, shared by the runs of a process: not to be changed."""
+    return yaml.load(text, Loader=yaml.CSafeLoader)
 
 
 def configured_by_packages(arm_id: str) -> dict[str, dict[str, Any]]:

@@ -8,7 +8,7 @@ from typing import Any
 import roslib.message
 
 from hric_bags.memory import MemoryBag, nanoseconds
-from hric_bags.reader import COMMAND_TYPE, COUNTS_TYPE, FRANKA_TYPE, LOG_TYPE, Messages, RunRecord
+from hric_bags.reader import COMMAND_TYPE, COUNTS_TYPE, FRANKA_TYPE, LOG_TYPE, ControlRecord, Messages, RunRecord
 from hric_bags.reader import read as read_record
 from hric_bags.records import contact_record, human_record
 from hric_bags.records.region_contacts import CONTACTS_TYPE
@@ -81,16 +81,16 @@ class Observed:
         if self._kept is None or kind in self._kept:
             self._bag.write(topic, message, at)
 
-    def values(self) -> Mapping[str, Any]:
+    def values(self) -> "Observations":
         """Metrics of the run, by their first keys.
 
         Raises:
             HricError: it has no control log.
         """
-        return _Observations(self._simulation, self._bag, read_record(self._bag, self._messages))
+        return Observations(self._simulation, self._bag, read_record(self._bag, self._messages))
 
 
-class _Observations(Mapping[str, Any]):
+class Observations(Mapping[str, Any]):
     """Metrics and what sweeps add to them."""
 
     def __init__(self, simulation: Simulation, bag: MemoryBag, record: RunRecord) -> None:
@@ -101,6 +101,11 @@ class _Observations(Mapping[str, Any]):
             SUPERVISION: lambda: self._supervision,
             COLLABORATION: lambda: self._collaboration,
         }
+
+    @property
+    def log(self) -> ControlRecord:
+        """Every cycle of the run."""
+        return self._record.log
 
     @cached_property
     def _run(self) -> dict[str, Any]:

@@ -53,7 +53,7 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
         observed = Observed(simulation, {one.group for one in outputs.values()})
         simulation.run()
         values = observed.values()
-        state = simulation.state_sha256
+        state = values.log.state_sha256()
         response["outputs"] = {name: _plain(one.measured(values)) for name, one in outputs.items()}
     except HricError as error:
         failure = f"{type(error).__name__}: {error}"
