@@ -47,9 +47,31 @@ def test_on_a_local_node_a_message_is_built_and_published_within_the_call() -> N
 
 
 def test_on_a_local_node_errors_reach_the_caller() -> None:
-    publisher = realtime.publisher(LocalNode(), "x", Float64)
+    node = LocalNode()
+    node.subscribe("x", Float64, print)
+    publisher = realtime.publisher(node, "x", Float64)
     with pytest.raises(ZeroDivisionError):
         publisher.publish(lambda: 1 / 0)
+
+
+def test_on_a_local_node_a_message_is_built_only_for_those_who_listen_now_or_to_a_latched_topic() -> None:
+    node = LocalNode()
+    built: list[str] = []
+
+    def build(name: str) -> Float64:
+        built.append(name)
+        return Float64()
+
+    plain, latched = (realtime.publisher(node, name, Float64, latch=name == "latched") for name in ("plain", "latched"))
+    plain.publish(build, "for nobody")
+    latched.publish(build, "for later")
+    listening = node.subscribe("plain", Float64, lambda _: None)
+    plain.publish(build, "for a listener")
+    listening.unregister()
+    plain.publish(build, "for nobody")
+    node.tap(lambda topic, message, time: None)
+    plain.publish(build, "for a tap")
+    assert built == ["for later", "for a listener", "for a tap"]
 
 
 def test_on_a_local_node_a_deferred_call_is_made_at_once() -> None:

@@ -138,7 +138,7 @@ def test_a_listener_that_comes_late_gets_the_first_cycle_when_the_robot_is_told_
     from hric_msgs.msg import ControlLog
     from hric_msgs.srv import StepSimulation
 
-    process = start("_wait_for_log_listener:=20")
+    process = start("_wait_for_log_listener:=120")
     caller("/toy/sim/step", StepSimulation)  # the robot is there
     time.sleep(0.3)
     with listening("/toy/control_log", ControlLog) as log:

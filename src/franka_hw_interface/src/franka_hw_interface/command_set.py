@@ -3,6 +3,7 @@ log."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from franka_hw_interface.interfaces import FrankaPoseCartesianInterface, FrankaVelocityCartesianInterface
 from franka_hw_interface.modes import HOLD, Kind, Mode
@@ -16,7 +17,7 @@ from hric_control.hardware_interface import (
     PositionJointInterface,
     VelocityJointInterface,
 )
-from hric_control.limits import EffortLimiter, JointLimits, LimitCounts, PositionLimiter, VelocityLimiter
+from hric_control.limits import EffortLimiter, JointLimits, LimitCounts, Limiter, PositionLimiter, VelocityLimiter
 from hric_control.robot_hw import LogRow
 
 PERIOD = 1e-3
@@ -43,6 +44,14 @@ class ArmCommand:
     elbow: tuple[float, float] | None = None
     tau: list[float] = field(default_factory=lambda: [0.0] * 7)
     finished: bool = False
+
+
+class _Joints(NamedTuple):
+    """Commands of one joint interface, what limits them, and what smooths them."""
+
+    commands: JointCommands
+    limiter: Limiter
+    smoother: JointSmoother | None
 
 
 class CommandSet:
@@ -72,23 +81,19 @@ class CommandSet:
         smoothing: RateLimits | None = None,
     ) -> None:
         self._state, self._period = state, period
-        self._smoothers = {}
-        if smoothing is not None:
-            kinds = (Kind.POSITION, Kind.VELOCITY)
-            self._smoothers = {
-                kind: JointSmoother(smoothing, MAX_CUTOFF, kind is Kind.POSITION, period) for kind in kinds
-            }
-        self._joint = {kind: JointCommands(states) for kind in (Kind.EFFORT, Kind.POSITION, Kind.VELOCITY)}
         self._pose, self._twist = (
             FrankaPoseCartesianInterface(arm_id, state),
             FrankaVelocityCartesianInterface(arm_id, state),
         )
         self.counts = LimitCounts(states.names, [limit.velocity for limit in limits])
-        self._limiters: dict[Kind, EffortLimiter | PositionLimiter | VelocityLimiter] = {
-            Kind.EFFORT: EffortLimiter(states, self._joint[Kind.EFFORT], limits, self.counts),
-            Kind.POSITION: PositionLimiter(states, self._joint[Kind.POSITION], limits, self.counts),
-            Kind.VELOCITY: VelocityLimiter(states, self._joint[Kind.VELOCITY], limits, self.counts),
-        }
+
+        def joints(limiter: type[Limiter]) -> _Joints:
+            commands, smoother = JointCommands(states), None
+            if smoothing is not None and limiter is not EffortLimiter:
+                smoother = JointSmoother(smoothing, MAX_CUTOFF, limiter is PositionLimiter, period)
+            return _Joints(commands, limiter(states, commands, limits, self.counts), smoother)
+
+        self._effort, self._position, self._velocity = map(joints, (EffortLimiter, PositionLimiter, VelocityLimiter))
         self._n = len(states.names)
         self._zeros = [0.0] * self._n
         self._kinds = [HOLD.log_name] * self._n
@@ -97,11 +102,10 @@ class CommandSet:
 
     def interfaces(self) -> list[HardwareInterface]:
         """The command interfaces of all modes."""
-        joint = self._joint
         return [
-            EffortJointInterface(joint[Kind.EFFORT]),
-            VelocityJointInterface(joint[Kind.VELOCITY]),
-            PositionJointInterface(joint[Kind.POSITION]),
+            EffortJointInterface(self._effort.commands),
+            VelocityJointInterface(self._velocity.commands),
+            PositionJointInterface(self._position.commands),
             self._pose,
             self._twist,
         ]
@@ -109,10 +113,10 @@ class CommandSet:
     def enter(self, mode: Mode) -> None:
         """Begin a mode: nothing changes until somebody commands. Positions and poses stand at the desired ones, torques
         and velocities at zero."""
-        q_d = self._state.q_d
-        for kind, start in ((Kind.EFFORT, self._zeros), (Kind.POSITION, q_d), (Kind.VELOCITY, self._zeros)):
-            self._joint[kind].value[:] = start
-            self._limiters[kind].reset(start)
+        for joints in (self._effort, self._position, self._velocity):
+            start = self._state.q_d if joints is self._position else self._zeros
+            joints.commands.value[:] = start
+            joints.limiter.reset(start)
         self._pose.command.value[:], self._pose.command.elbow = self._state.O_T_EE_c, None
         self._twist.command.value[:], self._twist.command.elbow = [0.0] * 6, None
         self._kinds = [mode.log_name] * self._n
@@ -120,31 +124,30 @@ class CommandSet:
 
     def check_start(self) -> None:
         """Say which joints stand outside their ranges, once."""
-        for limiter in self._limiters.values():
-            if isinstance(limiter, EffortLimiter):
-                limiter.check_start()
+        self._effort.limiter.check_start()
 
     def limited_command(self, mode: Mode) -> ArmCommand:
         """The command of this cycle, within the joint limits; the object is the same each time."""
         command, generator = self._command, mode.generator
         command.elbow = None
         if generator is Kind.POSITION:
-            command.q = self._limited_joints(generator)
+            command.q = self._limited(self._position)
         elif generator is Kind.VELOCITY:
-            command.dq = self._limited_joints(generator)
+            command.dq = self._limited(self._velocity)
         elif generator is Kind.POSE:
             command.O_T_EE, command.elbow = self._pose.command.value, _pair(self._pose.command.elbow)
         elif generator is Kind.TWIST:
             command.O_dP_EE, command.elbow = self._twist.command.value, _pair(self._twist.command.elbow)
         if mode.torque:
-            command.tau = self._limited_joints(Kind.EFFORT)
+            command.tau = self._limited(self._effort)
         return command
 
-    def _limited_joints(self, kind: Kind) -> list[float]:
-        value = self._joint[kind].value
+    def _limited(self, joints: _Joints) -> list[float]:
+        commands, limiter, smoother = joints
+        value = commands.value
         raw = value[:]
-        self._limiters[kind].enforce(self._period)
-        sent, smoother = value[:], self._smoothers.get(kind)
+        limiter.enforce(self._period)
+        sent = value[:]
         if smoother is not None:
             state = self._state
             sent = list(smoother.smooth(sent, state.q_d, state.dq_d, state.ddq_d))

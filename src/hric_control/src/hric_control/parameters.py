@@ -39,7 +39,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import KW_ONLY, InitVar, dataclass, fields
+from dataclasses import KW_ONLY, InitVar, dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypedDict, Unpack
@@ -300,7 +300,8 @@ class Settings:
 
 def declared(settings: type[Settings]) -> dict[str, Parameter]:
     """The parameters by attribute."""
-    return {item.name: item.default for item in fields(settings) if isinstance(item.default, Parameter)}
+    found = settings.__dataclass_fields__  # `fields` costs five times as much, and a run asks sixty times
+    return {name: item.default for name, item in found.items() if isinstance(item.default, Parameter)}
 
 
 def below(where: str) -> str:

@@ -86,9 +86,9 @@ FUNCTION(touched)
 {
     enum { POSITION, LOW, HIGH, VELOCITY, FASTEST, SOFTNESS, VALUE, BOUND, LAST, CHANGE, SPEED_MAX, ROWS };
     PyObject **row[ROWS];
-    Py_ssize_t n = rows(
-        "touched(position, low, high, velocity, fastest, softness, value, bound, last, change, speed_max)", given,
-        count, ROWS, row);
+    Py_ssize_t n =
+        rows("touched(position, low, high, velocity, fastest, softness, value, bound, last, change, speed_max)", given,
+             count, ROWS, row);
     if (n >= 0 && !PyList_Check(given[SPEED_MAX])) {
         PyErr_SetString(PyExc_TypeError, "speed_max is written in place: a list is needed");
         return NULL;
@@ -97,8 +97,8 @@ FUNCTION(touched)
     for (Py_ssize_t i = 0; found != NULL && i < n; i++) {
         const double x = number(row[POSITION][i]), speed = fabs(number(row[VELOCITY][i])),
                      fastest = number(row[FASTEST][i]), softness = number(row[SOFTNESS][i]),
-                     value = number(row[VALUE][i]), bound = number(row[BOUND][i]),
-                     step = value - number(row[LAST][i]), change = number(row[CHANGE][i]);
+                     value = number(row[VALUE][i]), bound = number(row[BOUND][i]), step = value - number(row[LAST][i]),
+                     change = number(row[CHANGE][i]);
         const int is_free = number(row[LOW][i]) <= x && x <= number(row[HIGH][i]) && speed <= fastest && -bound <= value
                             && value <= bound && -change <= step && step <= change
                             && (softness == 0.0 || fabs(value) <= softness * (fastest - speed));
