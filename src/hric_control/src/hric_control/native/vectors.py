@@ -18,9 +18,10 @@ near: Callable[[Vector, Vector, Vector], bool] = _built.near
 smaller: Callable[[Vector, Vector], bool] = _built.smaller
 """(values, bound): whether |value| <= bound for all."""
 touched: Callable[..., list[int]] = _built.touched
-"""(position, low, high, velocity, fastest, softness, value, bound, last, change, speed_max): indices of those that are not
-free. Free is low <= position <= high, |velocity| <= fastest, |value| <= bound, |value - last| <= change, and where softness
-is not zero |value| <= softness (fastest - |velocity|). Writes the largest speed so far into the list speed_max."""
+"""(position, low, high, velocity, fastest, softness, value, bound, last, change, speed_max): indices of those that are
+not free. Free is low <= position <= high, |velocity| <= fastest, |value| <= bound, |value - last| <= change, and where
+softness is not zero |value| <= softness (fastest - |velocity|). Writes the largest speed so far into the list
+speed_max."""
 add: Callable[[Vector, Vector], list[float]] = _built.add
 """(a, b): a + b."""
 spring_damper: Callable[[Vector, Vector, Vector, Vector, Vector, Vector, Vector | None, float], list[float]]
