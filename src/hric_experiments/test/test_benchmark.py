@@ -12,6 +12,7 @@ import pytest
 from hric_control.errors import HricError
 from hric_experiments.benchmark import definition, page, results, running, scoring, text
 from hric_experiments.sweep import task as runs_of_sweeps
+from hric_experiments.sweep.carrying import carry_out
 from hric_experiments.sweep.journal import Journal
 
 BAD = """\
@@ -56,11 +57,12 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str, 
         definition.controller(name, benchmark) for name in (*definition.references(), str(folder / "bad.yaml"))
     ]
     todo = running.runs(benchmark, content["experiments"], controllers, "code")
+    tasks = [one.task for one in todo]
     with Journal(folder) as journal, pytest.raises(KeyboardInterrupt):
-        running.carry_out(todo, Here(after=3), journal)
+        carry_out(tasks, Here(after=3), journal)
     engine = Here()
     with Journal(folder) as journal:
-        responses = running.carry_out(todo, engine, journal)
+        responses = carry_out(tasks, engine, journal)
     assert engine.begun == len(todo) - 3  # what had ended was not run again
     found = results.make(benchmark, content, controllers, scoring.cells(benchmark, todo, responses), "code")
     found["runs"] = results.run_rows(todo, responses)

@@ -19,6 +19,7 @@ from hric_control.processes import INTERRUPTED_CODE
 from hric_experiments import provenance
 from hric_experiments.benchmark import definition, results, running, scoring, text
 from hric_experiments.benchmark.definition import Benchmark, Controller
+from hric_experiments.sweep.carrying import carry_out
 from hric_experiments.sweep.journal import UNFINISHED_CODE, Journal
 from hric_experiments.sweep.task import code_version
 
@@ -146,7 +147,7 @@ def _run(
     engine, now = PebbleEngine(min(given.jobs, len(todo)), MEMORY), True
     try:
         with Journal(folder) as journal, closing(_bar(len(todo), given.quiet)) as bar:
-            responses = running.carry_out(todo, engine, journal, bar.update)
+            responses = carry_out([one.task for one in todo], engine, journal, lambda _: bar.update())
         now = False
     finally:
         engine.close(now=now)

@@ -1,21 +1,13 @@
-"""Carries the runs of a benchmark out: those that the journal has not, on an engine of sweeps."""
+"""The runs of a benchmark, as tasks of a sweep."""
 
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from hric_experiments.benchmark.definition import Benchmark, Controller, arguments
 from hric_experiments.definition import overrides
-from hric_experiments.sweep.engines.engine import Died, Engine, Response, Task, TimedOut
-from hric_experiments.sweep.journal import Journal
+from hric_experiments.sweep.engines.engine import Task
 from hric_experiments.sweep.task import identity
-
-TRIES = 3
-"""Of a run that ends its worker, or takes too long."""
-LOOK = 0.5
-"""Longest time without a look at Ctrl-C [s]."""
 
 
 @dataclass(frozen=True)
@@ -58,58 +50,3 @@ def runs(
                     }
                     found.append(Run(by.name, one.name, body, seed, {"id": identity(task, code), **task}))
     return found
-
-
-def carry_out(
-    todo: Sequence[Run], engine: Engine, journal: Journal, ended: Callable[[], object] = lambda: None
-) -> list[dict[str, Any]]:
-    """The responses of all runs, in their order; those that the journal has are not run again.
-
-    Args:
-        todo: the runs.
-        engine: carries them out.
-        journal: keeps each response as it comes.
-        ended: called with each run that has ended, and for those of before.
-
-    Raises:
-        JournalError: what ended cannot be kept.
-        KeyboardInterrupt: all that ended is kept.
-    """
-    responses = {entry["id"]: entry for entry in journal.entries}
-    waiting: deque[tuple[Run, int]] = deque()
-    for one in todo:
-        if one.task["id"] in responses:
-            ended()
-        else:
-            waiting.append((one, 1))
-    open_: dict[Future[Response], tuple[Run, int]] = {}
-    while waiting or open_:
-        while waiting and len(open_) < engine.window:
-            one, attempt = waiting.popleft()
-            open_[engine.submit(one.task)] = one, attempt
-        for future in wait(open_, LOOK, FIRST_COMPLETED).done:
-            one, attempt = open_.pop(future)
-            try:
-                response = future.result()
-            except (Died, TimedOut) as error:
-                if attempt < TRIES:
-                    waiting.appendleft((one, attempt + 1))
-                    continue
-                response = _lost(one, str(error))
-            journal.append(response)
-            responses[one.task["id"]] = response
-            ended()
-    return [responses[one.task["id"]] for one in todo]
-
-
-def _lost(one: Run, why: str) -> Response:
-    return {
-        "id": one.task["id"],
-        "index": one.task["index"],
-        "outputs": dict.fromkeys(one.task["outputs"]),
-        "failure": f"{why} in each of {TRIES} tries",
-        "state_sha256": "",
-        "processor": None,
-        "wall": None,
-        "host": "",
-    }

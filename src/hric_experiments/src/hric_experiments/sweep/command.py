@@ -184,9 +184,10 @@ def rerun(arguments: Sequence[str]) -> int:
 
 def _row(rows: Sequence[dict[str, Any]], given: str) -> dict[str, Any]:
     found = [row for row in rows if row["id"].startswith(given)]
-    if len(found) != 1:
-        worst = ", ".join(row["id"] for row in (found or rows)[:5])
-        raise HricError(f"{len(found)} runs have an id that begins with {given!r}; valid: one of {worst}, ...")
+    ids = {row["id"]: None for row in found or rows}
+    if not found or len(ids) > 1:  # a point that was chosen twice is one run
+        some = ", ".join(list(ids)[:5])
+        raise HricError(f"{len(ids) if found else 0} runs have an id that begins with {given!r}; valid: {some}, ...")
     return found[0]
 
 

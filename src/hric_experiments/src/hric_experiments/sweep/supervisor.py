@@ -2,37 +2,24 @@
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hric_experiments.sweep import table
+from hric_experiments.sweep.carrying import carry_out
 from hric_experiments.sweep.definition import Plan
-from hric_experiments.sweep.engines.engine import Died, Engine, Response, Task, TimedOut
+from hric_experiments.sweep.engines.engine import Engine, Task
 from hric_experiments.sweep.journal import Journal
 from hric_experiments.sweep.samplers.sampler import Point, Told
 from hric_experiments.sweep.task import identity
 
-TRIES = 3
-"""Of a run that ends its worker, or takes too long; after them it is marked and not tried any more."""
 REFRESH = 20.0
 """Between two tables while the sweep runs [s of wall time]."""
-LOOK = 0.5
-"""Longest time without a look at Ctrl-C [s]."""
 COLUMNS = "columns"
-
-
-@dataclass(frozen=True)
-class Open:
-    """A task that an engine has. attempt: 1 at first."""
-
-    task: Task
-    attempt: int
 
 
 class Supervisor:
@@ -63,7 +50,6 @@ class Supervisor:
         wrote: Callable[[Path], object] = lambda folder: None,
     ) -> None:
         self._plan, self._folder, self._journal, self._engine, self._code = plan, folder, journal, engine, code
-        self._known = {entry["id"]: entry for entry in journal.entries}
         self._ended, self._wrote, self._written = ended, wrote, time.monotonic()
         self.rows: dict[int, table.Row] = {}
         self.estimate: dict[str, Any] | None = None
@@ -108,46 +94,18 @@ class Supervisor:
     def _carry_out(self, tasks: Sequence[tuple[Task, table.Row]]) -> list[table.Row]:
         """A batch; returns its rows in order."""
         begun = {row["index"]: row for _, row in tasks}
-        waiting: deque[Open] = deque()
-        for task, row in tasks:
-            if (entry := self._known.get(task["id"])) is not None:
-                self._end(row, entry)
-            else:
-                waiting.append(Open(task, 1))
-        open_: dict[Future[Response], Open] = {}
-        while waiting or open_:
-            while waiting and len(open_) < self._engine.window:
-                one = waiting.popleft()
-                open_[self._engine.submit(one.task)] = one
-            for future in wait(open_, LOOK, FIRST_COMPLETED).done:
-                one = open_.pop(future)
-                response = self._response(future, one)
-                if response is None:
-                    waiting.appendleft(Open(one.task, one.attempt + 1))
-                    continue
-                entry = {**response, "attempt": one.attempt}
-                self._journal.append(entry)
-                self._end(begun[one.task["index"]], entry)
-            if time.monotonic() - self._written > REFRESH:
-                self.write()
-        return [self.rows[index] for index in sorted(begun)]
+        carry_out(
+            [task for task, _ in tasks],
+            self._engine,
+            self._journal,
+            lambda entry: self._end(begun[entry["index"]], entry),
+            self._refresh,
+        )
+        return [self.rows[index] for index in begun]
 
-    def _response(self, future: "Future[Response]", one: Open) -> Response | None:
-        """What came of a task; None: it is tried again."""
-        try:
-            return future.result()
-        except (Died, TimedOut) as error:
-            if one.attempt < TRIES:
-                return None
-            return {
-                **{key: one.task[key] for key in ("id", "index")},
-                "outputs": dict.fromkeys(one.task["outputs"]),
-                "failure": f"poison: {error} in each of {TRIES} tries",
-                "state_sha256": "",
-                "processor": None,
-                "wall": None,
-                "host": "",
-            }
+    def _refresh(self) -> None:
+        if time.monotonic() - self._written > REFRESH:
+            self.write()
 
     def _end(self, row: table.Row, entry: Mapping[str, Any]) -> None:
         ended = {**row, **entry, **judged(self._plan, entry["outputs"])}
@@ -168,9 +126,8 @@ class Supervisor:
         for row in kept(self._plan, list(self.rows.values())):
             if not (folder / f"{row['id']}.npz").exists():
                 task = make_task(self._plan, row["index"], row["values"], self._code)
-                chosen.append(self._engine.submit({**task, "columns": str(folder)}))
-        while chosen and wait(chosen, LOOK).not_done:
-            pass
+                chosen.append({**task, "columns": str(folder)})
+        carry_out(chosen, self._engine, None)
 
 
 def make_task(plan: Plan, index: int, values: Mapping[str, Any], code: str) -> Task:
