@@ -33,13 +33,15 @@ def test_a_controller_that_fails_is_aborted_told_once_and_the_others_go_on(
     )
     assert caplog.text.count("controller left is aborted, it failed in update: command is not finite: joint1=nan") == 1
     assert rig.hw.calls == [("do_switch", [], ["left"])]
+    told = {status.name: status.error for status in rig.manager.list()}
+    assert told == {"left": "it failed in update: command is not finite: joint1=nan", "right": ""}
 
 
 def test_a_programming_error_aborts_with_its_place(rig, caplog: pytest.LogCaptureFixture) -> None:
     rig.fail = {"update": IndexError("list index out of range")}
     rig.start("left")
     rig.cycle()
-    assert "IndexError: list index out of range (" in caplog.text and "fakes.py:" in caplog.text
+    assert "IndexError: list index out of range (" in caplog.text and "(fakes.py:" in caplog.text
 
 
 def test_an_aborted_controller_frees_its_joints_and_can_be_started_again(rig) -> None:

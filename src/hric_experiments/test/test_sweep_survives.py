@@ -2,37 +2,24 @@
 
 import os
 import random
+import re
 import signal
 import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import bad_controller
 import pytest
 import test_sweep as sweeps
-import yaml
 
 from hric_experiments.sweep import table
 
 ENOUGH = 580.0
 """For anything here, on a machine that does much else [s]."""
 RUNS = 12
-BAD = """\
-import os
-
-from hric_control.controller import Controller
-
-
-class Bad(Controller):
-    def init(self, robot_hw, root_node, controller_node):
-        self.how = controller_node.param("how")
-
-    def update(self, now, period):
-        if self.how == "ends":
-            os._exit(7)
-        if self.how == "takes all memory":
-            self.taken = bytearray(20_000_000_000)
-"""
+PATIENCE = 45.0
+"""With a run that takes a second, and its worker's first steps [s]."""
 
 
 def begun(folder: Path, *arguments: str | Path) -> "subprocess.Popen[str]":
@@ -138,41 +125,38 @@ def test_ctrl_c_keeps_what_ended_and_says_how_to_go_on(tmp_path: Path) -> None:
 def test_runs_that_end_their_worker_or_take_all_memory_cost_themselves_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    package = tmp_path / "packages" / "bad_runs"
-    package.mkdir(parents=True)
-    (package / "package.xml").write_text(
-        '<package format="3"><name>bad_runs</name><export><hric_control plugin="${prefix}/plugins.xml"/></export>'
-        "</package>"
-    )
-    (package / "plugins.xml").write_text(
-        '<library path="src"><class name="bad_runs/Bad" type="bad_module:Bad" '
-        'base_class_type="hric_control::Controller"><description>-</description></class></library>'
-    )
-    (package / "src").mkdir()
-    (package / "src" / "bad_module.py").write_text(BAD)
-    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{package.parent}:{os.environ['ROS_PACKAGE_PATH']}")
-    base = yaml.safe_load((Path(sweeps.__file__).parents[1] / "config/experiments/pd_step.yaml").read_text())
-    base["controllers"].append("bad")
-    base["parameters"]["bad"] = {"type": "bad_runs/Bad", "how": "not"}
-    (tmp_path / "base.yaml").write_text(yaml.safe_dump(base))
     ways = ["not", "ends", "takes all memory", "not"]
-    how = {"paths": ["parameters.bad.how"], "distribution": {"kind": "choice", "values": ways}}
-    content = {
-        **sweeps.SWEEP,
-        "extends": "base.yaml",
-        "sweep": {
-            **sweeps.SWEEP["sweep"],
-            "vary": {"how": how},
-            "sampler": {"kind": "list"},
-            "runs": len(ways),
-            "timeout": 60.0,
-        },
-    }
-    (tmp_path / "bad.yaml").write_text(yaml.safe_dump(content))
-    printed = sweeps.sweep(tmp_path, tmp_path / "bad.yaml", "--jobs", "2", code=3)
+    printed = sweeps.sweep(tmp_path, bad_controller.sweep(tmp_path, monkeypatch, ways), "--jobs", "2", code=3)
     frame = table.load_sweep(sweeps.folder_of(printed)).set_index("index")
     assert frame["how"].tolist() == ways
     assert (frame["failure"][[0, 3]] == "").all() and frame["speed"][[0, 3]].notna().all()
     assert frame["failure"][1] == "poison: ended its worker (exit code 7) in each of 3 tries"
     assert frame["failure"][2]
     assert "4 runs, 2 failed" in printed and "Traceback" not in printed
+
+
+def test_a_run_whose_controller_raises_is_told_with_what_it_raised_and_where(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ways = ["raises", "raises in starting", "raises in init", "not", "raises"]
+    path = bad_controller.sweep(tmp_path, monkeypatch, ways)
+    printed = sweeps.sweep(tmp_path, path, "--jobs", "1", code=3)
+    frame = table.load_sweep(sweeps.folder_of(printed)).set_index("index")
+    about = r"ValueError: <bad_module.Bad object> has no force \(bad_module.py:\d+\)"
+    for index, where in enumerate(("was stopped, it failed in update", "failed in starting", "cannot be loaded")):
+        told = frame["failure"][index]
+        assert re.search(rf"bad {where}: {about}$", told), told
+    assert frame["failure"][3] == "" and frame["failure"][4] == frame["failure"][0]
+    assert "failed 2 times: " in printed and "Traceback" not in printed
+
+
+@pytest.mark.slow  # three times the patience
+def test_a_run_that_hangs_is_killed_tried_again_and_marked_and_its_neighbours_are_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ways = ["not", "hangs", "not", "not"]
+    path = bad_controller.sweep(tmp_path, monkeypatch, ways, timeout=PATIENCE)
+    frame = table.load_sweep(sweeps.folder_of(sweeps.sweep(tmp_path, path, "--jobs", "2", code=3))).set_index("index")
+    assert frame["failure"][1] == f"poison: took longer than {PATIENCE:g} s in each of 3 tries"
+    others = frame.drop(1)
+    assert (others["failure"] == "").all() and (others["attempt"] == 1).all() and others["speed"].notna().all()

@@ -172,12 +172,9 @@ class Simulation:
             self.app.run(left, self._timeline)
         if interrupt.is_set():
             raise KeyboardInterrupt
-        failed = [status.name for status in self.app.manager.list() if status.state == "aborted"]
+        failed = [f"controller {one.name} was stopped, {one.error}" for one in self.app.manager.list() if one.error]
         if failed:
-            raise FailureError(
-                f"experiment {self.definition.name}: controller {', '.join(failed)} was stopped by an error; its "
-                "message is above"
-            )
+            raise FailureError(f"experiment {self.definition.name}: {'; '.join(failed)}")
 
     def reset(self, *, seed: int | None = None, **overrides: Any) -> None:
         """Begin again.

@@ -29,12 +29,14 @@ class ControllerStatus:
         type: plugin type string.
         state: initialized, running, stopped, waiting (for the hardware) or aborted.
         claims: claimed joints by the ros_control name of the interface; of one that obeys the speed scale, that too.
+        error: why it is aborted; empty: it is not.
     """
 
     name: str
     type: str
     state: str
     claims: dict[str, tuple[str, ...]]
+    error: str = ""
 
 
 @dataclass(frozen=True)
@@ -64,10 +66,12 @@ class UpdateStatistics:
 
 class LoadedController:
     """Controller plus state. `controller` and `update` are read by the loop; the statistics are plain floats that it
-    writes. `obeys`: whether the controller has declared that it reads the robot's speed scale."""
+    writes. `obeys`: whether the controller has declared that it reads the robot's speed scale. `error`: why it was
+    aborted last."""
 
     __slots__ = (
         "controller",
+        "error",
         "info",
         "last_overrun",
         "max_time",
@@ -84,7 +88,7 @@ class LoadedController:
     def __init__(self, controller: Controller, info: ControllerInfo, scope: ScopedNode, obeys: bool = False) -> None:
         self.controller, self.info, self.scope, self.obeys = controller, info, scope, obeys
         self.update: Callable[[float, float], None] = controller.update
-        self.state = ControllerState.INITIALIZED
+        self.state, self.error = ControllerState.INITIALIZED, ""
         self.clear_statistics()
 
     @property
@@ -97,6 +101,10 @@ class LoadedController:
         """Whether it is updated each cycle."""
         return self.state is ControllerState.RUNNING
 
+    def abort(self, error: str) -> None:
+        """It is not updated any more; error: why."""
+        self.state, self.error = ControllerState.ABORTED, error
+
     def clear_statistics(self) -> None:
         """Forget the durations; the controller is starting."""
         self.updates = self.overruns = 0
@@ -108,7 +116,8 @@ class LoadedController:
         claims = {interface: tuple(sorted(joints)) for interface, joints in self.info.claims.items()}
         if self.obeys:
             claims[SpeedScaleInterface.cpp_name] = (RESOURCE,)
-        return ControllerStatus(self.name, self.info.type, self.state.value, claims)
+        error = self.error if self.state is ControllerState.ABORTED else ""
+        return ControllerStatus(self.name, self.info.type, self.state.value, claims, error)
 
     def statistics(self) -> UpdateStatistics:
         """Snapshot of the durations."""

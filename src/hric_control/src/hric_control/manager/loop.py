@@ -3,6 +3,7 @@
 import math
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from time import perf_counter
 
 from hric_control.errors import HricError
@@ -12,11 +13,12 @@ from hric_control.robot_hw import RobotHW
 
 
 def describe(error: BaseException) -> str:
-    """One line: the text of a HricError, or type, text and place of an error that nobody foresaw."""
+    """One line: the text of a HricError, or type, text and place of an error that nobody foresaw, the same on every
+    machine."""
     if isinstance(error, HricError):
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
-    source = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
+    source = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
     return f"{type(error).__name__}: {error}{source}"
 
 
@@ -100,7 +102,7 @@ class ManagerLoop:
         if self._request is request:
             self._request = None
         for entry in request.waiting:
-            entry.state = ControllerState.ABORTED
+            entry.abort("the switch that was to start it was withdrawn")
 
     def apply(self, request: SwitchRequest, time: float) -> None:
         """Carry a request out now: when no loop runs, or from the loop's own thread between two cycles."""
@@ -138,9 +140,10 @@ class ManagerLoop:
                 [entry.info for entry in request.plan.start], [entry.info for entry in request.plan.stop]
             )
         except Exception as error:  # becomes the error of the switch
-            request.failures.append(f"the robot could not switch: {describe(error)}")
+            why = f"the robot could not switch: {describe(error)}"
+            request.failures.append(why)
             for entry in request.plan.start:
-                entry.state = ControllerState.ABORTED
+                entry.abort(why)
         else:
             request.waiting.extend(request.plan.start)
         return True
@@ -171,7 +174,7 @@ class ManagerLoop:
     def _give_up(self, request: SwitchRequest, group: list[LoadedController], reason: str) -> None:
         for entry in group:
             request.waiting.remove(entry)
-            entry.state = ControllerState.ABORTED
+            entry.abort(f"it was not started: {reason}")
             request.failures.append(f"{entry.name} was not started: {reason}")
 
     def _start(self, entry: LoadedController, time: float, failures: list[str]) -> None:
@@ -206,8 +209,8 @@ class ManagerLoop:
 
     def _abort(self, entry: LoadedController, time: float, where: str, error: Exception) -> None:
         self.running = tuple(other for other in self.running if other is not entry)
-        entry.state = ControllerState.ABORTED
-        self._report(f"controller {entry.name} is aborted, it failed in {where}: {describe(error)}")
+        entry.abort(f"it failed in {where}: {describe(error)}")
+        self._report(f"controller {entry.name} is aborted, {entry.error}")
         self._call_stopping(entry, time)
         self._switching = self.mode_changed = True
         try:

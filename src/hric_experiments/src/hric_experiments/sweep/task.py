@@ -6,6 +6,7 @@ import logging
 import math
 import os
 import platform
+import re
 import time
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 
 from hric_bags.run_folder import RunFolderError
 from hric_control.errors import HricError
+from hric_control.manager.loop import describe
 from hric_experiments import provenance
 from hric_experiments.definition import experiment, overrides
 from hric_experiments.definition.experiment import Experiment, package_path
@@ -29,6 +31,8 @@ SOURCES = ("*.py", "*.yaml", "*.xacro", "*.xml", "*.urdf", "*.msg")
 """Of the packages' files those on which a run depends."""
 NOT_SOURCES = {"test", "build", "__pycache__", "sweeps"}
 """Folders without such files; what a sweep file has is in the sweep itself."""
+ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+"""Of an object in a text of Python; each process has its own."""
 LENGTH = 16
 """Characters of an id."""
 
@@ -49,19 +53,16 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
     failure, state = "", ""
     simulation: Simulation | None = None
     try:
-        simulation = Simulation(definition_of(task), seed=task["seed"])
-        observed = Observed(simulation, {one.group for one in outputs.values()})
-        simulation.run()
-        values = observed.values()
-        state = values.log.state_sha256()
-        response["outputs"] = {name: _plain(one.measured(values)) for name, one in outputs.items()}
-    except HricError as error:
-        failure = f"{type(error).__name__}: {error}"
+        with Simulation(definition_of(task), seed=task["seed"]) as simulation:
+            observed = Observed(simulation, {one.group for one in outputs.values()})
+            simulation.run()
+            values = observed.values()
+            state = values.log.state_sha256()
+            response["outputs"] = {name: _plain(one.measured(values)) for name, one in outputs.items()}
     except MemoryError:
         failure = "MemoryError: the run took more memory than a worker may"
-    finally:
-        if simulation is not None:
-            simulation.close()
+    except Exception as error:  # also one that nobody foresaw: it ends this run alone, not the others
+        failure = reason(error)
     if simulation is not None and task.get("columns"):
         _keep(simulation, Path(task["columns"]) / f"{task['id']}.npz")
     return {
@@ -72,6 +73,12 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
         "wall": round(time.perf_counter() - wall, 4),
         "host": platform.node(),
     }
+
+
+def reason(error: Exception) -> str:
+    """Why a run failed, for people: the same text for the same run, wherever it ran."""
+    text = f"{type(error).__name__}: {error}" if isinstance(error, HricError) else describe(error)
+    return ADDRESS.sub("", text)
 
 
 def _plain(value: float) -> float | None:
