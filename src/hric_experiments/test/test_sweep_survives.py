@@ -12,12 +12,13 @@ from pathlib import Path
 import bad_controller
 import pytest
 import test_sweep as sweeps
+import test_sweep_adaptive as adaptive
 
 from hric_experiments.sweep import table
 
 ENOUGH = 580.0
 """For anything here, on a machine that does much else [s]."""
-RUNS = 12
+SAMPLERS = {"random": {"runs": 12}, **adaptive.SAMPLERS}
 PATIENCE = 45.0
 """With a run that takes a second, and its worker's first steps [s]."""
 
@@ -81,16 +82,19 @@ def _parent(stat: Path) -> int:
         return 0
 
 
-@pytest.mark.slow  # three sweeps with pauses
-def test_the_table_is_the_same_after_kill_9_of_a_worker_and_of_the_sweep_at_random_moments(tmp_path: Path) -> None:
-    path = sweeps.written(tmp_path, runs=RUNS)
+@pytest.mark.slow  # four sweeps with pauses each
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_the_table_is_the_same_after_kill_9_of_a_worker_and_of_the_sweep_at_random_moments(
+    tmp_path: Path, sampler: str
+) -> None:
+    path = sweeps.written(tmp_path, **SAMPLERS[sampler])
     whole = sweeps.folder_of(sweeps.sweep(tmp_path, path, "--jobs", "1"))
-    expected = table.results_sha256(table.read(whole))
-    drawn = random.Random(19)
+    runs, expected = ended(whole), table.results_sha256(table.read(whole))
+    drawn = random.Random(sampler)
     for number in range(3):
         own = tmp_path / f"killed_{number}"
         process = begun(own, path, "--jobs", "2")
-        first, then = sorted(drawn.sample(range(1, RUNS - 2), 2))
+        first, then = sorted(drawn.sample(range(1, runs - 2), 2))
         until(lambda: ended(folder_in(own / "runs")) >= first, process)  # noqa: B023
         workers = children(supervisor_of(process))
         if workers:
@@ -105,8 +109,8 @@ def test_the_table_is_the_same_after_kill_9_of_a_worker_and_of_the_sweep_at_rand
             assert time.monotonic() < deadline
             time.sleep(0.05)
         folder = folder_in(own / "runs")
-        assert ended(folder) < RUNS
-        sweeps.sweep(own, "--resume", folder)
+        assert ended(folder) < runs
+        sweeps.sweep(own, "--resume", folder, "--jobs", str(1 + number % 2))
         assert table.results_sha256(table.read(folder)) == expected
 
 
