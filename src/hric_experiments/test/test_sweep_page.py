@@ -17,6 +17,7 @@ from scipy import stats
 from hric_bags.run_folder import RunFolderError
 from hric_experiments import report_html
 from hric_experiments.sweep import page
+from hric_experiments.sweep.command import summary
 from hric_experiments.sweep_page import drawn, quantiles, sensitivity
 from hric_experiments.sweep_page.study import load
 
@@ -60,9 +61,27 @@ def test_the_probability_has_the_interval_of_clopper_and_pearson(folder: Path, t
     low = stats.binomtest(exceeded, RUNS).proportion_ci(0.95, method="exact").low
     high = stats.binomtest(exceeded + failed, RUNS).proportion_ci(0.95, method="exact").high
     line = estimate(text)
+    printed = summary(folder)
     assert f"P(peak > 280 N given the distributions below) = {exceeded / (RUNS - failed):.3g}," in line
-    assert f"95 % interval {low:.3g} to {high:.3g}" in line and "Clopper-Pearson" in line
-    assert f"{exceeded} of {RUNS - failed} runs exceeded" in line and f"Failed: {failed}." in line
+    assert f"P(peak > 280 N given the distributions of the sweep) = {exceeded / (RUNS - failed):.3g}," in printed
+    for told in (line, printed):
+        assert f"95 % interval {low:.3g} to {high:.3g}" in told and "Clopper-Pearson" in told
+        assert f"{exceeded} of {RUNS - failed} runs exceeded" in told and f"Failed: {failed}." in told
+
+
+def test_a_limit_that_is_passed_without_bound_is_the_worst_of_all(tmp_path: Path) -> None:
+    peak = sweep_folder.values(50)["peak"].copy()
+    peak[[3, 30]] = np.nan, np.inf  # 30: contact with a region that permits none
+    order, by = load(sweep_folder.write(tmp_path / "a", 50, peak=peak)).order_of_worst
+    assert by == "largest peak" and order[0] == 30 and 3 not in order
+
+
+def test_the_terminal_has_range_and_median_of_the_outputs_and_the_failures_by_reason(folder: Path) -> None:
+    table, printed = parquet.read_table(folder / "runs.parquet").to_pandas(), summary(folder)
+    good = np.sort(table.peak[table.failure == ""])
+    failed = len(table) - len(good)
+    assert printed.startswith(f"{RUNS} runs, {failed} failed\n") and "failed 1 times: cartesian_reflex at" in printed
+    assert f"peak: {good[0]:.6g} to {good[-1]:.6g}, median {good[len(good) // 2]:.6g} N\n" in printed
 
 
 @pytest.mark.parametrize(("sampler", "why"), [("grid", "chosen, not drawn"), ("tpe", "searched for the worst")])
@@ -82,10 +101,10 @@ def test_a_rare_event_has_the_estimate_of_its_sampler_with_the_effective_sample_
     found |= {"runs": 50, "exceeded": 12, "failed": 1, "check": check}
     weights = np.linspace(0.1, 2.0, 50)
     folder = sweep_folder.write(tmp_path / "a", 50, sampler="cross_entropy", estimate=found, weight=weights)
-    line = estimate(text_of(folder))
-    assert "= 1.25e-05, 90 % interval 8e-06 to 2e-05" in line and "log scale; 12 of 49 runs exceeded" in line
-    assert "effective number of those that exceeded 210" in line and "Clopper" not in line
-    assert "Plain Monte Carlo beside it: 0 of 20 runs, 0 to 0.139; it agrees." in line
+    for line in (estimate(text_of(folder)), summary(folder)):
+        assert "= 1.25e-05, 90 % interval 8e-06 to 2e-05" in line and "log scale; 12 of 49 runs exceeded" in line
+        assert "effective number of those that exceeded 210" in line and "Clopper" not in line
+        assert "Plain Monte Carlo beside it: 0 of 20 runs, 0 to 0.139; it agrees." in line
 
 
 def test_what_was_varied_is_listed_with_its_distributions(text: str) -> None:

@@ -1,6 +1,7 @@
 """`rosrun hric_experiments sweep`: run a sweep or go on with it, draw it, run one of its runs again."""
 
 import argparse
+import math
 import os
 import signal
 import sys
@@ -88,7 +89,7 @@ def _run(folder: Path, plan: Plan, before: Response | None, given: argparse.Name
         return INTERRUPTED_CODE
     finally:
         engine.close(now=now)
-    print(summary(plan, list(supervisor.rows.values())))
+    print(summary(folder))
     return UNFINISHED_CODE if any(row["failure"] for row in supervisor.rows.values()) else 0
 
 
@@ -133,19 +134,22 @@ def _supervised(folder: Path, plan: Plan, journal: Journal, engine: Engine, code
     return supervisor
 
 
-def summary(plan: Plan, rows: Sequence[table.Row]) -> str:
-    """For the terminal."""
-    good = [row for row in rows if not row["failure"]]
-    lines = [f"{len(rows)} runs, {len(rows) - len(good)} failed"]
-    for name, output in plan.section.outputs.items():
-        values = sorted(row["outputs"][name] for row in good if row["outputs"][name] is not None)
+def summary(folder: Path) -> str:
+    """For the terminal, from the table: what the page says first."""
+    from hric_experiments.sweep_page import estimate
+    from hric_experiments.sweep_page.study import FAILED, OUTPUT, load
+
+    study = load(folder)
+    failed = study.kinds == FAILED
+    lines = [f"{study.runs} runs, {int(failed.sum())} failed"]
+    for name in study.named(OUTPUT):
+        values = sorted(value for value in study.columns[name][~failed].tolist() if not math.isnan(value))
         if values:
-            middle = values[len(values) // 2]
-            lines.append(f"{name}: {values[0]:.6g} to {values[-1]:.6g}, median {middle:.6g} {output.unit}".rstrip())
-    if plan.section.exceedance is not None:
-        known = [row["exceeded"] for row in good if row["exceeded"] is not None]
-        lines.append(f"exceeded: in {sum(known)} of {len(known)}")
-    reasons = Counter(row["failure"] for row in rows if row["failure"])
+            middle, unit = values[len(values) // 2], study.about[name].unit
+            lines.append(f"{name}: {values[0]:.6g} to {values[-1]:.6g}, median {middle:.6g} {unit}".rstrip())
+    if study.limit is not None:
+        lines += filter(None, estimate.lines(study, "given the distributions of the sweep"))
+    reasons = Counter(study.columns["failure"][failed].tolist())
     lines += [f"failed {count} times: {reason}" for reason, count in reasons.most_common(5)]
     return "\n".join(lines)
 

@@ -21,7 +21,7 @@ def part(study: Study) -> str:
     """HTML."""
     if study.limit is None:
         return "<p>No limit is given, so nothing is counted.</p>"
-    value, *notes = _lines(study)
+    value, *notes = lines(study, "given the distributions below")
     below = "".join(f"<p>{escape(note)}</p>" for note in notes if note)
     return f"<div class=estimate><p class=value>{escape(value)}</p>{below}</div>"
 
@@ -35,23 +35,21 @@ def condition(study: Study) -> str:
     return f"{limit.output} {limit.sign} {limit.bound:g}{' ' + unit if unit else ''}"
 
 
-def _lines(study: Study) -> list[str]:
-    """The line, and notes below it."""
+def lines(study: Study, given: str) -> list[str]:
+    """The line, and notes to it, some of them empty; of a study with a limit. given: what the probability is of."""
     exceeded, failed = int((study.kinds == EXCEEDED).sum()), int((study.kinds == FAILED).sum())
     if study.sampler in DESIGNED:
         why = f"{DESIGNED[study.sampler]}: this is no probability, and has no interval."
         return [f"{condition(study)} in {exceeded} of {study.runs - failed} runs", why]
-    given = f"P({condition(study)} given the distributions below)"
+    of = f"P({condition(study)} {given})"
     found = study.estimate or _counted(study, exceeded, failed)
     if found is None:
         return [
-            f"{given}: not known yet",
+            f"{of}: not known yet",
             "It is estimated when the first runs, or the levels of the sampler, are done.",
         ]
     level = f"{100.0 * found['level']:g} % interval"
-    line = (
-        f"{given} = {number(found['probability'], 3)}, {level} {number(found['low'], 3)} to {number(found['high'], 3)}"
-    )
+    line = f"{of} = {number(found['probability'], 3)}, {level} {number(found['low'], 3)} to {number(found['high'], 3)}"
     return [line, _method(study, found), _failed(int(found["failed"])), _check(found.get("check"))]
 
 

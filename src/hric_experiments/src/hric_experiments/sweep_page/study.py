@@ -149,7 +149,7 @@ class Study:
             return np.zeros(0, dtype=np.intp), ""
         values = np.asarray(self.columns[name], dtype=float)
         order = np.argsort(-values if largest else values, kind="stable")
-        return order[np.isfinite(values[order])], f"{'largest' if largest else 'smallest'} {name}"
+        return order[~np.isnan(values[order])], f"{'largest' if largest else 'smallest'} {name}"
 
 
 def load(folder: Path) -> Study:
