@@ -100,7 +100,7 @@ TOOLS = [
     ("hric_experiments export notes.txt --format csv", r"cannot read notes\.txt: .*health --salvage"),
     ("hric_experiments compare open nowhere", r"no run folder 'nowhere'"),
     ("hric_experiments compare open open --labels a", r"--labels names 1 runs \(a\), but 2 are compared"),
-    ("hric_experiments schema --studies", r"\[--study\] \[--example\]\n.*unrecognized arguments: --studies"),
+    ("hric_experiments schema --studies", r"\[--study \| --sweep\] \[--example\]\n.*unrecognized arguments: --studies"),
     ("hric_experiments check_model notes.csv", r"notes\.csv has no columns t .*there: a, b; .*--columns t=NAME"),
     (
         "hric_experiments measure_stops --speeds 40",

@@ -16,6 +16,7 @@ from hric_control.urdf import read
 from hric_experiments import cli
 from hric_experiments.definition import experiment, overrides, parameters, study
 from hric_experiments.definition.experiment import ExperimentError
+from hric_experiments.sweep import definition as sweep
 
 
 def load(name: str, *given: str) -> experiment.Experiment:
@@ -137,12 +138,13 @@ def test_editors_have_the_schemas_and_accept_what_is_valid(capsys: pytest.Captur
     for arguments, kind, example in (
         ([], "experiment", experiment.EXAMPLE),
         (["--study"], "study", study.EXAMPLE),
+        (["--sweep"], "sweep", sweep.EXAMPLE),
     ):
         assert cli.main(["schema", *arguments]) == 0
         printed = capsys.readouterr().out
         kept = experiment.package_path() / "config" / f"{kind}.schema.json"
         assert kept.read_text() == printed, "rosrun hric_experiments schema prints what this file has to hold"
-        folder = experiment.config_path({"experiment": "experiments", "study": "studies"}[kind])
+        folder = experiment.config_path({"experiment": "experiments", "study": "studies", "sweep": "sweeps"}[kind])
         check = jsonschema.Draft202012Validator(json.loads(printed))
         check.validate(yaml.safe_load(example))
         for path in folder.glob("*.yaml"):
@@ -153,6 +155,7 @@ def test_editors_have_the_schemas_and_accept_what_is_valid(capsys: pytest.Captur
         assert capsys.readouterr().out == example
     experiment.parse("example", yaml.safe_load(experiment.EXAMPLE))
     study.parse("example", yaml.safe_load(study.EXAMPLE))
+    sweep.plan("example", yaml.safe_load(sweep.EXAMPLE))
 
 
 def test_the_motion_capture_of_an_experiment_can_be_changed_key_by_key() -> None:

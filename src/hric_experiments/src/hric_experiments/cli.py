@@ -14,7 +14,7 @@ import yaml
 
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_bags.text import Steps
-from hric_control.parameters import json_schema, read_yaml, whole
+from hric_control.parameters import Settings, json_schema, read_yaml, whole
 from hric_control.processes import INTERRUPTED_CODE, run_command
 from hric_experiments.definition import experiment, overrides, study
 
@@ -307,13 +307,18 @@ def schema(arguments: Sequence[str]) -> int:
         "  # yaml-language-server: $schema=experiment.schema.json",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--study", action="store_true", help="of study files")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--study", action="store_true", help="of study files")
+    which.add_argument("--sweep", action="store_true", help="of sweep files")
     parser.add_argument("--example", action="store_true", help="print a small file instead, to begin with")
     given = parser.parse_args(list(arguments))
-    if given.example:
-        print(study.EXAMPLE if given.study else experiment.EXAMPLE, end="")
-        return 0
-    print(json.dumps(json_schema(study.Study if given.study else experiment.Experiment), indent=2))
+    kind: type[Settings] = study.Study if given.study else experiment.Experiment
+    example = study.EXAMPLE if given.study else experiment.EXAMPLE
+    if given.sweep:
+        from hric_experiments.sweep.definition import EXAMPLE, Sweep
+
+        kind, example = Sweep, EXAMPLE
+    print(example if given.example else json.dumps(json_schema(kind), indent=2) + "\n", end="")
     return 0
 
 
