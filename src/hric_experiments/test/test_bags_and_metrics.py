@@ -54,6 +54,26 @@ def test_peaks_ratios_and_counts_stand_in_the_metrics(tmp_path: Path) -> None:
     assert joints["j3"]["started_outside"] and joints["j3"]["position_excess_max"] == 0.03
 
 
+def test_the_error_along_the_path_is_that_of_each_joint_at_the_instants_of_the_controllers_states(
+    tmp_path: Path,
+) -> None:
+    record = bag_reader.read(write_run(tmp_path).bag_path)
+    cycles, names = np.arange(3, 1990, 10), ("j3", "j1")  # in the controller's own order, and not all joints
+    error = np.column_stack([np.full(len(cycles), -0.2), 0.1 * np.sin(2.0 * np.pi * np.arange(len(cycles)) / 20.0)])
+    error = error[: len(error) // 20 * 20]
+    cycles = cycles[: len(error)]
+    desired = record.log.position[np.ix_(cycles, [2, 0])] + error
+    record.profiles = {"pd": (record.log.time[cycles], desired, names)}
+    found = metrics.path_metrics(record)
+    assert found is not None and list(found) == ["pd"] and list(found["pd"]["joints"]) == ["j3", "j1"]
+    sine = found["pd"]["joints"]["j1"]
+    assert sine["largest_error"] == pytest.approx(0.1) and sine["rms_error"] == pytest.approx(0.1 / math.sqrt(2.0))
+    assert found["pd"]["joints"]["j3"] == pytest.approx({"largest_error": 0.2, "rms_error": 0.2})
+    assert found["pd"]["largest_error"] == found["pd"]["rms_error"] == pytest.approx(0.2)
+    record.profiles = {}
+    assert metrics.path_metrics(record) is None
+
+
 def test_a_joint_that_leaves_the_band_at_the_end_never_settled() -> None:
     time = np.arange(5) * 0.1
     assert metrics.settling_time(time, np.array([1.0, 0.0, 0.0, 0.0, 1.0]), 0.1) is None

@@ -78,7 +78,8 @@ def test_a_sweep_leaves_a_table_with_units_and_the_same_hash_with_one_worker_and
 
 
 def test_a_run_of_a_sweep_is_the_run_of_the_command_with_bag_and_page(tmp_path: Path) -> None:
-    folder = folder_of(sweep(tmp_path, written(tmp_path, runs=1)))
+    outputs = {**SWEEP["sweep"]["outputs"], "along": {"path": "path.*.largest_error", "unit": "rad"}}
+    folder = folder_of(sweep(tmp_path, written(tmp_path, runs=1, outputs=outputs)))
     row = table.read(folder).to_pylist()[0]
     printed = sweep(tmp_path, "rerun", folder, row["id"])
     match = re.search(r"^run folder: (.*)$", printed, re.MULTILINE)
@@ -86,6 +87,7 @@ def test_a_run_of_a_sweep_is_the_run_of_the_command_with_bag_and_page(tmp_path: 
     metrics = json.loads((Path(match[1]) / "metrics.json").read_text())
     speeds = [joint["velocity_peak"] for joint in metrics["joints"].values()]
     assert row["speed"] == max(speeds) and row["error"] == metrics["setpoints"][0]["final_error_max"]
+    assert 0.0 < row["along"] == metrics["path"]["joint_pd_controller"]["largest_error"]
     assert list(Path(match[1]).glob("*.bag")) and (Path(match[1]) / "report.html").is_file()
 
 

@@ -167,6 +167,35 @@ def _counted(counts: Mapping[str, Any] | None, joint: str) -> dict[str, Any]:
     }
 
 
+def path_metrics(record: RunRecord) -> dict[str, Any] | None:
+    """How far the joints were from where each controller led them, at the instants at which it said so.
+
+    Returns:
+        By controller largest_error and rms_error of the worst joint, and of each of `joints` [rad]; None: no controller
+        said where it led them.
+    """
+    log, found = record.log, {}
+    for controller, (times, desired, names) in record.profiles.items():
+        led = [name for name in names if name in log.joint_names]
+        if not led:
+            continue
+        cycles = np.clip(np.searchsorted(log.time, times - 0.5 * _period(log)), 0, log.cycles - 1)
+        measured = log.position[:, [log.joint_names.index(name) for name in led]][cycles]
+        error = desired[:, [names.index(name) for name in led]] - measured
+        largest, rms = np.abs(error).max(axis=0).tolist(), np.sqrt(np.mean(np.square(error), axis=0)).tolist()
+        found[controller] = {
+            **{"largest_error": max(largest), "rms_error": max(rms)},
+            "joints": {
+                name: {"largest_error": a, "rms_error": b} for name, a, b in zip(led, largest, rms, strict=True)
+            },
+        }
+    return found or None
+
+
+def _period(log: ControlRecord) -> float:
+    return float(np.median(np.diff(log.time))) if log.cycles > 1 else 0.0
+
+
 def control_log_metrics(log: ControlRecord) -> dict[str, Any]:
     """Whether every cycle is there: cycles, gaps, repeats, and the steps of time."""
     steps = np.diff(log.time) if log.cycles > 1 else np.zeros(1)
@@ -197,6 +226,7 @@ def compute(
         "control_log": control_log_metrics(log),
         "state_sha256": log.state_sha256(),
         "limits_touched": None if counts is None else {kind: sum(counts[kind]) for kind in LIMIT_KINDS},
+        "path": path_metrics(record),
         "setpoints": [move_metrics(log, move, tolerances) for move in moves(record, joints_of)],
         "joints": joint_metrics(log, limits, counts),
         "topics": dict(sorted(record.topics.items())),

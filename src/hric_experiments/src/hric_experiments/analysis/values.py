@@ -22,8 +22,8 @@ from hric_experiments.analysis.human import Person
 from hric_experiments.analysis.tracking_run import Tracking
 from hric_experiments.definition.experiment import MetricsSpec
 
-MOTION = ("control_log", "state_sha256", "limits_touched", "setpoints", "joints", "topics")
-"""What follows from the control log, setpoints and limit counts alone."""
+MOTION = ("control_log", "state_sha256", "limits_touched", "path", "setpoints", "joints", "topics")
+"""What follows from the control log, setpoints, states of controllers and limit counts alone."""
 KEYS = (
     "experiment",
     *MOTION,

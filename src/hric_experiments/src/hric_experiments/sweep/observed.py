@@ -8,7 +8,17 @@ from typing import Any
 import roslib.message
 
 from hric_bags.memory import MemoryBag, nanoseconds
-from hric_bags.reader import COMMAND_TYPE, COUNTS_TYPE, FRANKA_TYPE, LOG_TYPE, ControlRecord, Messages, RunRecord
+from hric_bags.reader import (
+    COMMAND_TYPE,
+    COUNTS_TYPE,
+    FRANKA_TYPE,
+    LOG_TYPE,
+    STATE_TYPE,
+    TYPES,
+    ControlRecord,
+    Messages,
+    RunRecord,
+)
 from hric_bags.reader import read as read_record
 from hric_bags.records import contact_record, human_record
 from hric_bags.records.region_contacts import CONTACTS_TYPE
@@ -29,6 +39,7 @@ HUMAN = (
 )
 NEEDS: dict[str, tuple[str, ...] | None] = {
     **dict.fromkeys((*MOTION, "experiment", "real_time_factor"), ()),
+    "path": (STATE_TYPE,),
     "reflexes": (FRANKA_TYPE,),
     "stability": HUMAN,
     "human": HUMAN,
@@ -76,7 +87,7 @@ class Observed:
 
     def _take(self, topic: str, message: Any, at: float) -> None:
         kind = message._type.replace("/", "/msg/")
-        if kind in MOVED or kind == FRANKA_TYPE:
+        if kind in TYPES:
             self._messages.add(topic, kind, nanoseconds(at), message)
         if self._kept is None or kind in self._kept:
             self._bag.write(topic, message, at)
