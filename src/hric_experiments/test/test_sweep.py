@@ -48,11 +48,11 @@ def written(folder: Path, **changes: Any) -> Path:
     return path
 
 
-def sweep(folder: Path, *arguments: str | Path, code: int = 0) -> str:
+def sweep(folder: Path, *arguments: str | Path, code: int = 0, enough: float = ENOUGH) -> str:
     """What the command printed."""
     command = ["rosrun", "hric_experiments", "sweep", *map(str, arguments)]
     done = subprocess.run(
-        command, capture_output=True, text=True, timeout=ENOUGH, env={**os.environ, "HRIC_RUNS": str(folder / "runs")}
+        command, capture_output=True, text=True, timeout=enough, env={**os.environ, "HRIC_RUNS": str(folder / "runs")}
     )
     assert done.returncode == code, done.stdout + done.stderr
     return done.stdout + done.stderr
