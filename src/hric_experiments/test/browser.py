@@ -126,6 +126,21 @@ class Browser:
             "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": features["scheme"]}]
         )
 
+    def processor(self) -> float:
+        """Time of processors that the browser took so far, all its processes together [s]."""
+        parents, times = {}, {}
+        for path in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                fields = path.read_text().rpartition(")")[2].split()
+            except OSError:  # it ended meanwhile
+                continue
+            parents[int(path.parent.name)] = int(fields[1])
+            times[int(path.parent.name)] = sum(map(int, fields[11:15]))  # of its own, and of children that ended
+        ours = {self._process.pid}
+        while more := {one for one, parent in parents.items() if parent in ours} - ours:
+            ours |= more
+        return sum(times[one] for one in ours) / os.sysconf("SC_CLK_TCK")
+
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         """A command of the protocol, and its answer."""
         self._number += 1

@@ -1,14 +1,19 @@
 """Folders of made-up sweeps, as a sweep leaves them: a contact whose peak force follows from what is varied."""
 
 import hashlib
-import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow
 import yaml
-from pyarrow import parquet
+
+from hric_experiments.sweep import table
+from hric_experiments.sweep.definition import Plan, Sweep
+from hric_experiments.sweep.samplers.sampler import Told
+from hric_experiments.sweep.space import Space
+from hric_experiments.sweep.supervisor import judged
 
 VARY: dict[str, Any] = {
     "speed": {
@@ -42,30 +47,29 @@ OUTPUTS = {
     "error": ("m", "of the tip at the end"),
 }
 LIMIT = 280.0
+COST = {"processor": 0.3, "wall": 0.3, "host": "alpha", "attempt": 1}
 REASONS = ("cartesian_reflex at {:.3f} s", "<b>unstable</b>: joint 3 at {:.3f} rad/s")
-SMALL_COST = ("processor", "wall", "host", "attempt")
 
 
-def definition(sampler: str, runs: int) -> dict[str, Any]:
-    """Of the sweep, canonical."""
-    return {
+def plan(sampler: Mapping[str, Any], runs: int, vary: Mapping[str, Any] | None = None, limit: float = LIMIT) -> Plan:
+    """Of the sweep; sampler: its section; vary: likewise, None: VARY; limit: of the peak [N]."""
+    content = {
         "description": "Peak force of a hand that meets the arm",
         "extends": "contact",
         "changes": ["simulator:=mujoco"],
         "sweep": {
-            "vary": VARY,
-            "correlation": [],
-            "sampler": {"kind": sampler},
+            "vary": dict(vary or VARY),
+            "sampler": dict(sampler),
             "runs": runs,
-            "seeds": "each",
-            "seed": 0,
-            "outputs": {name: {"path": name, "unit": unit, "text": text} for name, (unit, text) in OUTPUTS.items()},
-            "exceedance": {"output": "peak", "above": LIMIT},
+            "outputs": {
+                name: {"path": f"impact.{name}", "unit": unit, "text": text} for name, (unit, text) in OUTPUTS.items()
+            },
+            "exceedance": {"output": "peak", "above": float(limit)},
             "objective": {"maximise": "peak"},
-            "timeout": 60.0,
-            "keep": {"worst": 10, "failed": True},
         },
     }
+    sweep = Sweep.of(content, "")
+    return Plan(sweep, content, {"duration": 4.0}, Space(sweep.sweep.vary, ()))
 
 
 def values(runs: int, seed: int = 0, failing: float = 0.02) -> dict[str, Any]:
@@ -82,24 +86,18 @@ def values(runs: int, seed: int = 0, failing: float = 0.02) -> dict[str, Any]:
     outputs = {"peak": peak, "duration": np.pi * np.sqrt(mu / stiffness), "error": error}
     for column in outputs.values():
         column[failed] = np.nan
-    exceeded = [None if bad else bool(value > LIMIT) for bad, value in zip(failed, peak, strict=True)]
     names = [hashlib.sha256(f"{seed} {k}".encode()).hexdigest()[:16] for k in range(runs)]
     order = np.arange(runs)
     return {
         "id": names,
-        "index": order,
         "batch": order // 256,
-        "seed": order + 1,
         "weight": np.ones(runs),
         "speed": speed,
         "mass": mass,
         "stiffness": stiffness,
         "controller": controller,
         **outputs,
-        "exceeded": pyarrow.array(exceeded, pyarrow.bool_()),
-        "objective": peak,
         "failure": failure,
-        "state_sha256": names,
         "processor": random.gamma(9.0, 0.03, runs),
         "wall": random.gamma(9.0, 0.04, runs),
         "host": np.where(random.random(runs) < 0.6, "alpha", "beta"),
@@ -126,14 +124,56 @@ def write(
         estimate: of a sampler that makes its own.
         columns: replace those of `values`.
     """
+    made = plan({"kind": sampler}, planned or max(runs, 1))
+    found = {name: np.asarray(column).tolist() for name, column in {**values(runs), **columns}.items()}
+    rows = [
+        _row(made, index, dict(zip(found, one, strict=True)))
+        for index, one in enumerate(zip(*found.values(), strict=True))
+    ]
+    return _written(folder, made, rows, estimate)
+
+
+def _row(made: Plan, index: int, one: dict[str, Any]) -> table.Row:
+    """A run as the supervisor has it."""
+    outputs = {name: None if np.isnan(value := one.pop(name)) else value for name in OUTPUTS}
+    values = {name: one.pop(name) for name in made.section.vary}
+    return {
+        "index": index,
+        "seed": index + 1,
+        "state_sha256": one["id"],
+        **one,
+        "values": values,
+        "outputs": outputs,
+        **judged(made, outputs),
+    }
+
+
+def _written(folder: Path, made: Plan, rows: Sequence[table.Row], estimate: Mapping[str, Any] | None) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
-    table = pyarrow.table({**values(runs), **columns})
-    about = {name: {"role": "run", "unit": "", "text": ""} for name in table.column_names}
-    about |= {name: {"role": "variable", "unit": one["unit"], "text": one["text"]} for name, one in VARY.items()}
-    about |= {name: {"role": "output", "unit": unit, "text": text} for name, (unit, text) in OUTPUTS.items()}
-    about |= {name: {"role": "cost", "unit": "", "text": ""} for name in SMALL_COST}
-    told = {"columns": about, "sweep": definition(sampler, planned or runs), "estimate": estimate}
-    parquet.write_table(table.replace_schema_metadata({b"hric": json.dumps(told).encode()}), folder / "runs.parquet")
-    made = {"name": folder.name, "definition": told["sweep"], "experiment": {"duration": 4.0}, "code": "0.2.0"}
-    (folder / "sweep.yaml").write_text(yaml.safe_dump(made))
+    table.write(folder, made, rows, estimate)
+    told = {"name": folder.name, "definition": made.content, "experiment": dict(made.experiment), "code": "0.2.0"}
+    (folder / "sweep.yaml").write_text(yaml.safe_dump(told))
     return folder
+
+
+def sampled(
+    folder: Path, made: Plan, measured: Callable[[Mapping[str, Any]], Mapping[str, float]], told: int | None = None
+) -> Path:
+    """Write the folder of a sweep whose sampler is carried out to its end.
+
+    Args:
+        folder: made if missing.
+        made: the sweep.
+        measured: outputs of a run, from the values of its variables.
+        told: batches after which it was cut off; None: none.
+    """
+    sampler, rows, estimate, batch = made.sampler(), list[table.Row](), None, 0
+    while (told is None or batch < told) and (points := sampler.ask()):
+        begun = len(rows)
+        for point, given in zip(points, made.space.values(np.array([point.u for point in points])), strict=True):
+            one = {"id": f"{len(rows):016x}", "batch": batch, "weight": point.weight, "failure": "", **COST}
+            rows.append(_row(made, len(rows), {**one, **given, **measured(given)}))
+        sampler.tell([Told(row["index"], row["exceeded"], row["objective"], row["margin"]) for row in rows[begun:]])
+        found, batch = sampler.estimate(), batch + 1
+        estimate = None if found is None else asdict(found)
+    return _written(folder, made, rows, estimate)

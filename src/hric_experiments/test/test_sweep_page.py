@@ -18,7 +18,7 @@ from hric_bags.run_folder import RunFolderError
 from hric_experiments import report_html
 from hric_experiments.sweep import page
 from hric_experiments.sweep.command import summary
-from hric_experiments.sweep_page import drawn, quantiles, sensitivity
+from hric_experiments.sweep_page import drawn, quantiles, sample, sensitivity
 from hric_experiments.sweep_page.study import load
 
 
@@ -29,10 +29,19 @@ def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:
 
 
 RUNS = 500
+DRAWN = """[sweep.count, ...["parallel", "matrix"].map((id) => {
+  const c = document.querySelector(`#${id} canvas`), d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
+  let n = 0; for (let k = 3; k < d.length; k += 4) n += d[k] > 0; return n > 0.05 * c.width * c.height; })]"""
+"""How many runs there are, and whether both drawings have something on them."""
 
 
 def text_of(folder: Path, **given: Any) -> str:
     return page.write(folder, **given).read_text()
+
+
+def ranks(folder: Path) -> sensitivity.Ranks:
+    study = load(folder)
+    return sensitivity.ranks(study, sample.of(study))
 
 
 def estimate(text: str) -> str:
@@ -95,6 +104,27 @@ def test_evenly_spread_points_say_that_their_interval_is_an_estimate(tmp_path: P
     assert "95 % interval" in line and "spread evenly" in line
 
 
+def test_where_no_run_exceeds_the_interval_alone_is_told(tmp_path: Path) -> None:
+    columns = sweep_folder.values(200, failing=0.0)
+    low = np.minimum(columns["peak"], sweep_folder.LIMIT)
+    line = estimate(text_of(sweep_folder.write(tmp_path / "a", 200, peak=low, failure=[""] * 200)))
+    high = stats.binomtest(0, 200).proportion_ci(0.95, method="exact").high
+    assert f": no run exceeded, 95 % interval 0 to {high:.3g}" in line and "= 0" not in line
+
+
+def test_each_value_of_a_variable_of_words_has_its_own_probability(folder: Path, text: str) -> None:
+    table = parquet.read_table(folder / "runs.parquet").to_pandas()
+    part = text[text.index("By controller") : text.index('id="what-was-varied"')]
+    for value, rows in table.groupby("controller"):
+        exceeded, failed = int((rows.peak > sweep_folder.LIMIT).sum()), int((rows.failure != "").sum())
+        low = stats.binomtest(exceeded, len(rows)).proportion_ci(0.95, method="exact").low
+        high = stats.binomtest(exceeded + failed, len(rows)).proportion_ci(0.95, method="exact").high
+        cells = [str(len(rows) - failed), str(exceeded), f"{exceeded / (len(rows) - failed):.3g}"]
+        found = re.search(rf"<td>{value}</td>(.*?)</tr>", part)
+        assert found is not None
+        assert re.findall("<td[^>]*>(.*?)</td>", found[1]) == [*cells, f"{low:.3g} to {high:.3g}"]
+
+
 def test_a_rare_event_has_the_estimate_of_its_sampler_with_the_effective_sample_size(tmp_path: Path) -> None:
     found = {"probability": 1.25e-5, "low": 8e-6, "high": 2e-5, "level": 0.9, "method": "log scale", "ess": 210.4}
     check = {"runs": 20, "exceeded": 0, "low": 0.0, "high": 0.139, "agrees": True}
@@ -125,7 +155,8 @@ def test_the_worst_ten_are_in_order_and_each_has_its_command(folder: Path, text:
     table = parquet.read_table(folder / "runs.parquet").to_pandas()
     worst = table.sort_values("peak", ascending=False)[:10]
     part = text[text.index('<section id="worst-runs"') : text.index('<section id="cost"')]
-    commands = [shlex.split(one.replace("&#x27;", "'")) for one in re.findall("<code>(.*?)</code>", part)]
+    commands = [shlex.split(one.replace("&#x27;", "'")) for one in re.findall('data-command="(.*?)"', part)]
+    assert re.findall("<td><code>(.*?)</code>", part) == list(worst.id)
     assert [one[-1] for one in commands] == list(worst.id)
     assert all(one[:-1] == ["rosrun", "hric_experiments", "sweep", "rerun", "peak force"] for one in commands)
 
@@ -167,7 +198,7 @@ def test_rank_correlations_are_those_of_scipy_and_stand_in_the_pairs_too(folder:
     for cell, output in zip(re.findall(r">(-?[\d.]+)</td>", row[1]), sweep_folder.OUTPUTS, strict=True):
         assert cell == f"{stats.spearmanr(table.stiffness, table[output]).statistic:.2f}"
     expected = stats.spearmanr(table.speed, table.peak).statistic
-    found = sensitivity.ranks(load(folder))
+    found = ranks(folder)
     assert found["speed"]["peak"][0] == pytest.approx(expected) and found["peak"]["speed"] == found["speed"]["peak"]
 
 
@@ -190,8 +221,7 @@ def test_the_design_of_saltelli_gives_the_indices_of_an_additive_output(tmp_path
 
 def test_words_without_an_order_have_no_rank_correlation(tmp_path: Path) -> None:
     words = np.array(["a", "b", "c"] * 20)
-    study = load(sweep_folder.write(tmp_path / "a", 60, controller=words))
-    assert "controller" not in sensitivity.ranks(study)
+    assert "controller" not in ranks(sweep_folder.write(tmp_path / "a", 60, controller=words))
 
 
 # -- how large it is ---------------------------------------------------------------------------------------------------
@@ -205,7 +235,7 @@ def test_a_hundred_thousand_runs_make_less_than_20_MB_and_are_all_drawn(tmp_path
 def test_what_is_too_much_is_sampled_by_seed_and_the_caption_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(drawn, "VALUES", 1300)
+    monkeypatch.setattr(drawn, "VALUES", 1400)
     study = load(sweep_folder.write(tmp_path / "a", 1000))
     rows = drawn.chosen(study)
     assert len(rows) in range(100, 111) and set(study.order_of_worst[0][:10]) <= set(rows)
@@ -293,6 +323,22 @@ def drag(browser: Browser, column: str, low: float, high: float) -> None:
     mouse(browser, "mouseMoved", x, (begin + end) / 2)
     mouse(browser, "mouseMoved", x, end)
     mouse(browser, "mouseReleased", x, end)
+
+
+@in_a_browser
+def test_a_hundred_thousand_runs_are_first_drawn_within_10_s_of_a_processor(tmp_path: Path) -> None:
+    made = page.write(sweep_folder.write(tmp_path / "many", 100_000))
+    with Browser(tmp_path / "profile") as own:
+        before = own.processor()
+        own.open(made)
+        own.wait("typeof report === 'object' && report.ready === true")
+        own.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        took = own.processor() - before
+        drawn = own.evaluate(DRAWN)
+        assert own.problems == []
+    print(f"page of 100,000 runs: {made.stat().st_size / 1e6:.1f} MB, first drawing {took:.1f} s of a processor")
+    assert drawn == [100_000, True, True]
+    assert took < 10.0 and made.stat().st_size < 20e6
 
 
 @in_a_browser

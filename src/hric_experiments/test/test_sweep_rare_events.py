@@ -1,6 +1,7 @@
 """Rare events: on contacts of two masses whose probability has a closed form, intervals cover as often as they say."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -200,6 +201,18 @@ def test_two_regions_of_failure_are_both_found() -> None:
         assert made is not None
         covered += made.low <= 1e-3 <= made.high
     assert covered >= 3
+
+
+def test_runs_that_are_infinitely_beyond_the_limit_are_fitted_as_others_that_exceed() -> None:
+    """As a share of a limit of 0 is: at the head."""
+    of, limit = log_normal_contact(0.3)
+    one, done = sampler(of, "cross_entropy", 600, 0), 0
+    while points := list(one.ask()):
+        results = simulate(of, limit, points, done)
+        one.tell([replace(told, margin=np.inf) if told.exceeded else told for told in results])
+        done += len(points)
+    made = one.estimate()
+    assert made is not None and made.low <= 0.3 <= made.high
 
 
 def test_results_without_a_margin_are_refused() -> None:

@@ -5,11 +5,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from string import Template
 
+import numpy as np
+
 from hric_experiments import report_html
 from hric_experiments.report import style
 from hric_experiments.report_html.scene import Blob
 from hric_experiments.report_html.tables import Table, escape, flat, render
-from hric_experiments.sweep_page import drawn, estimate, indices, lists, sensitivity, spread, words
+from hric_experiments.sweep_page import drawn, estimate, indices, lists, sample, sensitivity, spread, words
+from hric_experiments.sweep_page.sample import Sample
 from hric_experiments.sweep_page.study import EXCEEDED, FAILED, FINE, Study, load
 
 PARTS = Path(__file__).parents[1]
@@ -17,7 +20,7 @@ ASSETS, SHARED = PARTS / "sweep_page" / "assets", PARTS / "report_html" / "asset
 SCRIPTS = ("density.js", "parallel.js", "matrix.js", "sweep.js")
 PERIOD, RUNS_PER_SECOND = 10.0, 2000.0
 """Time between two loads of a growing page [s]: at least, and a second more for so many runs."""
-CONTENTS = ("definition", "experiment")
+CONTENTS, VERSIONS = ("definition", "experiment"), "versions"
 """Of sweep.yaml, that have a table of their own."""
 COLOURS = {"fine": "measured", "exceeded": "limit", "failed": "desired"}
 
@@ -38,9 +41,12 @@ def write(folder: Path, *, running: bool = False) -> Path:
 def render_page(study: Study, *, running: bool) -> str:
     """The file's text; running: whether the sweep goes on, so that the page reloads itself."""
     blob, rows = Blob(), drawn.chosen(study)
-    rank = sensitivity.ranks(study)
+    counted = sample.of(study)
+    rank = sensitivity.ranks(study, counted)
     data = {
         "columns": drawn.columns(study, rows, rank, blob),
+        "counts": None if counted.refused else drawn.counts(counted, rows, blob),
+        "spread": not counted.refused,
         "kinds": blob.add(study.kinds[rows], "u4"),
         "index": blob.add(study.columns["index"][rows], "u4"),
         "command": lists.command(study),
@@ -49,7 +55,7 @@ def render_page(study: Study, *, running: bool) -> str:
         "running": running,
         "period": PERIOD + study.runs / RUNS_PER_SECOND,
     }
-    parts = dict(_parts(study, drawn.said(study, rows), rank))
+    parts = dict(_parts(study, counted, drawn.said(study, rows), rank))
     head = f"<p class=running>{_progress(study)}</p>" if running else ""
     return Template((ASSETS / "sweep.html").read_text()).substitute(
         title=escape(study.folder.resolve().name),
@@ -69,15 +75,15 @@ def render_page(study: Study, *, running: bool) -> str:
     )
 
 
-def _parts(study: Study, sampled: str, rank: sensitivity.Ranks) -> Iterator[tuple[str, str]]:
+def _parts(study: Study, counted: Sample, sampled: str, rank: sensitivity.Ranks) -> Iterator[tuple[str, str]]:
     """Title and content of each part that has something in it."""
     yield "Estimate", estimate.part(study)
     yield "What was varied", f"<p>{escape(_how_many(study))}</p>{render(words.varied(study))}"
-    yield "Runs", _runs(study, sampled)
-    found = spread.part(study)
+    yield "Runs", _runs(study, counted, sampled)
+    found = spread.part(study, counted)
     if found:
         yield "Distribution of the outputs", found
-    found = indices.part(study) + sensitivity.part(study, rank)
+    found = indices.part(study) + sensitivity.part(study, counted, rank)
     if found:
         yield "What the outputs depend on", found
     yield "Failures", lists.failures(study)
@@ -120,7 +126,7 @@ def _progress(study: Study) -> str:
     )
 
 
-def _runs(study: Study, sampled: str) -> str:
+def _runs(study: Study, counted: Sample, sampled: str) -> str:
     names = {"fine": "within" if study.limit else "ended", "exceeded": estimate.condition(study), "failed": "failed"}
     kinds = {"fine": FINE, "exceeded": EXCEEDED, "failed": FAILED}
     buttons = "".join(
@@ -129,19 +135,27 @@ def _runs(study: Study, sampled: str) -> str:
         for kind, number in kinds.items()
         if (study.kinds == number).any()
     )
-    pairs = (
-        f"The first {drawn.PAIRS} of the columns above, drawn likewise; above the diagonal their rank correlation "
-        "(Spearman), on it all runs in grey and the kept ones in blue."
-    )
+    pairs = f"The first {drawn.PAIRS} of the columns above, drawn likewise; {_pairs(counted)}"
     return Template((ASSETS / "runs.html").read_text()).substitute(
         sampled=escape(sampled), kinds=buttons, pairs=escape(pairs)
     )
 
 
+def _pairs(counted: Sample) -> str:
+    """What is on the diagonal, and above it."""
+    if counted.refused:
+        return f"a point is a run. {counted.refused}"
+    shown = "above the diagonal their rank correlation (Spearman), on it all runs in grey and the kept ones in blue."
+    alike = np.all(counted.counts == 1.0)
+    return shown if alike else f"{shown} A point is a run, whatever it counts. {counted.note}"
+
+
 def _made(study: Study) -> str:
-    leaves = flat({key: value for key, value in study.made.items() if key not in CONTENTS})
+    leaves = flat({key: value for key, value in study.made.items() if key not in (*CONTENTS, VERSIONS)})
     head = ("what", "value")
     shown = [Table("", head, tuple(leaves))] if leaves else []
+    if versions := flat(study.made.get(VERSIONS) or {}):
+        shown.append(Table("Versions", head, tuple(versions), folded=True))
     shown.append(Table("Definition", head, tuple(flat(study.definition)), folded=True))
     experiment = study.made.get("experiment")
     if isinstance(experiment, Mapping):

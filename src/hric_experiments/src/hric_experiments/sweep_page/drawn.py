@@ -8,6 +8,7 @@ import numpy.typing as npt
 from hric_control.geometry import FloatArray
 from hric_experiments.report_html.scene import Blob
 from hric_experiments.sweep_page.lists import WORST
+from hric_experiments.sweep_page.sample import Sample
 from hric_experiments.sweep_page.sensitivity import Ranks
 from hric_experiments.sweep_page.study import OUTPUT, VARIABLE, Study
 
@@ -23,7 +24,9 @@ DECADES = 2.5
 
 def chosen(study: Study) -> npt.NDArray[np.intp]:
     """Rows that are drawn: all, or a sample by seed and the worst ones; rising."""
-    columns = len(study.named(VARIABLE)) + len(study.named(OUTPUT)) + 6  # kind, index, and 17 letters of the name
+    columns = (
+        len(study.named(VARIABLE)) + len(study.named(OUTPUT)) + 7
+    )  # kind, index, counts, and 17 letters of the name
     drawn = VALUES // columns
     if study.runs <= drawn:
         return np.arange(study.runs)
@@ -36,6 +39,11 @@ def said(study: Study, rows: npt.NDArray[np.intp]) -> str:
     if len(rows) == study.runs:
         return f"All {study.runs} runs are drawn."
     return f"Drawn: a sample of {len(rows)} of {study.runs} runs by seed {SEED}, the worst {WORST} among them."
+
+
+def counts(sample: Sample, rows: npt.NDArray[np.intp], blob: Blob) -> Any:
+    """What each drawn run counts in a distribution, for the scripts; None: all alike, or nothing."""
+    return blob.add(sample.counts[rows], "f4") if np.any(sample.counts[rows] != 1.0) else None
 
 
 def columns(study: Study, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -> list[dict[str, Any]]:

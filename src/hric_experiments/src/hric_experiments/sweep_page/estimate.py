@@ -3,11 +3,17 @@
 from collections.abc import Mapping
 from typing import Any
 
-from hric_experiments.report_html.tables import escape, number
+import numpy as np
+import numpy.typing as npt
+
+from hric_experiments.report_html.tables import Table, escape, number, render
 from hric_experiments.sweep.statistics.intervals import LEVEL, clopper_pearson
-from hric_experiments.sweep_page.study import EXCEEDED, FAILED, Study
+from hric_experiments.sweep_page.study import EXCEEDED, FAILED, VARIABLE, Study
 from hric_experiments.sweep_page.words import GRID, LIST, RANDOM, SALTELLI, SPREAD, TPE
 
+APART = 6
+"""Values of a variable that are counted apart. Project default, unconfirmed."""
+KIND = ("Clopper-Pearson.", "Clopper-Pearson as of independent points, an estimate that is usually too wide.")
 DESIGNED = {
     GRID: "The points were chosen, not drawn",
     LIST: "The points were chosen, not drawn",
@@ -23,7 +29,7 @@ def part(study: Study) -> str:
         return "<p>No limit is given, so nothing is counted.</p>"
     value, *notes = lines(study, "given the distributions below")
     below = "".join(f"<p>{escape(note)}</p>" for note in notes if note)
-    return f"<div class=estimate><p class=value>{escape(value)}</p>{below}</div>"
+    return f"<div class=estimate><p class=value>{escape(value)}</p>{below}</div>{_apart(study)}"
 
 
 def condition(study: Study) -> str:
@@ -49,7 +55,11 @@ def lines(study: Study, given: str) -> list[str]:
             "It is estimated when the first runs, or the levels of the sampler, are done.",
         ]
     level = f"{100.0 * found['level']:g} % interval"
-    line = f"{of} = {number(found['probability'], 3)}, {level} {number(found['low'], 3)} to {number(found['high'], 3)}"
+    low, high = number(found["low"], 3), number(found["high"], 3)
+    if found["probability"] > 0.0:
+        line = f"{of} = {number(found['probability'], 3)}, {level} {low} to {high}"
+    else:
+        line = f"{of}: no run exceeded, {level} {low} to {high}"
     return [line, _method(study, found), _failed(int(found["failed"])), _check(found.get("check"))]
 
 
@@ -61,6 +71,34 @@ def _counted(study: Study, exceeded: int, failed: int) -> dict[str, Any] | None:
     counts = {"runs": study.runs, "exceeded": exceeded, "failed": failed, "ess": float(exceeded)}
     share = exceeded / (study.runs - failed)
     return {"probability": share, "low": low, "high": high, "level": LEVEL, "method": "Clopper-Pearson", **counts}
+
+
+def _apart(study: Study) -> str:
+    """HTML of a table for each variable of words: how often each value exceeds, given the rest of the distributions."""
+    if study.sampler not in (RANDOM, *SPREAD):
+        return ""
+    head = (
+        "runs that did not fail",
+        "exceeded",
+        "probability",
+        f"{100.0 * LEVEL:g} % interval, failed runs either way",
+    )
+    found = ""
+    for name in study.named(VARIABLE):
+        codes, labels = study.numbers(name)
+        if 1 < len(labels) <= APART:
+            rows = tuple((label, *_of_one(study, codes == code)) for code, label in enumerate(labels))
+            found += render(Table(f"By {name}", (name, *head), rows, KIND[study.sampler in SPREAD]))
+    return found
+
+
+def _of_one(study: Study, chosen: npt.NDArray[np.bool_]) -> tuple[str, ...]:
+    """Cells of runs that are chosen by one value."""
+    runs, kinds = int(chosen.sum()), study.kinds[chosen]
+    exceeded, failed = int((kinds == EXCEEDED).sum()), int((kinds == FAILED).sum())
+    low, high = clopper_pearson(exceeded, runs).low, clopper_pearson(exceeded + failed, runs).high
+    share = number(exceeded / (runs - failed), 3) if runs > failed else "-"
+    return str(runs - failed), str(exceeded), share, f"{number(low, 3)} to {number(high, 3)}"
 
 
 def _method(study: Study, found: Mapping[str, Any]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from hric_experiments.report_html.tables import Table, escape, number
 from hric_experiments.sweep_page.study import EXCEEDED, FAILED, OUTPUT, VARIABLE, Study
+from hric_experiments.sweep_page.words import figure
 
 WORST = 10
 REASONS = 50
@@ -36,20 +37,26 @@ def worst(study: Study) -> str:
         body.append(
             f"<tr{look}><td class=num>{study.columns['index'][row]}</td>{cells}<td>{_rerun(study, int(row))}</td></tr>"
         )
-    note = f"<p class=note>The {len(rows)} with the {escape(by)}. A command repeats a run, with bag and page.</p>"
+    note = f"<p class=note>The {len(rows)} with the {escape(by)}. {_how_again(study)}</p>"
     return (
-        f"{note}<div class=wide><table><thead><tr>{head}<th>again</th></tr></thead>"
+        f"{note}<div class=wide><table><thead><tr>{head}<th>id</th></tr></thead>"
         f"<tbody>{''.join(body)}</tbody></table></div>"
     )
 
 
+def _how_again(study: Study) -> str:
+    return f"A run is repeated, with bag and page, by its id: <code>{escape(command(study))} ID</code>"
+
+
 def _rerun(study: Study, row: int) -> str:
-    again = f"{command(study)} {study.columns['id'][row]}"
-    return f"<code>{escape(again)}</code> <button type=button class=copy>copy</button>"
+    """A run's id, with its command to copy."""
+    name = str(study.columns["id"][row])
+    again = f"{command(study)} {name}"
+    return f'<code>{name}</code> <button type=button class=copy data-command="{escape(again)}">copy command</button>'
 
 
 def _cell(value: object) -> str:
-    return number(value.item() if isinstance(value, np.generic) else value)
+    return figure(value.item() if isinstance(value, np.generic) else value)
 
 
 def failures(study: Study) -> str:
@@ -66,10 +73,10 @@ def failures(study: Study) -> str:
         for reason, count in counts[:REASONS]
     )
     more = f" {len(counts) - REASONS} rarer reasons are not listed." if len(counts) > REASONS else ""
-    note = f"{len(failed)} of {study.runs} runs failed; # stands for a number.{more}"
+    note = f"{len(failed)} of {study.runs} runs failed; # stands for a number.{more} {_how_again(study)}"
     return (
         f"<p class=note>{note}</p><div class=wide><table><thead><tr><th class=num>runs</th><th class=num>share</th>"
-        f"<th>reason</th><th>the first again</th></tr></thead><tbody>{body}</tbody></table></div>"
+        f"<th>reason</th><th>the first of them</th></tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 

@@ -40,13 +40,20 @@ def of_sample(values: FloatArray, share: float, level: float) -> Quantile:
     count, beyond = len(ordered), 0.5 * (1.0 - level)
     if not count:
         return Quantile(share, np.nan)
-    value = float(np.quantile(ordered, share))
+    value = interpolated(ordered, share)
     # P(X_(i) <= quantile) = P(at least i of n below it): the largest i with at most `beyond` of error, and likewise j.
     below = int(stats.binom.ppf(beyond, count, share))
     above = int(stats.binom.ppf(1.0 - beyond, count, share)) + 1
     low = float(ordered[below - 1]) if below >= 1 else np.nan
     high = float(ordered[above - 1]) if above <= count else np.nan
     return Quantile(share, value, low, high)
+
+
+def interpolated(ordered: FloatArray, share: float) -> float:
+    """The quantile of values in order, shape (n,), between the two next to it; they may be infinite."""
+    below, part = divmod(share * (len(ordered) - 1), 1.0)
+    low, high = float(ordered[int(below)]), float(ordered[min(int(below) + 1, len(ordered) - 1)])
+    return low if part == 0.0 or low == high else low + part * (high - low)
 
 
 def weighted(values: FloatArray, weights: FloatArray, share: float) -> float:

@@ -6,11 +6,13 @@ import numpy as np
 
 from hric_control.errors import HricError
 from hric_experiments.report_html.tables import escape
+from hric_experiments.sweep.statistics.intervals import effective_size
 from hric_experiments.sweep.statistics.sensitivity import rank_correlation
+from hric_experiments.sweep_page.sample import Sample
 from hric_experiments.sweep_page.study import OUTPUT, VARIABLE, Study
 
-FEWEST = 10
-"""Runs below which a rank correlation is not shown. Project default, unconfirmed."""
+FEWEST = 10.0
+"""Runs, or effective number of them, below which a rank correlation is not shown. Project default, unconfirmed."""
 LIKELY = 0.05
 """A correlation that chance alone reaches or exceeds with this probability is shown faint. Project default,
 unconfirmed."""
@@ -18,8 +20,11 @@ Ranks = dict[str, dict[str, tuple[float, float]]]
 """Spearman's rank correlation of a column with another, and the probability of as much by chance."""
 
 
-def ranks(study: Study) -> Ranks:
-    """Of all pairs of columns with an order, over the runs that have both; words have one if they are two."""
+def ranks(study: Study, sample: Sample) -> Ranks:
+    """Of all pairs of columns with an order, over the runs that have both; words have one if they are two. Empty where
+    the runs are no sample of the distributions."""
+    if sample.refused:
+        return {}
     values = {}
     for name in (*study.named(VARIABLE), *study.named(OUTPUT)):
         numbers, labels = study.numbers(name)
@@ -30,16 +35,18 @@ def ranks(study: Study) -> Ranks:
     for k, first in enumerate(names):
         for second in names[k + 1 :]:
             a, b = values[first], values[second]
-            if np.sum(np.isfinite(a) & np.isfinite(b)) < FEWEST:
+            if effective_size(sample.counts[~np.isnan(a) & ~np.isnan(b)]) < FEWEST - 1e-9:
                 continue
             with contextlib.suppress(HricError):  # one of both is the same in all runs
-                found[first][second] = found[second][first] = rank_correlation(a, b)
+                found[first][second] = found[second][first] = rank_correlation(a, b, sample.counts)
     return found
 
 
-def part(study: Study, found: Ranks) -> str:
+def part(study: Study, sample: Sample, found: Ranks) -> str:
     """HTML: each output with each variable; "" where nothing is known."""
     variables, outputs = study.named(VARIABLE), study.named(OUTPUT)
+    if sample.refused and study.runs:
+        return f"<p class=note>No rank correlations. {escape(sample.refused)}</p>"
     if not any(found.get(name, {}).get(output) for name in variables for output in outputs):
         return ""
     head = "".join(f"<th class=num>{escape(study.label(output))}</th>" for output in outputs)
@@ -49,11 +56,10 @@ def part(study: Study, found: Ranks) -> str:
         + "</tr>"
         for name in variables
     )
-    weighted = " Of the runs as they were drawn, without their weights." if study.weighted else ""
     note = (
         "Spearman's rank correlation: 1 where the output rises with the variable, -1 where it falls, whatever the "
         "curve; near 0 also where it rises and falls. Faint: chance alone reaches as much in one of twenty sweeps. "
-        f"-: words have no order, or fewer than {FEWEST} runs.{weighted}"
+        f"-: words have no order, or fewer than {FEWEST:g} runs. {escape(sample.note)}"
     )
     return (
         f"<p class=note>{note}</p><div class=wide><table><thead><tr><th>variable</th>{head}</tr></thead>"
@@ -64,7 +70,7 @@ def part(study: Study, found: Ranks) -> str:
 def _cell(found: tuple[float, float] | None) -> str:
     if found is None:
         return "<td class=rank>-</td>"
-    value, chance = found
+    value, chance = round(found[0], 2) + 0.0, found[1]  # + 0.0: no -0.00
     if chance > LIKELY:
         return f'<td class="rank faint">{value:.2f}</td>'
     colour = "--s1" if value > 0.0 else "--s6"

@@ -91,8 +91,8 @@ class Study:
         return [name for name, one in self.about.items() if one.role == role and name in self.columns]
 
     def label(self, name: str) -> str:
-        """A column's name with its unit."""
-        unit = self.about[name].unit
+        """A column's name with its unit, 1 of a number that has none."""
+        unit = self.about[name].unit or ("1" if self.columns[name].dtype.kind in "iuf" else "")
         return f"{name} [{unit}]" if unit else name
 
     @cached_property

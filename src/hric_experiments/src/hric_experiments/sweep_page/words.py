@@ -1,5 +1,6 @@
 """What a sweep varied and by what sampler, in words and as a table."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -7,8 +8,8 @@ from hric_experiments.report_html.tables import Table, number
 from hric_experiments.sweep_page.study import VARIABLE, Study
 
 RANDOM, GRID, LIST, TPE, SALTELLI = "random", "grid", "list", "tpe", "saltelli"
+CROSS_ENTROPY, SUBSET = "cross_entropy", "subset"
 SPREAD = ("sobol", "lhs")
-RARE = ("cross_entropy", "subset")
 SAMPLERS: Mapping[str, str] = {
     RANDOM: "drawn at random, each run by itself",
     "sobol": "scrambled Sobol points, spread evenly over the distributions",
@@ -17,15 +18,17 @@ SAMPLERS: Mapping[str, str] = {
     GRID: "a grid: every value with every other",
     LIST: "a list of given points",
     TPE: "a search for the worst case (TPE), which samples no distribution",
-    "cross_entropy": "importance sampling by the cross-entropy method, weighted back to the distributions",
-    "subset": "subset simulation, level by level towards the limit",
+    CROSS_ENTROPY: "importance sampling by the cross-entropy method, weighted back to the distributions",
+    SUBSET: "subset simulation, level by level towards the limit",
 }
 """What each does, after its name."""
 
 
-def probabilistic(study: Study) -> bool:
-    """Whether the runs, with their weights, are a sample of the distributions."""
-    return study.sampler in (RANDOM, *SPREAD, SALTELLI, *RARE)
+def figure(value: Any, digits: int = 4) -> str:
+    """A number for a reader, also an infinite one: a share of a limit of 0 is."""
+    if isinstance(value, float) and math.isinf(value):
+        return "infinite" if value > 0.0 else "minus infinite"
+    return number(value, digits)
 
 
 def sampler(study: Study) -> str:

@@ -126,7 +126,7 @@ class CrossEntropySampler:
         margins = np.concatenate([one.margins for one in self._adapting])
         elite = max(round(ELITE * self._batch), FEWEST)
         level = min(float(np.sort(margins)[-elite]), 0.0)
-        best = (margins >= level) & np.isfinite(margins)
+        best = (margins >= level) & (margins > -np.inf)
         if np.any(best):
             self._proposal = fit(z[best], np.exp(self._log_weights(z[best])))
         reached = level >= 0.0

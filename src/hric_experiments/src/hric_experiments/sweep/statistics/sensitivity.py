@@ -8,7 +8,7 @@ from scipy import stats
 
 from hric_control.errors import HricError
 from hric_experiments.sweep.space import Space
-from hric_experiments.sweep.statistics.intervals import LEVEL
+from hric_experiments.sweep.statistics.intervals import LEVEL, effective_size
 
 FloatArray = npt.NDArray[np.float64]
 RESAMPLES = 1000
@@ -50,14 +50,16 @@ def indices(space: Space, output: FloatArray, seed: int = 0, level: float = LEVE
         level: of its intervals.
 
     Raises:
-        HricError: correlated variables, runs that are no whole design, an output that is constant, or too few rows
-            without a failed run.
+        HricError: correlated variables, runs that are no whole design, an output that is constant or infinite, or too
+            few rows without a failed run.
     """
     n = len(space.names)
     if not space.independent:
         raise HricError("indices are not defined for correlated variables; valid: a sweep without correlation")
     if output.size % (n + 2):
         raise HricError(f"{output.size} runs are no design of Saltelli; valid: a multiple of {n + 2} in order of index")
+    if endless := int(np.isinf(output).sum()):
+        raise HricError(f"the output is infinite in {endless} runs: it has no variance; valid: one that is finite")
     blocks = output.reshape(n + 2, -1)
     blocks = blocks[:, np.all(np.isfinite(blocks), axis=0)]
     if (rows := blocks.shape[1]) < FEWEST:
@@ -94,12 +96,16 @@ def _indices(blocks: FloatArray) -> tuple[FloatArray, FloatArray]:
     return first, total
 
 
-def rank_correlation(values: FloatArray, output: FloatArray) -> tuple[float, float]:
+def rank_correlation(values: FloatArray, output: FloatArray, weights: FloatArray | None = None) -> tuple[float, float]:
     """Spearman's coefficient of a variable and an output, and the probability of one so far from 0 by chance.
+
+    With weights a rank is the weight of all that is below, and half of that of its equals; the coefficient is Pearson's
+    of such ranks, with the weights, and chance is that of the effective number of runs.
 
     Args:
         values: of the variable, shape (m,).
         output: NaN where a run failed; those runs are left out, shape (m,).
+        weights: likelihood ratios, runs of weight 0 are left out, shape (m,); None: all count alike.
 
     Returns:
         Coefficient in [-1, 1] and two-sided p-value [1].
@@ -107,8 +113,22 @@ def rank_correlation(values: FloatArray, output: FloatArray) -> tuple[float, flo
     Raises:
         HricError: fewer than 3 runs, or one of both is constant.
     """
-    kept = np.isfinite(values) & np.isfinite(output)
-    if kept.sum() < 3 or np.ptp(values[kept]) == 0.0 or np.ptp(output[kept]) == 0.0:
+    weights = np.ones(values.shape) if weights is None else weights
+    kept = ~np.isnan(values) & ~np.isnan(output) & (weights > 0.0)
+    a, b, counts = values[kept], output[kept], weights[kept]
+    if effective_size(counts) < 3.0 - 1e-9 or a.min() == a.max() or b.min() == b.max():
         raise HricError("ranks have no correlation; valid: 3 runs or more in which both vary")
-    found = stats.spearmanr(values[kept], output[kept])
-    return float(found.statistic), float(found.pvalue)
+    x, y = _ranks(a, counts), _ranks(b, counts)
+    found = float(np.clip(counts @ (x * y) / np.sqrt((counts @ (x * x)) * (counts @ (y * y))), -1.0, 1.0))
+    freedom = effective_size(counts) - 2.0
+    t = np.inf if abs(found) == 1.0 else abs(found) * np.sqrt(freedom / (1.0 - found**2))
+    return found, float(2.0 * stats.t.sf(t, freedom))
+
+
+def _ranks(values: FloatArray, weights: FloatArray) -> FloatArray:
+    """Ranks less their mean, shape (m,), of values with weights above 0."""
+    _, places = np.unique(values, return_inverse=True)
+    sums = np.bincount(places, weights)
+    middles = np.cumsum(sums) - 0.5 * sums
+    centred: FloatArray = (middles - sums @ middles / sums.sum())[places]
+    return centred

@@ -6,6 +6,8 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
   sweep.KINDS = KINDS;
   sweep.kinds = report.read(data.kinds);
   sweep.index = report.read(data.index);
+  // What each run counts in a distribution; null: all alike.
+  sweep.counts = data.counts && report.read(data.counts);
   sweep.count = sweep.kinds.length;
   sweep.shown = new Uint8Array(sweep.count).fill(1);
 
@@ -21,7 +23,8 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
 
   // A number for a reader.
   sweep.text = (value) => {
-    if (!Number.isFinite(value)) return "none";
+    if (Number.isNaN(value)) return "none";
+    if (!Number.isFinite(value)) return value > 0 ? "infinite" : "minus infinite";
     const size = Math.abs(value);
     if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(2).replace(/\.?0*e\+?/, "e");
     return String(Number(value.toPrecision(4)));
@@ -49,7 +52,8 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
       let low = Infinity, high = -Infinity;
       this.gaps = false;
       for (const value of this.values) {
-        if (!Number.isFinite(value)) { this.gaps = true; continue; }
+        if (Number.isNaN(value)) { this.gaps = true; continue; }
+        if (!Number.isFinite(value)) continue;
         if (value < low) low = value;
         if (value > high) high = value;
       }
@@ -59,9 +63,10 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
       this.shares = Float32Array.from(this.values, (value) => this.share(value));
     }
 
-    // Where a value lies between the ends, 0 to 1; -1: none.
+    // Where a value lies between the ends, 0 to 1, an infinite one at an end; -1: none.
     share(value) {
-      if (!Number.isFinite(value)) return -1;
+      if (Number.isNaN(value)) return -1;
+      if (!Number.isFinite(value)) return value > 0 ? 1 : 0;
       return ((this.log ? Math.log(value) : value) - this.ends[0]) / (this.ends[1] - this.ends[0]);
     }
 

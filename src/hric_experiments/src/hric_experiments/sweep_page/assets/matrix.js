@@ -57,7 +57,7 @@ sweep.Matrix = class {
         if (k === line) this.bars(column, k);
         if (k > line) this.correlation(column, other, line, k);
       });
-      const unit = column.unit ? ` [${column.unit}]` : "";
+      const unit = column.labels.length ? "" : ` [${column.unit || 1}]`;
       const below = add(overlay, "text", { x: at(line) + inner / 2, y: height - 8, class: "name", "text-anchor": "middle" }, sweep.short(column.name + unit, side - 4));
       add(below, "title", {}, column.name + unit);
       const turned = `rotate(-90 12 ${top(line) + inner / 2})`;
@@ -78,15 +78,16 @@ sweep.Matrix = class {
       const share = column.shares[row];
       if (share < 0) continue;
       const bin = Math.min(Math.floor(share * bins), bins - 1);
-      all[bin]++;
-      shown[bin] += sweep.shown[row];
+      const counts = sweep.counts ? sweep.counts[row] : 1;
+      all[bin] += counts;
+      shown[bin] += counts * sweep.shown[row];
     }
-    const most = Math.max(...all, 1), wide = (inner - 6) / bins;
+    const most = Math.max(...all) || 1, wide = (inner - 6) / bins;
     add(this.overlay, "rect", { x: at(k), y: top(k), width: inner, height: inner, class: "cell" });
     for (const [counts, look] of [[all, "all"], [shown, "shown"]]) {
       counts.forEach((count, bin) => {
         const high = (count / most) * (inner - 12);
-        if (count) add(this.overlay, "rect", { x: at(k) + 3 + bin * wide, y: top(k) + inner - 3 - high, width: Math.max(wide - 0.7, 0.5), height: high, class: "bar " + look });
+        if (count && report.data.spread) add(this.overlay, "rect", { x: at(k) + 3 + bin * wide, y: top(k) + inner - 3 - high, width: Math.max(wide - 0.7, 0.5), height: high, class: "bar " + look });
       });
     }
   }
@@ -96,7 +97,7 @@ sweep.Matrix = class {
     if (value === undefined || value === null) return;
     const size = Math.abs(value);
     sweep.svg(this.overlay, "rect", { x: at(k), y: top(line), width: inner, height: inner, class: value > 0 ? "rank up" : "rank down", "fill-opacity": (0.75 * size).toFixed(3) });
-    sweep.svg(this.overlay, "text", { x: at(k) + inner / 2, y: top(line) + inner / 2 + 5, class: "value", "text-anchor": "middle" }, value.toFixed(2));
+    sweep.svg(this.overlay, "text", { x: at(k) + inner / 2, y: top(line) + inner / 2 + 5, class: "value", "text-anchor": "middle" }, (Math.round(100 * value) / 100 || 0).toFixed(2));
   }
 
   place(event) {

@@ -49,7 +49,7 @@ sweep.Parallel = class {
     overlay.setAttribute("viewBox", `0 0 ${width} ${height}`);
     overlay.style.height = this.frame.querySelector(".drawn").style.height = height + "px";
     const gaps = columns.some((column) => column.gaps);
-    if (gaps) add(overlay, "text", { x: 4, y: y(-1) + 4, class: "tick" }, "failed");
+    if (gaps) add(overlay, "text", { x: 4, y: y(-1) + 4, class: "tick" }, "none");
     columns.forEach((column, k) => {
       const group = add(overlay, "g", { class: "axis " + column.role, "data-column": column.name, transform: `translate(${x(k)} 0)`, tabindex: 0, role: "slider", "aria-label": `${column.name}: arrow keys move what is kept, escape keeps all`, "aria-valuetext": "all" });
       const anchor = k === 0 && step < 140 ? "start" : k === columns.length - 1 && k > 0 && step < 140 ? "end" : "middle", shift = anchor === "start" ? -40 : anchor === "end" ? 44 : 0;

@@ -107,8 +107,10 @@
       document.execCommand("copy");
       area.remove();
     }
+    const { textContent } = button;
+    if (textContent === "copied") return;
     button.textContent = "copied";
-    setTimeout(() => { button.textContent = "copy"; }, 1500);
+    setTimeout(() => { button.textContent = textContent; }, 1500);
   };
 
   const connect = () => {
@@ -120,7 +122,7 @@
       if (!sweep.hidden.delete(kind)) sweep.hidden.add(kind);
       sweep.soon();
     }));
-    document.querySelectorAll("button.copy").forEach((button) => button.addEventListener("click", () => copy(button, button.previousElementSibling.textContent)));
+    document.querySelectorAll("button.copy").forEach((button) => button.addEventListener("click", () => copy(button, button.dataset.command ?? button.previousElementSibling.textContent)));
     let width = innerWidth;
     addEventListener("resize", () => { if (innerWidth !== width) { width = innerWidth; sweep.soon(); } });
     addEventListener("beforeprint", () => document.querySelectorAll("details:not([open])").forEach((one) => { one.open = true; }));
