@@ -1,5 +1,6 @@
 """The page of a sweep: what it says, how large it is, and what a reader can do with it in a browser."""
 
+import json
 import re
 import shlex
 from collections.abc import Callable, Iterator
@@ -132,7 +133,7 @@ def test_a_rare_event_has_the_estimate_of_its_sampler_with_the_effective_sample_
     weights = np.linspace(0.1, 2.0, 50)
     folder = sweep_folder.write(tmp_path / "a", 50, sampler="cross_entropy", estimate=found, weight=weights)
     for line in (estimate(text_of(folder)), summary(folder)):
-        assert "= 1.25e-05, 90 % interval 8e-06 to 2e-05" in line and "log scale; 12 of 49 runs exceeded" in line
+        assert "= 1.25e-05, 90 % interval 8e-06 to 2e-05" in line and "Log scale; 12 of 49 runs exceeded" in line
         assert "effective number of those that exceeded 210" in line and "Clopper" not in line
         assert "Plain Monte Carlo beside it: 0 of 20 runs, 0 to 0.139; it agrees." in line
 
@@ -222,6 +223,14 @@ def test_the_design_of_saltelli_gives_the_indices_of_an_additive_output(tmp_path
 def test_words_without_an_order_have_no_rank_correlation(tmp_path: Path) -> None:
     words = np.array(["a", "b", "c"] * 20)
     assert "controller" not in ranks(sweep_folder.write(tmp_path / "a", 60, controller=words))
+
+
+def test_an_output_that_is_the_same_in_all_runs_is_told_and_not_drawn(tmp_path: Path) -> None:
+    text = text_of(sweep_folder.write(tmp_path / "a", 60, error=np.full(60, 0.25), failure=[""] * 60))
+    assert "0.25 in all runs." in text and "distribution of error" not in text and "distribution of peak" in text
+    told = re.search('<script type="application/json" id=data>(.*?)</script>', text)
+    assert told is not None
+    assert {one["name"] for one in json.loads(told[1])["columns"] if not one["on"]} == {"error"}
 
 
 # -- how large it is ---------------------------------------------------------------------------------------------------

@@ -98,16 +98,16 @@ CASES = [(1e-3, 600), (1e-3, 2000), (1e-5, 2000)]
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("first", [0, 1000])
 @pytest.mark.parametrize("probability, runs", CASES)
 @pytest.mark.parametrize("contact", CONTACTS)
 @pytest.mark.parametrize("kind", ["cross_entropy", "subset"])
 def test_at_least_90_of_100_intervals_have_the_probability(
-    kind: str, contact: str, probability: float, runs: int
+    kind: str, contact: str, probability: float, runs: int, first: int
 ) -> None:
-    covered, ratio, width = coverage(contact, kind, probability, runs, range(100))
-    print(
-        f"{kind}, {contact}, {probability:g} at {runs} runs: {covered} of 100, median {ratio:.3f} of it, x{width:.2f}"
-    )
+    covered, ratio, width = coverage(contact, kind, probability, runs, range(first, first + 100))
+    about = f"{kind}, {contact}, {probability:g} at {runs} runs, seeds from {first}"
+    print(f"{about}: {covered} of 100, median {ratio:.3f} of it, x{width:.2f}")
     assert covered >= 90
 
 
@@ -201,6 +201,35 @@ def test_two_regions_of_failure_are_both_found() -> None:
         assert made is not None
         covered += made.low <= 1e-3 <= made.high
     assert covered >= 3
+
+
+def around(dimensions: int, kind: str, runs: int, seed: int) -> Estimate:
+    """Of a limit on the distance of as many normal variables from the origin: exceeded with 1e-3, by chi."""
+    normal = {"kind": "normal", "mean": 0.0, "std": 1.0}
+    of = Space({f"x{k}": Variable.of({"paths": "x", "distribution": normal}, "x") for k in range(dimensions)})
+    limit, one, done = float(stats.chi.isf(1e-3, dimensions)), sampler(of, kind, runs, seed), 0
+    while points := list(one.ask()):
+        distances = [np.hypot.reduce(list(row.values())) for row in of.values(np.array([point.u for point in points]))]
+        one.tell([Told(done + i, bool(v > limit), None, float(v - limit)) for i, v in enumerate(distances)])
+        done += len(points)
+    made = one.estimate()
+    assert made is not None
+    return made
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("runs", [600, 2000])
+@pytest.mark.parametrize("dimensions", [2, 3, 4])
+def test_a_limit_that_is_exceeded_all_around_is_one_for_subset_simulation(dimensions: int, runs: int) -> None:
+    covered = {}
+    for kind in ("cross_entropy", "subset"):
+        made = [around(dimensions, kind, runs, seed) for seed in range(20)]
+        covered[kind] = sum(one.low <= 1e-3 <= one.high for one in made)
+        below = sum(one.high < 1e-3 for one in made)
+        ess, ratio = np.median([one.ess for one in made]), 1e3 * np.median([one.probability for one in made])
+        about = f"{kind}, {dimensions} dimensions, {runs} runs: {covered[kind]} of 20, {below} below"
+        print(f"{about}, median {ratio:.2f} of it, ess {ess:.0f}")
+    assert covered["subset"] >= 17  # 1.6 % of a binomial with 0.95 are fewer
 
 
 def test_runs_that_are_infinitely_beyond_the_limit_are_fitted_as_others_that_exceed() -> None:

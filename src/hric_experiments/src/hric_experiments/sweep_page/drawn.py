@@ -51,7 +51,7 @@ def columns(study: Study, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -
     names = [*study.named(VARIABLE), *study.named(OUTPUT)]
     # The counted output is drawn at first, however many there are.
     order = sorted(names, key=lambda name: study.limit is None or study.limit.output != name)
-    on = set(order[:AXES])
+    on = set([name for name in order if not study.constant(name)][:AXES])
     return [_column(study, name, rows, rank.get(name, {}), name in on, blob) for name in names]
 
 

@@ -103,7 +103,8 @@ def _of_one(study: Study, chosen: npt.NDArray[np.bool_]) -> tuple[str, ...]:
 
 def _method(study: Study, found: Mapping[str, Any]) -> str:
     runs = f"{found['exceeded']} of {found['runs'] - found['failed']} runs exceeded"
-    said = f"{found['method']}; {runs}."
+    method = str(found["method"])
+    said = f"{method[:1].upper()}{method[1:]}; {runs}."
     if study.weighted:
         said += f" Runs have weights: effective number of those that exceeded {number(float(found['ess']), 3)}."
     if study.sampler in SPREAD:

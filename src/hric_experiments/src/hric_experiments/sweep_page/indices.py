@@ -13,7 +13,7 @@ from hric_experiments.sweep_page import chart
 from hric_experiments.sweep_page.study import OUTPUT, Study
 from hric_experiments.sweep_page.words import SALTELLI
 
-WIDTH, LEFT, RIGHT, ROW, TOP, APART = 440.0, 120.0, 428.0, 26.0, 8.0, 5.0
+WIDTH, LEFT, RIGHT, ROW, TOP, APART = 440.0, 110.0, 368.0, 28.0, 8.0, 6.0
 """Of a chart, its labels, a row, and the distance of the two indices from its middle [units of the picture]."""
 
 
@@ -32,6 +32,8 @@ def part(study: Study) -> str:
 
 
 def _figure(study: Study, space: Space, name: str) -> str:
+    if study.constant(name):
+        return ""  # it has no variance
     try:
         content = _chart(name, indices(space, np.asarray(study.columns[name], dtype=float)))
     except HricError as error:
@@ -56,4 +58,5 @@ def _chart(output: str, found: Mapping[str, Index]) -> str:
 def _index(axis: chart.Axis, look: str, y: float, value: float, ends: tuple[float, float], name: str) -> Iterator[str]:
     words = f"{name}, {look}: {value:.3f} ({ends[0]:.3f} to {ends[1]:.3f})"
     yield chart.line(look, axis.x(ends[0]), y, axis.x(ends[1]), y)
+    yield chart.text(WIDTH, y + 4.0, f"{round(value, 2) + 0.0:.2f}", "", "end")
     yield chart.rectangle(look, axis.x(value) - 3.5, y - 3.5, 7.0, 7.0, words)

@@ -10,6 +10,7 @@ from hric_experiments.sweep.statistics.intervals import effective_size
 from hric_experiments.sweep.statistics.sensitivity import rank_correlation
 from hric_experiments.sweep_page.sample import Sample
 from hric_experiments.sweep_page.study import OUTPUT, VARIABLE, Study
+from hric_experiments.sweep_page.words import SALTELLI
 
 FEWEST = 10.0
 """Runs, or effective number of them, below which a rank correlation is not shown. Project default, unconfirmed."""
@@ -59,11 +60,14 @@ def part(study: Study, sample: Sample, found: Ranks) -> str:
     note = (
         "Spearman's rank correlation: 1 where the output rises with the variable, -1 where it falls, whatever the "
         "curve; near 0 also where it rises and falls. Faint: chance alone reaches as much in one of twenty sweeps. "
-        f"-: words have no order, or fewer than {FEWEST:g} runs. {escape(sample.note)}"
+        f"-: words have no order, one of both is the same in all runs, or fewer than {FEWEST:g} runs have both. "
+        f"{escape(sample.note)}"
     )
+    if study.sampler == SALTELLI:
+        note += " Runs of this design share values with each other, so chance reaches more than it says."
     return (
-        f"<p class=note>{note}</p><div class=wide><table><thead><tr><th>variable</th>{head}</tr></thead>"
-        f"<tbody>{body}</tbody></table></div>"
+        f"<h3>Rank correlations</h3><p class=note>{note}</p><div class=wide><table>"
+        f"<thead><tr><th>variable</th>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 

@@ -35,7 +35,10 @@ def part(study: Study, sample: Sample) -> str:
         title = escape(study.label(name))
         text = study.about[name].text
         about = f"<br><span class=note>{escape(text)}</span>" if text else ""
-        drawn = _histogram(study, name, values, weights, found)
+        if study.constant(name):
+            drawn = f"<p class=note>{figure(float(values[0]))} in all runs.</p>"
+        else:
+            drawn = _histogram(study, name, values, weights, found)
         figures.append(f"<figure><figcaption>{title}{about}</figcaption>{drawn}</figure>")
         rows.append((study.label(name), str(len(values)), *(said(one) for one in found), _mean(values, weights)))
     head = ("output", "runs", "5th percentile", "median", "95th percentile", "mean (standard deviation)")
@@ -107,8 +110,8 @@ def _histogram(study: Study, name: str, values: FloatArray, weights: FloatArray,
     edges = _edges(low, high, effective_size(weights), bound)
     axis, bottom = chart.Axis(edges[0], edges[-1], LEFT, RIGHT), HEIGHT - 34.0
     heights, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges, weights=weights)
-    shares = heights / heights.sum()
-    parts = [*axis.drawn(bottom, study.label(name), TOP), *_vertical(float(shares.max()), bottom)]
+    shares, of = heights / heights.sum(), "runs" if np.all(weights == weights[0]) else "weights"
+    parts = [*axis.drawn(bottom, study.label(name), TOP), *_vertical(float(shares.max()), bottom, of)]
     for one in found:
         parts += _band(axis, one, bottom)
     scale = (bottom - TOP) / shares.max()
@@ -118,7 +121,7 @@ def _histogram(study: Study, name: str, values: FloatArray, weights: FloatArray,
         middle = 0.5 * (edges[k] + edges[k + 1])
         beyond = limit is not None and (middle > limit.bound if limit.above else middle < limit.bound)
         x, width = axis.x(edges[k]), axis.x(edges[k + 1]) - axis.x(edges[k])
-        words = f"{figure(float(edges[k]))} to {figure(float(edges[k + 1]))}: {100.0 * share:.3g} % of the runs"
+        words = f"{figure(float(edges[k]))} to {figure(float(edges[k + 1]))}: {100.0 * share:.3g} % of the {of}"
         look, high = "bar beyond" if beyond else "bar", scale * share
         parts.append(chart.rectangle(look, x + 0.3, bottom - high, max(width - 0.6, 0.4), high, words))
     parts += [chart.line("quantile", axis.x(one.value), TOP, axis.x(one.value), bottom) for one in found]
@@ -138,14 +141,14 @@ def _edges(low: float, high: float, count: float, bound: float | None) -> FloatA
     return np.asarray(bound + width * np.arange(first, int(np.ceil((high - bound) / width)) + 1))
 
 
-def _vertical(highest: float, bottom: float) -> Iterator[str]:
-    """The vertical axis: share of the runs in a bin."""
+def _vertical(highest: float, bottom: float, of: str) -> Iterator[str]:
+    """The vertical axis: share of the runs, or of their weights, in a bin."""
     for share in chart.ticks(0.0, 100.0 * highest, 3):
         y = bottom - (bottom - TOP) * share / (100.0 * highest)
         yield chart.text(LEFT - 6.0, y + 4.0, figure(share), "faint", "end")
         yield chart.line("axis-line", LEFT - 3.0, y, LEFT, y)
     yield chart.line("axis-line", LEFT, TOP, LEFT, bottom)
-    yield chart.text(4.0, TOP - 8.0, "runs [%]")
+    yield chart.text(4.0, TOP - 8.0, f"{of} [%]")
 
 
 def _bound(axis: chart.Axis, bound: float, bottom: float) -> Iterator[str]:

@@ -132,6 +132,12 @@ class Study:
         known = {word: number for number, word in enumerate(labels)}
         return np.array([known[word] for word in words], dtype=float), labels
 
+    def constant(self, name: str) -> bool:
+        """Whether a column is the same in all runs that have it, and they are more than one."""
+        values = self.numbers(name)[0]
+        known = values[~np.isnan(values)]
+        return len(known) > 1 and bool(np.all(known == known[0]))
+
     @cached_property
     def order_of_worst(self) -> tuple[npt.NDArray[np.intp], str]:
         """Rows that did not fail from the worst on, and by what: the objective, else the output that is counted, else

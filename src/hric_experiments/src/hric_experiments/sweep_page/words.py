@@ -77,7 +77,15 @@ def varied(study: Study) -> Table:
         paths = given.get("paths") or ()
         about = study.about[name]
         shown = distribution(given.get("distribution") or {}) if given.get("distribution") else "-"
-        rows.append((name, about.unit or "1", shown, about.text, ", ".join(map(str, paths))))
+        rows.append(
+            (
+                name,
+                about.unit or ("-" if study.numbers(name)[1] else "1"),
+                shown,
+                about.text,
+                ", ".join(map(str, paths)),
+            )
+        )
     head = ("variable", "unit", "distribution", "what it is", "sets")
     return Table("", head, tuple(rows), _correlations(study))
 

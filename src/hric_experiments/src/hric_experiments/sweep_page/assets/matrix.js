@@ -64,7 +64,8 @@ sweep.Matrix = class {
       add(overlay, "text", { x: 12, y: top(line) + inner / 2, class: "name", "text-anchor": "middle", transform: turned }, sweep.short(column.name + unit, side - 4));
       const ticks = column.ticks(side > 120 ? 3 : 2), some = ticks.length > 5 ? [ticks[0], ticks[ticks.length - 1]] : ticks;
       for (const [share, text] of some) {
-        add(overlay, "text", { x: this.x(line, share), y: height - 26, class: "tick", "text-anchor": "middle" }, sweep.short(text, side / some.length));
+        const anchor = share < 0.1 ? "start" : share > 0.9 ? "end" : "middle"; // within its own column
+        add(overlay, "text", { x: this.x(line, share), y: height - 26, class: "tick", "text-anchor": anchor }, sweep.short(text, side / some.length));
         if (line) add(overlay, "text", { x: at(0) - 6, y: this.y(line, share) + 4, class: "tick", "text-anchor": "end" }, sweep.short(text, 46));
       }
     });
