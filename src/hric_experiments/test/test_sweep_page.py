@@ -136,6 +136,9 @@ def test_a_rare_event_has_the_estimate_of_its_sampler_with_the_effective_sample_
         assert "= 1.25e-05, 90 % interval 8e-06 to 2e-05" in line and "Log scale; 12 of 49 runs exceeded" in line
         assert "effective number of those that exceeded 210" in line and "Clopper" not in line
         assert "Plain Monte Carlo beside it: 0 of 20 runs, 0 to 0.139; it agrees." in line
+        assert "not to be trusted" not in line
+    few = sweep_folder.write(tmp_path / "b", 50, sampler="cross_entropy", estimate={**found, "ess": 12}, weight=weights)
+    assert "exceeded 12. Below about 20 the interval is not to be trusted" in estimate(text_of(few))
 
 
 def test_what_was_varied_is_listed_with_its_distributions(text: str) -> None:

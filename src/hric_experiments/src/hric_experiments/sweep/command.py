@@ -4,6 +4,7 @@ import argparse
 import math
 import os
 import signal
+import statistics
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -145,7 +146,7 @@ def summary(folder: Path) -> str:
     for name in study.named(OUTPUT):
         values = sorted(value for value in study.columns[name][~failed].tolist() if not math.isnan(value))
         if values:
-            middle, unit = values[len(values) // 2], study.about[name].unit
+            middle, unit = statistics.median(values), study.about[name].unit
             lines.append(f"{name}: {values[0]:.6g} to {values[-1]:.6g}, median {middle:.6g} {unit}".rstrip())
     if study.limit is not None:
         lines += filter(None, estimate.lines(study, "given the distributions of the sweep"))

@@ -9,11 +9,14 @@ import numpy.typing as npt
 from hric_experiments.report_html.tables import Table, escape, number, render
 from hric_experiments.sweep.statistics.intervals import LEVEL, clopper_pearson
 from hric_experiments.sweep_page.study import EXCEEDED, FAILED, VARIABLE, Study
-from hric_experiments.sweep_page.words import GRID, LIST, RANDOM, SALTELLI, SPREAD, TPE
+from hric_experiments.sweep_page.words import CROSS_ENTROPY, GRID, LIST, RANDOM, SALTELLI, SPREAD, TPE
 
 APART = 6
 """Values of a variable that are counted apart. Project default, unconfirmed."""
 KIND = ("Clopper-Pearson.", "Clopper-Pearson as of independent points, an estimate that is usually too wide.")
+TRUSTED = 20.0
+"""Effective number of runs that exceeded, from which the interval of importance sampling covers as often as it says
+(docs/concepts/rare_events.md)."""
 DESIGNED = {
     GRID: "The points were chosen, not drawn",
     LIST: "The points were chosen, not drawn",
@@ -107,6 +110,8 @@ def _method(study: Study, found: Mapping[str, Any]) -> str:
     said = f"{method[:1].upper()}{method[1:]}; {runs}."
     if study.weighted:
         said += f" Runs have weights: effective number of those that exceeded {number(float(found['ess']), 3)}."
+        if study.sampler == CROSS_ENTROPY and found["ess"] < TRUSTED:
+            said += f" Below about {TRUSTED:g} the interval is not to be trusted: more runs are needed."
     if study.sampler in SPREAD:
         said += (
             " The points are spread evenly, not drawn one by one: the interval is that of independent points, an "
