@@ -236,6 +236,14 @@ def test_an_output_that_is_the_same_in_all_runs_is_told_and_not_drawn(tmp_path: 
     assert {one["name"] for one in json.loads(told[1])["columns"] if not one["on"]} == {"error"}
 
 
+def test_an_output_of_whole_numbers_has_a_bar_for_each(tmp_path: Path) -> None:
+    losses = np.repeat([0.0, 1.0, 2.0, 4.0], 15)
+    text = text_of(sweep_folder.write(tmp_path / "a", 60, error=losses, failure=[""] * 60))
+    picture = text[text.index('aria-label="distribution of error') :]
+    bars = re.findall(r"<title>(\S+) to (\S+): 25 % of the runs</title>", picture[: picture.index("</svg>")])
+    assert bars == [("-0.5", "0.5"), ("0.5", "1.5"), ("1.5", "2.5"), ("3.5", "4.5")]
+
+
 # -- how large it is ---------------------------------------------------------------------------------------------------
 
 

@@ -107,7 +107,8 @@ def _histogram(study: Study, name: str, values: FloatArray, weights: FloatArray,
     limit = study.limit if study.limit is not None and study.limit.output == name else None
     bound = None if limit is None else limit.bound
     low, high = _ends(values, weights, bound)
-    edges = _edges(low, high, effective_size(weights), bound)
+    whole = _whole(values) if bound is None else None
+    edges = _edges(low, high, effective_size(weights), bound) if whole is None else whole
     axis, bottom = chart.Axis(edges[0], edges[-1], LEFT, RIGHT), HEIGHT - 34.0
     heights, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges, weights=weights)
     shares, of = heights / heights.sum(), "runs" if np.all(weights == weights[0]) else "weights"
@@ -139,6 +140,13 @@ def _edges(low: float, high: float, count: float, bound: float | None) -> FloatA
         return np.asarray(low + width * np.arange(bins + 1))
     first = -int(np.ceil((bound - low) / width))
     return np.asarray(bound + width * np.arange(first, int(np.ceil((high - bound) / width)) + 1))
+
+
+def _whole(values: FloatArray) -> FloatArray | None:
+    """Edges of a bin for each whole number, where all values are some; None: they are not, or too many."""
+    if np.any(np.isinf(values)) or np.any(values != np.round(values)) or np.ptp(values) > MAX_BINS:
+        return None
+    return np.arange(values.min() - 0.5, values.max() + 1.0)
 
 
 def _vertical(highest: float, bottom: float, of: str) -> Iterator[str]:
