@@ -127,8 +127,8 @@ def rank_correlation(values: FloatArray, output: FloatArray, weights: FloatArray
 
 def _ranks(values: FloatArray, weights: FloatArray) -> FloatArray:
     """Ranks less their mean, shape (m,), of values with weights above 0."""
-    _, places = np.unique(values, return_inverse=True)
-    sums = np.bincount(places, weights)
+    _, groups = np.unique(values, return_inverse=True)
+    sums = np.bincount(groups, weights)
     middles = np.cumsum(sums) - 0.5 * sums
-    centred: FloatArray = (middles - sums @ middles / sums.sum())[places]
+    centred: FloatArray = (middles - sums @ middles / sums.sum())[groups]
     return centred
