@@ -25,6 +25,8 @@ class Bad(Controller):
 
     def update(self, now, period):
         self.raises("raises")
+        if now > 0.1:
+            self.raises("raises late")
         if self.how == "ends":
             os._exit(7)
         if self.how == "takes all memory":
@@ -36,6 +38,8 @@ class Bad(Controller):
         if self.how == how:
             raise ValueError(f"{self} has no force")
 """
+LATE = 0.1
+"""When it raises, if it does so late [s of robot time]."""
 PACKAGE = (
     '<package format="3"><name>bad_runs</name><export><hric_control plugin="${prefix}/plugins.xml"/></export></package>'
 )

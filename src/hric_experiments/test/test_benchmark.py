@@ -3,11 +3,11 @@
 import hashlib
 import json
 from collections.abc import Iterator
-from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
 import pytest
+from in_process import Here
 
 from hric_control.errors import HricError
 from hric_experiments.benchmark import definition, page, results, running, scoring, text
@@ -21,29 +21,6 @@ changes:
   contact: ["kp:=3000", "kd:=5", "profile:=false"]
 """
 PART = (["contact", "shared_workspace"], ["p50"], 1)
-
-
-class Here:
-    """An engine that carries runs out in this process, as they come."""
-
-    window = workers = 1
-
-    def __init__(self, after: int | None = None) -> None:
-        self.begun, self._after = 0, after
-
-    def submit(self, task: dict[str, Any]) -> "Future[dict[str, Any]]":
-        if self.begun == self._after:
-            raise KeyboardInterrupt
-        self.begun += 1
-        future: Future[dict[str, Any]] = Future()
-        future.set_result(runs_of_sweeps.run(task))
-        return future
-
-    def check(self, reference: dict[str, Any]) -> dict[str, Any]:
-        raise NotImplementedError
-
-    def close(self, *, now: bool) -> None:
-        raise NotImplementedError
 
 
 @pytest.fixture(scope="module")

@@ -126,6 +126,9 @@ def test_five_mistakes_are_told_at_once(tmp_path: Path) -> None:
     assert told[0] == "sweep gains: 5 mistakes"
     for line in ("'worker'", "parameters.nobody.kp", "'setpoint'", "'force'", "timeout is -1"):
         assert any(line in one for one in told), (line, told)
+    printed = sweep(tmp_path, path, code=2)
+    assert "sweep gains: 5 mistakes" in printed and "Traceback" not in printed
+    assert not (tmp_path / "runs").exists()  # nothing was begun
 
 
 def test_an_output_that_a_run_has_not_is_a_failure_of_that_run(tmp_path: Path) -> None:
@@ -148,6 +151,20 @@ def test_a_full_disk_is_told_and_loses_nothing(tmp_path: Path) -> None:
     with Journal(tmp_path) as journal, pytest.raises(JournalError, match=r"no space left.*--resume") as caught:
         journal.append({"id": "a"})
     assert caught.value.exit_code == 3
+
+
+def test_a_sweep_on_a_full_disk_ends_with_exit_code_3_and_goes_on_when_there_is_space(tmp_path: Path) -> None:
+    whole = folder_of(sweep(tmp_path, written(tmp_path, runs=2)))
+    expected, journal = table.results_sha256(table.read(whole)), whole / "runs.jsonl"
+    kept = journal.read_bytes().splitlines(keepends=True)
+    journal.unlink()
+    journal.symlink_to("/dev/full")
+    printed = sweep(tmp_path, "--resume", whole, code=3)
+    assert "there is no space left" in printed and f"--resume {whole}" in printed and "Traceback" not in printed
+    journal.unlink()
+    journal.write_bytes(kept[0])
+    sweep(tmp_path, "--resume", whole)
+    assert table.results_sha256(table.read(whole)) == expected
 
 
 def test_the_example_of_a_sweep_file_is_one(tmp_path: Path) -> None:

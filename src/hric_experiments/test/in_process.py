@@ -1,0 +1,36 @@
+"""An engine of sweeps that carries runs out in this process, as they come."""
+
+from concurrent.futures import Future
+from typing import Any
+
+from hric_experiments.sweep import task as runs_of_sweeps
+
+
+class Here:
+    """One run after the other.
+
+    Args:
+        after: runs before Ctrl-C; None: none.
+
+    Attributes:
+        begun: runs so far.
+    """
+
+    window = workers = 1
+
+    def __init__(self, after: int | None = None) -> None:
+        self.begun, self._after = 0, after
+
+    def submit(self, task: dict[str, Any]) -> "Future[dict[str, Any]]":
+        if self.begun == self._after:
+            raise KeyboardInterrupt
+        self.begun += 1
+        future: Future[dict[str, Any]] = Future()
+        future.set_result(runs_of_sweeps.run(task))
+        return future
+
+    def check(self, reference: dict[str, Any]) -> dict[str, Any]:
+        raise NotImplementedError
+
+    def close(self, *, now: bool) -> None:
+        raise NotImplementedError
