@@ -226,6 +226,7 @@ about_part() {
     checks) echo " of tests and lint (0.2 GB)" ;;
     pictures) echo " that draw pictures (0.6 GB)" ;;
     search) echo " that search worst cases (40 MB)" ;;
+    cluster) echo " of sweeps on a cluster (45 MB)" ;;
   esac
 }
 

@@ -29,6 +29,9 @@ class Here:
         future.set_result(runs_of_sweeps.run(task))
         return future
 
+    def flush(self) -> None:
+        pass
+
     def check(self, reference: dict[str, Any]) -> dict[str, Any]:
         raise NotImplementedError
 

@@ -36,6 +36,9 @@ class Scripted:
             future.set_result(given)
         return future
 
+    def flush(self) -> None:
+        pass
+
     def check(self, reference: Task) -> Response:
         raise NotImplementedError
 
@@ -115,3 +118,21 @@ def test_no_more_tasks_are_open_than_the_engine_wants() -> None:
             return future
 
     assert len(carry_out(some(*"abcdefg"), Slow(), None)) == 7
+
+
+def test_tasks_that_an_engine_keeps_back_go_when_no_further_one_comes() -> None:
+    class Chunks(Scripted):
+        """Ends its tasks when it is told that no further one comes."""
+
+        kept: ClassVar[list[tuple[Future[Response], Task]]] = []
+
+        def submit(self, task: Task) -> "Future[Response]":
+            self.kept.append((Future(), task))
+            return self.kept[-1][0]
+
+        def flush(self) -> None:
+            for future, task in self.kept:
+                future.set_result(answer(task))
+            self.kept.clear()
+
+    assert [one["id"] for one in carry_out(some("a", "b"), Chunks(), None)] == ["a", "b"]

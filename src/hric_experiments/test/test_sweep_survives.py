@@ -6,7 +6,7 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import bad_controller
@@ -23,10 +23,10 @@ PATIENCE = 45.0
 """With a run that takes a second, and its worker's first steps [s]."""
 
 
-def begun(folder: Path, *arguments: str | Path) -> "subprocess.Popen[str]":
-    """A sweep in a process group of its own."""
+def begun(folder: Path, *arguments: str | Path, before: Sequence[str] = ()) -> "subprocess.Popen[str]":
+    """A sweep in a process group of its own. before: what stands before its command."""
     return subprocess.Popen(
-        ["rosrun", "hric_experiments", "sweep", *map(str, arguments)],
+        [*before, "rosrun", "hric_experiments", "sweep", *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

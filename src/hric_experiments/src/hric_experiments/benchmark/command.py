@@ -1,7 +1,6 @@
 """`rosrun hric_experiments benchmark`: controllers compared over collaborations, bodies and seeds."""
 
 import argparse
-import os
 import signal
 import sys
 from collections.abc import Mapping, Sequence
@@ -15,16 +14,16 @@ from hric_bags import files
 from hric_bags.run_folder import RunFolder, iso_now, runs_root
 from hric_control.errors import HricError
 from hric_control.parameters import read_yaml, whole
-from hric_control.processes import INTERRUPTED_CODE
 from hric_experiments import provenance
 from hric_experiments.benchmark import definition, results, running, scoring, text
 from hric_experiments.benchmark.definition import Benchmark, Controller
 from hric_experiments.sweep.carrying import carry_out
+from hric_experiments.sweep.engines.engine import going_on_with
+from hric_experiments.sweep.engines.make import add_options, engine_of
 from hric_experiments.sweep.journal import UNFINISHED_CODE, Journal
 from hric_experiments.sweep.task import code_version
 
 FILE = "benchmark.yaml"
-JOBS = os.cpu_count() or 1
 MEMORY = 4e9
 """That a worker may take [bytes]; project default, unconfirmed."""
 DIFFERS = 1
@@ -34,7 +33,6 @@ DIFFERS = 1
 def main(arguments: Sequence[str]) -> int:
     """Run the command; returns the exit code."""
     given = _parser().parse_args(list(arguments))
-    whole(minimum=1).checked(given.jobs, "--jobs")
     if given.seeds is not None:
         whole(minimum=1).checked(given.seeds, "--seeds")
     theirs = None if given.compare is None else results.read(given.compare)
@@ -42,19 +40,11 @@ def main(arguments: Sequence[str]) -> int:
     folder = _folder(given.resume) if given.resume else None
     benchmark, content, controllers = _what(given, folder)
     code = code_version()
-    if folder is None:
-        folder = RunFolder.create(runs_root(given.runs), "benchmark").path
-        _begin(folder, given, content, code)
-    elif (before := read_yaml(folder / FILE)["code"]) != code:
+    if folder is not None and (before := read_yaml(folder / FILE)["code"]) != code:
         raise HricError(
             f"{folder} was begun with code {before[:12]}, and this is {code[:12]}; valid: the same, or anew"
         )
-    print(f"benchmark: {folder}", flush=True)
-    try:
-        found = _run(folder, benchmark, content, controllers, code, given)
-    except KeyboardInterrupt:
-        print(f"\ninterrupted; go on: rosrun hric_experiments benchmark --resume {folder}", file=sys.stderr)
-        return INTERRUPTED_CODE
+    folder, found = _run(folder, benchmark, content, controllers, code, given)
     print(text.render(found))
     print(f"page: {folder / 'report.html'}\nresults: {folder / results.NAME}")
     if theirs is not None:
@@ -81,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--collaborations", nargs="+", default=[], metavar="NAME", help="only these")
     add("--bodies", nargs="+", default=[], metavar="NAME", help="only these")
     add("--seeds", type=int, metavar="N", help="only the first N seeds")
-    add("--jobs", type=int, default=JOBS, help=f"runs at once (default: {JOBS}, the processors)")
+    add_options(parser)
     add("--resume", metavar="DIR", help="go on with a benchmark that was ended before its end, by whatever")
     add("--compare", type=Path, metavar="FILE", help="results of another laboratory: says what differs from them")
     add("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
@@ -111,7 +101,9 @@ def _what(given: argparse.Namespace, folder: Path | None) -> tuple[Benchmark, di
     return benchmark, content, controllers
 
 
-def _begin(folder: Path, given: argparse.Namespace, content: Mapping[str, Any], code: str) -> None:
+def _begin(given: argparse.Namespace, content: Mapping[str, Any], code: str) -> Path:
+    """A new folder with benchmark.yaml."""
+    folder = RunFolder.create(runs_root(given.runs), "benchmark").path
     said = {key: getattr(given, key) for key in ("without_references", "collaborations", "bodies", "seeds")}
     said["definition"] = None if given.definition is None else str(given.definition.expanduser().resolve())
     said["controllers"] = [
@@ -130,25 +122,33 @@ def _begin(folder: Path, given: argparse.Namespace, content: Mapping[str, Any], 
             "platform": provenance.platform_info(),
         },
     )
+    return folder
 
 
 def _run(
-    folder: Path,
+    folder: Path | None,
     benchmark: Benchmark,
     content: Mapping[str, Any],
     controllers: Sequence[Controller],
     code: str,
     given: argparse.Namespace,
-) -> dict[str, Any]:
+) -> tuple[Path, dict[str, Any]]:
+    """Run a new benchmark, or go on; returns its folder and results."""
     from hric_experiments.benchmark import page
-    from hric_experiments.sweep.engines.pebble_engine import PebbleEngine
 
     todo = running.runs(benchmark, content["experiments"], controllers, code)
-    engine, now = PebbleEngine(min(given.jobs, len(todo)), MEMORY), True
+    engine, now = engine_of(given, MEMORY, len(todo)), True
     try:
-        with Journal(folder) as journal, closing(_bar(len(todo), given.quiet)) as bar:
+        engine.check(todo[0].task)
+        folder = folder or _begin(given, content, code)
+        print(f"benchmark: {folder}", flush=True)
+        with Journal(folder) as journal, closing(_bar(len(todo), given.quiet)) as bar, going_on_with(_command(folder)):
             responses = carry_out([one.task for one in todo], engine, journal, lambda _: bar.update())
         now = False
+    except KeyboardInterrupt:
+        going_on = "nothing was begun" if folder is None else f"go on: {_command(folder)}"
+        print(f"\ninterrupted; {going_on}", file=sys.stderr)
+        raise
     finally:
         engine.close(now=now)
     cells = scoring.cells(benchmark, todo, responses)
@@ -156,7 +156,11 @@ def _run(
     found["runs"] = results.run_rows(todo, responses)
     files.write_json(folder / results.NAME, found)
     page.write(folder, found)
-    return found
+    return folder, found
+
+
+def _command(folder: Path) -> str:
+    return f"rosrun hric_experiments benchmark --resume {folder}"
 
 
 def _bar(total: int, quiet: bool) -> Any:

@@ -59,6 +59,8 @@ def _carried(tasks: Sequence[Task], engine: Engine, looked: Callable[[], object]
         while waiting and len(open_) < engine.window:
             task, attempt = waiting.popleft()
             open_[engine.submit(task)] = task, attempt
+        if not waiting:
+            engine.flush()
         for future in wait(open_, LOOK, FIRST_COMPLETED).done:
             task, attempt = open_.pop(future)
             response = _response(future, task, attempt)

@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import os
 import signal
 import statistics
 import sys
@@ -17,17 +16,17 @@ from tqdm import tqdm
 from hric_bags import files
 from hric_bags.run_folder import RunFolder, iso_now, runs_root
 from hric_control.errors import HricError
-from hric_control.parameters import read_yaml, whole
+from hric_control.parameters import read_yaml
 from hric_control.processes import INTERRUPTED_CODE
 from hric_experiments import provenance
 from hric_experiments.sweep import definition, table, task
 from hric_experiments.sweep.definition import Plan
-from hric_experiments.sweep.engines.engine import Engine, Response, same
+from hric_experiments.sweep.engines.engine import Engine, Response, going_on_with, same
+from hric_experiments.sweep.engines.make import add_options, engine_of
 from hric_experiments.sweep.journal import UNFINISHED_CODE, Journal
 from hric_experiments.sweep.supervisor import Supervisor, make_task
 
 FILE = "sweep.yaml"
-JOBS = os.cpu_count() or 1
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -35,16 +34,13 @@ def main(arguments: Sequence[str]) -> int:
     if arguments and arguments[0] in _OTHERS:
         return _OTHERS[arguments[0]](arguments[1:])
     given = _parser().parse_args(list(arguments))
-    whole(minimum=1).checked(given.jobs, "--jobs")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if (given.sweep is None) == (given.resume is None):
         raise HricError(f"one sweep is needed; valid: {', '.join(definition.names())}, a YAML file, or --resume DIR")
     if given.resume is not None:
         folder = table.find(given.resume)
         return _run(folder, *_opened(folder), given)
-    plan = definition.load(given.sweep, quick=given.quick)
-    folder = RunFolder.create(runs_root(given.runs), plan.name).path
-    return _run(folder, plan, None, given)
+    return _run(None, definition.load(given.sweep, quick=given.quick), None, given)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -56,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
         "(what ended is kept); 130 Ctrl-C (go on with --resume DIR)",
     )
     parser.add_argument("sweep", nargs="?", help=f"one of: {', '.join(definition.names())}; or the path of a YAML file")
-    parser.add_argument("--jobs", type=int, default=JOBS, help=f"runs at once (default: {JOBS}, the processors)")
+    add_options(parser)
     parser.add_argument("--quick", action="store_true", help="the sweep's form with few runs")
     parser.add_argument("--resume", metavar="DIR", help="go on with a sweep that was ended before its end, by whatever")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs (default: $HRIC_RUNS, else runs/)")
@@ -71,22 +67,22 @@ def _opened(folder: Path) -> tuple[Plan, Response]:
     return plan, {"code": content["code"], **content["reference"]}
 
 
-def _run(folder: Path, plan: Plan, before: Response | None, given: argparse.Namespace) -> int:
-    """Run a new sweep, or go on; before: its reference run."""
-    engine = _engine(plan, given)
+def _run(folder: Path | None, plan: Plan, before: Response | None, given: argparse.Namespace) -> int:
+    """Run a new sweep, or go on; folder and before: of the one that was begun, and its reference run."""
+    engine = engine_of(given, 1e9 * plan.section.memory, plan.sampler().total)
     now = True
     try:
         own = engine.check(make_task(plan, 0, {}, ""))
-        if before is None:
-            _begin(folder, plan, own)
-        else:
-            same([("this machine", own)], before)
+        if before is not None:
+            same([("what would run it now", own)], before)
+        folder = folder or _begin(plan, own, given)
         print(f"sweep: {folder}", flush=True)
-        with Journal(folder) as journal:
+        with Journal(folder) as journal, going_on_with(_command(folder)):
             supervisor = _supervised(folder, plan, journal, engine, own["code"], given.quiet)
         now = False
     except KeyboardInterrupt:
-        print(f"\ninterrupted; go on: rosrun hric_experiments sweep --resume {folder}", file=sys.stderr)
+        going_on = "nothing was begun" if folder is None else f"go on: {_command(folder)}"
+        print(f"\ninterrupted; {going_on}", file=sys.stderr)
         return INTERRUPTED_CODE
     finally:
         engine.close(now=now)
@@ -94,14 +90,13 @@ def _run(folder: Path, plan: Plan, before: Response | None, given: argparse.Name
     return UNFINISHED_CODE if any(row["failure"] for row in supervisor.rows.values()) else 0
 
 
-def _engine(plan: Plan, given: argparse.Namespace) -> Engine:
-    from hric_experiments.sweep.engines.pebble_engine import PebbleEngine
-
-    return PebbleEngine(given.jobs, 1e9 * plan.section.memory)
+def _command(folder: Path) -> str:
+    return f"rosrun hric_experiments sweep --resume {folder}"
 
 
-def _begin(folder: Path, plan: Plan, own: Response) -> None:
-    """Write sweep.yaml."""
+def _begin(plan: Plan, own: Response, given: argparse.Namespace) -> Path:
+    """A new folder with sweep.yaml."""
+    folder = RunFolder.create(runs_root(given.runs), plan.name).path
     files.write_yaml(
         folder / FILE,
         {
@@ -116,6 +111,7 @@ def _begin(folder: Path, plan: Plan, own: Response) -> None:
             "platform": provenance.platform_info(),
         },
     )
+    return folder
 
 
 def _supervised(folder: Path, plan: Plan, journal: Journal, engine: Engine, code: str, quiet: bool) -> Supervisor:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hric_bags import files
 from hric_experiments.sweep import table
 from hric_experiments.sweep.carrying import carry_out
 from hric_experiments.sweep.definition import Plan
@@ -122,12 +123,21 @@ class Supervisor:
 
     def _keep_columns(self) -> None:
         """Run the worst and those that failed again, and keep their signals."""
-        folder, chosen = self._folder / COLUMNS, []
+        folder = self._folder / COLUMNS
+        chosen: list[Task] = []
         for row in kept(self._plan, list(self.rows.values())):
             if not (folder / f"{row['id']}.npz").exists():
                 task = make_task(self._plan, row["index"], row["values"], self._code)
-                chosen.append({**task, "columns": str(folder)})
-        carry_out(chosen, self._engine, None)
+                chosen.append({**task, "columns": True})
+        carry_out(chosen, self._engine, None, lambda entry: _write_columns(entry, folder))
+
+
+def _write_columns(entry: Mapping[str, Any], folder: Path) -> None:
+    """Of a run that ended and has some."""
+    if "columns" in entry:
+        folder.mkdir(exist_ok=True)
+        with files.atomic(folder / f"{entry['id']}.npz") as temporary:
+            temporary.write_bytes(entry["columns"])
 
 
 def make_task(plan: Plan, index: int, values: Mapping[str, Any], code: str) -> Task:

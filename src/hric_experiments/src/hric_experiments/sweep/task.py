@@ -1,15 +1,14 @@
 """One run of a sweep, in a worker that keeps what it has loaded: numbers come from memory, and no bag is written."""
 
 import hashlib
+import io
 import json
 import logging
 import math
-import os
 import platform
 import re
 import time
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,11 +40,12 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
     """Carry a task out.
 
     Args:
-        task: id, index, experiment (name, content), changes, seed, outputs, columns (where signals may be kept).
+        task: id, index, experiment (name, content), changes, seed, outputs, columns (whether signals are kept).
 
     Returns:
         id, index, outputs (name -> number, None: there is none), failure (empty, or why the run failed, as it always
-        will), state_sha256, processor [s], wall [s], host.
+        will), state_sha256, processor [s], wall [s], host; and columns, a file of NumPy's, where they are kept and
+        there are some.
     """
     began, wall = time.process_time(), time.perf_counter()
     outputs = {name: Output.of(given, f"outputs.{name}") for name, given in task["outputs"].items()}
@@ -64,7 +64,7 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
     except Exception as error:  # also one that nobody foresaw: it ends this run alone, not the others
         failure = reason(error)
     if simulation is not None and task.get("columns"):
-        _keep(simulation, Path(task["columns"]) / f"{task['id']}.npz")
+        response.update(_columns(simulation))
     return {
         **response,
         "failure": failure,
@@ -85,17 +85,16 @@ def _plain(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def _keep(simulation: Simulation, path: Path) -> None:
-    """The signals of a run, for a look at it without another run."""
+def _columns(simulation: Simulation) -> dict[str, bytes]:
+    """The signals of a run, for a look at it without another run; nothing: it failed before its first cycle."""
     try:
         log = simulation.signals
-    except HricError:  # it failed before its first cycle
-        return
-    path.parent.mkdir(exist_ok=True)
-    temporary = path.with_name(f".{os.getpid()}.{path.name}")
+    except HricError:
+        return {}
     columns = {name: getattr(log, name).astype(np.float32) for name in ("position", "velocity", "effort", "command")}
-    np.savez_compressed(temporary, joint_names=np.array(log.joint_names), time=log.time, **columns)
-    temporary.replace(path)
+    content = io.BytesIO()
+    np.savez_compressed(content, joint_names=np.array(log.joint_names), time=log.time, **columns)
+    return {"columns": content.getvalue()}
 
 
 def definition_of(task: dict[str, Any]) -> Experiment:

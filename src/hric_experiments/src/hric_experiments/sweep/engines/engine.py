@@ -1,10 +1,12 @@
 """What an engine of a sweep offers: tasks in, responses out, and nothing of it knows what a run is."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 from hric_control.errors import FailureError, HricError
+from hric_experiments.sweep.journal import UNFINISHED_CODE
 
 Task = dict[str, Any]
 Response = dict[str, Any]
@@ -22,19 +24,36 @@ class Differs(HricError):
     """A worker has other code, or computes other bits; the message names it."""
 
 
+class Lost(FailureError):
+    """What carries runs out is not there any more: no run failed, and those that are open have no response."""
+
+    exit_code = UNFINISHED_CODE
+
+
 class Engine(Protocol):
-    """Carries tasks out.
+    """Carries tasks out."""
 
-    Attributes:
-        window: how many tasks it wants to have open at once; more of them only wait.
-        workers: how many runs it carries out at once.
-    """
+    @property
+    def window(self) -> int:
+        """How many tasks it wants to have open at once; more of them only wait."""
 
-    window: int
-    workers: int
+    @property
+    def workers(self) -> int:
+        """How many runs it carries out at once."""
 
     def submit(self, task: Task) -> "Future[Response]":
-        """Take a task. The future has the response, or TimedOut or Died; anything else is a bug."""
+        """Take a task. An engine may keep tasks back until it has a whole chunk of them.
+
+        Returns:
+            has the response, or TimedOut or Died of that run; Lost or Differs, which end the sweep and are no result;
+                anything else is a bug.
+
+        Raises:
+            Lost: it is known by now.
+        """
+
+    def flush(self) -> None:
+        """Begin what was kept back: no further task comes before one of these has ended. Raises Lost."""
 
     def check(self, reference: Task) -> Response:
         """Have every worker, or one of several that cannot differ, carry a reference run out.
@@ -48,6 +67,19 @@ class Engine(Protocol):
 
     def close(self, *, now: bool) -> None:
         """End all workers; `now`: without waiting for what is open."""
+
+
+@contextmanager
+def going_on_with(command: str) -> Iterator[None]:
+    """Within: what ends because the engine is lost, or has a worker that differs, says how to go on.
+
+    Raises:
+        Lost: with the command.
+    """
+    try:
+        yield
+    except (Lost, Differs) as error:
+        raise Lost(f"{error}\n  what ended is kept; go on: {command}") from None
 
 
 def same(responses: Iterable[tuple[str, Response]], own: Response) -> Response:

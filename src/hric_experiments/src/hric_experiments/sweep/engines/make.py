@@ -1,0 +1,53 @@
+"""Which engine a command uses: the options of the command line, and what they stand for."""
+
+import argparse
+import os
+
+from hric_control.errors import HricError
+from hric_control.parameters import whole
+from hric_experiments.sweep.engines.engine import Engine
+
+JOBS = os.cpu_count() or 1
+LOCAL = "local"
+"""Instead of an address: a cluster of this machine's processors, that ends with the command."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """--jobs and --dask."""
+    parser.add_argument("--jobs", type=int, help=f"runs at once (default: {JOBS}, the processors)")
+    parser.add_argument(
+        "--dask",
+        metavar=f"ADDRESS|{LOCAL}",
+        help=f"run on a Dask cluster: the address of its scheduler, such as tcp://10.0.0.1:8786; {LOCAL}: one of this "
+        "machine. Workers: scripts/worker ADDRESS",
+    )
+
+
+def engine_of(given: argparse.Namespace, memory: float, runs: int) -> Engine:
+    """The engine of a command.
+
+    Args:
+        given: of `add_options`.
+        memory: that a worker may take [bytes].
+        runs: that there are at most.
+
+    Raises:
+        HricError: options that do not go together, or a cluster that is not there.
+    """
+    if given.jobs is not None:
+        whole(minimum=1).checked(given.jobs, "--jobs")
+    jobs = min(given.jobs or JOBS, runs)
+    if given.dask is None:
+        from hric_experiments.sweep.engines.pebble_engine import PebbleEngine
+
+        return PebbleEngine(jobs, memory)
+    from hric_experiments.sweep.engines.dask_engine import DaskEngine
+
+    if given.dask == LOCAL:
+        return DaskEngine.local(jobs, memory)
+    if given.jobs is not None:
+        raise HricError(
+            f"--jobs says nothing about the cluster {given.dask}: it has the workers that were started for it; valid: "
+            f"one of the two, and scripts/worker {given.dask} --workers N"
+        )
+    return DaskEngine(given.dask, memory)
