@@ -89,11 +89,11 @@ class RealtimePublisher:
         """
         if self._outbox is not None:
             self._outbox.append(build, args)
-        elif self.wanted:
+        elif self.needed:
             self._publisher.publish(build(*args))
 
     @property
-    def wanted(self) -> bool:
+    def needed(self) -> bool:
         """Whether a message would be built: always where a thread does it, else where somebody listens now, or later to
         a latched topic."""
         return self._outbox is not None or self._latch or self._publisher.subscribers() > 0

@@ -49,7 +49,7 @@ class FrankaStateController(Controller):
 
     def update(self, time: float, period: float) -> None:
         """Publish at the rate; the messages are built outside the loop from a snapshot."""
-        if not self._time.due(time) or not any(publisher.wanted for publisher in self._publishers):
+        if not self._time.due(time) or not any(publisher.needed for publisher in self._publishers):
             return
         state, stamp = self._state.snapshot(), self._node.now()
         self._states.publish(messages.franka_state, state, stamp)
