@@ -300,7 +300,7 @@ class Settings:
 
 def declared(settings: type[Settings]) -> dict[str, Parameter]:
     """The parameters by attribute."""
-    found = settings.__dataclass_fields__  # `fields` costs five times as much, and a run asks sixty times
+    found = settings.__dataclass_fields__  # `fields` costs five times as much, sixty times a run
     return {name: item.default for name, item in found.items() if isinstance(item.default, Parameter)}
 
 
