@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hric_control.errors import HricError, ParameterError, UnknownNameError, message_about
+from hric_control.node import REQUIRED
 from hric_control.parameters import (
     Mistakes,
     Settings,
@@ -145,7 +146,7 @@ class Sweep(Settings):
     description: str = text("", text="one line for people")
     extends: str = text(empty=False, text="the experiment: its name, or the path of its YAML file")
     changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of all runs")
-    sweep: SweepSection = section(SweepSection)
+    sweep: SweepSection = section(SweepSection, REQUIRED)
 
 
 @dataclass(frozen=True)
