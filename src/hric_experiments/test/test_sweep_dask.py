@@ -163,14 +163,14 @@ def test_a_worker_with_other_code_is_refused_by_name_at_the_beginning_and_later(
         ("10.0.0.1:8786", r"no address; valid: local, tcp://HOST:PORT"),
         ("tcp://10.0.0.1", r"no address; valid: tcp://HOST:PORT"),
         ("tcp://127.0.0.1:{closed}", r"no Dask scheduler responds at .*refused; valid: start one"),
-        ("tcp://127.0.0.1:{silent}", r"no Dask scheduler responds at .*does not speak as one; valid: start one"),
+        ("tcp://127.0.0.1:{silent}", r"no Dask scheduler responds at .*(says nothing|imed out).*; valid: start one"),
         ("tls://127.0.0.1:{silent}", r"no Dask scheduler responds at .*TLS"),
     ],
 )
 def test_an_address_without_a_scheduler_is_told_in_bounded_time(
     address: str, reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dask_engine, "CONNECT", 5.0)
+    monkeypatch.setattr(dask_engine, "CONNECT", 2.0)
     with socket.create_server(("127.0.0.1", 0)) as silent, socket.create_server(("127.0.0.1", 0)) as closed:
         ports = {"silent": silent.getsockname()[1], "closed": closed.getsockname()[1]}
         closed.close()

@@ -6,6 +6,7 @@ import math
 import os
 import pickle
 import platform
+import socket
 import threading
 import uuid
 import warnings
@@ -245,21 +246,24 @@ def _client(distributed: Any, address: str) -> Any:
     if not address.startswith(SCHEMES):
         raise HricError(f"--dask {address}: no address; valid: local, tcp://HOST:PORT or tls://HOST:PORT")
     try:
-        distributed.comm.get_address_host_port(address, strict=True)
+        where = distributed.comm.get_address_host_port(address, strict=True)
     except ValueError:
         raise HricError(f"--dask {address}: no address; valid: tcp://HOST:PORT, such as tcp://10.0.0.1:8786") from None
     security = distributed.Security()
     try:
-        found = asyncio.run(asyncio.wait_for(_identity(distributed, address, security), CONNECT))
+        with socket.create_connection(where, CONNECT):
+            found = asyncio.run(asyncio.wait_for(_identity(distributed, address, security), CONNECT))
+    except (OSError, OverflowError) as error:
+        why = "what listens there says nothing" if isinstance(error, TimeoutError) else str(error)
     except Exception as error:  # of any kind: whatever is there may send whatever
-        why = _reason_of(error)
+        why = str(error) if "TLS" in str(error) else "what listens there speaks otherwise"
     else:
         if found.get("type") == "Scheduler":
             name = f"hric-{platform.node()}-{os.getpid()}"
             return distributed.Client(address, security=security, timeout=CONNECT, name=name)
         why = f"a {found.get('type')} is there"
     raise HricError(
-        f"no Dask scheduler responds at {address} within {CONNECT:g} s: {why}; valid: start one there (dask scheduler) "
+        f"no Dask scheduler responds at {address}: {' '.join(why.split())}; valid: start one there (dask scheduler) "
         "and name the address it prints"
     )
 
@@ -267,18 +271,9 @@ def _client(distributed: Any, address: str) -> Any:
 async def _identity(distributed: Any, address: str, security: Any) -> Mapping[str, Any]:
     """What a program of Dask's says of itself."""
     arguments = security.get_connection_args("client")
-    async with distributed.rpc(address, timeout=CONNECT / 2, connection_args=arguments) as peer:
+    async with distributed.rpc(address, timeout=CONNECT, connection_args=arguments) as peer:
         found: Mapping[str, Any] = await peer.identity()
         return found
-
-
-def _reason_of(error: BaseException | None) -> str:
-    """Why there is no scheduler, on one line."""
-    while error is not None:
-        if (isinstance(error, OSError) and error.strerror) or "TLS" in str(error):
-            return " ".join(str(error).split())
-        error = error.__cause__
-    return "what listens there does not speak as one"
 
 
 def _distributed() -> Any:
