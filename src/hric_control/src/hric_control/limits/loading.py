@@ -135,8 +135,8 @@ def load_limits(
 def _of_joint(
     name: str, kind: str, limit: Limit | None, safety: SafetyController | None, parameters: str, where: str
 ) -> JointLimits:
-    """What the description says of a joint, and its parameters, which are JSON. Kept: the robot and its controllers read
-    the same, and so does the next run."""
+    """What the description says of a joint, and its parameters, which are JSON. Kept: robot, controllers and the next
+    run read the same."""
     values, given = _from_urdf(name, kind, limit, safety), json.loads(parameters)
     if given is not None:
         _override(values, given, where)

@@ -69,6 +69,7 @@ class Supervisor:
                 sampler.tell([self._told(row) for row in rows])
                 found, batch = sampler.estimate(), batch + 1
                 self.estimate = None if found is None else asdict(found)
+            self.write()  # now: a second signal may cut the end short
             self._keep_columns()
         finally:
             self.write()
