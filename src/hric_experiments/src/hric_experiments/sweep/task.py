@@ -48,10 +48,16 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
         will), state_sha256, processor [s], wall [s], host; and columns, a file of NumPy's, where they are kept and
         there are some.
     """
+    began, wall = time.process_time(), time.perf_counter()
     response = _carried_out(task)
     gc.collect()  # a robot and its controllers point at each other, and the collector waits for many of them
     _load_is_done()
-    return response
+    return {
+        **response,
+        "processor": round(time.process_time() - began, 4),
+        "wall": round(time.perf_counter() - wall, 4),
+        "host": platform.node(),
+    }
 
 
 @cache
@@ -61,7 +67,6 @@ def _load_is_done() -> None:
 
 
 def _carried_out(task: dict[str, Any]) -> dict[str, Any]:
-    began, wall = time.process_time(), time.perf_counter()
     outputs = {name: Output.of(given, f"outputs.{name}") for name, given in task["outputs"].items()}
     response: dict[str, Any] = {"id": task["id"], "index": task["index"], "outputs": {name: None for name in outputs}}
     failure, state = "", ""
@@ -79,14 +84,7 @@ def _carried_out(task: dict[str, Any]) -> dict[str, Any]:
         failure = reason(error)
     if simulation is not None and task.get("columns"):
         response.update(_columns(simulation))
-    return {
-        **response,
-        "failure": failure,
-        "state_sha256": state,
-        "processor": round(time.process_time() - began, 4),
-        "wall": round(time.perf_counter() - wall, 4),
-        "host": platform.node(),
-    }
+    return {**response, "failure": failure, "state_sha256": state}
 
 
 def reason(error: Exception) -> str:
