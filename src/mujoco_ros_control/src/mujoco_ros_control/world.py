@@ -10,7 +10,7 @@ from mujoco_ros_control.contact import PenaltyContact
 from mujoco_ros_control.model_joints import ModelJoints
 from mujoco_ros_control.robot import MujocoConfig, Robot
 from mujoco_ros_control.scene import Scene
-from mujoco_ros_control.scene_spec import build
+from mujoco_ros_control.scene_spec import SceneSpec, build
 
 
 class World(Models):
@@ -63,7 +63,7 @@ class World(Models):
         losses = dict(self._robot.losses)
         for joints in self._joints.values():
             losses |= joints.losses
-        self._built = build(
+        built = build(
             [self._itself, *self.models.values()],
             self._surfaces_of_links(),
             losses,
@@ -72,11 +72,11 @@ class World(Models):
             self._config.time_step,
             self_collision=self._config.self_collision,
         )
-        self._make_scene()
+        self._begin_scene(built)
 
-    def _make_scene(self) -> None:
-        config = self._config
-        self.scene = Scene(self._built, config.time_step, config.gravity, config.integrator)
+    def _begin_scene(self, built: SceneSpec) -> None:
+        """Raises HricError; the scene is then the one before."""
+        self.scene = Scene(built, self._config.time_step, self._config.gravity, self._config.integrator)
 
     def _begin(self, models: Iterable[Model]) -> None:
         """These models as they begin, in a scene that was just compiled; then everything goes on in it."""
@@ -102,7 +102,7 @@ class World(Models):
         before = list(self.models)
         self._restore()
         if list(self.models) == before:
-            self._make_scene()  # the description of the scene is that of now
+            self._begin_scene(self.scene.built)
         else:
             self._compile()
         prefix = f"{self._itself.name}::"

@@ -73,9 +73,8 @@ class _Kept:
         with self._lock:
             if self._engine is None or self._memory != memory:
                 self._drop()
-                multiprocessing.current_process().daemon = (
-                    False  # it may have processes; they end with it by themselves
-                )
+                # A daemon may not have processes; these end with it by themselves.
+                multiprocessing.current_process().daemon = False
                 self._engine, self._memory = PebbleEngine(1, memory), memory
             return self._engine
 

@@ -17,7 +17,7 @@ class TimedOut(FailureError):
 
 
 class Died(FailureError):
-    """The worker of a run ended without an response."""
+    """The worker of a run ended without a response."""
 
 
 class Differs(HricError):
