@@ -4,12 +4,14 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
+SLEEPING = Path(__file__).with_name("sleeping_workers.py")
 ENOUGH = 580.0
 """For anything here, on a machine that does much else [s]."""
 
@@ -46,6 +48,7 @@ class Cluster:
         folder: for what they print and write.
         sides: what stands before the commands of the scheduler, and of the workers.
         hosts: their addresses.
+        certified: each shows the others a certificate, and talks to nobody without.
     """
 
     def __init__(
@@ -53,8 +56,16 @@ class Cluster:
         folder: Path,
         sides: tuple[Sequence[str], Sequence[str]] = ((), ()),
         hosts: tuple[str, str] = ("127.0.0.1", "127.0.0.1"),
+        *,
+        certified: bool = False,
     ) -> None:
         self._folder, self._sides, self._hosts, self._started = folder, sides, hosts, 0
+        self._tls = ""
+        if certified:
+            self.certificate, self.key = folder / "certificate.pem", folder / "key.pem"
+            made = f"openssl req -x509 -newkey rsa:2048 -nodes -days 1 -subj /CN=hric -keyout {self.key}"
+            subprocess.run([*made.split(), "-out", self.certificate], check=True, capture_output=True)
+            self._tls = f" --tls-ca-file {self.certificate} --tls-cert {self.certificate} --tls-key {self.key}"
         self._processes: list[subprocess.Popen[bytes]] = []
         self.workers: list[subprocess.Popen[bytes]] = []
         self.start_scheduler()
@@ -64,7 +75,7 @@ class Cluster:
         file = self._folder / "scheduler.json"
         file.unlink(missing_ok=True)
         command = f"dask scheduler --host {self._hosts[0]} --port 0 --dashboard-address 127.0.0.1:0"
-        self.scheduler = self._start(self._sides[0], f"{command} --scheduler-file {file}", {})
+        self.scheduler = self._start(self._sides[0], f"{command} --scheduler-file {file}{self._tls}", {})
         until(lambda: file.exists() and file.read_text().endswith("}"))
         self.address = str(json.loads(file.read_text())["address"])
 
@@ -72,9 +83,13 @@ class Cluster:
         """One more."""
         scratch = self._folder / f"scratch_{self._started}"
         command = f"{ROOT}/scripts/worker {self.address} --workers 1 --local-directory {scratch}"
-        command += f" --host {self._hosts[1]}"
+        command += f" --host {self._hosts[1]}{self._tls}"
         self.workers.append(self._start(self._sides[1], command, environment or {}))
         return self.workers[-1]
+
+    def start_sleeping(self, count: int) -> None:
+        """As many workers whose runs only take time, in one process."""
+        self._start(self._sides[1], f"{sys.executable} {SLEEPING} {self.address} {count}", {})
 
     def worker_pid(self, worker: subprocess.Popen[bytes]) -> int:
         """The process that takes chunks: the nanny restarts it, and below it is that of the runs."""

@@ -164,6 +164,12 @@ def test_a_run_that_failed_counts_as_one_out_of_limits_and_not_completed() -> No
     assert (found[1].out_of_limits, found[1].incomplete) == (1, 1)
 
 
+@pytest.mark.parametrize(("better", "beyond"), [("smaller", [False, False, True]), ("larger", [True, False, False])])
+def test_a_limit_is_the_largest_value_or_where_larger_is_better_the_smallest(better: str, beyond: list[bool]) -> None:
+    score = definition.Score.of({"path": "setpoints.*.time", "limit": 2.0, "better": better}, "motions")
+    assert [score.beyond(value) for value in (1.0, 2.0, 3.0)] == beyond
+
+
 def test_controllers_that_nothing_tells_apart_share_a_rank() -> None:
     assert [one.rank for one in ordered(a=(0.5, 0.2, 0.1), b=(0.5, 0.2, 0.1), c=(0.5, 0.3, 0.1))] == [1, 1, 3]
 

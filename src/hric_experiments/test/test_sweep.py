@@ -139,7 +139,7 @@ def test_an_output_that_a_run_has_not_is_a_failure_of_that_run(tmp_path: Path) -
 
 def test_a_journal_belongs_to_one_sweep_at_a_time(tmp_path: Path) -> None:
     with Journal(tmp_path) as journal:
-        journal.append({"id": "a"})
+        journal.append([{"id": "a"}])
         with pytest.raises(JournalError, match="another program"):
             Journal(tmp_path)
     with Journal(tmp_path) as journal:
@@ -149,7 +149,7 @@ def test_a_journal_belongs_to_one_sweep_at_a_time(tmp_path: Path) -> None:
 def test_a_full_disk_is_told_and_loses_nothing(tmp_path: Path) -> None:
     (tmp_path / "runs.jsonl").symlink_to("/dev/full")
     with Journal(tmp_path) as journal, pytest.raises(JournalError, match=r"no space left.*--resume") as caught:
-        journal.append({"id": "a"})
+        journal.append([{"id": "a"}])
     assert caught.value.exit_code == 3
 
 

@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import bad_controller
@@ -152,6 +153,29 @@ def test_a_worker_with_other_code_is_refused_by_name_at_the_beginning_and_later(
     told = sweeps.sweep(again, sweeps.written(tmp_path), "--dask", cluster.address, code=2)
     assert "workers differ" in told and f"({socket.gethostname()})" in told and "code version" in told
     assert not (again / "runs").exists()  # nothing was begun
+
+
+# -- who may connect ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow  # a cluster of its own
+def test_a_cluster_with_certificates_carries_a_sweep_out_for_those_alone_who_have_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = sweeps.written(tmp_path, runs=CHUNK)
+    (tmp_path / "cluster").mkdir()
+    with closing(Cluster(tmp_path / "cluster", certified=True)) as cluster:
+        cluster.start_worker()
+        assert cluster.address.startswith("tls://")
+        without = sweeps.sweep(tmp_path / "without", path, "--dask", cluster.address, code=2)
+        plain = sweeps.sweep(tmp_path / "plain", path, "--dask", cluster.address.replace("tls", "tcp"), code=2)
+        for key, value in {"CA_FILE": cluster.certificate, "CLIENT__CERT": cluster.certificate}.items():
+            monkeypatch.setenv(f"DASK_DISTRIBUTED__COMM__TLS__{key}", str(value))
+        monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY", str(cluster.key))
+        folder = sweeps.folder_of(sweeps.sweep(tmp_path, path, "--dask", cluster.address))
+    assert "no Dask scheduler responds" in without and "TLS" in without and len(without.splitlines()) == 1
+    assert "no Dask scheduler responds" in plain and len(plain.splitlines()) == 1
+    assert table.read(folder).num_rows == CHUNK
 
 
 # -- mistakes ----------------------------------------------------------------------------------------------------------

@@ -45,7 +45,9 @@ class Score(Output):
 
     separator = "."
     limit: float | None = number(
-        None, text="largest value that is accepted: a finding beyond it is above limits, a task beyond it not completed"
+        None,
+        text="largest value that is accepted, or smallest where larger is better: a finding beyond it is out of limits, "
+        "a task beyond it not completed",
     )
     better: str = choice("smaller", "larger", text="which of two values is the better one")
 
@@ -53,6 +55,10 @@ class Score(Output):
     def sign(self) -> float:
         """1 where smaller is better, else -1."""
         return 1.0 if self.better == "smaller" else -1.0
+
+    def beyond(self, value: float) -> bool:
+        """Whether a value is not accepted."""
+        return self.limit is not None and self.sign * value > self.sign * self.limit
 
 
 SCORES: Any = mapping(section(Score), text="scores by name")

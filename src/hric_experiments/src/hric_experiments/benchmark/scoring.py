@@ -34,7 +34,7 @@ class Cell:
 
     Attributes:
         runs: how many.
-        above: with a finding above its limit.
+        above: with a finding beyond its limit.
         unknown: of which a finding is not known, because the run failed.
         incomplete: whose task was not completed: the run failed, a score of the task is not known or beyond its limit.
         failures: reasons, and how often.
@@ -106,8 +106,8 @@ def _cell(one: Collaboration, rows: Sequence[tuple[Run, Mapping[str, Any]]]) -> 
         if failure:
             failures[failure] = failures.get(failure, 0) + 1
         states = [_state(score, found[f"{FINDINGS}.{name}"]) for name, score in one.findings.items()]
-        above += "above" in states
-        unknown += "above" not in states and "unknown" in states
+        above += "beyond" in states
+        unknown += "beyond" not in states and "unknown" in states
         done = [_state(score, found[f"{TASK}.{name}"]) == "within" for name, score in one.task.items()]
         incomplete += bool(failure) or not all(done)
     bodies = list(dict.fromkeys(run.body for run, _ in rows))
@@ -140,7 +140,7 @@ def _of(what: Callable[[list[float]], float], values: list[float]) -> float | No
 def _state(score: Score, value: float | None) -> str:
     if value is None:
         return "unknown"
-    return "above" if score.limit is not None and value > score.limit else "within"
+    return "beyond" if score.beyond(value) else "within"
 
 
 def ranks(values: Mapping[str, float | None], sign: float, tolerance: float) -> dict[str, int]:

@@ -2,15 +2,19 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import Future
+from queue import SimpleQueue
 
-from hric_experiments.sweep.engines.engine import Died, Engine, Response, Task, TimedOut
+from hric_experiments.sweep.engines.engine import Died, Engine, Response, Task, TimedOut, arrived
 from hric_experiments.sweep.journal import Journal
 
 TRIES = 3
 """Of a run that ends its worker, or takes too long; after them it is marked and not tried any more."""
 LOOK = 0.5
 """Longest time without a look at Ctrl-C [s]."""
+
+Ended = tuple[Future[Response], Task, int]
+"""What came, of which task, in which attempt."""
 
 
 def carry_out(
@@ -44,39 +48,48 @@ def carry_out(
     for task in tasks:
         if task["id"] in known:
             end(task, known[task["id"]])
-    for task, response in _carried([task for task in tasks if task["index"] not in found], engine, looked):
+    for pairs in _carried([task for task in tasks if task["index"] not in found], engine, looked):
         if journal is not None:
-            journal.append(response)
-        end(task, response)
+            journal.append([response for _, response in pairs])
+        for task, response in pairs:
+            end(task, response)
     return [found[task["index"]] for task in tasks]
 
 
-def _carried(tasks: Sequence[Task], engine: Engine, looked: Callable[[], object]) -> Iterator[tuple[Task, Response]]:
-    """Tasks and their responses, as they come."""
+def _carried(
+    tasks: Sequence[Task], engine: Engine, looked: Callable[[], object]
+) -> Iterator[list[tuple[Task, Response]]]:
+    """Tasks and their responses, as they come; together those that have come by the time of a look."""
     waiting: deque[tuple[Task, int]] = deque((task, 1) for task in tasks)
-    open_: dict[Future[Response], tuple[Task, int]] = {}
+    ended: SimpleQueue[Ended] = SimpleQueue()
+    open_ = 0
     while waiting or open_:
-        while waiting and len(open_) < engine.window:
-            task, attempt = waiting.popleft()
-            open_[engine.submit(task)] = task, attempt
+        while waiting and open_ < engine.window:
+            _begin(engine, *waiting.popleft(), ended)
+            open_ += 1
         if not waiting:
             engine.flush()
-        for future in wait(open_, LOOK, FIRST_COMPLETED).done:
-            task, attempt = open_.pop(future)
-            response = _response(future, task, attempt)
-            if response is None:
+        pairs, broken = list[tuple[Task, Response]](), list[BaseException]()
+        for future, task, attempt in arrived(ended, LOOK):
+            open_ -= 1
+            error = future.exception()
+            if error is None:
+                pairs.append((task, {**future.result(), "attempt": attempt}))
+            elif not isinstance(error, Died | TimedOut):
+                broken.append(error)
+            elif attempt < TRIES:
                 waiting.appendleft((task, attempt + 1))
             else:
-                yield task, response
+                pairs.append((task, {**_poison(task, str(error)), "attempt": attempt}))
+        if pairs:
+            yield pairs
+        if broken:
+            raise broken[0]
         looked()
 
 
-def _response(future: "Future[Response]", task: Task, attempt: int) -> Response | None:
-    """What came of a task; None: it is tried again."""
-    try:
-        return {**future.result(), "attempt": attempt}
-    except (Died, TimedOut) as error:
-        return None if attempt < TRIES else {**_poison(task, str(error)), "attempt": attempt}
+def _begin(engine: Engine, task: Task, attempt: int, ended: "SimpleQueue[Ended]") -> None:
+    engine.submit(task).add_done_callback(lambda future: ended.put((future, task, attempt)))
 
 
 def _poison(task: Task, why: str) -> Response:

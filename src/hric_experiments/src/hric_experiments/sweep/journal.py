@@ -1,4 +1,4 @@
-"""The journal of a sweep: a line of JSON for each run that has ended, on the disk before the next one begins.
+"""The journal of a sweep: a line of JSON for each run that has ended, on the disk before it counts.
 
 It may be cut off at any byte: a last line that is not whole is dropped when it is opened again.
 """
@@ -7,6 +7,7 @@ import errno
 import fcntl
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -56,17 +57,17 @@ class Journal:
         os.lseek(self._file, self._size, os.SEEK_SET)
         self.entries = parse(content[: self._size], self.path)
 
-    def append(self, entry: dict[str, Any]) -> None:
-        """Add a line; it is on the disk afterwards.
+    def append(self, entries: Sequence[dict[str, Any]]) -> None:
+        """Add lines; they are on the disk afterwards.
 
         Raises:
-            JournalError: it cannot be written; the journal is as before.
+            JournalError: they cannot be written; the journal is as before.
         """
-        line = json.dumps(entry).encode() + b"\n"
+        lines = b"".join(json.dumps(entry).encode() + b"\n" for entry in entries)
         try:
             written = 0
-            while written < len(line):
-                written += os.write(self._file, line[written:])
+            while written < len(lines):
+                written += os.write(self._file, lines[written:])
             os.fsync(self._file)
         except OSError as error:
             self._restore()
@@ -74,13 +75,14 @@ class Journal:
             why = "there is no space left" if full else error.strerror
             raise JournalError(
                 f"cannot write {self.path}: {why}; {len(self.entries)} runs are kept there, and no other is lost but "
-                f"the one that just ended; make space, then: rosrun hric_experiments sweep --resume {self.path.parent}"
+                f"what just ended ({len(entries)}); make space, then: rosrun hric_experiments sweep --resume "
+                f"{self.path.parent}"
             ) from error
-        self._size += len(line)
-        self.entries.append(entry)
+        self._size += len(lines)
+        self.entries += entries
 
     def _restore(self) -> None:
-        """Take back what was written of a line."""
+        """Take back what was written of them."""
         try:
             os.ftruncate(self._file, self._size)
             os.lseek(self._file, self._size, os.SEEK_SET)

@@ -14,12 +14,13 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from queue import SimpleQueue
 from typing import Any
 
 from hric_control.errors import HricError
 from hric_experiments.sweep import task as runs
 from hric_experiments.sweep.engines import chunks
-from hric_experiments.sweep.engines.engine import Died, Differs, Lost, Response, Task, same
+from hric_experiments.sweep.engines.engine import Died, Differs, Lost, Response, Task, arrived, same
 
 CHUNK = 20
 """Tasks that travel together; fewer only at the end of a batch."""
@@ -36,6 +37,9 @@ CLOSING = 30.0
 SCHEMES = ("tcp://", "tls://")
 ON_WORKERS = chunks.__name__
 """Module of what workers do."""
+
+Part = Sequence[tuple[Task, "Future[Response]"]]
+"""Tasks of a chunk, each with the response to come."""
 
 
 class DaskEngine:
@@ -74,6 +78,7 @@ class DaskEngine:
         self._lock = threading.Lock()
         self._buffer: list[tuple[Task, Future[Response]]] = []
         self._open: set[Any] = set()
+        self._ended: SimpleQueue[tuple[Any, Part] | None] = SimpleQueue()
         self._handshake: chunks.Handshake | None = None
         self._lost = ""
         self._client = _client(self._distributed, address)
@@ -86,6 +91,7 @@ class DaskEngine:
                 f"the Dask scheduler at {address} has no workers, and none joined within {WORKERS:g} s; valid: start "
                 f"some, on any machine that has this workspace:  scripts/worker {address}"
             ) from None
+        threading.Thread(target=self._collect, name="collects chunks", daemon=True).start()
 
     @property
     def workers(self) -> int:
@@ -117,37 +123,54 @@ class DaskEngine:
             self._send(self._buffer[first : first + size])
         self._buffer = []
 
-    def _send(self, part: Sequence[tuple[Task, "Future[Response]"]]) -> None:
+    def _send(self, part: Part) -> None:
         assert self._handshake is not None  # of `check`
         packed = pickle.dumps(chunks.Chunk([task for task, _ in part], self._handshake))
         future = self._client.submit(_remote("carry_out"), packed, pure=False)
         with self._lock:
             self._open.add(future)
-        future.add_done_callback(lambda done: self._settle(done, part))
+        future.add_done_callback(lambda done: self._ended.put((done, part)))
 
-    def _settle(self, done: Any, part: Sequence[tuple[Task, "Future[Response]"]]) -> None:
-        """A chunk has ended; in a thread of Dask's."""
+    def _collect(self) -> None:
+        """Settle chunks, in a thread of its own: those that ended during one round trip share the next."""
+        going = True
+        while going:
+            ended = arrived(self._ended)
+            going = None not in ended
+            self._settle([one for one in ended if one is not None])
+
+    def _settle(self, ended: Sequence[tuple[Any, Part]]) -> None:
         with self._lock:
-            self._open.discard(done)
-        try:
-            outcomes = self._outcomes(done, len(part))
-        except BaseException as error:
-            outcomes = [error] * len(part)
-        for (_, response), outcome in zip(part, outcomes, strict=True):
-            if isinstance(outcome, BaseException):
-                response.set_exception(outcome)
-            else:
-                response.set_result(outcome)
+            self._open.difference_update(done for done, _ in ended)
+        for (done, part), carried in zip(ended, self._fetched([done for done, _ in ended]), strict=True):
+            try:
+                outcomes = self._outcomes(done, carried, len(part))
+            except BaseException as error:
+                outcomes = [error] * len(part)
+            for (_, response), outcome in zip(part, outcomes, strict=True):
+                if isinstance(outcome, BaseException):
+                    response.set_exception(outcome)
+                else:
+                    response.set_result(outcome)
 
-    def _outcomes(self, done: Any, count: int) -> Sequence[Response | BaseException]:
-        """Raises Lost, Differs; and HricError: a worker that cannot even begin."""
+    def _fetched(self, ended: Sequence[Any]) -> Sequence[chunks.Carried | BaseException | None]:
+        """What came of chunks; None: nothing, and their futures say why."""
         try:
-            if done.status == "error":
-                return [self._about(done.exception())] * count
-            carried: chunks.Carried = done.result()
-        except (self._distributed.client.FutureCancelledError, OSError):
+            return list(self._client.gather(dict(enumerate(ended)), errors="skip").values())
+        except BaseException as error:
+            return [error] * len(ended)
+
+    def _outcomes(
+        self, done: Any, carried: chunks.Carried | BaseException | None, count: int
+    ) -> Sequence[Response | BaseException]:
+        """Raises Lost, Differs; and HricError: a worker that cannot even begin."""
+        if carried is None and done.status == "error":
+            return [self._about(done.exception())] * count
+        if carried is None or isinstance(carried, self._distributed.client.FutureCancelledError | OSError):
             self._lost = f"the Dask scheduler at {self._address} is lost: it ended, or cannot be reached any more"
-            raise Lost(self._lost) from None
+            raise Lost(self._lost)
+        if isinstance(carried, BaseException):
+            raise carried
         if carried.differs:
             raise Differs(f"worker {carried.worker}, which joined later, differs: {carried.differs}")
         self._known.add(carried.worker)
@@ -208,6 +231,7 @@ class DaskEngine:
         with suppress(Exception):  # whatever goes wrong at the end, nothing is lost any more
             if now and left and not self._lost:
                 self._client.cancel(left, force=True)
+        self._ended.put(None)
         with suppress(Exception):
             self._client.close(timeout=CLOSING)
         if self._cluster is not None:

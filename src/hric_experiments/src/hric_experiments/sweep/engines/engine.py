@@ -3,13 +3,15 @@
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
-from typing import Any, Protocol
+from queue import Empty, SimpleQueue
+from typing import Any, Protocol, TypeVar
 
 from hric_control.errors import FailureError, HricError
 from hric_experiments.sweep.journal import UNFINISHED_CODE
 
 Task = dict[str, Any]
 Response = dict[str, Any]
+T = TypeVar("T")
 
 
 class TimedOut(FailureError):
@@ -67,6 +69,22 @@ class Engine(Protocol):
 
     def close(self, *, now: bool) -> None:
         """End all workers; `now`: without waiting for what is open."""
+
+
+def arrived(queue: "SimpleQueue[T]", patience: float | None = None) -> list[T]:
+    """Waits for the first item of a queue; returns it and all that are there by then.
+
+    Args:
+        queue: that this thread alone takes from.
+        patience: longest wait [s], after which the list may be empty; None: without end.
+    """
+    try:
+        found = [queue.get(timeout=patience)]
+        while not queue.empty():
+            found.append(queue.get_nowait())
+    except Empty:
+        return []
+    return found
 
 
 @contextmanager
