@@ -1,5 +1,5 @@
-"""What a run of a sweep costs, build to result, and that two processors share the work. Prints the figures of
-docs/howto/sweeps.md."""
+"""What a run of a sweep costs, build to result, and that two processors share the work. Prints figures of
+docs/figures.md."""
 
 import time
 from pathlib import Path
@@ -9,7 +9,8 @@ import pytest
 import test_sweep as sweeps
 import yaml
 
-from hric_experiments.sweep import definition, table
+from hric_experiments.definition import experiment
+from hric_experiments.sweep import definition, table, task
 
 RUNS, HANDOVERS = 1000, 200
 ENOUGH = 7200.0
@@ -57,3 +58,17 @@ def test_handovers_with_a_muscle_driven_person_go_on_at_a_rate_that_is_printed(t
         f"\nhandover: {frame['processor'].mean():.2f} s of processor a run; {60 * HANDOVERS / wall:.1f} runs a minute"
     )
     assert (frame["failure"] == "").all() and len(frame) == HANDOVERS
+
+
+@pytest.mark.slow  # each experiment twice on each engine
+@pytest.mark.parametrize(
+    "name", ["pd_step", "contact", "hand_guidance", "handover", "co_transport", "shared_workspace", "marker_tracking"]
+)
+def test_a_kept_process_runs_an_experiment_again_with_the_same_bits_on_each_engine(name: str) -> None:
+    content, costs = experiment.read(name), list[str]()
+    for engine in ("mujoco", "pybullet", "opensim"):
+        given = {"experiment": {"name": name, "content": content}, "changes": {"simulator": engine}, "seed": 0}
+        first, again = (task.run({"id": name, "index": 0, "outputs": {}, **given}) for _ in range(2))
+        assert first["failure"] == again["failure"] == "" and first["state_sha256"] == again["state_sha256"]
+        costs.append(f"{engine} {again['processor']:.2f} s")
+    print(f"\n{name}, {content['duration']:g} s of robot time: {', '.join(costs)} of processor a run")

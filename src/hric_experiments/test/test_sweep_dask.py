@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import bad_controller
 import pytest
@@ -24,6 +25,7 @@ from hric_experiments.sweep.engines.dask_engine import CHUNK, DaskEngine
 
 pytestmark = pytest.mark.alone
 RUNS = 5 * CHUNK + 7
+TPE = {"sampler": {"kind": "tpe", "batch": 5}, "objective": {"maximise": "speed"}}
 
 
 @pytest.fixture
@@ -53,9 +55,11 @@ def test_the_table_of_a_cluster_is_that_of_one_machine(tmp_path: Path, cluster: 
 
 
 @pytest.mark.slow  # three sweeps, two clusters
-@pytest.mark.parametrize("sampler", [{"kind": "random"}, {"kind": "tpe", "batch": 5}], ids=["random", "tpe"])
-def test_the_table_of_a_local_cluster_is_the_same_with_one_worker_and_two(tmp_path: Path, sampler: object) -> None:
-    path = sweeps.written(tmp_path, runs=2 * CHUNK + 3, sampler=sampler, objective={"maximise": "speed"})
+@pytest.mark.parametrize("sampler", [{}, TPE], ids=["random", "tpe"])
+def test_the_table_of_a_local_cluster_is_the_same_with_one_worker_and_two(
+    tmp_path: Path, sampler: dict[str, Any]
+) -> None:
+    path = sweeps.written(tmp_path, runs=2 * CHUNK + 3, **sampler)
     ways = [("--jobs", "2"), ("--dask", "local", "--jobs", "1"), ("--dask", "local", "--jobs", "2")]
     assert len({sha256(sweeps.folder_of(sweeps.sweep(tmp_path, path, *way))) for way in ways}) == 1
 
@@ -64,11 +68,14 @@ def test_the_table_of_a_local_cluster_is_the_same_with_one_worker_and_two(tmp_pa
 
 
 @pytest.mark.slow  # seven sweeps with pauses
+@pytest.mark.parametrize("sampler", [{}, TPE], ids=["random", "tpe"])
 @pytest.mark.parametrize("what", ["worker", "supervisor", "scheduler"])
-def test_the_table_is_the_same_after_kill_9_at_random_moments(what: str, tmp_path: Path, cluster: Cluster) -> None:
+def test_the_table_is_the_same_after_kill_9_at_random_moments(
+    what: str, sampler: dict[str, Any], tmp_path: Path, cluster: Cluster
+) -> None:
     for _ in range(2):
         cluster.start_worker()
-    path = sweeps.written(tmp_path, runs=RUNS)
+    path = sweeps.written(tmp_path, runs=RUNS, **sampler)
     expected = sha256(sweeps.folder_of(sweeps.sweep(tmp_path, path, "--jobs", "2")))
     drawn = random.Random(what)
     for number in range(3):
@@ -115,7 +122,9 @@ def test_runs_that_end_their_process_or_hang_cost_themselves_alone(
 @pytest.mark.slow  # a hundred runs
 def test_workers_are_free_again_after_ctrl_c(tmp_path: Path, cluster: Cluster) -> None:
     worker = cluster.start_worker()
-    process = survives.begun(tmp_path, sweeps.written(tmp_path, runs=4000), "--dask", cluster.address)
+    path = sweeps.written(tmp_path, runs=4000)
+    path.write_text(path.read_text().replace("duration:=0.3", "duration:=20.0"))  # no chunk ends by itself meanwhile
+    process = survives.begun(tmp_path, path, "--dask", cluster.address)
     survives.until(lambda: survives.ended(survives.folder_in(tmp_path / "runs")) >= 1, process)
     os.killpg(process.pid, signal.SIGINT)
     printed, _ = process.communicate(timeout=ENOUGH)
