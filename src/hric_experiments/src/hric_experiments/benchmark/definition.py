@@ -46,8 +46,8 @@ class Score(Output):
     separator = "."
     limit: float | None = number(
         None,
-        text="largest value that is accepted, or smallest where larger is better: a finding beyond it is out of limits, "
-        "a task beyond it not completed",
+        text="largest value that is accepted, or smallest where larger is better: a finding beyond it is out of "
+        "limits, a task beyond it not completed",
     )
     better: str = choice("smaller", "larger", text="which of two values is the better one")
 

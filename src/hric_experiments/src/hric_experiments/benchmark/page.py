@@ -2,18 +2,21 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from string import Template
 from typing import Any
 
 from hric_bags import files
 from hric_experiments.benchmark import text
 from hric_experiments.benchmark.results import predicted
 from hric_experiments.report import style
-from hric_experiments.report_html.page import ASSETS
+from hric_experiments.report_html.document import document, links, titled
 from hric_experiments.report_html.tables import Table, escape, render
 
 NAME = "report.html"
-TEMPLATE = Path(__file__).parent / "assets" / "benchmark.html"
+STYLE = Path(__file__).parent / "assets" / "benchmark.css"
+CHARTS = (
+    "In the charts a line goes from the smallest to the largest value of all runs, a dot is the median of a body, a "
+    "dashed line a limit."
+)
 LEFT, WIDTH, ROW = 150, 620, 20
 """Of a chart: for names, for values, and each controller's height [px]."""
 
@@ -28,35 +31,24 @@ def write(folder: Path, results: Mapping[str, Any]) -> Path:
 def build(results: Mapping[str, Any]) -> str:
     """The file's text."""
     part, order = results["part"], [one["name"] for one in results["standings"]]
-    sections = [_overview(results), *(_collaboration(results, name, order) for name in results["collaborations"])]
-    names = ["Order", *results["collaborations"], "How this was made"]
-    sections.append(_made(results))
-    links = " ".join(f'<a href="#{_anchor(name)}">{escape(_spaced(name))}</a>' for name in names)
-    return Template(TEMPLATE.read_text()).substitute(
-        title=escape("Benchmark of collaborations"),
-        subtitle=escape(
-            f"{results['description']}: {', '.join(part['bodies'])} of {results['population']['name']}, "
-            f"{len(part['seeds'])} seeds each"
-        ),
-        verdicts="".join(_prediction(*one) for one in predicted(results)),
-        links=links,
-        sections="".join(sections),
-        disclaimer=escape(results["disclaimer"]),
-        style=(ASSETS / "page.css").read_text() + style.css(),
+    parts = {
+        "Order": _overview(results),
+        **{_spaced(name): _collaboration(results, name, order) for name in results["collaborations"]},
+        "How this was made": _made(results),
+    }
+    return document(
+        "Benchmark of collaborations",
+        f"{results['description']}: {', '.join(part['bodies'])} of {results['population']['name']}, "
+        f"{len(part['seeds'])} seeds each",
+        (_prediction(*one) for one in predicted(results)),
+        f"<main><article>{links(parts)}<p class=note>{CHARTS}</p>{titled(parts)}</article></main>",
+        foot=f"<p class=disclaimer>{escape(results['disclaimer'])}</p>",
+        css=[STYLE],
     )
 
 
-def _prediction(name: str, said: int, found: int) -> str:
-    kind = "good" if said == found else "bad"
-    return f'<span class="verdict {kind}">{escape(name)}: predicted {said}, found {found}</span>'
-
-
-def _section(title: str, content: str) -> str:
-    return f'<section id="{_anchor(title)}"><h2>{escape(_spaced(title))}</h2>{content}</section>'
-
-
-def _anchor(title: str) -> str:
-    return title.lower().replace(" ", "-")
+def _prediction(name: str, said: int, found: int) -> tuple[str, str]:
+    return "good" if said == found else "bad", f"{name}: predicted {said}, found {found}"
 
 
 def _spaced(name: str) -> str:
@@ -66,7 +58,7 @@ def _spaced(name: str) -> str:
 def _overview(results: Mapping[str, Any]) -> str:
     shown = Table("", text.HEAD, tuple(text.rows(results)), note=results["rule"])
     ranks = "".join(_ranks(results, key) for key in ("ergonomics", "task", "robustness"))
-    return _section("Order", render(shown) + ranks)
+    return render(shown) + ranks
 
 
 def _ranks(results: Mapping[str, Any], category: str) -> str:
@@ -93,7 +85,7 @@ def _collaboration(results: Mapping[str, Any], name: str, order: Sequence[str]) 
         for who in order
         for why, count in one["controllers"][who]["failures"].items()
     )
-    return _section(name, render(Table("", head, tuple(rows), note=note)) + failures + charts)
+    return render(Table("", head, tuple(rows), note=note)) + failures + charts
 
 
 def _label(key: str, about: Mapping[str, Any]) -> str:
@@ -152,4 +144,4 @@ def _made(results: Mapping[str, Any]) -> str:
         said = one["prediction"]
         note = one["description"] + ("" if said is None else f". Predicted rank {said['rank']}: {said['text']}")
         content += render(Table(f"Controller {name}", ("collaboration", "overrides"), tuple(words), note=note))
-    return _section("How this was made", content)
+    return content

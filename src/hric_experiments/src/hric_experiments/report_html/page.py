@@ -1,10 +1,7 @@
-"""From what a page shows to one file without a network request: template, style, scripts, libraries and numbers."""
+"""From what a page shows to one file without a network request: its parts, scripts, libraries and numbers."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from string import Template
 from typing import Any
 
 from hric_experiments.report import sections, style
@@ -13,10 +10,10 @@ from hric_experiments.report.headline import Finding
 from hric_experiments.report.heat import HeatMap
 from hric_experiments.report.thinning import thin
 from hric_experiments.report_html import libraries
+from hric_experiments.report_html.document import ASSETS, document, embedded, links, script, titled
 from hric_experiments.report_html.scene import Blob, Robot, Scene
 from hric_experiments.report_html.tables import Table, escape, render
 
-ASSETS = Path(__file__).parent / "assets"
 SCRIPTS = ("data.js", "pictures.js", "plots.js", "scene.js", "replay.js", "page.js")
 PLOT_VALUES, REPLAY_VALUES = 1_100_000, 600_000
 """Numbers that plots and replay may take. As single precision in base64 they are 5.9 MB and 3.2 MB, times and what
@@ -78,19 +75,19 @@ def render_page(page: Page) -> str:
     data = {"plots": plots, "roles": roles, "scene": scene.data(), "name": page.name or page.title}
     parts = _parts(page, figures, [*notes, *dict.fromkeys(scene.notes)])
     used = (libraries.plotly(), libraries.three())
-    return Template((ASSETS / "page.html").read_text()).substitute(
-        title=escape(page.title),
-        subtitle=escape(page.subtitle),
-        verdicts="".join(f'<span class="verdict {kind}">{escape(text)}</span>' for kind, text in page.verdicts),
-        links=" ".join(f'<a href="#{_anchor(title)}">{escape(title)}</a>' for title in parts),
-        sections="".join(parts.values()),
-        libraries=escape("; ".join(library.name for library in used)),
-        style=(ASSETS / "page.css").read_text() + style.css(),
-        plotly=used[0].text,
-        three=used[1].text,
-        data=_json(data),
-        numbers=blob.text(),
-        scripts="\n".join((ASSETS / name).read_text() for name in SCRIPTS),
+    main = f"<article>{links(parts)}{titled(parts)}</article>{(ASSETS / 'replay.html').read_text()}"
+    return document(
+        page.title,
+        page.subtitle,
+        page.verdicts,
+        f"<main>{main}</main>",
+        foot=escape(f"In this file: {'; '.join(library.name for library in used)}."),
+        scripts=[
+            *(script(library.text) for library in used),
+            embedded("data", data),
+            embedded("numbers", blob.text()),
+            script(*((ASSETS / name).read_text() for name in SCRIPTS)),
+        ],
     )
 
 
@@ -106,12 +103,8 @@ def _parts(page: Page, figures: Sequence[Figure], notes: Sequence[str]) -> dict[
         if title == sections.MADE:
             content += "".join(f"<p class=note>{escape(note)}</p>" for note in notes)
         if content:
-            found[title] = f'<section id="{_anchor(title)}"><h2>{escape(title)}</h2>{content}</section>'
+            found[title] = content
     return found
-
-
-def _anchor(title: str) -> str:
-    return title.lower().replace(" ", "-")
 
 
 def _findings(findings: Sequence[Finding]) -> str:
@@ -136,11 +129,6 @@ def _plot(figure: Figure) -> str:
         "<div class=canvas><div class=graph></div></div>"
         f"<figcaption>{escape(figure.caption)} {save}</figcaption></figure>"
     )
-
-
-def _json(data: Any) -> str:
-    """JSON without any tag in it, which would end the element around it."""
-    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _figure(figure: Figure, blob: Blob) -> dict[str, Any]:

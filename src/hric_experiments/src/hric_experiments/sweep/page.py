@@ -1,6 +1,5 @@
 """The page of a sweep: report.html from its table and its settings alone, one file that needs no network."""
 
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from string import Template
@@ -8,16 +7,15 @@ from string import Template
 import numpy as np
 
 from hric_experiments import report_html
-from hric_experiments.report import style
+from hric_experiments.report_html.document import ASSETS, document, embedded, links, script, titled
 from hric_experiments.report_html.scene import Blob
 from hric_experiments.report_html.tables import Table, escape, flat, render
 from hric_experiments.sweep_page import drawn, estimate, indices, lists, sample, sensitivity, spread, words
 from hric_experiments.sweep_page.sample import Sample
 from hric_experiments.sweep_page.study import EXCEEDED, FAILED, FINE, Study, load
 
-PARTS = Path(__file__).parents[1]
-ASSETS, SHARED = PARTS / "sweep_page" / "assets", PARTS / "report_html" / "assets"
-SCRIPTS = ("density.js", "parallel.js", "matrix.js", "sweep.js")
+OWN = Path(__file__).parents[1] / "sweep_page" / "assets"
+SCRIPTS = ("columns.js", "density.js", "parallel.js", "matrix.js", "sweep.js")
 PERIOD, RUNS_PER_SECOND = 10.0, 2000.0
 """Time between two loads of a growing page [s]: at least, and a second more for so many runs."""
 CONTENTS, VERSIONS = ("definition", "experiment"), "versions"
@@ -57,21 +55,19 @@ def render_page(study: Study, *, running: bool) -> str:
     }
     parts = dict(_parts(study, counted, drawn.said(study, rows), rank))
     head = f"<p class=running>{_progress(study)}</p>" if running else ""
-    return Template((ASSETS / "sweep.html").read_text()).substitute(
-        title=escape(study.folder.resolve().name),
-        subtitle=escape(study.definition.get("description") or "a sweep"),
-        verdicts="".join(_verdicts(study, running)),
-        links=" ".join(f'<a href="#{_anchor(title)}">{escape(title)}</a>' for title in parts),
-        sections=head + "".join(_section(title, content) for title, content in parts.items()),
+    return document(
+        study.folder.resolve().name,
+        study.definition.get("description") or "a sweep",
+        _verdicts(study, running),
+        f"<main class=sweep>{links(parts)}{head}{titled(parts)}</main><div id=tip hidden></div>",
         foot=escape(f"Made from {study.runs} rows of runs.parquet."),
-        style=(SHARED / "page.css").read_text() + (ASSETS / "sweep.css").read_text() + style.css(),
-        data=json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
-        numbers=blob.text(),
-        ids=" ".join(study.columns["id"][rows]),
-        scripts="\n".join(
-            [(SHARED / "data.js").read_text(), (ASSETS / "columns.js").read_text()]
-            + [(ASSETS / name).read_text() for name in SCRIPTS]
-        ),
+        css=[OWN / "sweep.css"],
+        scripts=[
+            embedded("data", data),
+            embedded("numbers", blob.text()),
+            embedded("ids", " ".join(study.columns["id"][rows])),
+            script((ASSETS / "data.js").read_text(), *((OWN / name).read_text() for name in SCRIPTS)),
+        ],
     )
 
 
@@ -92,28 +88,20 @@ def _parts(study: Study, counted: Sample, sampled: str, rank: sensitivity.Ranks)
     yield "How it was made", _made(study)
 
 
-def _section(title: str, content: str) -> str:
-    return f'<section id="{_anchor(title)}"><h2>{escape(title)}</h2>{content}</section>'
-
-
-def _anchor(title: str) -> str:
-    return title.lower().replace(" ", "-")
-
-
 def _how_many(study: Study) -> str:
     base = study.definition.get("extends")
     of = f" of {base}" if base else ""
     return f"{study.runs} runs{of}; points chosen by {words.sampler(study)}."
 
 
-def _verdicts(study: Study, running: bool) -> Iterator[str]:
+def _verdicts(study: Study, running: bool) -> Iterator[tuple[str, str]]:
     failed = int((study.kinds == FAILED).sum())
     planned = study.planned
     state = "running" if running else "whole" if planned is None or study.runs >= planned else "stopped before its end"
-    yield f'<span class="verdict plain">{state}</span>'
-    yield f'<span class="verdict plain">{study.runs}{"" if planned is None else f" of {planned}"} runs</span>'
+    yield "plain", state
+    yield "plain", f"{study.runs}{'' if planned is None else f' of {planned}'} runs"
     if failed:
-        yield f'<span class="verdict bad">{failed} failed</span>'
+        yield "bad", f"{failed} failed"
 
 
 def _progress(study: Study) -> str:
@@ -136,7 +124,7 @@ def _runs(study: Study, counted: Sample, sampled: str) -> str:
         if (study.kinds == number).any()
     )
     pairs = f"The first {drawn.PAIRS} of the columns above, drawn likewise; {_pairs(counted)}"
-    return Template((ASSETS / "runs.html").read_text()).substitute(
+    return Template((OWN / "runs.html").read_text()).substitute(
         sampled=escape(sampled), kinds=buttons, pairs=escape(pairs)
     )
 
