@@ -38,8 +38,8 @@ def build(results: Mapping[str, Any]) -> str:
     }
     return document(
         "Benchmark of collaborations",
-        f"{results['description']}: {', '.join(part['bodies'])} of {results['population']['name']}, "
-        f"{len(part['seeds'])} seeds each",
+        f"{results['description']}: bodies {', '.join(part['bodies'])} of {results['population']['name']}; seeds "
+        f"{', '.join(map(str, part['seeds']))}",
         (_prediction(*one) for one in predicted(results)),
         f"<main><article>{links(parts)}<p class=note>{CHARTS}</p>{titled(parts)}</article></main>",
         foot=f"<p class=disclaimer>{escape(results['disclaimer'])}</p>",

@@ -50,8 +50,8 @@ def render(results: Mapping[str, Any]) -> str:
     """All of it."""
     part = results["part"]
     lines = [
-        f"{results['description']}: {len(part['collaborations'])} collaborations, {len(part['bodies'])} bodies "
-        f"({', '.join(part['bodies'])}: {results['population']['name']}), {len(part['seeds'])} seeds",
+        f"{results['description']}: {', '.join(part['collaborations'])}; bodies {', '.join(part['bodies'])} of "
+        f"{results['population']['name']}; seeds {', '.join(map(str, part['seeds']))}",
         "",
         *_aligned(HEAD, rows(results)),
         "",
