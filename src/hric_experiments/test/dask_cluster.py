@@ -6,8 +6,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, suppress
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -122,3 +122,10 @@ class Cluster:
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait(ENOUGH)
             until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in left))  # noqa: B023
+
+
+def started(folder: Path) -> Iterator[Cluster]:
+    """One without workers yet, in a folder that is made; it ends with the test."""
+    folder.mkdir()
+    with closing(Cluster(folder)) as found:
+        yield found

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import psutil
 import pytest
-from dask_cluster import ENOUGH, Cluster
+from dask_cluster import ENOUGH, Cluster, started
 from distributed import Client
 
 from hric_experiments.sweep import definition
@@ -35,11 +35,7 @@ MEMORY = 4e9
 
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    folder = tmp_path / "cluster"
-    folder.mkdir()
-    found = Cluster(folder)
-    yield found
-    found.close()
+    yield from started(tmp_path / "cluster")
 
 
 def tasks(count: int, **more: Any) -> list[Task]:

@@ -16,7 +16,7 @@ import bad_controller
 import pytest
 import test_sweep as sweeps
 import test_sweep_survives as survives
-from dask_cluster import ENOUGH, ROOT, Cluster, below, until
+from dask_cluster import ENOUGH, ROOT, Cluster, below, started, until
 
 from hric_control.errors import HricError
 from hric_experiments.sweep import table
@@ -30,11 +30,7 @@ TPE = {"sampler": {"kind": "tpe", "batch": 5}, "objective": {"maximise": "speed"
 
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    folder = tmp_path / "cluster"
-    folder.mkdir()
-    found = Cluster(folder)
-    yield found
-    found.close()
+    yield from started(tmp_path / "cluster")
 
 
 def sha256(folder: Path) -> str:
