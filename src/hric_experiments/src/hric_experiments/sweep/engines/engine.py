@@ -80,10 +80,10 @@ def arrived(queue: "SimpleQueue[T]", patience: float | None = None) -> list[T]:
     """
     try:
         found = [queue.get(timeout=patience)]
-        while not queue.empty():
-            found.append(queue.get_nowait())
     except Empty:
         return []
+    while not queue.empty():
+        found.append(queue.get_nowait())
     return found
 
 
