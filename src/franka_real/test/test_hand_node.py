@@ -1,7 +1,6 @@
 """The node `franka_gripper` on libfranka and an emulated control box, asked by actionlib's own clients."""
 
 import os
-import signal
 import subprocess
 import sys
 from contextlib import contextmanager
@@ -22,7 +21,7 @@ from franka_gripper.msg import (
     StopAction,
     StopGoal,
 )
-from hric_control.testing import ros, roscore
+from hric_control.testing import end_nodes, ros, roscore
 
 __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
@@ -43,12 +42,7 @@ def running(*arguments):
     try:
         yield process
     finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.communicate(timeout=LIMIT)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
+        end_nodes(process)
 
 
 def client(name, kind):

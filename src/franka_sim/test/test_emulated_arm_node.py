@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 
 import panda_description
 from hric_control.robot_time import stamps
-from hric_control.testing import ros, roscore
+from hric_control.testing import end_nodes, ros, roscore
 from hric_msgs.msg import ClockPair
 
 __all__ = ["ros", "roscore"]
@@ -60,8 +60,7 @@ class Node:
         return log_of(self.process)
 
     def close(self) -> None:
-        self.process.kill()
-        self.process.wait()
+        end_nodes(self.process)
         assert self.process.stderr is not None
         self.process.stderr.close()
 

@@ -22,7 +22,7 @@ from franka_gripper.msg import (
     StopAction,
     StopGoal,
 )
-from hric_control.testing import ros, roscore
+from hric_control.testing import end_nodes, ros, roscore
 
 __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
@@ -60,9 +60,7 @@ def node(ros):
 
     node = Node()
     yield node
-    if node.process.poll() is None:
-        node.process.kill()
-        node.process.communicate()
+    end_nodes(node.process)
 
 
 def sent(client, goal):

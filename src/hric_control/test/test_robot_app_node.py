@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from hric_control.testing import end_nodes
+
 pytestmark = pytest.mark.alone
 
 HERE = Path(__file__).parent
@@ -52,10 +54,7 @@ def start(ros, tmp_path):
         return processes[-1]
 
     yield launch
-    for process in processes:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
+    end_nodes(*processes)
 
 
 @contextlib.contextmanager

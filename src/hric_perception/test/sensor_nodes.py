@@ -13,6 +13,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from hric_control.robot_time import stamps
+from hric_control.testing import end_nodes
 from hric_msgs.msg import ClockPair, SampleChunk
 from hric_perception.chunk import Chunk, read_chunk
 
@@ -79,11 +80,8 @@ class Nodes:
 
     def close(self) -> None:
         """End them and show what they said."""
-        for process in self._running:
-            if process.poll() is None:
-                process.kill()
-            if process.stdout is not None and not process.stdout.closed:
-                print(process.args, process.communicate()[0])
+        for process, said in zip(self._running, end_nodes(*self._running), strict=True):
+            print(process.args, said)
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from hric_control.testing import free_port, ros, roscore
+from hric_control.testing import end_nodes, free_port, ros, roscore
 from hric_msgs.msg import MocapData
 
 __all__ = ["ros", "roscore"]
@@ -34,9 +34,7 @@ def process(path: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
     try:
         yield child
     finally:
-        if child.poll() is None:
-            child.kill()
-            child.communicate()
+        end_nodes(child)
 
 
 def wait(condition: Callable[[], bool]) -> None:

@@ -15,7 +15,7 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sync_sources import LIMIT, Feeder, listen, wait
 
-from hric_control.testing import ros, roscore
+from hric_control.testing import end_nodes, ros, roscore
 from hric_msgs.msg import SyncedSample, SyncLayout, SyncStatus
 
 __all__ = ["ros", "roscore"]
@@ -38,9 +38,7 @@ def node(plan: Any, *arguments: str, name: str = "synchronizer") -> Iterator[sub
     try:
         yield child
     finally:
-        if child.poll() is None:
-            child.kill()
-            child.communicate()
+        end_nodes(child)
 
 
 def test_samples_come_at_the_rate_with_their_layout_and_hold_the_time_of_their_stamps(ros: str) -> None:

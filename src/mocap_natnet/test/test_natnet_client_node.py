@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point, PoseStamped
 from std_srvs.srv import Trigger
 
-from hric_control.testing import free_port, ros, roscore
+from hric_control.testing import end_nodes, free_port, ros, roscore
 from hric_msgs.msg import MocapData
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -47,9 +47,7 @@ def ports() -> tuple[int, int]:
 def node(ros: str, ports: tuple[int, int]) -> Iterator[subprocess.Popen[str]]:
     process = start(f"_command_port:={ports[0]}", f"_data_port:={ports[1]}", "_local:=127.0.0.1", "_take:=run_7")
     yield process
-    if process.poll() is None:
-        process.kill()
-        process.communicate()
+    end_nodes(process)
 
 
 def wait(condition: Callable[[], bool]) -> None:

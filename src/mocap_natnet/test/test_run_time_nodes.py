@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Log
 from std_msgs.msg import String
 
 from hric_control.robot_time import stamps
-from hric_control.testing import free_port, ros, roscore
+from hric_control.testing import end_nodes, free_port, ros, roscore
 from hric_msgs.msg import ClockPair, MocapData
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -95,10 +95,7 @@ def _started(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], subproces
         "emulated_motive", "--transport", "unicast", "--command-port", command, "--data-port", data, *arguments
     )
     yield client, motive
-    for process in (client, motive):
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
+    end_nodes(client, motive)
 
 
 def _start(name: str, *arguments: str) -> subprocess.Popen[str]:

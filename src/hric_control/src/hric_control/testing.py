@@ -6,11 +6,13 @@ import functools
 import os
 import random
 import shutil
+import signal
 import socket
 import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -18,6 +20,8 @@ from hric_control.processes import end_process
 
 START_TIMEOUT = 20.0
 """How long a roscore may take to respond on a busy machine [s]."""
+END_TIMEOUT = 30.0
+"""How long nodes may take to end on a busy machine [s]."""
 
 
 PORTS = range(20_000, 32_000)
@@ -84,3 +88,24 @@ def ros(roscore: str) -> Iterator[str]:
     if not rospy.core.is_initialized():
         rospy.init_node("pytest", anonymous=True, disable_signals=True)
     yield rospy.get_name()
+
+
+def end_nodes(*processes: subprocess.Popen[Any]) -> list[Any]:
+    """Interrupt those that still run, and kill what lasts. A node that is killed stays known to the master, which asks
+    whoever has its port by then to shut down as soon as a node of its name comes again.
+
+    Returns:
+        what each wrote that was not read yet; None for one whose output goes elsewhere.
+    """
+    for process in processes:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+    return [_last_words(process) for process in processes]
+
+
+def _last_words(process: subprocess.Popen[Any]) -> Any:
+    try:
+        return process.communicate(timeout=END_TIMEOUT)[0]
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.communicate()[0]
