@@ -91,8 +91,8 @@ def ros(roscore: str) -> Iterator[str]:
 
 
 def end_nodes(*processes: subprocess.Popen[Any]) -> list[Any]:
-    """Interrupt those that still run, and kill what lasts. A node that is killed stays known to the master, which asks
-    whoever has its port by then to shut down as soon as a node of its name comes again.
+    """Interrupt those that still run, and kill what lasts. A node that is killed stays known to the master, which has
+    whoever owns its port by then shut down as soon as a node of its name comes again.
 
     Returns:
         what each wrote that was not read yet; None for one whose output goes elsewhere.
