@@ -27,7 +27,7 @@ class Source:
 
     def __init__(self) -> None:
         self.sent = 0
-        self._counter = rospy.Publisher("/recorder_test/counter", UInt32, queue_size=100)
+        self._counter = rospy.Publisher("/recorder_test/counter", UInt32, queue_size=10_000)
         self._latched = rospy.Publisher("/recorder_test/layout", String, queue_size=1, latch=True)
         self._latched.publish(String("x y z"))
         self._stop = threading.Event()
