@@ -45,5 +45,5 @@ def test_the_hand_of_the_control_box_through_libfranka(start: Callable[..., Live
         system = start("env:=real", f"robot_ip:={ip}", "rviz:=false", "record:=false")
         system.wait_running("joint_pd_controller")
         check(system)
-        assert system.interrupt() < 6.0
+        system.interrupt()
         assert "Traceback" not in system.output

@@ -4,7 +4,6 @@ errors, control loop, hand."""
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +26,7 @@ else:
     import pylibfranka as franka
 robot = franka.Robot(sys.argv[1], franka.RealtimeConfig.kIgnore)
 """
+CONNECTED = 'print("connected", flush=True)\n'
 READ = (
     CONNECT
     + """
@@ -72,6 +72,8 @@ for _ in range(2):
 print(json.dumps([count, min(rates)]))
 """,
 }
+APPENDED = "rates.append(state.control_command_success_rate)"
+RUNS = '; len(rates) == 100 and print("runs", flush=True)'
 THROW = {
     5: CONNECT
     + """
@@ -155,10 +157,12 @@ def test_libfranka_names_the_versions_when_they_differ() -> None:
 def test_libfranka_says_that_a_second_client_is_turned_away() -> None:
     with (
         control_box("--constant") as (ip, _),
-        subprocess.Popen([sys.executable, "-c", CONNECT + "time.sleep(30)", ip, "5"]) as first,
+        subprocess.Popen(
+            [sys.executable, "-c", f"{CONNECT}{CONNECTED}time.sleep(60)", ip, "5"], stdout=subprocess.PIPE, text=True
+        ) as first,
     ):
         try:
-            time.sleep(1.0)
+            assert first.stdout is not None and first.stdout.readline() == "connected\n"
             with pytest.raises(AssertionError, match=r"TCP|connection"):
                 run_client(CONNECT, ip, "5", limit=20.0)
         finally:
@@ -167,14 +171,18 @@ def test_libfranka_says_that_a_second_client_is_turned_away() -> None:
 
 @VERSIONS
 def test_a_server_that_is_killed_ends_the_control_loop_of_the_client(version: int) -> None:
-    script = TORQUE[version].replace("2000", "200000000")
+    script = TORQUE[version].replace("2000", "200000000").replace(APPENDED, APPENDED + RUNS)
     with control_box("--constant", "--robot", "panda" if version == 5 else "fr3") as (ip, process):
-        client = subprocess.Popen([sys.executable, "-c", script, ip, str(version)], stderr=subprocess.PIPE, text=True)
-        time.sleep(1.5)
-        assert client.poll() is None, "the control loop did not run"
+        client = subprocess.Popen(
+            [sys.executable, "-c", script, ip, str(version)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert client.stdout is not None and client.stdout.readline() == "runs\n"
         process.kill()
         try:
-            _, text = client.communicate(timeout=2.0 + 1.0)  # libfranka's own time-out is 1 s
+            _, text = client.communicate(timeout=30.0)
         finally:
             client.kill()
     assert client.returncode != 0 and ("UDP" in text or "TCP" in text or "connection" in text.lower()), text

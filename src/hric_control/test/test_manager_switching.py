@@ -233,7 +233,7 @@ def switch_in_thread(rig, **arguments: object) -> tuple[threading.Thread, list[E
     rig.manager.loop_running = True
     thread = threading.Thread(target=call)
     thread.start()
-    while not rig.manager._loop._switching:
+    while not rig.manager._loop._switching and thread.is_alive():
         time.sleep(1e-4)
     return thread, errors
 
@@ -302,7 +302,7 @@ def test_a_robot_that_fails_to_switch_aborts_the_start_with_its_reason(rig) -> N
 def test_a_loop_that_stops_while_the_robot_switches_ends_the_wait(rig) -> None:
     rig.load("left", "right")
     rig.cycle()
-    rig.hw.ready, rig.manager.loop_timeout = False, 0.05
+    rig.hw.ready, rig.manager.loop_timeout = False, 1.0
     thread, errors = switch_in_thread(rig)
     rig.cycle(2)
     thread.join(30.0)

@@ -51,7 +51,7 @@ def begin(*command: str) -> subprocess.Popen[str]:
 def end(process: subprocess.Popen[str]) -> tuple[int, str]:
     process.send_signal(signal.SIGINT)
     try:
-        output, _ = process.communicate(timeout=10)
+        output, _ = process.communicate(timeout=30)
     except subprocess.TimeoutExpired:
         process.kill()
         raise
@@ -278,7 +278,7 @@ def test_a_spawner_ended_in_the_middle_of_a_load_leaves_nothing_loaded() -> None
 def test_a_switch_while_the_loop_is_paused_is_refused_and_not_made_later(client: ManagerClient) -> None:
     client.load("left")
     rospy.set_param("/paused", True)
-    time.sleep(0.3)
+    time.sleep(1.0)
     assert not call("switch_controller", SwitchController, start_controllers=["left"], strictness=2).ok
     rospy.set_param("/paused", False)
     time.sleep(0.3)

@@ -9,7 +9,7 @@ import pytest
 from cost_ratio import cost_ratio
 from std_msgs.msg import Float64
 
-from hric_control import realtime
+from hric_control import publishing, realtime
 from hric_control.local.node import LocalNode
 from hric_control.publishing import OnError, Parcel, PublishThread
 
@@ -156,7 +156,7 @@ def test_behind_a_slow_subscriber_the_newest_win_and_the_drops_are_counted_and_t
     publisher = realtime.RealtimePublisher(sink, "/x", report=told.append, thread=thread)
     sink.hold()
     publisher.publish(lambda: "first")
-    time.sleep(0.05)
+    assert within(30.0, lambda: sink.writes == 1)
     for i in range(300):
         publisher.publish(lambda i=i: i)
     assert publisher.dropped == 300 - realtime.LAGGING_LIMIT
@@ -243,7 +243,10 @@ def test_of_messages_that_only_matter_now_the_newest_alone_is_sent_and_nothing_i
     assert (sink.sent, told) == ([4], [])
 
 
-def test_between_two_hand_overs_messages_wait_and_when_none_comes_they_are_sent(thread: PublishThread) -> None:
+def test_between_two_hand_overs_messages_wait_and_when_none_comes_they_are_sent(
+    thread: PublishThread, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(publishing, "PATIENCE", 3.0)
     sink = Sink()
     publisher = realtime.RealtimePublisher(sink, "/x", thread=thread)
     assert thread.hand_over(1.0)

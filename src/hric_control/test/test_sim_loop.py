@@ -88,8 +88,9 @@ def test_a_paced_loop_keeps_the_wall_clock_and_a_factor_scales_it():
         begin = time.perf_counter()
         runner = Runner(loop, until=n)
         loop.run(runner.cycle)
-        assert time.perf_counter() - begin == pytest.approx(n * 0.001 / factor, rel=0.3)
-        assert loop.stats.rtf == pytest.approx(factor, rel=0.3)
+        nominal = n * 0.001 / factor  # and more where the machine is busy; never less
+        assert 0.9 * nominal < time.perf_counter() - begin < 3.0 * nominal
+        assert factor / 3.0 < loop.stats.rtf < 1.1 * factor
 
 
 def test_a_cycle_that_was_late_is_caught_up_and_a_long_stall_is_not():
@@ -116,8 +117,7 @@ def test_while_paused_time_stands_and_requests_are_served_in_the_loop():
     loop = SimLoop(0.001, 0.0)
     with Runner(loop) as runner:
         loop.pause()
-        time.sleep(0.02)
-        before = loop.time
+        before = loop.request(lambda: loop.time)
         assert loop.request(threading.get_ident) == runner.thread.ident
         time.sleep(0.02)
         assert loop.time == before

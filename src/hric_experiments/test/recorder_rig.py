@@ -90,7 +90,7 @@ class Node:
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGINT)
         try:
-            return self.process.communicate(timeout=10)[0]
+            return self.process.communicate(timeout=30)[0]
         except subprocess.TimeoutExpired:
             os.killpg(self.process.pid, signal.SIGKILL)
             raise

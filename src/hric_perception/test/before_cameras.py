@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from sensor_msgs.msg import JointState
-from sensor_nodes import Nodes, TellsTime
+from sensor_nodes import Nodes, TellsTime, wait
 
 from hric_control.robot_time import stamps
 from hric_control.testing import free_port
@@ -23,6 +23,8 @@ SETTINGS = HumanSettings.of(SOMEBODY, "human")
 BODY = describe(SETTINGS.person)
 PERIOD = 0.005
 FRAME_RATE = 120.0
+BODY_OF_PERSON = "/hric/person/robot_description"
+"""Set by the node `person` when it is about to look."""
 
 
 def text_of(value: Any) -> str:
@@ -102,10 +104,17 @@ def processor_time(pid: int) -> float:
 
 
 def begin(nodes: Nodes, *arguments: str, **stream_keys: Any) -> Any:
-    """Motive with further keys of its stream, its client, and the node with its arguments."""
+    """Motive with further keys of its stream, its client, and the node with its arguments, which is there before the
+    stream begins."""
+    import rospy
+
     ports = {"command_port": free_port(), "data_port": free_port()}
     stream = text_of({"transport": "unicast", "rate": FRAME_RATE, "marker_noise": 5e-4, **ports, **stream_keys})
-    nodes.start("emulated_human", "_human:={program: body}", f"_stream:={stream}", f"_person:={text_of(SOMEBODY)}")
     client = [f"_{name}:={port}" for name, port in ports.items()]
     nodes.start(CLIENT, "__name:=natnet_client", *client, "_local:=127.0.0.1", "_base_frame:=panda_link0")
-    return nodes.start("person", "_asset:=body", *arguments)
+    if rospy.has_param(BODY_OF_PERSON):  # of a test before
+        rospy.delete_param(BODY_OF_PERSON)
+    person = nodes.start("person", "_asset:=body", *arguments)
+    wait(lambda: rospy.has_param(BODY_OF_PERSON))
+    nodes.start("emulated_human", "_human:={program: body}", f"_stream:={stream}", f"_person:={text_of(SOMEBODY)}")
+    return person

@@ -44,6 +44,8 @@ class Feeder:
     def feed(self, seconds: float, chunks: bool = True, shift: float = 0.0) -> None:
         """100 messages per second of each; without chunks, one of the sources is silent; its stamps are wrong by the
         shift [s]."""
+        if not self._sent:  # else all that a node's start took would be sent at once
+            self.begin = time.time()
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             stamp = self.begin + 0.01 * self._sent

@@ -54,7 +54,7 @@ def test_frames_come_at_the_pace_of_the_run_and_their_ticks_give_when_that_was()
     ):
         _wait(lambda: len(frames) > 200)
         run.pace = 0.0
-        time.sleep(0.2)
+        time.sleep(1.0)
         stood, echoes = len(frames), client.session.last_response
         time.sleep(0.3)
         assert len(frames) == stood, "a paused run has no frames"
