@@ -22,6 +22,7 @@ from hric_control.errors import HricError
 from hric_experiments.sweep import table
 from hric_experiments.sweep.engines import dask_engine
 from hric_experiments.sweep.engines.dask_engine import CHUNK, DaskEngine
+from hric_experiments.sweep.engines.engine import Lost
 
 pytestmark = pytest.mark.alone
 RUNS = 5 * CHUNK + 7
@@ -100,6 +101,19 @@ def test_the_table_is_the_same_after_kill_9_at_random_moments(
             cluster.workers = [cluster.start_worker(), cluster.start_worker()]
             sweeps.sweep(own, "--resume", folder, "--dask", cluster.address)
         assert sha256(folder) == expected
+
+
+def test_a_client_that_gave_the_scheduler_up_says_that_it_is_lost_whatever_it_fails_by(cluster: Cluster) -> None:
+    cluster.start_worker()
+    engine = DaskEngine(cluster.address, 4e9)
+    chunk = engine._client.submit(len, "abc")
+    chunk.result()
+    cluster.scheduler.kill()
+    until(lambda: engine._client.status == "closed")
+    (carried,) = engine._fetched([chunk])
+    with pytest.raises(Lost, match=r"the Dask scheduler at tcp://.* is lost"):
+        engine._outcomes(chunk, carried, 1)
+    engine.close(now=True)
 
 
 @pytest.mark.slow  # a run hangs three times

@@ -166,7 +166,7 @@ class DaskEngine:
         """Raises Lost, Differs; and HricError: a worker that cannot even begin."""
         if carried is None and done.status == "error":
             return [self._about(done.exception())] * count
-        if carried is None or isinstance(carried, self._distributed.client.FutureCancelledError | OSError):
+        if carried is None or self._says_lost(carried):
             self._lost = f"the Dask scheduler at {self._address} is lost: it ended, or cannot be reached any more"
             raise Lost(self._lost)
         if isinstance(carried, BaseException):
@@ -175,6 +175,12 @@ class DaskEngine:
             raise Differs(f"worker {carried.worker}, which joined later, differs: {carried.differs}")
         self._known.add(carried.worker)
         return carried.outcomes
+
+    def _says_lost(self, carried: chunks.Carried | BaseException) -> bool:
+        """A client that gave the scheduler up fails in whatever it was at, by errors of any type."""
+        if isinstance(carried, self._distributed.client.FutureCancelledError | OSError):
+            return True
+        return isinstance(carried, Exception) and self._client.status != "running"
 
     def _about(self, error: BaseException) -> HricError:
         if isinstance(error, self._distributed.scheduler.KilledWorker):
