@@ -26,7 +26,6 @@ else:
     import pylibfranka as franka
 robot = franka.Robot(sys.argv[1], franka.RealtimeConfig.kIgnore)
 """
-CONNECTED = 'print("connected", flush=True)\n'
 READ = (
     CONNECT
     + """
@@ -72,6 +71,7 @@ for _ in range(2):
 print(json.dumps([count, min(rates)]))
 """,
 }
+STAYS = CONNECT + 'print("connected", flush=True); time.sleep(60)'
 APPENDED = "rates.append(state.control_command_success_rate)"
 RUNS = '; len(rates) == 100 and print("runs", flush=True)'
 THROW = {
@@ -157,9 +157,7 @@ def test_libfranka_names_the_versions_when_they_differ() -> None:
 def test_libfranka_says_that_a_second_client_is_turned_away() -> None:
     with (
         control_box("--constant") as (ip, _),
-        subprocess.Popen(
-            [sys.executable, "-c", f"{CONNECT}{CONNECTED}time.sleep(60)", ip, "5"], stdout=subprocess.PIPE, text=True
-        ) as first,
+        subprocess.Popen([sys.executable, "-c", STAYS, ip, "5"], stdout=subprocess.PIPE, text=True) as first,
     ):
         try:
             assert first.stdout is not None and first.stdout.readline() == "connected\n"
@@ -179,9 +177,9 @@ def test_a_server_that_is_killed_ends_the_control_loop_of_the_client(version: in
             stderr=subprocess.PIPE,
             text=True,
         )
-        assert client.stdout is not None and client.stdout.readline() == "runs\n"
-        process.kill()
         try:
+            assert client.stdout is not None and client.stdout.readline() == "runs\n"
+            process.kill()
             _, text = client.communicate(timeout=30.0)
         finally:
             client.kill()

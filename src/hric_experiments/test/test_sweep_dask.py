@@ -106,14 +106,18 @@ def test_the_table_is_the_same_after_kill_9_at_random_moments(
 def test_a_client_that_gave_the_scheduler_up_says_that_it_is_lost_whatever_it_fails_by(cluster: Cluster) -> None:
     cluster.start_worker()
     engine = DaskEngine(cluster.address, 4e9)
-    chunk = engine._client.submit(len, "abc")
-    chunk.result()
-    cluster.scheduler.kill()
-    until(lambda: engine._client.status == "closed")
-    (carried,) = engine._fetched([chunk])
-    with pytest.raises(Lost, match=r"the Dask scheduler at tcp://.* is lost"):
-        engine._outcomes(chunk, carried, 1)
-    engine.close(now=True)
+    try:
+        chunk = engine._client.submit(len, "abc")
+        chunk.result()
+        cluster.scheduler.kill()
+        until(lambda: engine._client.status == "closed")
+        (carried,) = engine._fetched([chunk])
+        with pytest.raises(Lost, match=r"the Dask scheduler at tcp://.* is lost"):
+            engine._outcomes(chunk, carried, 1)
+        with pytest.raises(HricError, match=r"at tcp://.* was lost during the handshake; valid: start it again"):
+            engine.check({})
+    finally:
+        engine.close(now=True)
 
 
 @pytest.mark.slow  # a run hangs three times

@@ -197,8 +197,30 @@ class DaskEngine:
     # -- handshake -----------------------------------------------------------------------------------------------------
 
     def check(self, reference: Task) -> Response:
-        """All workers carry the reference run out; one that joins later does before its first chunk."""
+        """All workers carry the reference run out; one that joins later does before its first chunk.
+
+        Raises:
+            Differs: as in `Engine`.
+            HricError: the scheduler is lost meanwhile.
+        """
         handshake = chunks.Handshake(uuid.uuid4().hex, self._memory, reference)
+        try:
+            found = self._reference_runs(handshake)
+        except HricError:
+            raise
+        except Exception as error:
+            if not self._says_lost(error):
+                raise
+            raise self._lost_in_handshake() from error
+        own = same(found.items(), {**_usual(found), "code": runs.code_version()})
+        self._handshake = chunks.Handshake(handshake.session, self._memory, reference, own)
+        return own
+
+    def _lost_in_handshake(self) -> HricError:
+        return HricError(f"the Dask scheduler at {self._address} was lost during the handshake; valid: start it again")
+
+    def _reference_runs(self, handshake: chunks.Handshake) -> dict[str, Response]:
+        """Responses of all workers by name. Raises Differs, HricError."""
         self._known = set(self._client.nthreads())
         packed = pickle.dumps(handshake)
         asked = {
@@ -219,16 +241,12 @@ class DaskEngine:
             elif future.status == "pending":
                 told.append(f"{address}: no response within {STARTING:g} s")
             elif future.status != "finished":
-                raise HricError(
-                    f"the Dask scheduler at {self._address} was lost during the handshake; valid: start it again"
-                )
+                raise self._lost_in_handshake()
         if told:
             raise Differs(
                 "\n  ".join(["workers cannot carry the reference run out:", *told, f"valid: {self._start()}"])
             )
-        own = same(found.items(), {**_usual(found), "code": runs.code_version()})
-        self._handshake = chunks.Handshake(handshake.session, self._memory, reference, own)
-        return own
+        return found
 
     def close(self, *, now: bool) -> None:
         """Leave the cluster, and end it if it is this machine's; `now`: nobody waits for what is open."""
