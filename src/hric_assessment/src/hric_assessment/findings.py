@@ -1,9 +1,10 @@
-"""What is found of a run, and how it is said."""
+"""Findings: one statement about a limit, with the numbers and the evidence that carry it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from hric_assessment.evidence import Evidence
 from hric_control.errors import HricError
 
 DISCLAIMER = (
@@ -14,7 +15,7 @@ DISCLAIMER = (
 
 
 class Outcome(StrEnum):
-    """Of a finding."""
+    """Result of a finding. Within limits is a statement that the evidence carries; what is not known never is."""
 
     WITHIN = "within limits"
     WARNING = "warning"
@@ -28,21 +29,24 @@ class NotAssessableError(HricError):
 
 @dataclass(frozen=True)
 class Finding:
-    """What is found.
+    """A statement about one limit.
 
     Attributes:
-        subject: what it is about.
-        outcome: never WITHIN where anything that a limit needs is not known.
-        reason: of the outcome, a sentence.
-        table: title and edition of what it was held against.
-        share: largest value over its limit [1]; None: no value could be held against a limit.
-        values: the basis of it, by name and unit; None: not known.
-        window: of the run that it is about, begin and end, robot time [s].
-        signals: that the values come from.
+        subject: what the statement is about.
+        outcome: never WITHIN where anything that the limit needs is not known.
+        reason: why the outcome is what it is, one sentence.
+        table: title and edition of the limits.
+        share: largest value over its limit [1]; None: no value could be compared with a limit.
+        values: numbers behind the outcome, by name and unit; None: not known.
+        window: begin and end of the time that the finding covers, robot time [s].
+        signals: topics that the values come from.
         missing: what would be needed to say more.
-        notes: what a reader must know of the values: how they were made, marks of the limits.
-        group: of findings, in a verdict.
-        regions: of ISO/TS 15066 that it is about.
+        notes: how the values were made; marks of the limits.
+        group: part of the verdict: contact, separation, posture, lift.
+        regions: of ISO/TS 15066.
+        evidence: how much of the window is known; None: the finding has no signal over time.
+        remedy: command, option or topic that would make a finding assessable; empty: it is.
+        person: namespace of the person; empty: there is one person only.
     """
 
     subject: str
@@ -57,8 +61,12 @@ class Finding:
     notes: tuple[str, ...] = ()
     group: str = ""
     regions: tuple[str, ...] = ()
+    evidence: Evidence | None = None
+    remedy: str = ""
+    person: str = ""
 
     def __str__(self) -> str:
         share = "" if self.share is None else f" ({100.0 * self.share:.0f} % of the limit)"
         when = "" if self.window is None else f" from {self.window[0]:.3f} to {self.window[1]:.3f} s"
-        return f"{self.subject}{when}: {self.outcome}{share}: {self.reason} [{self.table}]\n  {DISCLAIMER}"
+        who = f"{self.person}: " if self.person else ""
+        return f"{who}{self.subject}{when}: {self.outcome}{share}: {self.reason} [{self.table}]"

@@ -92,6 +92,7 @@ class VerdictTable(ValueTable):
     lasting: Value = section(Value)
     angle: Value = section(Value)
     known: Value = section(Value)
+    max_gap: Value = section(Value)
     lift: Value = section(Value)
     moving: Value = section(Value)
     reaction_time: Value = section(Value)

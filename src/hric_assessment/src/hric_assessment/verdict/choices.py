@@ -1,8 +1,9 @@
-"""What whoever assesses chooses."""
+"""Choices of the user of a verdict."""
 
 from dataclasses import dataclass, field
 
 from hric_assessment.contact.limits import Limits
+from hric_assessment.ergonomics import rula
 from hric_assessment.separation.protective import Stop
 from hric_assessment.separation.stopping import StopTable
 from hric_assessment.tables import limit_table, verdict_table
@@ -47,14 +48,17 @@ class Braking:
 
 @dataclass(frozen=True)
 class Choices:
-    """Beside the recording.
+    """What the user of the verdict chooses.
 
     Attributes:
-        limits: that contacts are held against.
+        limits: of contacts.
         braking: of the arm.
-        contact_area: over which contacts act, the smaller of the robot's and the body's [m^2]; None: not known.
+        contact_area: area over which contacts act, the smaller of the robot's and the body's [m^2]; None: not known.
+            Where a contact has an area of its own in the recording, the smaller of the two counts.
+        rula_table: version of RULA's table A, one of `hric_assessment.ergonomics.rula.VERSIONS`.
     """
 
     limits: Limits = field(default_factory=lambda: Limits(limit_table()))
     braking: Braking = field(default_factory=Braking)
     contact_area: float | None = None
+    rula_table: str = rula.VERSIONS[0]
