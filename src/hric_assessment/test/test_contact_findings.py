@@ -277,15 +277,14 @@ def test_a_contact_of_a_simulated_body_says_where_it_is() -> None:
     assert Where.of(middle) == Where(("chest", "abdomen"), ROBOT, "rigid", None, None, None)
 
 
-def test_a_finding_names_its_table_window_and_marks_and_says_what_it_is_not() -> None:
+def test_a_finding_names_its_table_window_and_marks_and_the_disclaimer_what_it_is_not() -> None:
     finding = assess(hit(100.0), where(("chest",), contact_area=LARGE), ISO)
     assert finding.table == "ISO/TS 15066:2016, Annex A (2016, as carried into ISO 10218-2:2025)"
     assert finding.window == pytest.approx((0.201, 0.219), abs=1.1e-3)
     assert "limit of the pressure, chest: sternum: confirmed twice (S1, S2)" in finding.notes
-    first, second = str(finding).splitlines()
+    first = str(finding)
     assert first.startswith(f"contact of {ROBOT} with chest from 0.2")
     assert " s: within limits (36 % of the limit): transient force 100.0 of 280.0 N (chest) [ISO/TS 15066" in first
-    assert second.strip() == DISCLAIMER
     for words in (
         "ISO 12100",
         "proof of conformity",

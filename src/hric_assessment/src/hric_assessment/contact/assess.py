@@ -1,8 +1,8 @@
-"""Whether a contact was within what a person bears: one finding for each episode.
+"""One contact of a person held against the limits of its region.
 
 The rules, before all numbers: a force between rigid surfaces is not assessed; no contact with head or face is within
-limits; and without the contact's area a force can be above its limit, but a contact is never within, since the pressure
-is not known.
+limits; without the contact's area a force can be above its limit, but a contact is never within, since the pressure is
+not known; and what is not known of a contact keeps it from being within, never from being above.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,18 +16,19 @@ from hric_assessment.tables import UNITS
 from hric_human.contact import RegionContact
 
 FORCE_ONLY = "force within limit, pressure not assessable"
+NO_AREA = "state the contact's area: --contact-area M2, or the area of each contact in the recording"
 
 
 @dataclass(frozen=True)
 class Where:
-    """Between whom a contact was.
+    """The two bodies of a contact.
 
     Attributes:
-        regions: of the body that may have been met; empty: the link has none.
+        regions: of the person that may have been met; empty: the link has none.
         other: what met it.
         kind: of contact; forces of "penalty" alone are assessed.
         area: of the body, one of the table's; None: not known.
-        dominant: whether it is on the side of the dominant hand; None: not known.
+        dominant: True on the side of the dominant hand; None: not known.
         contact_area: over which the force acts, the smaller of the robot's and the body's [m^2]; None: not known.
     """
 
@@ -40,7 +41,7 @@ class Where:
 
     @classmethod
     def of(cls, contact: RegionContact) -> "Where":
-        """Of a contact of a simulated body."""
+        """Return the place of a contact of a simulated body."""
         sides = {region.dominant for region in contact.regions}
         dominant = sides.pop() if len(sides) == 1 else None
         names = tuple(region.name for region in contact.regions)
@@ -48,7 +49,7 @@ class Where:
 
     @property
     def subject(self) -> str:
-        """For findings."""
+        """Subject of findings."""
         return f"contact of {self.other} with {' or '.join(self.regions) or 'a link without a region'}"
 
 
@@ -58,7 +59,7 @@ class Share:
 
     Attributes:
         quantity: for findings.
-        value, limit: [N] or [Pa].
+        value, limit: [N], [Pa] or [m/s].
         label: of the limit, for findings.
         unit, scale: in which findings show it.
     """
@@ -72,22 +73,70 @@ class Share:
 
     @property
     def ratio(self) -> float:
-        """[1]."""
+        """Value over limit [1]."""
         return self.value / self.limit
 
     def __str__(self) -> str:
-        shown = f"{self.value * self.scale:.1f} of {self.limit * self.scale:.1f} {self.unit}"
+        digits = 3 if self.unit == "m/s" else 1
+        shown = f"{self.value * self.scale:.{digits}f} of {self.limit * self.scale:.{digits}f} {self.unit}"
         return f"{self.quantity} {shown} ({self.label})"
 
 
-def assess(episode: Episode | None, where: Where, limits: Limits, signals: Sequence[str] = ()) -> Finding:
-    """One finding.
+@dataclass(frozen=True)
+class Approach:
+    """The speed at which both met, for the standard's body: its mass and its spring in place of the simulated ones.
+
+    Attributes:
+        speed: along the normal [m/s].
+        permitted: by ISO/TS 15066, Annex A, for the heavier of the robot's masses [m/s].
+        label: masses and region that it follows from.
+        exact: False: the robot's mass is not known, and `permitted` is that of an infinitely heavy one.
+    """
+
+    speed: float
+    permitted: float
+    label: str
+    exact: bool
+
+    @property
+    def share(self) -> Share:
+        """Speed over the permitted one."""
+        return Share("speed of approach", self.speed, self.permitted, self.label, "m/s", 1.0)
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """What is not known of a contact.
+
+    Attributes:
+        doubts: clauses; each keeps a contact from being within limits.
+        peak: largest force that its held part may have had where no sample says it [N]; None: all samples are there.
+    """
+
+    doubts: tuple[str, ...] = ()
+    peak: float | None = None
+
+
+ALL_KNOWN = Unknown()
+
+
+def assess(
+    episode: Episode | None,
+    where: Where,
+    limits: Limits,
+    signals: Sequence[str] = (),
+    unknown: Unknown = ALL_KNOWN,
+    approach: Approach | None = None,
+) -> Finding:
+    """Return the finding of one contact.
 
     Args:
-        episode: of that contact; None: its force is not known, as that of a rigid one.
-        where: between whom.
-        limits: what it is held against.
-        signals: that the episode comes from, for the finding.
+        episode: force over time; None: the force is not known, as that of a rigid contact.
+        where: the two bodies.
+        limits: of the person.
+        signals: topics that the episode comes from, for the finding.
+        unknown: what is not known of the contact.
+        approach: speed at which they met; None: it is not to be judged.
 
     Raises:
         HricError: a region or an area that does not exist, or an area of contact that is not positive.
@@ -95,7 +144,7 @@ def assess(episode: Episode | None, where: Where, limits: Limits, signals: Seque
     if where.contact_area is not None:
         check_positive("contact_area", where.contact_area, "m^2")
     limit = limits.at(where.regions, where.area, where.dominant)
-    outcome, reason, shares = _judged(episode, where, limit, limits)
+    outcome, reason, shares = _judged(episode, where, limit, limits, unknown, approach)
     values = _values(episode, where, limit) if where.kind == PENALTY else {}
     window = None if episode is None else (episode.whole.begin, episode.whole.end)
     notes = () if episode is None or where.kind != PENALTY else episode.notes
@@ -109,59 +158,91 @@ def assess(episode: Episode | None, where: Where, limits: Limits, signals: Seque
         window,
         tuple(signals),
         _missing(episode, where),
-        (*notes, *_marks(limit)),
+        (*notes, *unknown.doubts, *_marks(limit)),
+        remedy=NO_AREA if reason.startswith(FORCE_ONLY) else "",
     )
 
 
 def _missing(episode: Episode | None, where: Where) -> tuple[str, ...]:
-    found = {
+    lacks = {
         "a force of penalty contact": episode is None or where.kind != PENALTY,
         "the contact's area": where.contact_area is None,
         "the area of the body": where.area is None,
     }
-    return tuple(name for name, missing in found.items() if missing)
+    return tuple(name for name, missing in lacks.items() if missing)
 
 
 def _judged(
-    episode: Episode | None, where: Where, limit: Limit | None, limits: Limits
+    episode: Episode | None,
+    where: Where,
+    limit: Limit | None,
+    limits: Limits,
+    unknown: Unknown,
+    approach: Approach | None,
 ) -> tuple[Outcome, str, list[Share]]:
+    shares = _shares(episode, where, limit) if episode and limit and where.kind == PENALTY else []
+    if approach is not None and approach.exact and where.kind == PENALTY:
+        shares.append(approach.share)
     if any(region in NOT_PERMITTED for region in where.regions):
         known = "" if len(where.regions) == 1 else ", and which of these was met is not known"
-        shares = _shares(episode, where, limit) if episode and limit and where.kind == PENALTY else []
         return Outcome.ABOVE, f"no contact with {' or '.join(NOT_PERMITTED)} is within limits{known}", shares
     if where.kind != PENALTY:
         return Outcome.NOT_ASSESSABLE, refusal(where.kind), []
     if limit is None:
         return Outcome.NOT_ASSESSABLE, f"{limits.table.title} has no limit there", []
-    if episode is None:
-        return Outcome.NOT_ASSESSABLE, "the force is not known", []
-    shares = _shares(episode, where, limit)
-    largest = max(shares, key=lambda share: share.ratio)
-    if largest.ratio > 1.0:
+    largest = max(shares, key=lambda share: share.ratio, default=None)
+    if largest is not None and largest.ratio > 1.0:
         return Outcome.ABOVE, str(largest), shares
-    if limit.missing:
-        reason = f"{limits.table.title} has no {' and no '.join(limit.missing)}"
-        return Outcome.NOT_ASSESSABLE, f"{reason}; {largest}", shares
-    if where.contact_area is None:
-        return Outcome.NOT_ASSESSABLE, f"{FORCE_ONLY}: the contact's area is not known; {largest}", shares
+    if why := _unproven(episode, where, limit, limits, unknown, approach):
+        return Outcome.NOT_ASSESSABLE, why if largest is None else f"{why}; {largest}", shares
     return Outcome.WITHIN, str(largest), shares
 
 
+def _unproven(
+    episode: Episode | None,
+    where: Where,
+    limit: Limit,
+    limits: Limits,
+    unknown: Unknown,
+    approach: Approach | None,
+) -> str:
+    """Why a contact below its limits is not known to be within them; empty: it is."""
+    if unknown.doubts:
+        return "; ".join(unknown.doubts)
+    if episode is None:
+        return "the force is not known"
+    if limit.missing:
+        return f"{limits.table.title} has no {' and no '.join(limit.missing)}"
+    if where.contact_area is None:
+        return f"{FORCE_ONLY}: the contact's area is not known"
+    if unknown.peak is not None:
+        held = [share for share in _of_pair(0.0, unknown.peak, where.contact_area, limit) if share.value > 0.0]
+        if max(share.ratio for share in held) > 1.0:
+            return f"the force is not known for a part of the time, and may have been {unknown.peak:.1f} N there"
+    if approach is not None and approach.speed > approach.permitted:
+        return f"{approach.share}, and the robot's mass there is not known"
+    return ""
+
+
 def _shares(episode: Episode, where: Where, limit: Limit) -> list[Share]:
-    """All values that have a limit; a transient without one is held against the quasi-static one, for information."""
-    found = _of_pair("force", episode, 1.0, limit.force, "N", 1.0)
-    if where.contact_area is not None and limit.pressure is not None:
-        shown = "N/cm^2", 1.0 / UNITS["pressure"]
-        found += _of_pair("mean pressure", episode, where.contact_area, limit.pressure, *shown)
+    """Return all values that have a limit; a transient without one is held against the quasi-static one."""
+    held = None if episode.quasi_static is None else episode.quasi_static.peak
+    return _of_pair(episode.transient.peak, held, where.contact_area, limit)
+
+
+def _of_pair(peak: float, held: float | None, area: float | None, limit: Limit) -> list[Share]:
+    found = _pair("force", peak, held, limit.force, "N", 1.0)
+    if area is not None and limit.pressure is not None:
+        over_area = None if held is None else held / area
+        found += _pair("mean pressure", peak / area, over_area, limit.pressure, "N/cm^2", 1.0 / UNITS["pressure"])
     return found
 
 
-def _of_pair(name: str, episode: Episode, area: float, pair: Pair, unit: str, scale: float) -> list[Share]:
+def _pair(name: str, peak: float, held: float | None, pair: Pair, unit: str, scale: float) -> list[Share]:
     short = pair.quasi_static if pair.transient is None else pair.transient
-    found = [Share(f"transient {name}", episode.transient.peak / area, short, pair.label, unit, scale)]
-    if episode.quasi_static is not None:
-        value = episode.quasi_static.peak / area
-        found.append(Share(f"quasi-static {name}", value, pair.quasi_static, pair.label, unit, scale))
+    found = [Share(f"transient {name}", peak, short, pair.label, unit, scale)]
+    if held is not None:
+        found.append(Share(f"quasi-static {name}", held, pair.quasi_static, pair.label, unit, scale))
     return found
 
 

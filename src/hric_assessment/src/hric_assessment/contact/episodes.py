@@ -16,7 +16,7 @@ from hric_assessment.findings import NotAssessableError
 from hric_assessment.tables import EpisodeTable, episode_table
 from hric_control.errors import HricError
 from hric_control.geometry import FloatArray
-from hric_control.sim.contact_info import UNKNOWN
+from hric_control.sim.contact_info import KINDS, UNKNOWN
 
 PENALTY = "penalty"
 """The only kind of contact whose force is one (`hric_control.plant.Contact`)."""
@@ -97,30 +97,33 @@ def episodes(
     touching = np.flatnonzero(force > table["touch_force"])
     cuts = np.flatnonzero(np.diff(time[touching]) > table["gap"] + STAMP) + 1
     rate = float(1.0 / np.median(np.diff(time))) if len(time) > 1 else 0.0
-    return [
-        _episode(time, force, closing, slice(group[0], group[-1] + 1), rate, table)
-        for group in np.split(touching, cuts)
-        if len(group)
-    ]
+    found = []
+    for group in np.split(touching, cuts):
+        if len(group):
+            part = slice(group[0], group[-1] + 1)
+            found.append(episode(time[part], force[part], table, rate, None if closing is None else closing[part]))
+    return found
 
 
 def refusal(kind: str) -> str:
-    """Why the force of another kind of contact is not assessed."""
+    """Return why the force of another kind of contact is not assessed."""
     if kind == UNKNOWN:
         return "whether the force is one of a spring is not recorded"
+    if kind not in KINDS:
+        return f"contacts of kind {kind!r} are not known"
     return f"the force of a {kind} contact is a number of the integrator, not of the collision"
 
 
-def _episode(
-    time: FloatArray, force: FloatArray, closing: FloatArray | None, during: slice, rate: float, table: EpisodeTable
+def episode(
+    time: FloatArray, force: FloatArray, table: EpisodeTable, rate: float, closing: FloatArray | None = None
 ) -> Episode:
-    t, f = time[during], force[during]
-    late = int(np.searchsorted(t - t[0], table["transient_time"] + STAMP))
-    work = None if closing is None else float(max(0.0, _running(t, f * closing[during]).max()))
+    """Cut one episode into its parts; arguments as those of `episodes`, rate: of the samples [Hz]."""
+    late = int(np.searchsorted(time - time[0], table["transient_time"] + STAMP))
+    work = None if closing is None else float(max(0.0, _running(time, force * closing).max()))
     return Episode(
-        _stretch(t, f),
-        _stretch(t[:late], f[:late]),
-        _stretch(t[late:], f[late:]) if late < len(t) else None,
+        _stretch(time, force),
+        _stretch(time[:late], force[:late]),
+        _stretch(time[late:], force[late:]) if late < len(time) else None,
         work,
         rate,
         _notes(rate, table),

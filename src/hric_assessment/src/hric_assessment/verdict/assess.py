@@ -1,5 +1,6 @@
 """From a recording to its verdict."""
 
+from dataclasses import replace
 from typing import Any
 
 from hric_assessment.findings import Finding, NotAssessableError
@@ -8,42 +9,36 @@ from hric_assessment.verdict.contacts import contact_findings
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.interaction import interaction, productivity
 from hric_assessment.verdict.lifts import lift_findings
-from hric_assessment.verdict.loads import loads
+from hric_assessment.verdict.loads import Loads, loads
 from hric_assessment.verdict.missing import missing
-from hric_assessment.verdict.person import person_of
+from hric_assessment.verdict.person import Person, people_of
 from hric_assessment.verdict.postures import posture_finding, scored
-from hric_assessment.verdict.result import Verdict, ranked
-from hric_assessment.verdict.separating import not_separated, separated, separation_finding
+from hric_assessment.verdict.result import Figure, Verdict, ranked
+from hric_assessment.verdict.separating import Separated, not_separated, separated, separation_finding
 
 
 def assess(given: Given, choices: Choices | None = None) -> Verdict:
-    """All that its signals give.
+    """Return the verdict of a recording: the findings of each person in it, and all figures that its signals give.
 
     Args:
         given: the recording.
         choices: limits, braking, area of contacts; None: the defaults.
     """
-    choices = choices or Choices()
-    person, found = person_of(given), given.recording
-    findings: list[Finding] = contact_findings(given, person, choices)
+    choices, people, found = choices or Choices(), people_of(given), given.recording
+    findings = contact_findings(given, choices)
     timelines: dict[str, Any] = {"rula": [], "reba": [], "separation": None, "activation": None}
-    if person is not None:
-        for one in scored(person, found.human):
-            findings.append(posture_finding(one, person))
-            timelines[one.method.split(" ")[0].lower()].append(one.timeline())
-    apart = None
-    try:
-        apart = separated(given, person, choices)
-    except NotAssessableError as error:
-        findings.append(not_separated(str(error)))
-    if apart is not None:
-        findings.append(separation_finding(apart))
-        timelines["separation"] = apart.timeline()
-    findings += lift_findings(given, person)
-    heavy = loads(given, person)
-    timelines["activation"] = heavy.timeline()
-    figures = (*heavy.figures, *interaction(given), *productivity(apart, found.safety))
-    table = choices.limits.table
+    distances: list[Separated] = []
+    for person in people:
+        for scores in scored(person, person.record):
+            findings.append(posture_finding(scores, person))
+            timelines[scores.method.split(" ")[0].lower()].append(scores.timeline())
+        findings += [*_separation(given, person, choices, distances), *lift_findings(given, person)]
+    nearest = min(distances, key=lambda one: one.margin, default=None)
+    timelines["separation"] = None if nearest is None else nearest.timeline()
+    each = [loads(given, person) for person in people] or [loads(given, None)]
+    timelines["activation"] = next((curves for one in each if (curves := one.timeline()) is not None), None)
+    figures = (*_figures(each, people), *interaction(given), *productivity(nearest, found.safety))
+    table, first = choices.limits.table, people[0] if people else None
     return Verdict(
         {
             "name": given.name,
@@ -53,10 +48,30 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
             "end": found.end,
         },
         {"title": table.title, "edition": table.edition},
-        None if person is None else person.about(),
-        () if person is None else person.assumptions,
+        None if first is None else first.about(),
+        tuple(dict.fromkeys(line for person in people for line in person.assumptions)),
         ranked(findings),
         figures,
-        tuple(missing(given, person)),
+        tuple(missing(given, first)),
         timelines,
     )
+
+
+def _separation(given: Given, person: Person, choices: Choices, distances: list[Separated]) -> list[Finding]:
+    """Return the finding of the distance of a person, and add the curve to `distances`."""
+    try:
+        apart = separated(given, person, choices)
+    except NotAssessableError as error:
+        return [not_separated(str(error), person.name)]
+    if apart is None:
+        return []
+    distances.append(apart)
+    return [separation_finding(apart)]
+
+
+def _figures(each: list[Loads], people: list[Person]) -> list[Figure]:
+    """Return the figures of all persons, which carry the name of their person where there are several."""
+    if len(people) < 2:
+        return [figure for one in each for figure in one.figures]
+    named = zip(each, people, strict=True)
+    return [replace(figure, name=f"{person.name}: {figure.name}") for one, person in named for figure in one.figures]

@@ -1,189 +1,342 @@
-"""Findings of contacts: every episode of a person with another body, beside the closed form."""
+"""Findings of contacts: every episode of a person with other bodies, by the force of the simulated body and by the
+standard's body; the worse of the two decides."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hric_assessment.contact.assess import Where, assess
-from hric_assessment.contact.episodes import PENALTY, Episode, episodes
+from hric_assessment.contact import course
+from hric_assessment.contact.assess import Approach, Unknown, Where, assess
+from hric_assessment.contact.course import Meeting
+from hric_assessment.contact.episodes import PENALTY
 from hric_assessment.contact.impact import Beside, Transient
 from hric_assessment.contact.limits import NOT_PERMITTED
-from hric_assessment.contact.speed import BothMasses, both_masses, permitted_speed
+from hric_assessment.contact.speed import BothMasses, SpeedLimit, both_masses, permitted_speed, speed_limit
+from hric_assessment.evidence import Evidence
 from hric_assessment.findings import Finding, NotAssessableError, Outcome
-from hric_assessment.tables import episode_table
+from hric_assessment.tables import verdict_table
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.given import Given
-from hric_assessment.verdict.person import Person
+from hric_assessment.verdict.person import body_of
 from hric_assessment.verdict.result import warned
-from hric_bags.records.region_contacts import RegionForce
+from hric_bags.records.human_record import HumanRecord
+from hric_bags.records.region_contacts import ContactStream, RegionForce
 from hric_control import urdf
 from hric_control.errors import HricError
-from hric_control.geometry import FloatArray
 
 GROUP = "contact"
-TOPIC = "human/contacts"
+TOPIC = "hric/human/contacts"
+ALL = "contacts"
+"""Subject of a finding about all contacts of a person."""
+UNBOUNDED = 1e12
+"""Mass of a robot of which nothing is known: so heavy that no mass is worse [kg]."""
+SPEED_STEP = 1e-3
+"""Time step of a plant that does not state its own [s]: 1 kHz, as every run of this workspace has it."""
 
 
-def contact_findings(given: Given, person: Person | None, choices: Choices) -> list[Finding]:
-    """Of all contacts of the simulated human; of a run in which he met nothing one that says so."""
-    human = given.recording.human
-    if human is None:
-        return []
-    signals = [topic for topic in given.recording.topics if topic.endswith(TOPIC)]
-    if not human.meetings:
-        return _none(given, choices, signals)
-    expected = Expected(given, choices)
-    pairs: dict[tuple[str, str], list[RegionForce]] = {}
-    for met in human.meetings:
-        pairs.setdefault((met.link, met.other), []).append(met)
-    return [finding for met in pairs.values() for finding in _of_pair(met, person, expected, choices, signals)]
+def contact_findings(given: Given, choices: Choices) -> list[Finding]:
+    """Return the findings of all contacts of each person; where nothing is recorded of them, one that says so."""
+    humans = given.recording.humans
+    findings = [finding for record in humans.values() for finding in _of_person(given, record, choices)]
+    seen_by_cameras = (given.definition.get("mocap") or {}).get("human")
+    for topic in given.recording.people:
+        if not (humans and seen_by_cameras):  # else it is the simulated person once more
+            findings.append(_not_recorded(given, choices, topic.rpartition("/")[0]))
+    return findings or [_not_recorded(given, choices, "")]
 
 
-def _none(given: Given, choices: Choices, signals: Sequence[str]) -> list[Finding]:
-    """The plant reports contacts of its human; a bag alone does not say that it did."""
-    if not given.definition.get("human"):
-        return []
-    window = given.recording.begin, given.recording.end
-    reason, table = "nothing touched the person in the whole run", choices.limits.table.name
-    return [Finding("contacts", Outcome.WITHIN, reason, table, 0.0, {}, window, tuple(signals), group=GROUP)]
+def _not_recorded(given: Given, choices: Choices, name: str) -> Finding:
+    """Nothing is known of the contacts of a person."""
+    topic = f"{name}/contacts" if name else TOPIC
+    reason = f"contacts are not recorded: the topic {topic} is not in the recording"
+    begin, end = given.recording.begin, given.recording.end
+    evidence = Evidence(end - begin, 0.0, 0.0, end - begin, 0, verdict_table()["max_gap"])
+    remedy = f"record {topic}, of a person in the robot's plant or of a force sensor"
+    table = choices.limits.table.name
+    return Finding(
+        ALL,
+        Outcome.NOT_ASSESSABLE,
+        reason,
+        table,
+        window=(begin, end),
+        missing=(topic,),
+        group=GROUP,
+        evidence=evidence,
+        remedy=remedy,
+        person=name,
+    )
 
 
-def _of_pair(
-    met: Sequence[RegionForce], person: Person | None, expected: "Expected", choices: Choices, signals: Sequence[str]
-) -> list[Finding]:
-    rigid = [one for one in met if one.kind != PENALTY]
-    found = [_rigid(rigid, person, choices, signals)] if rigid else []
-    sprung = [one for one in met if one.kind == PENALTY]
-    if not sprung:
-        return found
-    where = _where(sprung[0], person, choices)
-    for episode in episodes(*course(sprung)):
-        own = [one for one in sprung if one.end >= episode.whole.begin and one.begin <= episode.whole.end]
-        exact = replace(episode, whole=replace(episode.whole, impulse=sum(one.impulse or 0.0 for one in own)))
-        finding = assess(exact, where, choices.limits, signals)
-        found.append(expected.beside(replace(finding, group=GROUP, regions=where.regions), exact, own, where))
-    return [warned(finding) for finding in found]
+def _of_person(given: Given, record: HumanRecord, choices: Choices) -> list[Finding]:
+    if record.stream is None:
+        return [_not_recorded(given, choices, record.name)]
+    judge = _Judge(given, record, choices)
+    evidence, lost = _evidence(given, record, record.stream)
+    links: dict[str, list[RegionForce]] = {}
+    for contact in record.meetings:
+        links.setdefault(contact.link, []).append(contact)
+    findings = [finding for contacts in links.values() for finding in judge.of_link(contacts)]
+    findings = [replace(finding, evidence=evidence) for finding in findings]
+    if not findings or lost:
+        findings.append(_rest(given, record, evidence, lost, bool(findings), choices))
+    return findings
 
 
-def _rigid(met: Sequence[RegionForce], person: Person | None, choices: Choices, signals: Sequence[str]) -> Finding:
-    """One for all touches of a pair, of which none has a force."""
-    where = _where(met[0], person, choices)
-    finding = assess(None, where, choices.limits, signals)
-    window = min(one.begin for one in met), max(one.end for one in met)
-    notes = (*finding.notes, f"they touched {len(met)} times")
-    return replace(finding, group=GROUP, regions=where.regions, window=window, notes=notes)
+def _evidence(given: Given, record: HumanRecord, stream: ContactStream) -> tuple[Evidence, str]:
+    """Return how much of the recording the contacts are known for, and a sentence where that is not all of it.
 
-
-def _where(one: RegionForce, person: Person | None, choices: Choices) -> Where:
-    regions = () if person is None else person.body.regions.get(one.link, ())
-    sides = {region.dominant for region in regions}
-    dominant = sides.pop() if len(sides) == 1 else None
-    return Where(one.regions, one.other, one.kind, None, dominant, choices.contact_area)
-
-
-def course(met: Sequence[RegionForce]) -> tuple[FloatArray, FloatArray]:
-    """(times [s], forces [N]) of all contacts of a pair, with their begins, peaks and ends, which may lie between two
-    messages; between contacts the force is zero.
-
-    A peak that rose between two messages is given to the later one.
+    A source that reports silence, as the simulated person does, is known where its messages are. One that reports
+    contacts alone is known where anything of the person or the arm is recorded, once it has reported a contact.
     """
-    touch = np.nextafter(episode_table()["touch_force"], np.inf)
-    found: dict[float, float] = {}
-    for one in met:
-        rose = np.diff(one.course.reached, prepend=0.0) > 0.0
-        forces = np.where(rose, np.maximum(one.course.force, one.course.reached), one.course.force)
-        samples = [(one.begin, touch), (one.end, touch), *zip(one.course.time.tolist(), forces.tolist(), strict=True)]
-        if one.peak is not None and one.peak_time is not None and not (one.course.reached >= one.peak).any():
-            samples.append((one.peak_time, one.peak))
-        for time, force in samples:
-            found[time] = max(found.get(time, 0.0), force)
-        found.setdefault(one.end + 1e-6, 0.0)
-    time = np.array(sorted(found))
-    return time, np.array([found[one] for one in time.tolist()])
+    window = given.recording.begin, given.recording.end
+    times, log = [stream.time], given.recording.log
+    if stream.silent <= 1 and record.meetings:
+        times += [record.time, *([] if log is None else [log.time])]
+    elif stream.silent <= 1:
+        times = []
+    time = np.unique(np.concatenate([np.zeros(0), *times]))
+    evidence = Evidence.of(time, np.isfinite(time), window, verdict_table()["max_gap"])
+    if evidence.complete and not stream.lost:
+        return evidence, ""
+    if stream.lost:
+        count = f"messages are missing in {len(stream.lost)} places, the first at {stream.lost[0][0]:.3f} s"
+        return evidence, f"{count}: what touched the person then is not known"
+    return evidence, f"what touched the person is not known for all of the time: {evidence.shortfall}"
+
+
+def _rest(given: Given, record: HumanRecord, evidence: Evidence, lost: str, touched: bool, choices: Choices) -> Finding:
+    """Return the finding about the time in which no contact is recorded."""
+    window, table = (given.recording.begin, given.recording.end), choices.limits.table.name
+    signals = (f"{record.name}/contacts",)
+    held = [grip.name for grip in record.grips.values() if grip.closed.any()]
+    reason = f"nothing but the grips ({', '.join(held)}) touched the person" if held else "nothing touched the person"
+    finding = Finding(ALL, Outcome.WITHIN, reason, table, 0.0, {}, window, signals, group=GROUP, evidence=evidence)
+    if lost:
+        remedy = f"record every message of {record.name}/contacts"
+        outcome = Outcome.NOT_ASSESSABLE
+        finding = replace(finding, outcome=outcome, share=None, reason=lost, remedy=remedy)
+    return replace(finding, person=record.name)
+
+
+class _Judge:
+    """Judges the contacts of one person.
+
+    Args:
+        given: the recording.
+        record: of the person.
+        choices: with the limits.
+    """
+
+    def __init__(self, given: Given, record: HumanRecord, choices: Choices) -> None:
+        self._record, self._choices = record, choices
+        self._body = body_of(given, record)
+        self._expected = Expected(given, record, choices)
+        self._simulated = bool(given.definition.get("human"))
+        stated = float(given.plant.get("time_step", SPEED_STEP)) if self._simulated else np.inf
+        self._period = min(stated, course.period_of(record.meetings))
+
+    def of_link(self, contacts: Sequence[RegionForce]) -> list[Finding]:
+        """Return the findings of one link of the person."""
+        others: dict[str, list[RegionForce]] = {}
+        for contact in contacts:
+            if contact.kind != PENALTY:
+                others.setdefault(contact.other, []).append(contact)
+        findings = [self._without_force(own) for own in others.values()]
+        sprung = [contact for contact in contacts if contact.kind == PENALTY]
+        stream = self._record.stream
+        until = float(stream.time[-1]) if stream is not None and len(stream.time) else 0.0
+        for meeting in course.meetings(sprung, self._period, until):
+            findings.append(warned(self._with_force(meeting)))
+        return findings
+
+    def _without_force(self, contacts: Sequence[RegionForce]) -> Finding:
+        """Return one finding for all touches of a pair whose force means nothing."""
+        where, _ = self._where(contacts)
+        window = min(one.begin for one in contacts), max(course.end_of(one) for one in contacts)
+        finding = self._assessed(None, where, window, Unknown(), None)
+        return replace(finding, notes=(*finding.notes, f"they touched {len(contacts)} times"))
+
+    def _with_force(self, meeting: Meeting) -> Finding:
+        where, notes = self._where(meeting.contacts)
+        try:
+            approach, form, doubts = self._expected.approach(meeting, where, self._simulated)
+        except HricError:  # a region that does not exist is told below
+            approach, form, doubts = None, None, []
+        unknown = Unknown((*meeting.doubts, *doubts), meeting.unknown_peak)
+        finding = self._assessed(meeting, where, meeting.window, unknown, approach)
+        values, more, missing = self._expected.beside(form, where)
+        return replace(
+            finding,
+            values={**finding.values, **values},
+            notes=(*finding.notes, *notes, *more),
+            missing=(*finding.missing, *missing),
+        )
+
+    def _assessed(
+        self,
+        meeting: Meeting | None,
+        where: Where,
+        window: tuple[float, float],
+        unknown: Unknown,
+        approach: Approach | None,
+    ) -> Finding:
+        signals = (f"{self._record.name}/contacts",)
+        try:
+            episode = None if meeting is None else meeting.episode
+            finding = assess(episode, where, self._choices.limits, signals, unknown, approach)
+        except HricError as error:  # a region that nobody knows costs this contact alone
+            table = self._choices.limits.table.name
+            finding = Finding(where.subject, Outcome.NOT_ASSESSABLE, str(error), table, signals=signals)
+        name = self._record.name
+        return replace(finding, group=GROUP, regions=where.regions, window=window, person=name)
+
+    def _where(self, contacts: Sequence[RegionForce]) -> tuple[Where, list[str]]:
+        """Return the place, and notes on what the recording and the user state of it."""
+        first, notes = contacts[0], list[str]()
+        recorded = min((one.area for one in contacts if one.area is not None), default=None)
+        stated = self._choices.contact_area
+        area = min((one for one in (recorded, stated) if one is not None), default=None)
+        if recorded is not None and stated is not None:
+            notes.append(f"contact area: {recorded:g} m^2 recorded, {stated:g} m^2 stated; the smaller counts")
+        regions = () if self._body is None else self._body.regions.get(first.link, ())
+        sides = {region.dominant for region in regions}
+        dominant = sides.pop() if len(sides) == 1 else None
+        if dominant is not None and any(one.dominant != dominant for one in contacts):
+            notes.append("the body and the message differ on the side of the dominant hand: the lower limit counts")
+            dominant = None
+        others = " and ".join(dict.fromkeys(one.other for one in contacts))
+        names = tuple(dict.fromkeys(name for one in contacts for name in one.regions))
+        return Where(names, others, first.kind, None, dominant, area), notes
 
 
 @dataclass(frozen=True)
 class Masses:
-    """Of an arm: what moves behind its first joint, and what of it is the tool [kg]."""
+    """Masses of an arm.
+
+    Attributes:
+        moving: what moves behind the first joint [kg].
+        tool: what of it is the tool [kg].
+    """
 
     moving: float
     tool: float
 
 
 class Expected:
-    """What the closed form gives beside what was found.
+    """The closed form of two masses and a spring beside what was recorded.
 
     Args:
         given: the recording.
+        record: of the person.
         choices: with the limits.
     """
 
-    def __init__(self, given: Given, choices: Choices) -> None:
+    def __init__(self, given: Given, record: HumanRecord, choices: Choices) -> None:
         self._choices, self._beside, self._why = choices, None, "what the closed form needs: a control log"
-        log, human = given.recording.log, given.recording.human
-        if log is None or human is None:
+        log = given.recording.log
+        if log is None or not len(record.time):
             return
         if not given.description or not given.definition.get("human"):
             self._why = "what the closed form needs: the robot's description and where the person was (run folder)"
             return
         try:
-            self._beside = Beside(given.run, given.description, log, human)
+            self._beside = Beside(given.run, given.description, log, record)
         except HricError as error:
             self._why = f"what the closed form needs: {error}"
             return
         self.masses = masses(urdf.read(given.description), log.joint_names)
         self._load = float((given.definition.get("robot", {}).get("load") or {}).get("mass", 0.0))
 
-    def beside(self, finding: Finding, episode: Episode, own: Sequence[RegionForce], where: Where) -> Finding:
-        """The finding with it; own: the contacts of the episode."""
-        if self._beside is None:
-            return replace(finding, missing=(*finding.missing, self._why))
-        forms = [form for one in own if (form := self._beside.transient(one)) is not None]
-        if not forms:
-            return finding
-        form = max(forms, key=lambda form: form.peak)
-        values, notes = self._of(form, where)
-        values = {"speed at which they met [m/s]": form.speed, **values}
-        return replace(finding, values={**finding.values, **values}, notes=(*finding.notes, *notes))
+    def approach(
+        self, meeting: Meeting, where: Where, simulated: bool
+    ) -> tuple[Approach | None, Transient | None, list[str]]:
+        """Return the worst approach of the contacts, its closed form, and doubts.
 
-    def _of(self, form: Transient, where: Where) -> tuple[dict[str, float | None], list[str]]:
+        Args:
+            meeting: the contacts.
+            where: the two bodies.
+            simulated: True if the recording is of a plant, which states each speed of approach.
+        """
+        unknown = [one for one in meeting.contacts if one.speed is None or not np.isfinite(one.speed)]
+        placed = any(one.point is not None for one in unknown)
+        doubts = ["the speed at which they met is not known"] if unknown and (simulated or placed) else []
+        found = []
+        for contact in meeting.contacts:
+            if contact.speed is None or not contact.speed > 0.0:
+                continue
+            form = None if self._beside is None else self._beside.transient(contact)
+            if (limit := self._lowest(form, where)) is not None:
+                label = f"{limit.region}, {'robot of unknown mass' if form is None else 'heavier of both masses'}"
+                found.append((Approach(contact.speed, float(limit.transient), label, form is not None), form))
+        worst = max(found, key=lambda pair: pair[0].speed / max(pair[0].permitted, 1e-9), default=(None, None))
+        return worst[0], worst[1], doubts
+
+    def _lowest(self, form: Transient | None, where: Where) -> SpeedLimit | None:
+        """Return the lowest permitted speed of the regions and of the robot's masses; None: no region has one."""
+        found = []
+        for region in where.regions:
+            if region in NOT_PERMITTED:
+                continue
+            mass = UNBOUNDED if form is None else max(form.robot_mass, self._standard_mass)
+            try:
+                found.append(speed_limit(self._choices.limits, region, mass, where.contact_area, where.dominant))
+            except NotAssessableError:
+                return None
+        return min(found, key=lambda one: float(one.transient), default=None)
+
+    @property
+    def _standard_mass(self) -> float:
+        return 0.5 * (self.masses.moving - self.masses.tool) + self.masses.tool + self._load
+
+    def beside(
+        self, form: Transient | None, where: Where
+    ) -> tuple[Mapping[str, float | None], tuple[str, ...], tuple[str, ...]]:
+        """Return values, notes and what is missing."""
+        if self._beside is None:
+            return {}, (), (self._why,)
+        if form is None:
+            return {}, (), ()
         values: dict[str, float | None] = {
+            "speed at which they met [m/s]": form.speed,
             "reflected mass of the robot m_u [kg]": form.robot_mass,
             "reflected mass of the body as simulated [kg]": form.human_mass,
             "v sqrt(mu k) as simulated [N]": form.peak,
         }
-        masses, limits = self.masses, self._choices.limits
-        payload, moving = masses.tool + self._load, masses.moving - masses.tool
-        area = where.contact_area
+        moving, payload = self.masses.moving - self.masses.tool, self.masses.tool + self._load
         both: list[tuple[str, BothMasses]] = []
         for region in where.regions:
             try:
-                both.append((region, both_masses(limits, region, form.robot_mass, moving, payload, area)))
+                area = where.contact_area
+                speeds = both_masses(self._choices.limits, region, form.robot_mass, moving, payload, area)
+                both.append((region, speeds))
             except NotAssessableError as error:
-                return values, [f"no permitted speed: {error}"]
+                return values, (f"no permitted speed: {error}",), ()
         if not both:
-            return values, []
-        region, lowest = min(both, key=lambda pair: float(pair[1].reflected.transient))
-        standard = 0.5 * moving + payload
-        by_ours, by_half = float(lowest.reflected.transient), float(lowest.standard.transient)
+            return values, (), ()
+        return self._permitted(values, form, *min(both, key=lambda pair: float(pair[1].reflected.transient)))
+
+    def _permitted(
+        self, values: dict[str, float | None], form: Transient, region: str, lowest: BothMasses
+    ) -> tuple[Mapping[str, float | None], tuple[str, ...], tuple[str, ...]]:
+        standard, by_ours, by_half = self._standard_mass, lowest.reflected.transient, lowest.standard.transient
         values["M/2 + m_L [kg]"] = standard
-        values["permitted speed by m_u [m/s]"] = by_ours
-        values["permitted speed by M/2 + m_L [m/s]"] = by_half
+        values["permitted speed by m_u [m/s]"] = float(by_ours)
+        values["permitted speed by M/2 + m_L [m/s]"] = float(by_half)
         if (limit := lowest.reflected.force_transient) is not None and region not in NOT_PERMITTED:
-            values["speed at the limit, masses as simulated [m/s]"] = float(
-                permitted_speed(limit, form.mass, form.stiffness)
-            )
+            speed = permitted_speed(limit, form.mass, form.stiffness)
+            values["speed at the limit, masses as simulated [m/s]"] = float(speed)
         side = "the unsafe side: it permits more than the mass that was met" if lowest.unsafe else "the safe side"
-        return values, [
+        note = (
             f"closed form, {region}: the reflected mass m_u of {form.robot_mass:.2f} kg (with rotors, as simulated) "
             f"permits {by_ours:.3f} m/s, the standard's M/2 + m_L of {standard:.2f} kg {by_half:.3f} m/s, which is on "
             f"{side}"
-        ]
+        )
+        return values, (note,), ()
 
 
 def masses(tree: urdf.Robot, joints: Sequence[str]) -> Masses:
-    """Of an arm; the tool is what hangs rigidly behind the link that the last of its joints moves."""
+    """Return the masses of an arm; the tool is what hangs rigidly behind the link that the last of its joints moves."""
     behind: dict[str, list[str]] = {}
     for joint in tree.joints.values():
         behind.setdefault(joint.parent, []).append(joint.child)

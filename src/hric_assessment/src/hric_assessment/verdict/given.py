@@ -1,4 +1,4 @@
-"""What is assessed: a run folder, a bag, or a c3d file with markers of a body."""
+"""Input of a verdict: a run folder, a bag, or a c3d file with markers of a body."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -68,9 +68,9 @@ def opened(given: str, root: Path | None = None) -> Given:
 
 
 def _with_markers(given: Given, bag: Path) -> Given:
-    """With the person whom frames of motion capture show, where nothing else says how he moved."""
+    """Return the recording with the person whom frames of motion capture show, where nothing else shows one."""
     found = given.recording
-    if found.human is not None or found.people or FRAMES not in found.kinds:
+    if found.humans or found.people or FRAMES not in found.kinds:
         return given
     states = of_frames(bag, found, PersonSettings.of(given.definition.get("person") or {}, "person"))
     if states is None:

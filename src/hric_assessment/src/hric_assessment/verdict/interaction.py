@@ -1,4 +1,4 @@
-"""Figures of the interaction, and of how much of the time the arm stood. They have no limit."""
+"""Figures of the interaction, and of the share of time in which the arm stood. They have no limit."""
 
 import numpy as np
 
@@ -15,13 +15,12 @@ GROUP, WORK = "interaction", "productivity"
 
 
 def interaction(given: Given) -> list[Figure]:
-    """Force, work and smoothness of each grip."""
-    human = given.recording.human
-    if human is None:
-        return []
+    """Return force, work and smoothness of each grip."""
+    humans = given.recording.humans
     found = []
-    for grip in human.grips.values():
+    for human, grip in [(record, grip) for record in humans.values() for grip in record.grips.values()]:
         one, what = effort(grip), f"grip {grip.name} of {grip.held}"
+        what = f"{human.name}: {what}" if len(humans) > 1 else what
         if one is None:
             found.append(Figure(GROUP, f"largest force, {what}", None, "N", "it never closed"))
             continue
@@ -34,7 +33,7 @@ def interaction(given: Given) -> list[Figure]:
 
 
 def _smooth(grip: GripRecord, events: list[Event], what: str) -> Figure:
-    """Of the motion, from its begin to its end where these are known."""
+    """Return the smoothness of the motion, from its begin to its end where these are known."""
     begin = max((one.time for one in events if one.kind == "started"), default=-np.inf)
     end = max((one.time for one in events if one.kind == "ended"), default=np.inf)
     during = grip.closed & (grip.time >= begin) & (grip.time <= (end if end > begin else np.inf))
@@ -46,12 +45,12 @@ def _smooth(grip: GripRecord, events: list[Event], what: str) -> Figure:
 
 
 def productivity(apart: Separated | None, safety: SafetyRecord | None) -> list[Figure]:
-    """Shares of the time in which the arm is at rest, and in which a supervisor stopped it or slowed it."""
+    """Return the shares of time in which the arm rests, and in which a supervisor stopped or slowed it."""
     return [*_standing(apart), *_supervised(safety)]
 
 
 def _supervised(safety: SafetyRecord | None) -> list[Figure]:
-    """What a supervisor requested, which an arm may have done or not."""
+    """Return what a supervisor requested, which an arm may have done or not."""
     if safety is None:
         return []
     note = f"requested in mode {safety.mode}, between its first decision and its last"

@@ -1,5 +1,4 @@
-"""Findings of lifts: what a person picks up and puts down with his hands, by the NIOSH equation, or why it is not for
-it."""
+"""Findings of lifts: loads that a person picks up and puts down, by the NIOSH equation, or why it does not apply."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,6 +7,7 @@ import numpy as np
 
 from hric_assessment.ergonomics import niosh
 from hric_assessment.ergonomics.niosh import Lift, Rated
+from hric_assessment.evidence import Evidence
 from hric_assessment.findings import Finding, NotAssessableError, Outcome
 from hric_assessment.tables import niosh_table, verdict_table
 from hric_assessment.verdict.given import Given
@@ -19,7 +19,7 @@ from hric_human.control.kinematics import GRAVITY
 GROUP = "lift"
 ASSUMED = (
     "assumed: the load does not turn out of the sagittal plane, is stable, and well coupled; one lift in 5 min for "
-    "1 h; his ankles are below the middle of his hips, or of his shoulders where he is all arms"
+    "1 h; the ankles are below the middle of the hips, or of the shoulders of a body that is arms alone"
 )
 
 
@@ -42,10 +42,10 @@ class Carried:
     load: FloatArray
 
 
-def lift_findings(given: Given, person: Person | None) -> list[Finding]:
-    """Of each body that his hands lift: its picking up and its putting down."""
-    human = given.recording.human
-    if human is None or person is None or person.settings is None or person.root is None:
+def lift_findings(given: Given, person: Person) -> list[Finding]:
+    """Return a finding for picking up and for putting down each body that the hands of a person lift."""
+    human = person.record
+    if human is None or person.settings is None or person.root is None:
         return []
     links = {segment.link for name, segment in person.body.segments.items() if name.endswith("hand")}
     grips: dict[str, list[GripRecord]] = {}
@@ -57,8 +57,22 @@ def lift_findings(given: Given, person: Person | None) -> list[Finding]:
     found = []
     for held, own in grips.items():
         if not held.startswith(f"{robot}::"):
-            found += _of(_carried(held, own), person)
+            found += [_proven(finding, own, human.name) for finding in _of(_carried(held, own), person)]
     return found
+
+
+def _proven(finding: Finding, grips: Sequence[GripRecord], name: str) -> Finding:
+    """Return the finding with its evidence: a lift is within limits where the grips are known all through it."""
+    assert finding.window is not None
+    gap = verdict_table()["max_gap"]
+    usable = [(grip.time, np.isfinite(grip.force).all(axis=1) & np.isfinite(grip.point).all(axis=1)) for grip in grips]
+    parts = [Evidence.of(time, known, finding.window, gap) for time, known in usable]
+    worst = max(parts, key=lambda one: one.longest_gap)
+    finding = replace(finding, evidence=worst, signals=(f"{name}/grip",), person=name)
+    if finding.outcome in (Outcome.ABOVE, Outcome.NOT_ASSESSABLE) or worst.complete:
+        return finding
+    reason, remedy = f"the grips are {worst.shortfall}; {finding.reason}", f"record every message of {name}/grip"
+    return replace(finding, outcome=Outcome.NOT_ASSESSABLE, reason=reason, remedy=remedy)
 
 
 def _carried(held: str, grips: Sequence[GripRecord]) -> Carried:

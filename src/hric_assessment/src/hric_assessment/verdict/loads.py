@@ -1,6 +1,6 @@
-"""Figures of joints and muscles: they neither pass nor fail, since whose strength it is is a model's."""
+"""Figures of joints and muscles of a person. They neither pass nor fail: the strength is that of a model."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -29,7 +29,7 @@ MODEL = "a model's estimate"
 
 @dataclass(frozen=True)
 class Loads:
-    """Of a recording.
+    """Loads of one person.
 
     Attributes:
         figures: by group.
@@ -53,10 +53,16 @@ class Loads:
 
 
 def loads(given: Given, person: Person | None) -> Loads:
-    """Torque as share of strength, activation, joint contact force; of each what there is."""
-    figures = _strength(given)
-    recorded = next(iter(given.recording.activation.values()), None)
-    computed = _computed(given, person)
+    """Return torque as share of strength, activation, and joint contact force, as far as they are known.
+
+    Args:
+        given: the recording.
+        person: whose; None: there is none, and all that the recording has counts.
+    """
+    figures = _strength(given, person)
+    recorded = next(_own(given.recording.activation, person), None)
+    contacts = list(_own(given.recording.contact, person))
+    computed = _computed(person)
     if recorded is not None:
         figures += _active(_muscles_of(recorded, computed), f"recorded, {MODEL}")
     if computed:
@@ -65,11 +71,18 @@ def loads(given: Given, person: Person | None) -> Loads:
             figures += _active(own, f"as modelled, by static optimisation, {MODEL}")
         factor = verdict_table()["weak_shoulder"]
         figures += _active(weak, f"with all muscles at {factor:g} of that, {MODEL}", brief=True)
-        figures += [] if given.recording.contact else _contact(own.contact, "computed")
-    for columns in given.recording.contact.values():
+        figures += [] if contacts else _contact(own.contact, "computed")
+    for columns in contacts:
         figures += _contact(dict(zip(columns.names, columns.values.T, strict=True)), "recorded")
     shown = recorded if recorded is not None else (computed[0].columns if computed else None)
     return Loads(tuple(figures), shown)
+
+
+def _own(streams: Mapping[str, Columns], person: Person | None) -> Iterator[Columns]:
+    """Yield the streams in the namespace of a person."""
+    for topic, columns in streams.items():
+        if person is None or not person.name or topic.startswith(f"{person.name}/"):
+            yield columns
 
 
 @dataclass(frozen=True)
@@ -89,13 +102,13 @@ def _muscles_of(recorded: Columns, computed: "tuple[_Muscles, _Muscles] | None")
     return _Muscles(Columns(recorded.topic, names, recorded.time, recorded.values[:, kept]))
 
 
-def _strength(given: Given) -> list[Figure]:
-    """Largest share of each joint's strength; of shoulders also of a weaker one."""
-    record, table = given.recording.human, verdict_table()
-    if record is not None:
+def _strength(given: Given, person: Person | None) -> list[Figure]:
+    """Return the largest share of each joint's strength; of shoulders also of a weaker one."""
+    record, table = None if person is None else person.record, verdict_table()
+    columns = next(_own(given.recording.shares, person), None)
+    if record is not None and len(record.torque_time):
         names, shares = record.joints, np.abs(record.share)
-    elif given.recording.shares:
-        columns = next(iter(given.recording.shares.values()))
+    elif columns is not None:
         names, shares = columns.names, np.abs(columns.values)
     else:
         return []
@@ -144,11 +157,11 @@ def _contact(contact: Mapping[str, FloatArray], how: str) -> list[Figure]:
     return found
 
 
-def _computed(given: Given, person: Person | None) -> tuple[_Muscles, _Muscles] | None:
-    """Of a simulated human, whose body and grips are known: as modelled, and with weaker muscles."""
-    record = given.recording.human
-    if person is None or person.settings is None or record is None:
+def _computed(person: Person | None) -> tuple[_Muscles, _Muscles] | None:
+    """Return the muscles of a simulated human, whose body and grips are known: as modelled, and weaker ones."""
+    if person is None or person.settings is None or person.record is None:
         return None
+    record = person.record
     try:
         own, factor = person.settings.muscles, verdict_table()["weak_shoulder"]
         anatomy = find(own.anatomy, "human.muscles.anatomy")

@@ -42,7 +42,7 @@ def of_c3d(path: Path) -> Recording:
         end,
         float,
         None,
-        None,
+        {},
         None,
         {states.topic: states},
         {root.topic: root},

@@ -1,10 +1,11 @@
-"""Who was there, and how he moved."""
+"""The persons of a recording and how each moved."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from hric_assessment.verdict.given import Given
+from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import Tracked
 from hric_bags.records.root_record import RootRecord
 from hric_control import urdf
@@ -19,20 +20,22 @@ ROOT_FRAME = "human_base"
 
 @dataclass(frozen=True)
 class Person:
-    """The person whose posture and distance is assessed.
+    """A person whose posture and distance is assessed.
 
     Attributes:
         what: simulated human, tracked person, or joint states alone.
-        body: his, or the one that is assumed.
+        body: of the person, or the one that is assumed.
         names: of joints whose angles are known.
         time: robot time, shape (n,) [s].
         q: shape (n, j) [rad]; NaN where not known.
-        root: where his root link was in the world; None: not known.
+        root: pose of the root link in the world; None: not known.
         signals: topics.
         assumptions: sentences.
         settings: of a simulated human; None: of others.
-        uncertainty: of where his body is, Z_d [m].
+        uncertainty: of the position of the body, Z_d [m].
         uncertainty_from: what that is.
+        name: namespace.
+        record: of a simulated human, with grips and torques; None: of others.
     """
 
     what: str
@@ -46,27 +49,42 @@ class Person:
     settings: HumanSettings | None = None
     uncertainty: float = 0.0
     uncertainty_from: str = "simulated, so exact"
+    name: str = ""
+    record: HumanRecord | None = None
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """Of the arms whose elbow is known."""
+        """Sides of the arms whose elbow is known."""
         return tuple(side for side in ("right", "left") if f"{side}_el_flex" in self.names)
 
     def about(self) -> dict[str, object]:
-        """For the JSON."""
+        """Return what the JSON says of the person."""
         subject = self.body.subject
         return {"what": self.what, "code": subject.code, "mass": float(subject.mass), "height": float(subject.height)}
 
 
-def person_of(given: Given) -> Person | None:
-    """The simulated human; else the tracked person; else whose joint states the recording has; None: nobody."""
-    return _simulated(given) or _other(given)
+def people_of(given: Given) -> list[Person]:
+    """Return the simulated persons with joint states, and the tracked ones.
+
+    A tracked person is left out where the emulated cameras of the run see the simulated one.
+    """
+    people = [_simulated(given, record) for record in given.recording.humans.values() if len(record.time)]
+    if people and (given.definition.get("mocap") or {}).get("human"):
+        return people
+    return people + [_other(given, topic) for topic in given.recording.people]
 
 
-def _simulated(given: Given) -> Person | None:
-    record = given.recording.human
-    if record is None:
+def body_of(given: Given, record: HumanRecord) -> Body | None:
+    """Return the body of a simulated person; None: neither the run nor joint states say whose it is."""
+    section = given.definition.get("human")
+    if section is not None:
+        return describe(HumanSettings.of(section, "human").person)
+    if not record.joints:
         return None
+    return describe(HumanSettings.of({"parts": _parts(record.joints)}, "human").person)
+
+
+def _simulated(given: Given, record: HumanRecord) -> Person:
     section, assumptions = given.definition.get("human"), []
     if section is None:
         parts = _parts(record.joints)
@@ -78,8 +96,7 @@ def _simulated(given: Given) -> Person | None:
     root = record.root
     if root is None and (where := settings.root(body) if section is not None else _placed(given)) is not None:
         root = RootRecord.still(where)
-    own = ("human/joint_states", "human/joint_torque", "human/root")
-    signals = tuple(topic for topic in given.recording.topics if topic.endswith(own))
+    own = tuple(f"{record.name}/{end}" for end in ("joint_states", "joint_torque", "root"))
     return Person(
         "simulated human",
         body,
@@ -87,26 +104,25 @@ def _simulated(given: Given) -> Person | None:
         record.time,
         record.position,
         root,
-        signals,
+        tuple(topic for topic in given.recording.topics if topic in own),
         tuple(assumptions),
         settings if section is not None else None,
+        name=record.name,
+        record=record,
     )
 
 
 def _placed(given: Given) -> Pose | None:
-    """Of a root link that a static transform places in the world."""
+    """Return the pose of a root link that a static transform places in the world."""
     for (parent, child), pose in given.recording.static.items():
         if child.endswith(ROOT_FRAME) and parent == "world":
             return pose
     return None
 
 
-def _other(given: Given) -> Person | None:
-    people = given.recording.people
-    if not people:
-        return None
-    topic = next(iter(people))
-    states, beside = people[topic], f"{topic.rpartition('/')[0]}/tracking"
+def _other(given: Given, topic: str) -> Person:
+    states, name = given.recording.people[topic], topic.rpartition("/")[0]
+    beside = f"{name}/tracking"
     tracked = given.recording.tracked.get(beside)
     section, assumptions = given.definition.get("person"), []
     if section is None:
@@ -117,7 +133,7 @@ def _other(given: Given) -> Person | None:
     else:
         body, calibrated = PersonSettings.of(section, "person").known()
         if not calibrated:
-            assumptions.append("the body was not fitted to the person in a still pose: lengths are those of his file")
+            assumptions.append("the body was not fitted to the person in a still pose: lengths are those of the file")
     what = "tracked person" if tracked is not None else "person of whom joint states alone were recorded"
     signals = (topic,) if tracked is None else (topic, beside)
     return Person(
@@ -129,9 +145,16 @@ def _other(given: Given) -> Person | None:
         _root(given, tracked),
         signals,
         tuple(assumptions),
-        uncertainty=0.0 if tracked is None else float(np.nanpercentile(tracked.residual, 95.0)),
-        uncertainty_from="distance of his markers from those of the body, 95 % of the time",
+        uncertainty=0.0 if tracked is None else _residual(tracked),
+        uncertainty_from="distance of the markers from those of the body, 95 % of the time",
+        name=name,
     )
+
+
+def _residual(tracked: Tracked) -> float:
+    """Return the distance that 95 % of the residuals do not exceed [m]; infinite: none is known."""
+    known = tracked.residual[np.isfinite(tracked.residual)]
+    return float(np.percentile(known, 95.0)) if len(known) else float("inf")
 
 
 def _root(given: Given, tracked: Tracked | None) -> RootRecord | None:

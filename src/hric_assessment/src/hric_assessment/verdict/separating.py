@@ -1,4 +1,4 @@
-"""The finding of separation: how far the person was from the arm, and how far he should have been."""
+"""The finding of separation: distance of a person from the arm, and the distance that the arm needed to stop."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from hric_assessment.findings import Finding, Outcome
+from hric_assessment.evidence import BoolArray, Evidence, unknown
+from hric_assessment.findings import Finding, NotAssessableError, Outcome
 from hric_assessment.separation.capsules import of_body
 from hric_assessment.separation.minima import Separation, separation
 from hric_assessment.separation.protective import Terms, person_speed, protective_distance
@@ -16,10 +17,12 @@ from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
 from hric_assessment.verdict.result import numbers, thinned
+from hric_bags.reader import ControlRecord
 from hric_control import urdf
 from hric_control.geometry import FloatArray
 
 GROUP = "separation"
+SUBJECT = "distance from the arm"
 TOUCHING = 0.01
 """Distance up to which S_p over it is no figure any more [m]; project default."""
 NAMES = ("S_h", "S_r", "S_s", "C", "Z_d", "Z_r")
@@ -28,7 +31,7 @@ NAMES = ("S_h", "S_r", "S_s", "C", "Z_d", "Z_r")
 
 @dataclass(frozen=True)
 class Separated:
-    """Of a recording.
+    """Separation of one person over a recording.
 
     Attributes:
         found: distances.
@@ -38,8 +41,10 @@ class Separated:
         arm, person: links of the capsules.
         notes: how it was made.
         signals: topics.
-        known: share of the time for which the person's place was known [1].
+        sampled: whether arm and person were recorded at each instant, shape (n,).
+        evidence: of the arm's log, with the share of its motion in which the person is known.
         relied: nothing but the distance protected the person.
+        name: namespace of the person.
     """
 
     found: Separation
@@ -50,16 +55,24 @@ class Separated:
     person: tuple[str, ...]
     notes: tuple[str, ...]
     signals: tuple[str, ...]
-    known: float
+    sampled: BoolArray
+    evidence: Evidence
     relied: bool
+    name: str
 
     @property
     def protective(self) -> FloatArray:
-        """S_p while the arm moves, NaN while it rests, shape (n,) [m]."""
-        return np.where(self.speed > verdict_table()["moving"], self.terms.total, np.nan)
+        """S_p while the arm moves, NaN while it rests and where arm or person were not recorded, shape (n,) [m]."""
+        return np.where((self.speed > verdict_table()["moving"]) & self.sampled, self.terms.total, np.nan)
+
+    @property
+    def margin(self) -> float:
+        """Smallest distance less S_p while the arm moves [m]; infinite: it never does."""
+        margins = self.found.distance - self.protective
+        return float(np.nanmin(margins)) if np.isfinite(margins).any() else float("inf")
 
     def timeline(self) -> dict[str, Any]:
-        """For the JSON."""
+        """Return the curves for the JSON."""
         time, distance, protective = self.found.time, self.found.distance, self.protective
         rows = thinned(time, distance, protective)
         return {
@@ -69,47 +82,100 @@ class Separated:
         }
 
 
-def separated(given: Given, person: Person | None, choices: Choices) -> Separated | None:
-    """None: something that it needs is not there.
+def separated(given: Given, person: Person, choices: Choices) -> Separated | None:
+    """Return the distances of a person from the arm; None: something that they need is not in the recording.
 
     Raises:
-        NotAssessableError: the arm is faster, or carries more, than any stop that is known.
+        NotAssessableError: the arm is faster, or carries more, than any stop that is known, or nobody knows how well
+            the markers show the body.
     """
     log = given.recording.log
-    if person is None or person.root is None or log is None or not given.description:
+    if person.root is None or log is None or not given.description:
         return None
+    if not np.isfinite(person.uncertainty):
+        raise NotAssessableError("how far the markers are from those of the body is not known")
     tree = urdf.read(given.description)
     robot, left_out = capsules_of(tree, log.joint_names)
     if not len(robot.radii):
         return None
     arm = CapsuleMotion(tree, robot, log.joint_names, log.time, log.position)
-    q, unknown = filled(person.q)
+    q, unknown_share = filled(person.q)
     body = of_body(person.body)
-    him = CapsuleMotion(urdf.read(person.body.urdf), body, person.names, person.time, q, person.root.transforms)
+    bodies = CapsuleMotion(urdf.read(person.body.urdf), body, person.names, person.time, q, person.root.transforms)
     begin, end = max(log.time[0], person.time[0]), min(log.time[-1], person.time[-1])
     if not end > begin:
-        return None
-    found = separation(float(begin), float(end), arm, robot.radii, him, body.radii)
+        raise NotAssessableError("arm and person were not recorded at the same time")
+    found = separation(float(begin), float(end), arm, robot.radii, bodies, body.radii)
     speed = speeds(arm, found.time)
     uncertainty = person.uncertainty
     load = float((given.definition.get("robot") or {}).get("load", {}).get("mass", 0.0))
     stop = choices.braking.stop(speed, load)
     human = person_speed(speed, stop, 0.0, uncertainty, 0.0)
     terms = protective_distance(speed, human, stop, 0.0, uncertainty, 0.0)
-    notes = _notes(person, choices.braking.text(load), left_out, unknown)
-    held, felt = _held(given), any(topic.endswith("human/contacts") for topic in given.recording.topics)
-    relied = not (held or felt)
+    notes = _notes(person, choices.braking.text(load), left_out, unknown_share)
+    held = person.record is not None and any(grip.closed.any() for grip in person.record.grips.values())
+    relied = not held and (person.record is None or person.record.stream is None)
     if not relied:
-        why = "his hand held the robot or what it holds" if held else "contacts with him are assessed by their force"
-        notes.append(f"the distance was not what protected him: {why}; below it is a warning (chosen here)")
+        why = "a hand held the robot or what it holds" if held else "contacts are assessed by their force"
+        notes.append(f"the distance was not what protected the person: {why}; below it is a warning (chosen here)")
     signals = ("/control_log", *person.signals)
-    known = 1.0 - unknown
-    return Separated(found, speed, human, terms, robot.links, body.links, tuple(notes), signals, known, relied)
+    sampled = _sampled(log, person, found.time)
+    evidence = _evidence(given, log, person, arm)
+    return Separated(
+        found,
+        speed,
+        human,
+        terms,
+        robot.links,
+        body.links,
+        tuple(notes),
+        signals,
+        sampled,
+        evidence,
+        relied,
+        person.name,
+    )
+
+
+def _sampled(log: ControlRecord, person: Person, time: FloatArray) -> BoolArray:
+    """Whether arm and person were recorded at some instants, shape (n,)."""
+    window, sampled = (float(time[0]), float(time[-1])), np.ones(len(time), dtype=bool)
+    for gap in _gaps(log, person, window, np.isfinite(person.q).any(axis=1)):
+        sampled &= (time <= gap[0]) | (time >= gap[1])
+    return sampled
+
+
+def _gaps(
+    log: ControlRecord, person: Person, window: tuple[float, float], seen: BoolArray
+) -> list[tuple[float, float]]:
+    """Stretches of a window in which arm, person or the person's root are not recorded [s]; seen: rows of the person
+    that count, shape (n,)."""
+    root, longest = person.root, verdict_table()["max_gap"]
+    gaps = [*unknown(log.time, np.isfinite(log.position).all(axis=1), window, longest)]
+    gaps += unknown(person.time, seen, window, longest)
+    if root is not None and len(root.time) > 1:
+        gaps += unknown(root.time, np.isfinite(root.pose).all(axis=1), window, longest)
+    return gaps
+
+
+def _evidence(given: Given, log: ControlRecord, person: Person, arm: CapsuleMotion) -> Evidence:
+    """Return the evidence of the arm's log over the recording, with the share of its motion in which all of the person
+    is known."""
+    window = given.recording.begin, given.recording.end
+    finite = np.isfinite(log.position).all(axis=1)
+    evidence = Evidence.of(log.time, finite, window, verdict_table()["max_gap"])
+    moving = speeds(arm, log.time) > verdict_table()["moving"]
+    period = np.gradient(log.time) if len(log.time) > 1 else np.zeros(len(log.time))
+    unseen = np.zeros(len(log.time), dtype=bool)
+    for begin, end in _gaps(log, person, window, np.isfinite(person.q).all(axis=1)):
+        unseen |= (log.time > begin) & (log.time < end)
+    total = float(period[moving].sum())
+    return evidence.with_arm_motion(1.0 if total <= 0.0 else 1.0 - float(period[moving & unseen].sum()) / total)
 
 
 def filled(q: FloatArray) -> tuple[FloatArray, float]:
-    """Angles with straight lines over what is not known, zero where nothing is, shape (n, j) [rad]; and the share of
-    instants with any such [1]."""
+    """Return angles with straight lines over what is not known, zero where nothing is, shape (n, j) [rad], and the
+    share of instants with any such [1]."""
     lost = ~np.isfinite(q)
     if not lost.any():
         return q, 0.0
@@ -119,11 +185,6 @@ def filled(q: FloatArray) -> tuple[FloatArray, float]:
         if known.any():
             filled[:, column] = np.interp(rows, rows[known], q[known, column])
     return filled, float(lost.any(axis=1).mean())
-
-
-def _held(given: Given) -> bool:
-    human = given.recording.human
-    return human is not None and any(grip.closed.any() for grip in human.grips.values())
 
 
 def _notes(person: Person, braking: str, left_out: Sequence[str], unknown: float) -> list[str]:
@@ -140,22 +201,23 @@ def _notes(person: Person, braking: str, left_out: Sequence[str], unknown: float
         notes.append(f"not in it, since they are meshes: {', '.join(dict.fromkeys(left_out))}")
     if unknown:
         notes.append(
-            f"some of his joints are not known for {100.0 * unknown:.1f} % of the time, and interpolated there"
+            f"some joints of the person are not known for {100.0 * unknown:.1f} % of the time, and interpolated there"
         )
     return notes
 
 
-def not_separated(why: str) -> Finding:
-    """It cannot be held against the protective distance; why: a sentence."""
-    name = separation_table().name
-    return Finding("distance from the arm", Outcome.NOT_ASSESSABLE, why, name, group=GROUP)
+def not_separated(why: str, name: str = "", remedy: str = "") -> Finding:
+    """Return the finding where nothing can be held against the protective distance; why: a clause."""
+    table = separation_table().name
+    return Finding(SUBJECT, Outcome.NOT_ASSESSABLE, why, table, group=GROUP, person=name, remedy=remedy)
 
 
 def separation_finding(one: Separated) -> Finding:
-    """Held against the protective separation distance."""
+    """Return the finding of the protective separation distance."""
     found, protective, table = one.found, one.protective, separation_table()
     violations = found.violations(protective)
     ratio = np.where(found.distance > TOUCHING, protective / np.maximum(found.distance, TOUCHING), np.nan)
+    remedy = ""
     if violations:
         worst = min(violations, key=lambda violation: violation.margin)
         at = int(np.searchsorted(found.time, worst.time))
@@ -170,11 +232,14 @@ def separation_finding(one: Separated) -> Finding:
         at = int(np.argmin(found.distance))
         window = float(found.time[0]), float(found.time[-1])
         reason = f"never nearer than S_p while the arm moves; nearest {found.distance[at]:.3f} m"
-        known = one.known >= verdict_table()["known"]
-        outcome = Outcome.WITHIN if known else Outcome.NOT_ASSESSABLE
-        reason += "" if known else "; but all joints of the person are known for too little of the time"
+        outcome = Outcome.WITHIN
+    if outcome != Outcome.ABOVE and not one.evidence.complete:
+        outcome = Outcome.NOT_ASSESSABLE
+        reason = f"the arm's motion or the person is not known for all of the time: {one.evidence.shortfall}; {reason}"
+        remedy = f"record {' and '.join(one.signals)} for all of the run"
+    link = f"{one.person[found.person[at]]} from {one.arm[found.arm[at]]}"
     return Finding(
-        f"distance of {one.person[found.person[at]]} from {one.arm[found.arm[at]]}",
+        f"distance of {link}",
         outcome,
         reason,
         table.name,
@@ -185,6 +250,9 @@ def separation_finding(one: Separated) -> Finding:
         (),
         one.notes,
         GROUP,
+        evidence=one.evidence,
+        remedy=remedy,
+        person=one.name,
     )
 
 

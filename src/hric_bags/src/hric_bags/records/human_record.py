@@ -1,4 +1,4 @@
-"""What a simulated human did in a run, from the topics in its bag. No ROS."""
+"""What a simulated person did in a run, from the topics in its bag; several are told apart by namespace. No ROS."""
 
 from array import array
 from collections.abc import Callable, Iterable
@@ -12,7 +12,14 @@ import numpy.typing as npt
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, opened, seconds
 from hric_bags.records.muscle_record import MuscleMessages, MuscleRecord
-from hric_bags.records.region_contacts import CONTACTS_TYPE, ContactRecord, Pressing, RegionForce, RegionMessages
+from hric_bags.records.region_contacts import (
+    CONTACTS_TYPE,
+    ContactRecord,
+    ContactStream,
+    Pressing,
+    RegionForce,
+    RegionMessages,
+)
 from hric_bags.records.root_record import RootRecord
 from hric_bags.records.rows import Rows, seven, times, xyz
 
@@ -59,7 +66,7 @@ class Event:
 
 @dataclass(frozen=True)
 class HumanRecord:
-    """Of one run.
+    """One person in one run. What the bag does not have is empty.
 
     Attributes:
         joints: names.
@@ -68,13 +75,15 @@ class HumanRecord:
         torque_time: of the rows of `torque`, shape (m,) [s].
         torque: shape (m, j) [N m].
         share: of the joint's strength, shape (m, j) [1].
-        clipped: how often each joint came to its strength.
+        clipped: how often each joint was limited to its strength.
         grips: by name.
         contacts: with a force, by link.
         events: in order of time.
         meetings: contacts with their begin and peak, in the order in which they ended.
-        muscles: None: his joints have none.
-        root: where he was, of who walks; None: where he was spawned, all the time.
+        muscles: None: the joints have none.
+        root: where a walking person was; None: where they were spawned, all the time.
+        name: namespace.
+        stream: which messages of the contacts were recorded; None: the bag has no such topic.
     """
 
     joints: tuple[str, ...]
@@ -90,60 +99,80 @@ class HumanRecord:
     meetings: list[RegionForce] = field(default_factory=list)
     muscles: MuscleRecord | None = None
     root: RootRecord | None = None
+    name: str = ""
+    stream: ContactStream | None = None
 
 
 def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord | None:
-    """What the bag has of a human; None: nothing, or only his events."""
+    """Read the first person of a bag, with motion and torques; None: there is nobody who has both."""
     with opened(bag) as reader:
-        messages = HumanMessages(reader.connections)
-        muscles = MuscleMessages(messages.names)
+        names = human_names(reader.connections)
+        if not names:
+            return None
+        messages = HumanMessages(names[0])
+        muscles = MuscleMessages({names[0]})
         for connection, _, raw in reader.chosen(lambda one: messages.wants(one) or muscles.wants(one)):
             message = reader.deserialize(raw, connection.msgtype)
             if messages.wants(connection):
+                messages.note(connection, raw)
                 messages.add(connection.topic, connection.msgtype, message)
             else:
                 muscles.add(connection.topic, message)
-    found = messages.record(robot_time)
-    return found and replace(found, muscles=muscles.record(robot_time))
+    record = messages.record(robot_time)
+    if not len(record.time) or not len(record.torque_time):
+        return None
+    return replace(record, muscles=muscles.record(robot_time))
+
+
+def human_names(connections: Iterable[Any]) -> list[str]:
+    """Return the namespaces of the simulated persons of a bag, in order."""
+    kinds = (TORQUE_TYPE, CONTACTS_TYPE, GRIP_TYPE)
+    topics = {c.topic for c in connections if c.msgtype in kinds and REAL not in c.topic}
+    return sorted({topic.rpartition("/")[0] for topic in topics})
 
 
 class HumanMessages:
-    """Takes messages of a human as they come, and keeps their numbers alone: an hour of them fits into memory.
+    """Takes messages of one person as they come, and keeps their numbers alone: an hour of them fits into memory.
 
     Args:
-        connections: of the bag.
-        rate: of joint states, torques, root, each grip and contacts that last, of which no more are kept [Hz]; None:
-            all. All else is kept. Who reads a bag leaves out by `spacing` what is not needed of the first three.
+        name: namespace of the person.
+        rate: highest rate of what is kept of joint states, torques, root, each grip and contacts that last [Hz]; None:
+            all. All else is kept. A reader of a bag leaves out by `spacing` what is not needed of the first three.
 
     Attributes:
-        names: of humans, what their topics begin with.
-        spacing: of topics, as `PartsReader.chosen` takes it.
+        spacing: shortest time between two messages of a topic, as `PartsReader.chosen` takes it [ns].
     """
 
-    def __init__(self, connections: Iterable[Any], rate: float | None = None) -> None:
-        torques = {c.topic for c in connections if c.msgtype == TORQUE_TYPE and REAL not in c.topic}
-        self.names = {topic.rpartition("/")[0] for topic in torques}
-        self._torques, self._states = torques, {f"{name}/joint_states" for name in self.names}
-        self._roots = {f"{name}/root" for name in self.names}
+    def __init__(self, name: str, rate: float | None = None) -> None:
+        self.name = name
+        self._states, self._torques, self._roots = (f"{name}/{end}" for end in ("joint_states", "joint_torque", "root"))
+        self._others = {f"{name}/{end}" for end in ("grip", "events", "contacts")}
         self._period = 0 if rate is None else round(0.99e9 / rate)
-        self.spacing = dict.fromkeys(self._torques | self._states | self._roots, self._period)
+        self.spacing = dict.fromkeys((self._torques, self._states, self._roots), self._period)
         self._last: dict[bytes, int] = {}
         self._position, self._torque = Rows("position"), Rows("torque", "strength_share")
         self._root_stamps, self._root = array("d"), array("d")
         self._grips: dict[str, _Grips] = {}
         self._events: list[tuple[float, Any]] = []
-        self._contacts, self._pressing = RegionMessages(), Pressing()
+        self._contacts: RegionMessages | None = None
+        self._pressing = Pressing()
 
     def wants(self, connection: Any) -> bool:
-        """Whether a connection is one of a human."""
+        """True if a connection belongs to this person."""
         return self.takes(connection.topic, connection.msgtype)
 
     def takes(self, topic: str, kind: str) -> bool:
-        """Whether a topic is one of a human."""
-        return kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE) or topic in self.spacing
+        """True if a topic belongs to this person."""
+        return topic in self.spacing or (topic in self._others and kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE))
+
+    def note(self, connection: Any, raw: bytes) -> None:
+        """Count a message, also one that is not `due`; raw: serialised."""
+        if connection.msgtype == CONTACTS_TYPE:
+            self._contacts = self._contacts or RegionMessages()
+            self._contacts.note(raw)
 
     def due(self, connection: Any, stamp: int, raw: bytes) -> bool:
-        """Whether a message is needed at this rate; stamp: of its recording [ns]. Of streams with a spacing all are."""
+        """True if a message is needed at this rate; stamp: of its recording [ns]. Of streams with a spacing all are."""
         if not self._period:
             return True
         if connection.msgtype == CONTACTS_TYPE:
@@ -159,40 +188,40 @@ class HumanMessages:
     def add(self, topic: str, kind: str, message: Any) -> None:
         """Take one."""
         stamp = seconds(message.header.stamp)
-        if topic in self._states:
+        if topic == self._states:
             self._position.add(stamp, message)
-        elif kind == TORQUE_TYPE:
+        elif topic == self._torques:
             self._torque.add(stamp, message)
-        elif kind == ROOT_TYPE:
+        elif topic == self._roots:
             self._root_stamps.append(stamp)
             self._root.extend(seven(message.pose))
         elif kind == GRIP_TYPE:
             self._grips.setdefault(message.name, _Grips(message)).add(stamp, message)
         elif kind == EVENT_TYPE:
             self._events.append((stamp, message))
-        elif kind == CONTACTS_TYPE:
+        elif self._contacts is not None:
             self._contacts.add(stamp, message)
 
-    def record(self, robot_time: Callable[[float], float]) -> HumanRecord | None:
-        """All that was taken; None: no motion."""
-        position, torque = self._position, self._torque
-        if position.last is None or torque.last is None:
-            return None
+    def record(self, robot_time: Callable[[float], float]) -> HumanRecord:
+        """Return all that was taken."""
+        position, torque, contacts = self._position, self._torque, self._contacts or RegionMessages()
         time, q = position.columns(robot_time)
         torque_time, tau, share = torque.columns(robot_time)
         return HumanRecord(
-            tuple(position.last.name),
+            () if position.last is None else tuple(position.last.name),
             time,
             q,
             torque_time,
             tau,
             share,
-            dict(zip(torque.last.name, map(int, torque.last.clipped), strict=True)),
+            {} if torque.last is None else dict(zip(torque.last.name, map(int, torque.last.clipped), strict=True)),
             {name: grips.record(robot_time) for name, grips in self._grips.items()},
-            self._contacts.by_link(robot_time),
+            contacts.by_link(robot_time),
             [Event(robot_time(stamp), m.kind, m.name, float(m.value), m.text) for stamp, m in self._events],
-            self._contacts.meetings(robot_time),
+            contacts.meetings(robot_time),
             root=self._root_record(robot_time),
+            name=self.name,
+            stream=None if self._contacts is None else contacts.stream(robot_time),
         )
 
     def _root_record(self, robot_time: Callable[[float], float]) -> RootRecord | None:

@@ -5,6 +5,7 @@ import math
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,10 +13,20 @@ from typing import Any
 import numpy as np
 
 from hric_bags.parts import Bag
-from hric_bags.reader import ARRAYS, LOG_TYPE, ControlRecord, FloatArray, RobotTime, opened, robot_time_of, seconds
+from hric_bags.reader import (
+    ARRAYS,
+    LOG_TYPE,
+    BagError,
+    ControlRecord,
+    FloatArray,
+    RobotTime,
+    opened,
+    robot_time_of,
+    seconds,
+)
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
-from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord
+from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord, human_names
 from hric_bags.records.rows import seven, times, xyz
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_control.geometry import Pose
@@ -31,6 +42,16 @@ ACTIVATION_TYPE, STATIC_TYPE = "hric_msgs/msg/MuscleActivation", "tf2_msgs/msg/T
 REACTIONS_TYPE = "hric_msgs/msg/JointReactions"
 TEXT_TYPE = "std_msgs/msg/String"
 _THINNED = (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, REACTIONS_TYPE, STATE_TYPE)
+HEAD = 200
+"""Messages of a person's joint states that are looked at for a second person (project default)."""
+FASTEST_JOINT = 150.0
+"""Fastest joint of a person [rad/s]: the shoulder of a baseball pitcher turns at about 7000 deg/s, 122 rad/s
+(unconfirmed)."""
+STEP = 1e-3
+"""Shortest time between two poses [s]: two stamps that are equal are no reason for an infinite speed."""
+SWITCHES = 3
+"""Jumps that a tracker may make; more are two persons (project default, unconfirmed)."""
+ONE_EACH = "two persons in one namespace cannot be told apart; valid: a namespace for each, such as hric/human2"
 JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
 """Names of the joints of a body of `hric_human`."""
 
@@ -75,15 +96,16 @@ class Tracked:
 
 @dataclass(frozen=True)
 class Recording:
-    """Of one bag, at RATE and with SAMPLES of a stream at most.
+    """One bag, at RATE and with SAMPLES of a stream at most.
 
     Attributes:
         topics: message counts.
         kinds: of messages.
-        begin, end: robot time of the first and the last message [s].
+        begin, end: robot time of the first and the last sample of arm or persons, of the first and the last message
+            where there is none [s].
         robot_time: from stamps.
         log: of the arm; None: the bag has none.
-        human: simulated; None: nobody, or without joint torques.
+        humans: simulated persons by namespace.
         pairs: bodies that touched, of /sim/contacts; None: the bag has no such topic.
         people: joint states of bodies of `hric_human`, by topic.
         tracked: roots of real persons, by topic.
@@ -101,7 +123,7 @@ class Recording:
     end: float
     robot_time: RobotTime
     log: ControlRecord | None
-    human: HumanRecord | None
+    humans: dict[str, HumanRecord]
     pairs: list[PairForce] | None
     people: dict[str, Columns] = field(default_factory=dict)
     tracked: dict[str, Tracked] = field(default_factory=dict)
@@ -117,22 +139,54 @@ def read(bag: Path | Bag) -> Recording:
     """All of it, in one pass.
 
     Raises:
-        BagError: the bag is missing or damaged.
+        BagError: the bag is missing or damaged, or two persons share a namespace.
     """
     with opened(bag) as reader:
+        refuse_shared_namespaces(reader)
         seconds_long = 1e-9 * reader.duration if reader.message_count else 0.0
         taken = _Taken(reader, min(RATE, SAMPLES / max(seconds_long, 1.0)))
         for connection, stamp, raw in reader.chosen(taken.wants, spacing=taken.spacing(reader)):
+            taken.note(connection, raw)
             if taken.due(connection, stamp, raw):
                 taken.add(connection.topic, connection.msgtype, reader.deserialize(raw, connection.msgtype))
         return taken.recording(reader)
+
+
+def refuse_shared_namespaces(reader: Bag) -> None:
+    """Raise BagError if the joint states of a person come from two publishers, or are those of two bodies in turns.
+
+    The first HEAD messages of each topic are looked at, all of them: what is thinned could show one of the two alone.
+    """
+    for topic in sorted({c.topic for c in reader.connections if c.msgtype == STATES_TYPE}):
+        connections = [c for c in reader.connections if c.topic == topic]
+        raws = islice(reader.messages(connections), HEAD)
+        messages = [reader.deserialize(raw, STATES_TYPE) for _, _, raw in raws]
+        if not messages or not JOINTS & set(messages[0].name):
+            continue  # of a robot
+        nodes = {name for c in connections if (name := getattr(getattr(c, "ext", None), "callerid", None))}
+        if len(nodes) > 1:
+            raise BagError(f"{topic}: two publishers, {' and '.join(sorted(nodes))}; {ONE_EACH}")
+        jumps = 0
+        for before, message in pairwise(messages):
+            at = seconds(message.header.stamp)
+            if list(before.name) != list(message.name):
+                raise BagError(f"{topic}: the joints differ from one message to the next at {at:.3f} s; {ONE_EACH}")
+            if len(before.position) == len(message.position):  # else it is refused where it is read
+                step = max(at - seconds(before.header.stamp), STEP)
+                moved = np.abs(np.subtract(message.position, before.position))
+                jumps += bool(moved.max(initial=0.0) > FASTEST_JOINT * step)
+        if jumps > SWITCHES:
+            raise BagError(
+                f"{topic}: {jumps} of {len(messages)} poses are farther apart than a person moves; {ONE_EACH}"
+            )
 
 
 class _Taken:
     """Messages as they come."""
 
     def __init__(self, reader: Bag, rate: float) -> None:
-        self._human = HumanMessages(reader.connections, rate)
+        self._humans = [HumanMessages(name, rate) for name in human_names(reader.connections)]
+        self._topics = {c.topic: human for human in self._humans for c in reader.connections if human.wants(c)}
         self._log, self._period = _ThinLog(rate), round(0.99e9 / rate)
         self._people: dict[str, _Named | None] = {}
         self._activation: dict[str, _Named] = {}
@@ -149,26 +203,33 @@ class _Taken:
         if connection.msgtype == REACTIONS_TYPE:  # those of a robot's joints are beside no muscles
             return str(connection.topic).rpartition("/")[0] in self._beside
         kinds = (*_THINNED, LOG_TYPE, PAIRS_TYPE, EVENT_TYPE)
-        if connection.msgtype in kinds or self._human.wants(connection):
+        if connection.msgtype in kinds or connection.topic in self._topics:
             return True
         return str(connection.topic).endswith(("/robot_description", "/tf_static"))
 
     def spacing(self, reader: Bag) -> dict[str, int]:
         """Of the streams of a bag, as `chosen` takes it."""
         thinned = {c.topic: self._period for c in reader.connections if c.msgtype in _THINNED}
-        return thinned | self._human.spacing
+        for human in self._humans:
+            thinned |= human.spacing
+        return thinned
+
+    def note(self, connection: Any, raw: bytes) -> None:
+        """Count a message of a person, read or not."""
+        if connection.topic in self._topics:
+            self._topics[connection.topic].note(connection, raw)
 
     def due(self, connection: Any, stamp: int, raw: bytes) -> bool:
-        """Whether the message of a time [ns] is to be read."""
-        if self._human.wants(connection):
-            return self._human.due(connection, stamp, raw)
+        """True if the message of a time [ns] is to be read."""
+        if connection.topic in self._topics:
+            return self._topics[connection.topic].due(connection, stamp, raw)
         return self._people.get(connection.topic, self) is not None
 
     def add(self, topic: str, kind: str, message: Any) -> None:
         if kind == LOG_TYPE:
             self._log.add(message)
-        elif self._human.takes(topic, kind):
-            self._human.add(topic, kind, message)
+        elif topic in self._topics:
+            self._topics[topic].add(topic, kind, message)
         elif kind == STATES_TYPE:
             self._add_states(topic, message)
         elif kind == ACTIVATION_TYPE:
@@ -209,7 +270,14 @@ class _Taken:
             for _, pair in sorted(self._pairs.items())
         ]
         log = self._log.record()
-        begin, end = (robot_time(first), robot_time(last)) if log is None else (log.time[0], log.time[-1])
+        humans = {human.name: human.record(robot_time) for human in self._humans}
+        people = _columns({topic: named for topic, named in self._people.items() if named is not None}, robot_time)
+        streams = [human.time for human in humans.values()] + [columns.time for columns in people.values()]
+        streams += [human.stream.time for human in humans.values() if human.stream is not None]
+        streams = [time for time in (*streams, *([] if log is None else [log.time])) if len(time)]
+        begin, end = robot_time(first), robot_time(last)
+        if streams:
+            begin, end = min(time[0] for time in streams), max(time[-1] for time in streams)
         return Recording(
             topics,
             frozenset(connection.msgtype for connection in reader.connections),
@@ -217,9 +285,9 @@ class _Taken:
             float(end),
             robot_time,
             log,
-            self._human.record(robot_time),
+            humans,
             pairs if any(connection.msgtype == PAIRS_TYPE for connection in reader.connections) else None,
-            _columns({topic: named for topic, named in self._people.items() if named is not None}, robot_time),
+            people,
             {topic: roots.tracked(topic, robot_time) for topic, roots in self._roots.items()},
             _columns(self._activation, robot_time),
             _columns(self._contact, robot_time),

@@ -1,9 +1,9 @@
-"""Contacts of a simulated human with their courses, from hric_msgs/RegionContacts in a bag. No ROS."""
+"""Contacts of a person with their courses, from hric_msgs/RegionContacts in a bag. No ROS."""
 
 import math
 from array import array
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -43,37 +43,44 @@ class ContactRecord:
 
 @dataclass(frozen=True)
 class Course:
-    """A contact over time, at the instants of its messages.
+    """A contact over time, at the instants of its messages; values as recorded, NaN included.
 
     Attributes:
         time: robot time, shape (n,) [s].
         force: shape (n,) [N].
-        reached: peak until then, of all cycles, shape (n,) [N].
+        reached: largest force since the begin, of all cycles, shape (n,) [N].
+        reached_time: robot time of that, shape (n,) [s].
+        since_begin: duration of the contact by the message, shape (n,) [s].
         point, normal: as of ContactRecord, shape (n, 3).
     """
 
     time: FloatArray
     force: FloatArray
     reached: FloatArray
+    reached_time: FloatArray
+    since_begin: FloatArray
     point: FloatArray
     normal: FloatArray
 
 
 @dataclass(frozen=True)
 class RegionForce:
-    """One contact of a region, from when they met until they parted or the run ended.
+    """One contact of a region, from when the bodies met until they parted or the recording ended.
 
     Attributes:
         regions: of ISO/TS 15066 that the link belongs to.
-        link, other: of the human, and what touched it.
+        link, other: of the person, and what touched it.
         kind: "penalty", or "rigid": without a force.
         begin: robot time [s].
-        duration: [s].
+        duration: as the last message says [s].
         peak, peak_time, impulse: of the normal force; None: rigid [N], [s], [N s].
-        point, normal: where they met, and the unit vector along which the force then acted on the human, world frame, 3
-            floats each [m]; None: not known.
+        point, normal: where they met, and the unit vector along which the force then acted on the person, world frame,
+            3 floats each [m]; None: not known.
         speed: along the normal at which they met [m/s]; None: rigid, or not known.
-        course: empty of what was between two messages.
+        course: one row for each message that has the contact.
+        dominant: True if the messages say that it is on the side of the dominant hand.
+        area: smallest area of contact in its messages [m^2]; None: not known.
+        ended: True if a message says that the bodies parted.
     """
 
     regions: tuple[str, ...]
@@ -89,6 +96,9 @@ class RegionForce:
     normal: Vector | None
     speed: float | None
     course: Course
+    dominant: bool = False
+    area: float | None = None
+    ended: bool = True
 
     @property
     def end(self) -> float:
@@ -116,29 +126,77 @@ class Pressing:
         return True
 
 
+@dataclass(frozen=True)
+class ContactStream:
+    """Which messages of a contact topic were recorded.
+
+    Attributes:
+        time: robot time of each message, shape (n,) [s].
+        silent: number of messages that say that nothing touches and nothing ended.
+        lost: begin and end of each stretch in which sequence numbers are missing, robot time [s].
+    """
+
+    time: FloatArray
+    silent: int
+    lost: tuple[tuple[float, float], ...]
+
+
+@dataclass
+class _Contact:
+    """Messages of one contact: the last of them, and the rows of its course."""
+
+    last: Any
+    rows: "array[float]" = field(default_factory=lambda: array("d"))
+    area: float = math.inf
+    ended: bool = False
+
+
 class RegionMessages:
-    """Of all messages, in their order."""
+    """Collects the messages of one topic in their order."""
 
     def __init__(self) -> None:
         self._stamps = array("d")
-        self._courses: dict[tuple[str, str, float], array[float]] = {}
+        self._seen, self._numbers, self._silent = array("d"), array("q"), 0
+        self._contacts: dict[tuple[str, str, float], _Contact] = {}
         self._links: dict[str, tuple[tuple[str, ...], array[float]]] = {}
-        self._ended: list[Any] = []
-        self._touching: list[Any] = []
+        self._order: list[_Contact] = []
+
+    def note(self, raw: bytes) -> None:
+        """Count a message, read or not; raw: serialised."""
+        number, seconds, nanoseconds = (int.from_bytes(raw[k : k + 4], "little") for k in (0, 4, 8))
+        self._numbers.append(number)
+        self._seen.append(seconds + 1e-9 * nanoseconds)
+        self._silent += raw[-8:] == bytes(8) and len(raw) == 24 + int.from_bytes(raw[12:16], "little")
+
+    def stream(self, robot_time: Callable[[float], float]) -> ContactStream:
+        """Return which messages were recorded."""
+        time, numbers = times(self._seen, robot_time), np.array(self._numbers)
+        lost = np.flatnonzero(np.diff(numbers) > 1)
+        return ContactStream(time, self._silent, tuple((float(time[k]), float(time[k + 1])) for k in lost))
 
     def add(self, stamp: float, message: Any) -> None:
-        """Take one; stamp: of its header [s]."""
+        """Take one message; stamp: of its header [s]."""
         index = len(self._stamps)
         self._stamps.append(stamp)
-        for one in message.touching:
-            course = self._courses.setdefault((one.link, one.other, one.begin), array("d"))
-            course.extend((stamp, one.force, one.peak, *xyz(one.point), *xyz(one.normal)))
-            self._strongest(one, index, math.nan, one.force)
-        for one in message.ended:
-            if one.kind == "penalty":
-                self._strongest(one, index, one.peak_time, one.peak)
-        self._ended += message.ended
-        self._touching = list(message.touching)
+        for contact in message.touching:
+            self._note(contact, stamp)
+            self._strongest(contact, index, math.nan, contact.force)
+        for contact in message.ended:
+            known = self._note(contact, contact.begin + contact.duration)
+            if not known.ended:
+                known.ended = True
+                self._order.append(known)
+            if contact.kind == "penalty":
+                self._strongest(contact, index, contact.peak_time, contact.peak)
+
+    def _note(self, contact: Any, stamp: float) -> _Contact:
+        known = self._contacts.setdefault((contact.link, contact.other, round(contact.begin, 6)), _Contact(contact))
+        known.last = contact
+        row = (contact.force, contact.peak, contact.peak_time, contact.duration)
+        known.rows.extend((stamp, *row, *xyz(contact.point), *xyz(contact.normal)))
+        if contact.area > 0.0:
+            known.area = min(known.area, contact.area)
+        return known
 
     def _strongest(self, one: Any, index: int, stamp: float, force: float) -> None:
         if force > 0.0:  # not of a rigid contact, which is NaN
@@ -162,27 +220,39 @@ class RegionMessages:
         return found
 
     def meetings(self, robot_time: Callable[[float], float]) -> list[RegionForce]:
-        """Each contact, in the order in which they ended."""
-        return [self._meeting(one, robot_time) for one in (*self._ended, *self._touching)]
+        """Return each contact, in the order in which they ended; those that did not end last."""
+        open_contacts = [contact for contact in self._contacts.values() if not contact.ended]
+        return [self._meeting(contact, robot_time) for contact in (*self._order, *open_contacts)]
 
-    def _meeting(self, one: Any, robot_time: Callable[[float], float]) -> RegionForce:
-        known = one.kind == "penalty"
-        rows = np.array(self._courses.get((one.link, one.other, one.begin), [])).reshape(-1, 9)
-        course = Course(times(rows[:, 0], robot_time), rows[:, 1], rows[:, 2], rows[:, 3:6], rows[:, 6:])
+    def _meeting(self, contact: _Contact, robot_time: Callable[[float], float]) -> RegionForce:
+        last, rows = contact.last, np.array(contact.rows).reshape(-1, 11)
+        known = last.kind == "penalty"
+        course = Course(
+            times(rows[:, 0], robot_time),
+            rows[:, 1],
+            rows[:, 2],
+            times(rows[:, 3], robot_time),
+            rows[:, 4],
+            rows[:, 5:8],
+            rows[:, 8:],
+        )
         return RegionForce(
-            tuple(one.regions),
-            one.link,
-            one.other,
-            one.kind,
-            robot_time(one.begin),
-            float(one.duration),
-            float(one.peak) if known else None,
-            robot_time(one.peak_time) if known else None,
-            float(one.impulse) if known else None,
-            _known(one.begin_point),
-            _known(one.begin_normal),
-            None if math.isnan(one.begin_speed) else float(one.begin_speed),
+            tuple(last.regions),
+            last.link,
+            last.other,
+            last.kind,
+            robot_time(last.begin),
+            float(last.duration),
+            float(last.peak) if known else None,
+            robot_time(last.peak_time) if known else None,
+            float(last.impulse) if known else None,
+            _known(last.begin_point),
+            _known(last.begin_normal),
+            None if math.isnan(last.begin_speed) else float(last.begin_speed),
             course,
+            bool(last.dominant),
+            contact.area if math.isfinite(contact.area) else None,
+            contact.ended,
         )
 
 

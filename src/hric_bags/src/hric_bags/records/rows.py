@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_bags.reader import FloatArray
+from hric_bags.reader import BagError, FloatArray
 from hric_control.geometry import Vector
 
 
@@ -42,13 +42,28 @@ class Rows:
         self.last: Any = None
 
     def add(self, stamp: float, message: Any) -> None:
-        """Take one; stamp: of its header [s]."""
+        """Take one; stamp: of its header [s].
+
+        Raises:
+            BagError: other names than in the message before, or not one value for each.
+        """
+        if self.last is not None and list(message.name) != list(self.last.name):
+            raise BagError(
+                f"the joints of a person differ from one message to the next at {stamp:.3f} s: "
+                f"{', '.join(message.name)}; valid: {', '.join(self.last.name)}"
+            )
         self._stamps.append(stamp)
         for name, values in self._values.items():
-            values.frombytes(np.asarray(getattr(message, name), dtype=float).tobytes())
+            row = np.asarray(getattr(message, name), dtype=float)
+            if len(row) != len(message.name):
+                raise BagError(
+                    f"{len(row)} values of {name} at {stamp:.3f} s; valid: one for each of {len(message.name)}"
+                )
+            values.frombytes(row.tobytes())
         self.last = message
 
     def columns(self, robot_time: Callable[[float], float]) -> list[FloatArray]:
         """Times, and the values of each field, shape (n, j)."""
         n = len(self._stamps)
-        return [times(self._stamps, robot_time), *(np.array(v).reshape(n, -1) for v in self._values.values())]
+        width = 0 if self.last is None else -1
+        return [times(self._stamps, robot_time), *(np.array(v).reshape(n, width) for v in self._values.values())]

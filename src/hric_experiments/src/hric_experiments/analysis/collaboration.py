@@ -14,7 +14,7 @@ from hric_assessment.findings import Finding, NotAssessableError, Outcome
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.contacts import contact_findings
 from hric_assessment.verdict.given import Given
-from hric_assessment.verdict.person import person_of
+from hric_assessment.verdict.person import people_of
 from hric_assessment.verdict.separating import TOUCHING, Separated, separated
 from hric_bags.parts import Bag
 from hric_bags.records import recording
@@ -56,7 +56,7 @@ def values(run: Mapping[str, Any], bag: Bag, description: str, person: Person | 
 
 def _contact(given: Given) -> dict[str, Any]:
     choices = Choices(contact_area=CONTACT_AREA)
-    found = contact_findings(given, person_of(given), choices)
+    found = contact_findings(given, choices)
     return {
         "share": _largest(found),
         "above": _count(found, Outcome.ABOVE),
@@ -74,7 +74,7 @@ def _count(found: Sequence[Finding], outcome: Outcome) -> int:
 
 def _separation(given: Given) -> dict[str, Any] | None:
     try:
-        apart = separated(given, person_of(given), Choices())
+        apart = separated(given, people_of(given)[0], Choices())
     except NotAssessableError:
         return None
     return None if apart is None else {"share": _share(apart), "below": below(apart)}

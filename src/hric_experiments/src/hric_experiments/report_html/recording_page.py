@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hric_assessment.verdict.given import Given
-from hric_assessment.verdict.person import Person, person_of
+from hric_assessment.verdict.person import Person, people_of
 from hric_assessment.verdict.separating import filled
 from hric_bags import files
 from hric_bags.records.root_record import RootRecord
@@ -29,9 +29,7 @@ def build(given: Given, found: Mapping[str, Any]) -> Page:
     if log is not None and given.description:
         time, position = joint_track(log, rate)
         robots.append(Robot("", given.description, log.joint_names, time, position))
-    person = person_of(given)
-    if person is not None and len(person.time):
-        robots.append(_person(given, person, rate, notes))
+    robots += [_person(given, person, rate, notes) for person in people_of(given) if len(person.time)]
     if not robots:
         notes.append("There is no replay: neither an arm with its description nor a person is in the recording.")
     kind = f"a {given.kind} without a run folder"
@@ -41,12 +39,12 @@ def build(given: Given, found: Mapping[str, Any]) -> Page:
 def _person(given: Given, person: Person, rate: float, notes: list[str]) -> Robot:
     root = person.root or _of_markers(given)
     if root is None:
-        notes.append("Where the person was is not known: he is drawn about the origin.")
+        notes.append("Where the person was is not known: they are drawn about the origin.")
     elif person.root is None:
         notes.append("The person is drawn in the frame of the markers, whose place in the world is not known.")
     q, unknown = filled(person.q)
     if unknown:
-        notes.append(f"Some of his joints are not known for {100.0 * unknown:.1f} % of the time; there interpolated.")
+        notes.append(f"Some joints are not known for {100.0 * unknown:.1f} % of the time; there interpolated.")
     shown = instants(person.time, rate)
     one = Robot("", person.body.urdf, person.names, person.time[shown], q[shown])
     if root is not None:

@@ -1,4 +1,4 @@
-"""What a human in the robot's plant publishes: messages from plain snapshots, sent outside the loop."""
+"""Topics of a human in the robot's plant: messages from plain snapshots, sent outside the loop."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -24,15 +24,18 @@ WORLD = "world"
 NOWHERE = (math.nan, math.nan, math.nan)
 """Of a contact of which nobody knows where it was."""
 
+SILENCE = 0.05
+"""Longest time between two messages of contacts while nothing touches [s] (project default)."""
+
 
 class Topics:
-    """Of one human.
+    """Topics of one human.
 
     Args:
         node: a robot's private names; the topics are below `hric/NAME` beside it.
-        name: of the human, and of his frames: NAME/LINK.
-        person: his joints.
-        root: pose of his root link `human_base` in the world.
+        name: of the human, and of the frames: NAME/LINK.
+        person: the joints.
+        root: pose of the root link `human_base` in the world.
         walks: it is published again and again.
     """
 
@@ -42,10 +45,8 @@ class Topics:
         self._states = realtime.publisher(node, f"{where}/joint_states", JointState, lossless=True)
         self._torques = realtime.publisher(node, f"{where}/joint_torque", JointTorque, lossless=True)
         self._grips = realtime.publisher(node, f"{where}/grip", HumanGrip, lossless=True)
-        self._contacts, self._touching = (
-            realtime.publisher(node, f"{where}/contacts", RegionContacts, lossless=True),
-            True,
-        )
+        self._contacts = realtime.publisher(node, f"{where}/contacts", RegionContacts, lossless=True)
+        self._touching, self._reported = True, -math.inf
         self._events = realtime.publisher(node, f"{where}/events", HumanEvent, lossless=True)
         self._frame = f"{name}/human_base"
         self._root: realtime.RealtimePublisher | None = None
@@ -65,8 +66,8 @@ class Topics:
             publisher.unregister()
 
     def publish_root(self, time: float, root: Pose) -> None:
-        """Where his root is at a time of the run [s]; of who walks."""
-        assert self._root is not None, "of who walks"
+        """Publish where the root of a walking human is at a time of the run [s]."""
+        assert self._root is not None, "of a walking human"
         self._root.publish(_root, time, root)
         self._tf.publish(_placed, time, self._frame, root)
 
@@ -92,7 +93,8 @@ class Topics:
     def publish_contacts(
         self, time: float, epoch: float, present: Iterable[RegionContact], ended: Iterable[RegionContact]
     ) -> None:
-        """Those of a cycle, and those that have ended since the message before; and once that there are none.
+        """Publish the contacts of a cycle and those that ended since the last message; while nothing touches, an empty
+        message at least every SILENCE seconds: a reader can tell "nothing touched" from "not recorded".
 
         Args:
             time: of the stamp [s].
@@ -100,8 +102,8 @@ class Topics:
             present, ended: with robot times.
         """
         touching, over = [_contact(one, epoch) for one in present], [_contact(one, epoch) for one in ended]
-        if touching or over or self._touching:
-            self._touching = bool(touching)
+        if touching or over or self._touching or not 0.0 <= time - self._reported < SILENCE - 1e-9:
+            self._touching, self._reported = bool(touching), time
             self._contacts.publish(_contacts, time, touching, over)
 
     def event(self, time: float, kind: str, name: str, value: float, text: str) -> None:

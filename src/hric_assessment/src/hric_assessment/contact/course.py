@@ -1,0 +1,200 @@
+"""The force on one region over time, from the contacts that were recorded, and what is not known of it.
+
+    for met in meetings(contacts, period):
+        met.episode, met.contacts, met.doubts, met.unknown_peak
+
+Contacts of several bodies with one link of the person are added where they overlap in time. The begin and the duration
+that the messages state count, not the instants of the messages: a clamp whose messages are throttled or lost is one
+clamp. A force that is NaN, negative or infinite is no force.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hric_assessment.contact.episodes import RATE_TOLERANCE, STAMP, Episode, Stretch
+from hric_assessment.contact.episodes import episode as cut
+from hric_assessment.evidence import BoolArray, unknown
+from hric_assessment.tables import EpisodeTable, episode_table, verdict_table
+from hric_bags.records.region_contacts import RegionForce
+from hric_control.geometry import FloatArray
+
+SAME_INSTANT = 1e-4
+"""Two instants of a contact closer than this are one [s]: no source of contacts runs faster than 10 kHz (project
+default)."""
+CLOCKS = 0.02
+"""Largest difference between the stamp of a message and the begin and duration that it states [s] (project default)."""
+FLAT, SLOPE = 3, 0.01
+"""Equal largest samples in a row that are a flat top, where the force comes to them or leaves them by more than this
+share of it per sample [1]: a sensor at its range; a force that settles comes to rest slowly (project defaults)."""
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """One episode of contact with one link of a person.
+
+    Attributes:
+        episode: force over time; None: no sample of it can be used.
+        contacts: those that it consists of.
+        doubts: why it cannot be called harmless, a clause each; empty: all of it is known.
+        unknown_peak: largest force that the held part may have had where no sample says it [N]; None: all is known.
+    """
+
+    episode: Episode | None
+    contacts: tuple[RegionForce, ...]
+    doubts: tuple[str, ...]
+    unknown_peak: float | None
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Begin and end, robot time [s]."""
+        return min(one.begin for one in self.contacts), max(end_of(one) for one in self.contacts)
+
+
+def end_of(contact: RegionForce) -> float:
+    """Return when a contact ended, or was last heard of, robot time [s]."""
+    duration = contact.duration if np.isfinite(contact.duration) else 0.0
+    return max([contact.begin + duration, *contact.course.time[np.isfinite(contact.course.time)][-1:].tolist()])
+
+
+def meetings(
+    contacts: Sequence[RegionForce],
+    source_period: float,
+    recorded_until: float,
+    table: EpisodeTable | None = None,
+) -> list[Meeting]:
+    """Cut the penalty contacts of one link into episodes.
+
+    Args:
+        contacts: of one link of a person.
+        source_period: time between two evaluations of the force, see `period_of` [s].
+        recorded_until: robot time of the last message of the topic [s].
+        table: by default the one that comes with the package.
+    """
+    table = table or episode_table()
+    groups: list[list[RegionForce]] = []
+    until = -np.inf
+    for contact in sorted(contacts, key=lambda one: one.begin):
+        if not contact.begin <= until + table["gap"] + STAMP:
+            groups.append([])
+        groups[-1].append(contact)
+        until = max(until, end_of(contact))
+    return [_meeting(group, source_period, recorded_until, table) for group in groups]
+
+
+def period_of(contacts: Sequence[RegionForce]) -> float:
+    """Return the time between two evaluations of the force by its source [s]; infinite: nothing says it.
+
+    It is the shortest time between any two instants that the messages of a contact name: stamps, begin, end, and times
+    of peaks. A source that evaluates 1000 times a second and publishes 200 messages names instants 1 ms apart.
+    """
+    found = np.inf
+    for contact in contacts:
+        course = contact.course
+        instants = np.concatenate([[contact.begin, end_of(contact)], course.time, course.reached_time])
+        steps = np.diff(np.unique(instants[np.isfinite(instants)]))
+        found = min(found, steps[steps > SAME_INSTANT].min(initial=np.inf))
+    return float(found)
+
+
+def _meeting(contacts: list[RegionForce], source_period: float, recorded_until: float, table: EpisodeTable) -> Meeting:
+    courses = [_samples(contact) for contact in contacts]
+    doubts = dict.fromkeys(
+        doubt
+        for contact, (time, force, usable) in zip(contacts, courses, strict=True)
+        for doubt in _doubts(contact, time, force, usable, recorded_until, table)
+    )
+    if source_period > (1.0 + RATE_TOLERANCE) / table["rate"]:
+        rate = "an unknown number of" if not np.isfinite(source_period) else f"{1.0 / source_period:.0f}"
+        doubts[f"a blow needs {table['rate']:g} samples a second, and its source has {rate}"] = None
+    known = [(time[usable], force[usable]) for time, force, usable in courses if usable.sum() > 1]
+    if not known:  # but for the begin, which is no force
+        return Meeting(None, tuple(contacts), tuple(doubts), None)
+    times = np.unique(np.concatenate([time for time, _ in known]))
+    total = np.sum([np.interp(times, time, force, left=0.0, right=0.0) for time, force in known], axis=0)
+    episode = cut(times, total, table, 1.0 / source_period)
+    impulse = sum(contact.impulse or 0.0 for contact in contacts)
+    whole = Stretch(episode.whole.begin, episode.whole.end, episode.whole.peak, episode.whole.peak_time, impulse)
+    episode = Episode(whole, episode.transient, episode.quasi_static, None, episode.rate, episode.notes)
+    return Meeting(episode, tuple(contacts), tuple(doubts), _unknown_peak(contacts, courses, episode, table))
+
+
+def _samples(contact: RegionForce) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """(times [s], forces [N], whether each can be used) of one contact, shape (n,) each, with its begin and its peaks,
+    which may lie between two messages."""
+    course = contact.course
+    rose = np.diff(course.reached, prepend=0.0) != 0.0  # NaN differs, too
+    at = np.where(np.isfinite(course.reached_time), course.reached_time, course.time)[rose]
+    at = np.clip(at, contact.begin, course.time[rose])
+    touch = np.nextafter(episode_table()["touch_force"], np.inf)
+    time = np.concatenate([course.time, at, [contact.begin]])
+    force = np.concatenate([course.force, course.reached[rose], [touch]])
+    usable = np.isfinite(time) & np.isfinite(force) & (force >= 0.0)
+    order = np.lexsort((np.where(usable, -force, np.inf), time))  # of one instant the largest force comes first
+    time, force, usable = time[order], force[order], usable[order]
+    first = np.concatenate([[True], np.diff(time) > 0.0])
+    return time[first], force[first], usable[first]
+
+
+def _doubts(
+    contact: RegionForce,
+    time: FloatArray,
+    force: FloatArray,
+    usable: BoolArray,
+    recorded_until: float,
+    table: EpisodeTable,
+) -> list[str]:
+    """Why one contact cannot be called harmless."""
+    course, found = contact.course, list[str]()
+    bad = ~(np.isfinite(course.force) & (course.force >= 0.0) & np.isfinite(course.reached) & (course.reached >= 0.0))
+    if bad.any() or usable.sum() < 2:
+        found.append(f"{int(bad.sum())} of {len(bad)} forces are not numbers or below 0")
+    stated = contact.begin + course.since_begin
+    if not (np.abs(course.time - stated) <= CLOCKS).all() or not contact.duration >= 0.0:
+        found.append("its messages are not of the time that begin and duration state")
+    if _flat(contact, time[1:], force[1:]):  # without the begin, which has no message
+        found.append(f"the force has a flat top at {force.max():.1f} N, as of a sensor at its range")
+    if not contact.ended:
+        end = end_of(contact)
+        if recorded_until - end > verdict_table()["max_gap"]:
+            found.append(f"its end is not recorded: the last message of it is of {end:.3f} s")
+        elif end - contact.begin <= table["transient_time"] + STAMP:
+            found.append("it had not ended when the recording did")
+    return found
+
+
+def _flat(contact: RegionForce, time: FloatArray, force: FloatArray) -> bool:
+    """True if the largest force is held to the last bit between steep sides: FLAT messages long, or from a message to a
+    peak that is stated for another instant."""
+    if not len(force) or not np.isfinite(force).all():
+        return False
+    between = np.abs(time[:, None] - contact.course.time[None, :]).min(axis=1) > SAME_INSTANT
+    at_top = np.concatenate([[False], force == force.max(), [False]])
+    edges = np.flatnonzero(np.diff(at_top))
+    padded = np.concatenate([[0.0, 0.0], force, [0.0, 0.0]])  # a contact begins and ends without force
+    for first, end in zip(edges[::2], edges[1::2], strict=True):  # rows of `force`, end exclusive
+        enough = end - first >= FLAT or (end - first >= 2 and between[first:end].any())
+        rise = padded[first + 1] - padded[first] if first > 0 else 0.0
+        fall = padded[end + 2] - padded[end + 3] if end < len(force) else 0.0
+        if enough and max(rise, fall) > SLOPE * force.max():
+            return True
+    return False
+
+
+def _unknown_peak(
+    contacts: Sequence[RegionForce],
+    courses: Sequence[tuple[FloatArray, FloatArray, BoolArray]],
+    episode: Episode,
+    table: EpisodeTable,
+) -> float | None:
+    """Largest force of the held part where samples are farther apart than may be bridged; peaks that the messages state
+    bound it [N]."""
+    held = episode.whole.begin + table["transient_time"]
+    total, any_unknown = 0.0, False
+    for contact, (time, _, usable) in zip(contacts, courses, strict=True):
+        window = max(held, contact.begin), end_of(contact)
+        if window[1] > window[0]:
+            any_unknown |= bool(unknown(time, usable, window, verdict_table()["max_gap"]))
+        total += max(contact.course.reached[np.isfinite(contact.course.reached)], default=0.0)
+    return total if any_unknown else None
