@@ -48,7 +48,7 @@ def contact_findings(given: Given, choices: Choices) -> list[Finding]:
 
 def _not_recorded(given: Given, choices: Choices, name: str) -> Finding:
     """Nothing is known of the contacts of a person."""
-    topic = f"{name}/contacts" if name else TOPIC
+    topic = f"{name}/contacts" if name.startswith("/") else TOPIC
     reason = f"contacts are not recorded: the topic {topic} is not in the recording"
     begin, end = given.recording.begin, given.recording.end
     evidence = Evidence(end - begin, 0.0, 0.0, end - begin, 0, verdict_table()["max_gap"])
@@ -64,7 +64,7 @@ def _not_recorded(given: Given, choices: Choices, name: str) -> Finding:
         group=GROUP,
         evidence=evidence,
         remedy=remedy,
-        person=name,
+        person=name if name.startswith("/") else "",
     )
 
 

@@ -49,8 +49,9 @@ FASTEST_JOINT = 150.0
 (unconfirmed)."""
 STEP = 1e-3
 """Shortest time between two poses [s]: two stamps that are equal are no reason for an infinite speed."""
-SWITCHES = 3
-"""Jumps that a tracker may make; more are two persons (project default, unconfirmed)."""
+SWITCHES, BACK = 3, 0.25
+"""Jumps away and back that a tracker may make, and the share of the jump [1] within which it is back; more of them are
+two persons (project defaults, unconfirmed)."""
 ONE_EACH = "two persons in one namespace cannot be told apart; valid: a namespace for each, such as hric/human2"
 JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
 """Names of the joints of a body of `hric_human`."""
@@ -166,19 +167,26 @@ def refuse_shared_namespaces(reader: Bag) -> None:
         nodes = {name for c in connections if (name := getattr(getattr(c, "ext", None), "callerid", None))}
         if len(nodes) > 1:
             raise BagError(f"{topic}: two publishers, {' and '.join(sorted(nodes))}; {ONE_EACH}")
-        jumps = 0
         for before, message in pairwise(messages):
-            at = seconds(message.header.stamp)
             if list(before.name) != list(message.name):
+                at = seconds(message.header.stamp)
                 raise BagError(f"{topic}: the joints differ from one message to the next at {at:.3f} s; {ONE_EACH}")
-            if len(before.position) == len(message.position):  # else it is refused where it is read
-                step = max(at - seconds(before.header.stamp), STEP)
-                moved = np.abs(np.subtract(message.position, before.position))
-                jumps += bool(moved.max(initial=0.0) > FASTEST_JOINT * step)
-        if jumps > SWITCHES:
-            raise BagError(
-                f"{topic}: {jumps} of {len(messages)} poses are farther apart than a person moves; {ONE_EACH}"
-            )
+        if (switches := _switches(messages)) > SWITCHES:
+            text = f"{topic}: {switches} of {len(messages)} poses are those of somebody else than before and after"
+            raise BagError(f"{text}; {ONE_EACH}")
+
+
+def _switches(messages: Sequence[Any]) -> int:
+    """Return how often a pose is farther from the one before than a person moves, and the next one is back there."""
+    count = 0
+    for before, message, after in zip(messages, messages[1:], messages[2:], strict=False):
+        if not len(before.position) == len(message.position) == len(after.position) > 0:
+            continue  # refused where it is read
+        step = max(seconds(message.header.stamp) - seconds(before.header.stamp), STEP)
+        away = np.max(np.abs(message.position - before.position))
+        back = np.max(np.abs(after.position - before.position))
+        count += bool(away > FASTEST_JOINT * step and back < BACK * away)
+    return count
 
 
 class _Taken:
