@@ -186,8 +186,11 @@ def ball_urdf() -> str:
     )
 
 
-def approach(folder: Path) -> Known:
-    """7. The ball passes a hanging arm at a constant speed. Nearest is where a closed form of point and line has it."""
+def approach(folder: Path, seen: Callable[[float], bool] = lambda time: True) -> Known:
+    """7. The ball passes a hanging arm at a constant speed. Nearest is where a closed form of point and line has it.
+
+    seen: whether the joint states of a time [s] are recorded.
+    """
     speed, begin = 0.8, -1.6
     times = np.arange(0.0, 4.0005, 0.001)
     x = begin + speed * times
@@ -206,7 +209,7 @@ def approach(folder: Path) -> Known:
             transform=transform,
         )
         bag.write("/tf_static", "tf2_msgs/msg/TFMessage", 0.0, transforms=[placed])
-        joints(bag, times[::20], dict.fromkeys(body.joints, 0.0))
+        joints(bag, filter(seen, times[::20]), dict.fromkeys(body.joints, 0.0))
         for k in range(0, len(times) - 1, 20):
             part = slice(k, k + 20)
             rows = {"position": x[part], "velocity": np.full(20, speed)}

@@ -72,12 +72,14 @@ class Evidence:
         """What is missing, one clause; empty if nothing is."""
         if self.complete:
             return ""
-        text = f"known for {self.known:.2f} of {self.asked:.2f} s, longest gap {self.longest_gap:.2f} s"
+        clauses = []
+        if self.longest_gap > self.max_gap + JITTER:
+            clauses.append(f"known for {self.known:.2f} of {self.asked:.2f} s, longest gap {self.longest_gap:.2f} s")
         if self.not_finite:
-            text += f", {self.not_finite} samples not finite"
+            clauses.append(f"{self.not_finite} samples not finite")
         if self.arm_motion is not None and self.arm_motion < 1.0:
-            text += f", {100.0 * self.arm_motion:.0f} % of the arm's motion"
-        return text
+            clauses.append(f"known for {100.0 * self.arm_motion:.0f} % of the time in which the arm moves")
+        return ", ".join(clauses)
 
     def with_arm_motion(self, share: float) -> "Evidence":
         """Return a copy that also says which share of the arm's motion is known [1]."""

@@ -124,7 +124,7 @@ def _samples(contact: RegionForce) -> tuple[FloatArray, FloatArray, BoolArray]:
     """(times [s], forces [N], whether each can be used) of one contact, shape (n,) each, with its begin and its peaks,
     which may lie between two messages."""
     course = contact.course
-    rose = np.diff(course.reached, prepend=0.0) != 0.0  # NaN differs, too
+    rose = course.reached != np.concatenate([[0.0], course.reached[:-1]])  # NaN differs, too
     at = np.where(np.isfinite(course.reached_time), course.reached_time, course.time)[rose]
     at = np.clip(at, contact.begin, course.time[rose])
     touch = np.nextafter(episode_table()["touch_force"], np.inf)

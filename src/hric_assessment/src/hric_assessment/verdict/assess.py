@@ -30,9 +30,11 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
     distances: list[Separated] = []
     for person in people:
         for scores in scored(person, person.record):
-            findings.append(posture_finding(scores, person))
+            findings.append(replace(posture_finding(scores, person), person=person.name))
             timelines[scores.method.split(" ")[0].lower()].append(scores.timeline())
         findings += [*_separation(given, person, choices, distances), *lift_findings(given, person)]
+    if len({finding.person for finding in findings}) < 2:
+        findings = [replace(finding, person="") for finding in findings]  # there is nobody to confuse the person with
     nearest = min(distances, key=lambda one: one.margin, default=None)
     timelines["separation"] = None if nearest is None else nearest.timeline()
     each = [loads(given, person) for person in people] or [loads(given, None)]

@@ -1,0 +1,341 @@
+"""Within limits is a statement that the recording carries: contacts that are there and held against their limits, and
+recordings that do not say enough of them."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from verdict_cases import AREA, WHOLE, Bag, half_sine, held
+
+from hric_assessment.findings import Finding, Outcome
+from hric_assessment.verdict import Choices, Verdict, assess, opened
+from hric_control.errors import HricError
+
+Make = Callable[[Bag], None]
+
+
+def verdict(folder: Path, make: Make, area: float | None = AREA, numbered: bool = False) -> Verdict:
+    bag = Bag()
+    make(bag)
+    return assess(opened(str(bag.save(folder / "case.bag", numbered))), Choices(contact_area=area))
+
+
+def contacts(folder: Path, make: Make, area: float | None = AREA, numbered: bool = False) -> list[Finding]:
+    found = [one for one in verdict(folder, make, area, numbered).findings if one.group == "contact"]
+    return sorted(found, key=lambda one: one.window or (0.0, 0.0))
+
+
+def only(folder: Path, make: Make, area: float | None = AREA) -> Finding:
+    (finding,) = contacts(folder, make, area)
+    return finding
+
+
+def standing(bag: Bag, seconds: float = 3.0) -> None:
+    bag.person(0.0, seconds)
+
+
+# -- what is recorded counts ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("level", "outcome", "quantity"), [(140.0, Outcome.WARNING, "quasi-static"), (140.1, Outcome.ABOVE, "quasi-static")]
+)
+def test_a_clamp_at_its_limit_is_within_and_just_above_it_above(
+    tmp_path: Path, level: float, outcome: Outcome, quantity: str
+) -> None:
+    finding = only(tmp_path, lambda bag: (standing(bag), bag.contact(held(level), 0.5, 2.5))[1])
+    assert finding.outcome == outcome and finding.reason.startswith(quantity)
+
+
+@pytest.mark.parametrize(
+    ("end", "outcome"), [(1.5, Outcome.WITHIN), (1.51, Outcome.ABOVE)], ids=["half a second", "longer"]
+)
+def test_200_newton_are_transient_for_half_a_second(tmp_path: Path, end: float, outcome: Outcome) -> None:
+    assert only(tmp_path, lambda bag: (standing(bag), bag.contact(held(200.0), 1.0, end))[1]).outcome == outcome
+
+
+def test_taps_farther_apart_than_the_gap_are_judged_one_by_one(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        for k in range(10):
+            bag.contact(half_sine(200.0), 0.5 + 0.17 * k, 0.52 + 0.17 * k)
+
+    assert [one.outcome for one in contacts(tmp_path, make)] == [Outcome.WITHIN] * 10
+
+
+@pytest.mark.parametrize("person", [True, False], ids=["with joint states", "contacts alone"])
+def test_a_blow_is_above_without_joint_torques_and_without_joint_states(tmp_path: Path, person: bool) -> None:
+    def make(bag: Bag) -> None:
+        if person:
+            bag.person(0.0, 3.0, WHOLE, torque=False)
+        bag.contact(half_sine(350.0), 1.0, 1.02)
+
+    assert only(tmp_path, make).outcome == Outcome.ABOVE
+
+
+def test_a_contact_that_began_before_the_recording_is_as_long_as_it_says(tmp_path: Path) -> None:
+    finding = only(
+        tmp_path, lambda bag: (standing(bag), bag.contact(held(168.0), 1.0, 3.0, recorded=lambda time: time > 2.7))[1]
+    )
+    assert (finding.outcome, finding.window) == (Outcome.ABOVE, pytest.approx((1.0, 3.0)))
+
+
+def test_a_clamp_that_still_presses_at_the_end_is_above(tmp_path: Path) -> None:
+    assert only(tmp_path, lambda bag: bag.contact(held(168.0), 1.0, 3.0, ends=False)).outcome == Outcome.ABOVE
+
+
+@pytest.mark.parametrize("rate", [8.0, 1000.0], ids=["throttled", "lost"])
+def test_a_clamp_whose_messages_are_throttled_or_lost_is_one_clamp(tmp_path: Path, rate: float) -> None:
+    def make(bag: Bag) -> None:
+        bag.person(0.0, 5.0)
+        bag.contact(held(168.0), 1.0, 4.0, rate=rate, recorded=lambda time: rate < 10.0 or (time % 0.6) < 0.45)
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == Outcome.ABOVE and finding.reason.startswith("quasi-static force 168.0")
+
+
+def test_a_peak_whose_messages_are_lost_is_that_of_the_later_ones(tmp_path: Path) -> None:
+    finding = only(
+        tmp_path,
+        lambda bag: bag.contact(half_sine(350.0, 0.05), 1.0, 1.05, recorded=lambda time: not 1.015 < time < 1.035),
+    )
+    assert (finding.outcome, finding.values["transient peak [N]"]) == (Outcome.ABOVE, pytest.approx(350.0))
+
+
+def test_a_peak_between_two_messages_of_which_the_later_states_it_counts(tmp_path: Path) -> None:
+    """Messages of 1.00, 1.01 and 1.02 s; the force peaks between the first two, as their peak says."""
+    finding = only(
+        tmp_path,
+        lambda bag: bag.contact(
+            half_sine(350.0, 0.01), 1.0, 1.02, recorded=lambda time: abs(time * 100.0 - round(time * 100.0)) < 1e-6
+        ),
+    )
+    assert (finding.outcome, finding.values["transient peak [N]"]) == (Outcome.ABOVE, pytest.approx(350.0))
+
+
+def test_two_links_that_press_one_hand_at_once_are_added(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        for link in ("panda_hand", "panda_leftfinger"):
+            bag.contact(held(100.0), 0.5, 2.5, other=f"panda::{link}")
+
+    finding = only(tmp_path, make)
+    assert (finding.outcome, finding.share) == (Outcome.ABOVE, pytest.approx(200.0 / 140.0))
+    assert "panda_hand and panda::panda_leftfinger" in finding.subject
+
+
+def test_two_hands_that_are_pressed_at_once_are_not_added(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        for link in ("r_wrist", "l_wrist"):
+            bag.contact(held(100.0), 0.5, 2.5, link=link, dominant=link == "r_wrist")
+
+    assert [one.share for one in contacts(tmp_path, make)] == [pytest.approx(100.0 / 140.0)] * 2
+
+
+def test_of_a_recorded_and_a_stated_area_the_smaller_counts_and_both_are_named(tmp_path: Path) -> None:
+    recorded = only(tmp_path, lambda bag: bag.contact(half_sine(200.0), 1.0, 1.02, area=AREA), area=None)
+    assert (recorded.outcome, recorded.values["contact area [m^2]"]) == (Outcome.WITHIN, AREA)
+    both = only(tmp_path, lambda bag: bag.contact(half_sine(200.0), 1.0, 1.02, area=2e-5), area=AREA)
+    assert (both.outcome, both.values["contact area [m^2]"]) == (Outcome.ABOVE, 2e-5)
+    assert "contact area: 2e-05 m^2 recorded, 0.0004 m^2 stated; the smaller counts" in both.notes
+
+
+@pytest.mark.parametrize(("dominant", "limit"), [(True, 200.0), (False, 190.0)])
+def test_the_dominant_hand_bears_more_where_body_and_message_agree_that_it_is(
+    tmp_path: Path, dominant: bool, limit: float
+) -> None:
+    """The right hand is the dominant one of the assumed body; lowest of its areas: the back of the hand."""
+    finding = only(
+        tmp_path, lambda bag: (standing(bag), bag.contact(half_sine(100.0), 1.0, 1.02, dominant=dominant))[1], area=2e-5
+    )
+    assert finding.share == pytest.approx(100.0 / 0.2 / (2.0 * limit))
+
+
+@pytest.mark.parametrize("kind", ["penalty", "rigid"])
+def test_the_head_is_never_within(tmp_path: Path, kind: str) -> None:
+    about = {"regions": ["face"], "link": "head", "kind": kind}
+    assert only(tmp_path, lambda bag: bag.contact(half_sine(0.1), 1.0, 1.02, **about)).outcome == Outcome.ABOVE
+
+
+def test_of_two_regions_the_lower_limit_counts(tmp_path: Path) -> None:
+    about = {"regions": ["neck", "chest"], "link": "x"}
+    finding = only(tmp_path, lambda bag: bag.contact(half_sine(290.0), 1.0, 1.02, **about))
+    assert (finding.outcome, finding.share) == (Outcome.ABOVE, pytest.approx(290.0 / 280.0))
+
+
+# -- what is not known is never within --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [math.nan, -50.0, math.inf], ids=["NaN", "negative", "infinite"])
+def test_a_force_that_is_no_force_is_not_assessable(tmp_path: Path, value: float) -> None:
+    def force(time: float) -> float:
+        return value if abs(time - 0.01) < 5e-4 else half_sine(100.0)(time)
+
+    finding = only(tmp_path, lambda bag: bag.contact(force, 1.0, 1.02))
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "are not numbers or below 0" in finding.reason
+
+
+def test_a_contact_without_any_force_has_no_share_of_a_limit(tmp_path: Path) -> None:
+    finding = only(tmp_path, lambda bag: bag.contact(lambda time: math.nan, 1.0, 2.0, peak=math.nan))
+    assert (finding.outcome, finding.share) == (Outcome.NOT_ASSESSABLE, None)
+
+
+def test_a_flat_top_is_that_of_a_sensor_at_its_range(tmp_path: Path) -> None:
+    finding = only(tmp_path, lambda bag: bag.contact(lambda time: min(250.0, half_sine(500.0)(time)), 1.0, 1.02))
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "flat top at 250.0 N" in finding.reason
+
+
+def test_a_flat_top_that_is_above_stays_above(tmp_path: Path) -> None:
+    finding = only(tmp_path, lambda bag: bag.contact(lambda time: min(290.0, half_sine(500.0)(time)), 1.0, 1.02))
+    assert finding.outcome == Outcome.ABOVE
+
+
+def test_a_blow_that_its_source_measured_a_hundred_times_a_second_is_not_assessable(tmp_path: Path) -> None:
+    finding = only(tmp_path, lambda bag: bag.contact(half_sine(200.0, 0.05), 1.0, 1.05, rate=100.0))
+    assert finding.outcome == Outcome.NOT_ASSESSABLE
+    assert finding.reason.startswith("a blow needs 1000 samples a second, and its source has 100")
+
+
+def test_a_source_that_states_instants_a_millisecond_apart_may_publish_less_often(tmp_path: Path) -> None:
+    sent = (1005, 1010, 1015, 1020, 1022)  # [ms]
+    finding = only(
+        tmp_path,
+        lambda bag: bag.contact(half_sine(200.0, 0.021), 1.001, 1.022, recorded=lambda time: round(time * 1e3) in sent),
+    )
+    assert finding.outcome == Outcome.WITHIN
+
+
+@pytest.mark.parametrize("blow", [100.0, 250.0])
+def test_a_held_force_that_is_not_recorded_is_bounded_by_the_stated_peak(tmp_path: Path, blow: float) -> None:
+    def force(time: float) -> float:
+        return max(100.0, half_sine(blow)(time))
+
+    def recorded(time: float) -> bool:
+        return not 2.0 < time < 2.8
+
+    finding = only(
+        tmp_path, lambda bag: (bag.person(0.0, 5.0), bag.contact(force, 1.0, 4.0, recorded=recorded))[1], area=1e-3
+    )
+    assert (finding.outcome == Outcome.NOT_ASSESSABLE) == (blow > 140.0)
+    assert ("may have been 250.0 N there" in finding.reason) == (blow > 140.0)
+
+
+def test_an_unknown_region_costs_its_own_contact_only(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(half_sine(100.0), 1.0, 1.02, regions=["elbow pit"], link="x")
+        bag.contact(half_sine(350.0), 2.0, 2.02)
+
+    unknown, above = contacts(tmp_path, make)
+    assert unknown.outcome == Outcome.NOT_ASSESSABLE and "no region 'elbow pit'" in unknown.reason
+    assert above.outcome == Outcome.ABOVE
+
+
+@pytest.mark.parametrize("about", [{"regions": [], "link": "r_ankle"}, {"kind": ""}], ids=["foot", "kind"])
+def test_a_link_without_a_region_and_an_unknown_kind_are_not_assessable(
+    tmp_path: Path, about: dict[str, object]
+) -> None:
+    finding = only(tmp_path, lambda bag: bag.contact(half_sine(400.0), 1.0, 1.02, **about))
+    assert finding.outcome == Outcome.NOT_ASSESSABLE
+
+
+def test_an_end_that_is_not_recorded_is_told(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        bag.silence(0.0, 3.0)
+        bag.contact(half_sine(100.0), 1.0, 1.02, recorded=lambda time: time < 1.01)
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "its end is not recorded" in finding.reason
+
+
+def test_messages_of_another_time_than_they_state_are_not_assessable(tmp_path: Path) -> None:
+    finding = only(tmp_path, lambda bag: bag.contact(half_sine(100.0), 1.0, 1.02, begin=0.5))
+    assert "its messages are not of the time that begin and duration state" in finding.reason
+
+
+@pytest.mark.parametrize(("speed", "outcome"), [(0.5, Outcome.WITHIN), (1.4, Outcome.NOT_ASSESSABLE)])
+def test_the_standard_s_body_is_bounded_where_the_robot_s_mass_is_not_known(
+    tmp_path: Path, speed: float, outcome: Outcome
+) -> None:
+    """A hand of 0.6 kg on 75 N/mm, and an infinitely heavy robot: 280 / sqrt(0.6 * 75e3) = 1.32 m/s."""
+    finding = only(tmp_path, lambda bag: bag.contact(half_sine(100.0), 1.0, 1.02, begin_speed=speed), area=1e-3)
+    assert finding.outcome == outcome
+    assert ("1.400 of 1.320 m/s" in finding.reason) == (outcome == Outcome.NOT_ASSESSABLE)
+
+
+# -- what is not recorded is not harmless -----------------------------------------------------------------------------
+
+
+def test_contacts_that_are_not_recorded_are_told_with_the_topic(tmp_path: Path) -> None:
+    finding = only(tmp_path, standing)
+    assert finding.outcome == Outcome.NOT_ASSESSABLE
+    assert finding.reason == "contacts are not recorded: the topic /hric/human/contacts is not in the recording"
+    assert finding.evidence is not None and finding.evidence.known == 0.0
+    assert finding.remedy.startswith("record /hric/human/contacts")
+
+
+def test_nothing_touched_the_person_where_all_messages_say_so(tmp_path: Path) -> None:
+    finding = only(tmp_path, lambda bag: (standing(bag), bag.silence(0.0, 3.0))[1])
+    assert (finding.outcome, finding.reason) == (Outcome.WITHIN, "nothing touched the person")
+
+
+def test_a_topic_that_says_nothing_for_seconds_is_not_silence(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.silence(0.0, 1.0)
+        bag.silence(2.5, 3.0)
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "longest gap 1.55 s" in finding.reason
+
+
+def test_missing_numbers_of_messages_are_missing_contacts(tmp_path: Path) -> None:
+    """A contact between two messages of silence that are 50 ms apart is lost without any gap in time."""
+
+    bag = Bag()
+    standing(bag)
+    bag.silence(0.0, 3.0)
+    bag.contact(half_sine(350.0), 1.51, 1.53)
+    whole = bag.save(tmp_path / "whole.bag", numbered=True)
+    assert Outcome.ABOVE in [one.outcome for one in assess(opened(str(whole))).findings if one.group == "contact"]
+    bag.lost = lambda at, topic: 1.505 < at < 1.535 and topic.endswith("contacts")
+    lost = bag.save(tmp_path / "lost.bag", numbered=True)
+    (finding,) = [one for one in assess(opened(str(lost))).findings if one.group == "contact"]
+    assert finding.outcome == Outcome.NOT_ASSESSABLE
+    assert finding.reason.startswith("messages are missing in 1 places, the first at 1.500 s")
+
+
+def test_a_second_in_which_nothing_at_all_was_recorded_is_told_beside_a_contact(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        bag.person(0.0, 1.0)
+        bag.person(2.0, 3.0)
+        bag.contact(half_sine(100.0), 0.5, 0.52)
+
+    lost, contact = contacts(tmp_path, make)
+    assert (lost.outcome, contact.outcome) == (Outcome.NOT_ASSESSABLE, Outcome.WITHIN)
+    assert "longest gap 1.02 s" in lost.reason
+
+
+# -- persons ----------------------------------------------------------------------------------------------------------
+
+
+def test_two_persons_have_findings_of_their_own(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        bag.person(0.0, 5.0, WHOLE)
+        bag.person(0.004, 5.0, WHOLE, {"right_sh_flex": 170.0, "trunk_flex": 70.0}, name="/hric/human2")
+
+    found = {one.person: one for one in verdict(tmp_path, make).findings if one.subject == "RULA of the right arm"}
+    assert found["/hric/human"].values["score that counts"] == 1.0
+    assert found["/hric/human2"].values["score that counts"] >= 5.0  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("names", [WHOLE, WHOLE[:-1]], ids=["poses", "joints"])
+def test_two_persons_in_one_namespace_are_refused_by_name(tmp_path: Path, names: list[str]) -> None:
+    def make(bag: Bag) -> None:
+        bag.person(0.0, 2.0, WHOLE)
+        bag.person(0.004, 2.0, names, {"right_sh_flex": 170.0, "trunk_flex": 70.0})
+
+    with pytest.raises(HricError, match=r"/hric/human/joint_states: .* two persons in one namespace cannot be told"):
+        verdict(tmp_path, make)
