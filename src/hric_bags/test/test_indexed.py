@@ -8,8 +8,7 @@ from rosbags.rosbag1 import Reader, Writer
 from rosbags.rosbag1.reader import ReaderError
 from rosbags.typesys import Stores, get_typestore
 
-from hric_bags.indexed import IndexedReader, spaced
-from hric_bags.parts import PartsReader
+from hric_bags.indexed import IndexedReader
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 KIND = "std_msgs/msg/String"
@@ -47,27 +46,6 @@ def test_messages_come_as_from_rosbags_own_reader(bag: Path) -> None:
             assert shown(ours.messages(start=start, stop=stop)) == shown(theirs.messages(start=start, stop=stop))
         chosen = [[c for c in reader.connections if c.topic == "/a"] for reader in (theirs, ours)]
         assert shown(ours.messages(chosen[1])) == shown(theirs.messages(chosen[0]))
-
-
-def test_of_a_stream_with_a_spacing_the_next_message_is_the_first_one_so_much_later(bag: Path) -> None:
-    period = 50_000_000
-    with PartsReader(bag) as reader:
-        all_of_them, thinned = shown(reader.messages()), shown(reader.messages(spacing={"/a": period}))
-    expected, last = [], None
-    for topic, time, raw in all_of_them:
-        if topic == "/a":
-            if last is not None and time - last < period:
-                continue
-            last = time
-        expected.append((topic, time, raw))
-    assert thinned == expected
-    assert 150 < sum(topic == "/a" for topic, *_ in thinned) <= COUNT * 1_000_000 / period + 1
-
-
-def test_without_a_spacing_in_time_every_instant_is_kept() -> None:
-    times = np.array([0, 0, 1, 5, 5, 9])
-    assert spaced(times, 0) == [0, 1, 2, 3, 4, 5] and spaced(times, 5) == [0, 3]
-    assert spaced(times[:0], 5) == []
 
 
 def test_a_bag_without_messages_has_none(tmp_path: Path) -> None:

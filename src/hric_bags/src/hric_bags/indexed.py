@@ -2,7 +2,7 @@
 times as fast, and those of which fewer are requested not at all."""
 
 from collections import defaultdict
-from collections.abc import Collection, Generator, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterator
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError
@@ -26,7 +26,7 @@ Index = npt.NDArray[Any]
 
 
 class IndexedReader(Reader):
-    """Reads one bag; of a stream with a spacing only messages that are so far apart.
+    """Reads one bag by an index in arrays.
 
     Args:
         path: of the bag.
@@ -69,17 +69,15 @@ class IndexedReader(Reader):
         connections: Collection[Connection] = (),
         start: int | None = None,
         stop: int | None = None,
-        spacing: Mapping[str, int] | None = None,
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
-        """As in the base class; spacing: shortest time between two messages of a topic [ns], before which a further one
-        is left out."""
+        """Yield messages as the base class does."""
         self._check_open()
         chosen = list(connections) or self.connections
-        for number, time, chunk, offset in self._entries(chosen, start, stop, spacing or {}):
+        for number, time, chunk, offset in self._entries(chosen, start, stop):
             yield chosen[number], time, self._message(chunk, offset)
 
     def _entries(
-        self, chosen: list[Connection], start: int | None, stop: int | None, spacing: Mapping[str, int]
+        self, chosen: list[Connection], start: int | None, stop: int | None
     ) -> Iterator[tuple[int, int, int, int]]:
         """Which of the connections, time, chunk and offset of each message, in order of time."""
         parts = [self._index[connection.id] for connection in chosen]
@@ -92,11 +90,6 @@ class IndexedReader(Reader):
             kept &= rows["time"] >= start
         if stop is not None:
             kept &= rows["time"] < stop
-        for topic, period in spacing.items():
-            own = np.flatnonzero(np.isin(owner, [k for k, one in enumerate(chosen) if one.topic == topic]) & kept)
-            own = own[np.argsort(rows["time"][own], kind="stable")]
-            kept[own] = False
-            kept[own[spaced(rows["time"][own], period)]] = True
         at = np.flatnonzero(kept)
         at = at[np.argsort(rows["time"][at], kind="stable")]
         for begin in range(0, len(at), BLOCK):
@@ -133,17 +126,3 @@ def _sorted(stored: list[tuple[int, bytes]]) -> Index:
     index["chunk"] = np.repeat([at for at, _ in stored], [len(raw) // _STORED.itemsize for _, raw in stored])
     index["offset"] = found["offset"]
     return index[np.argsort(index["time"], kind="stable")]
-
-
-def spaced(time: npt.NDArray[np.int64], period: int) -> list[int]:
-    """Indices of the first instant, and of each that is a period or more behind the one before it.
-
-    Args:
-        time: rising, shape (n,) [ns].
-        period: [ns].
-    """
-    kept, at = list[int](), 0
-    while at < len(time):
-        kept.append(at)
-        at = max(int(np.searchsorted(time, time[at] + period)), at + 1)
-    return kept

@@ -1,6 +1,6 @@
 """A bag that is kept in memory: what a run published, for whoever analyses it without leaving a file."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -80,17 +80,11 @@ class MemoryBag:
         return (item for item in self._messages if id(item[0]) in chosen)
 
     def chosen(
-        self, chooses: Callable[[Connection], bool], progress: str = "", spacing: Mapping[str, int] | None = None
+        self, chooses: Callable[[Connection], bool], progress: str = ""
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """The same of the connections that are chosen; progress: nobody waits for it; spacing: as `PartsReader` has
-        it."""
+        """The same of the connections that are chosen; progress: nobody waits for it."""
         selected = [connection for connection in self.connections if chooses(connection)]
-        last, periods = dict[str, int](), spacing or {}
-        for item in self.messages(selected) if selected else ():
-            connection, time, _ = item
-            if connection.topic not in last or time - last[connection.topic] >= periods.get(connection.topic, 0):
-                last[connection.topic] = time
-                yield item
+        return self.messages(selected) if selected else iter(())
 
     @property
     def topics(self) -> dict[str, Connection]:

@@ -2,7 +2,7 @@
 comes once."""
 
 import re
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Protocol
@@ -57,10 +57,8 @@ class Bag(Protocol):
     def messages(self, connections: Collection[Any] = ()) -> Iterator[tuple[Any, int, bytes]]:
         """(connection, time of recording [ns], serialised message), of some connections or of all."""
 
-    def chosen(
-        self, chooses: Callable[[Any], bool], progress: str = "", spacing: Mapping[str, int] | None = None
-    ) -> Iterator[tuple[Any, int, bytes]]:
-        """The same of the connections that are chosen; spacing: see `PartsReader.messages`."""
+    def chosen(self, chooses: Callable[[Any], bool], progress: str = "") -> Iterator[tuple[Any, int, bytes]]:
+        """The same of the connections that are chosen."""
 
 
 class PartsError(HricError):
@@ -155,33 +153,29 @@ class PartsReader(AnyReader):
         connections: Collection[Connection] = (),
         start: int | None = None,
         stop: int | None = None,
-        spacing: Mapping[str, int] | None = None,
     ) -> Generator[Any, None, None]:
-        """As in AnyReader, each message once; spacing: shortest time between two messages of a topic [ns], before which
-        a further one is left out."""
+        """Yield messages as AnyReader does, each once."""
         if len(self.readers) == 1:
-            yield from self.readers[0].messages(connections, start, stop, spacing)
+            yield from self.readers[0].messages(connections, start, stop)
             return
         repeated, earliest = [dict(counts) for counts in self._seams()], -1 if start is None else start
         numbers = {id(reader): number for number, reader in enumerate(self.readers)}
-        last, periods = dict[str, int](), spacing or {}
         for connection, time, raw in super().messages(connections, None, stop):
-            left, stream, topic = repeated[numbers[id(connection.owner)]], _stream(connection), connection.topic
+            left, stream = repeated[numbers[id(connection.owner)]], _stream(connection)
             if left.get(stream, 0):
                 left[stream] -= 1
-            elif time >= earliest and (topic not in last or time - last[topic] >= periods.get(topic, 0)):
-                last[topic] = time
+            elif time >= earliest:
                 yield connection, time, raw
 
     def chosen(
-        self, chooses: Callable[[Connection], bool], progress: str = "", spacing: Mapping[str, int] | None = None
+        self, chooses: Callable[[Connection], bool], progress: str = ""
     ) -> Iterator[tuple[Connection, int, bytes]]:
         """(connection, time of recording [ns], serialised message) of some connections; progress: label of a bar on the
-        terminal, "" for none; spacing: see `messages`."""
+        terminal, "" for none."""
         connections = [connection for connection in self.connections if chooses(connection)]
         if connections:  # without any `messages` takes all
             yield from tqdm(
-                self.messages(connections, spacing=spacing),
+                self.messages(connections),
                 total=sum(connection.msgcount for connection in connections),
                 unit=" messages",
                 desc=progress,

@@ -1,4 +1,4 @@
-"""The motion of a person from markers of his body: of a c3d file, or of frames of motion capture in a bag."""
+"""The motion of a person from markers of the body: of a c3d file, or of frames of motion capture in a bag."""
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -8,6 +8,7 @@ import numpy as np
 
 from hric_bags.reader import opened, seconds
 from hric_bags.records.recording import RATE, Columns, Recording, Tracked
+from hric_bags.records.rows import Thinning
 from hric_control.geometry import FloatArray
 from hric_control.trial.c3d import read_trial
 from hric_human.body import Body, describe
@@ -50,17 +51,17 @@ def of_c3d(path: Path) -> Recording:
 
 
 def of_frames(bag: Path, found: Recording, settings: PersonSettings) -> tuple[Columns, Tracked] | None:
-    """Of the frames of motion capture in a bag; None: his markers are not in it."""
+    """Return joints and root by the frames of motion capture in a bag; None: the markers are not in it."""
     body, calibrated = settings.known()
     tracker, rows = PersonTracker(body, settings.worn), MarkerRows(settings.worn, settings.labels, settings.asset)
     frame = ["mocap"]
     with opened(bag) as reader:
 
         def frames() -> Iterator[Frame]:
-            last, period = -np.inf, 0.99 / RATE
-            for connection, stamp, raw in reader.chosen(lambda c: c.msgtype == FRAMES):
-                if 1e-9 * stamp - last >= period:
-                    last, message = 1e-9 * stamp, reader.deserialize(raw, connection.msgtype)
+            thinning = Thinning(RATE)
+            for connection, _, raw in reader.chosen(lambda c: c.msgtype == FRAMES):
+                if thinning.due(connection.topic, raw):
+                    message = reader.deserialize(raw, connection.msgtype)
                     frame[0] = str(message.header.frame_id).strip("/")
                     yield found.robot_time(seconds(message.header.stamp)), rows.positions(message)
 
@@ -75,10 +76,10 @@ def tracked(
 
     Args:
         frames: in order of time.
-        tracker: of his body.
+        tracker: of the body.
         name: of the recording, before the names of what would be topics.
         frame: of the markers.
-        calibrated: whether the body was fitted to him.
+        calibrated: whether the body was fitted to the person.
     """
     body: Body = tracker.body
     times, angles, roots, residuals = list[float](), list[FloatArray](), list[list[float]](), list[float]()

@@ -21,7 +21,7 @@ from hric_bags.records.region_contacts import (
     RegionMessages,
 )
 from hric_bags.records.root_record import RootRecord
-from hric_bags.records.rows import Rows, seven, times, xyz
+from hric_bags.records.rows import Rows, Thinning, seven, stamp_of, times, xyz
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE, ROOT_TYPE = "hric_msgs/msg/HumanEvent", "geometry_msgs/msg/PoseStamped"
@@ -137,19 +137,14 @@ class HumanMessages:
     Args:
         name: namespace of the person.
         rate: highest rate of what is kept of joint states, torques, root, each grip and contacts that last [Hz]; None:
-            all. All else is kept. A reader of a bag leaves out by `spacing` what is not needed of the first three.
-
-    Attributes:
-        spacing: shortest time between two messages of a topic, as `PartsReader.chosen` takes it [ns].
+            all. All else is kept.
     """
 
     def __init__(self, name: str, rate: float | None = None) -> None:
         self.name = name
         self._states, self._torques, self._roots = (f"{name}/{end}" for end in ("joint_states", "joint_torque", "root"))
         self._others = {f"{name}/{end}" for end in ("grip", "events", "contacts")}
-        self._period = 0 if rate is None else round(0.99e9 / rate)
-        self.spacing = dict.fromkeys((self._torques, self._states, self._roots), self._period)
-        self._last: dict[bytes, int] = {}
+        self._thin = None if rate is None else Thinning(rate)
         self._position, self._torque = Rows("position"), Rows("torque", "strength_share")
         self._root_stamps, self._root = array("d"), array("d")
         self._grips: dict[str, _Grips] = {}
@@ -163,7 +158,9 @@ class HumanMessages:
 
     def takes(self, topic: str, kind: str) -> bool:
         """True if a topic belongs to this person."""
-        return topic in self.spacing or (topic in self._others and kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE))
+        return topic in (self._states, self._torques, self._roots) or (
+            topic in self._others and kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE)
+        )
 
     def note(self, connection: Any, raw: bytes) -> None:
         """Count a message, also one that is not `due`; raw: serialised."""
@@ -171,19 +168,14 @@ class HumanMessages:
             self._contacts = self._contacts or RegionMessages()
             self._contacts.note(raw)
 
-    def due(self, connection: Any, stamp: int, raw: bytes) -> bool:
-        """True if a message is needed at this rate; stamp: of its recording [ns]. Of streams with a spacing all are."""
-        if not self._period:
+    def due(self, connection: Any, raw: bytes) -> bool:
+        """True if a message is needed at this rate; raw: serialised."""
+        if self._thin is None or connection.msgtype == EVENT_TYPE:
             return True
         if connection.msgtype == CONTACTS_TYPE:
-            return self._pressing.due(stamp, raw, self._period)
-        if connection.msgtype != GRIP_TYPE:
-            return True
-        name = _second_text(raw)
-        if stamp - self._last.get(name, -self._period) < self._period:
-            return False
-        self._last[name] = stamp
-        return True
+            return self._pressing.due(stamp_of(raw), raw, self._thin.period)
+        name = _second_text(raw) if connection.msgtype == GRIP_TYPE else b""
+        return self._thin.due((connection.topic, name), raw)
 
     def add(self, topic: str, kind: str, message: Any) -> None:
         """Take one."""

@@ -27,7 +27,7 @@ from hric_bags.reader import (
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord, human_names
-from hric_bags.records.rows import seven, times, xyz
+from hric_bags.records.rows import Thinning, seven, times, xyz
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_control.geometry import Pose
 from hric_human.body.joints import joints
@@ -146,9 +146,9 @@ def read(bag: Path | Bag) -> Recording:
         refuse_shared_namespaces(reader)
         seconds_long = 1e-9 * reader.duration if reader.message_count else 0.0
         taken = _Taken(reader, min(RATE, SAMPLES / max(seconds_long, 1.0)))
-        for connection, stamp, raw in reader.chosen(taken.wants, spacing=taken.spacing(reader)):
+        for connection, _, raw in reader.chosen(taken.wants):
             taken.note(connection, raw)
-            if taken.due(connection, stamp, raw):
+            if taken.due(connection, raw):
                 taken.add(connection.topic, connection.msgtype, reader.deserialize(raw, connection.msgtype))
         return taken.recording(reader)
 
@@ -195,7 +195,7 @@ class _Taken:
     def __init__(self, reader: Bag, rate: float) -> None:
         self._humans = [HumanMessages(name, rate) for name in human_names(reader.connections)]
         self._topics = {c.topic: human for human in self._humans for c in reader.connections if human.wants(c)}
-        self._log, self._period = _ThinLog(rate), round(0.99e9 / rate)
+        self._log, self._thin = _ThinLog(rate), Thinning(rate)
         self._people: dict[str, _Named | None] = {}
         self._activation: dict[str, _Named] = {}
         self._contact: dict[str, _Named] = {}
@@ -215,23 +215,18 @@ class _Taken:
             return True
         return str(connection.topic).endswith(("/robot_description", "/tf_static"))
 
-    def spacing(self, reader: Bag) -> dict[str, int]:
-        """Of the streams of a bag, as `chosen` takes it."""
-        thinned = {c.topic: self._period for c in reader.connections if c.msgtype in _THINNED}
-        for human in self._humans:
-            thinned |= human.spacing
-        return thinned
-
     def note(self, connection: Any, raw: bytes) -> None:
         """Count a message of a person, read or not."""
         if connection.topic in self._topics:
             self._topics[connection.topic].note(connection, raw)
 
-    def due(self, connection: Any, stamp: int, raw: bytes) -> bool:
-        """True if the message of a time [ns] is to be read."""
+    def due(self, connection: Any, raw: bytes) -> bool:
+        """True if a message is to be read."""
         if connection.topic in self._topics:
-            return self._topics[connection.topic].due(connection, stamp, raw)
-        return self._people.get(connection.topic, self) is not None
+            return self._topics[connection.topic].due(connection, raw)
+        if self._people.get(connection.topic, self) is None:
+            return False
+        return connection.msgtype not in _THINNED or self._thin.due(connection.topic, raw)
 
     def add(self, topic: str, kind: str, message: Any) -> None:
         if kind == LOG_TYPE:

@@ -26,6 +26,32 @@ def seven(pose: Any) -> tuple[float, ...]:
     return (*xyz(pose.position), q.x, q.y, q.z, q.w)
 
 
+def stamp_of(raw: bytes) -> int:
+    """Return the stamp of a serialised message that begins with a header [ns]."""
+    return int.from_bytes(raw[4:8], "little") * 1_000_000_000 + int.from_bytes(raw[8:12], "little")
+
+
+class Thinning:
+    """Leaves out messages whose stamps are too close to that of the one before.
+
+    The times at which they were recorded do not count: those of a busy machine come in bursts.
+
+    Args:
+        rate: highest of what is kept of a stream [Hz].
+    """
+
+    def __init__(self, rate: float) -> None:
+        self.period, self._last = round(0.99e9 / rate), dict[Any, int]()
+
+    def due(self, stream: Any, raw: bytes) -> bool:
+        """True if a message is kept; raw: serialised, with a header at its begin."""
+        stamp = stamp_of(raw)
+        if stream in self._last and abs(stamp - self._last[stream]) < self.period:
+            return False
+        self._last[stream] = stamp
+        return True
+
+
 class Rows:
     """Rows of arrays of one length.
 

@@ -1,0 +1,28 @@
+"""Numbers of messages as they are kept."""
+
+import pytest
+
+from hric_bags.records.rows import Thinning
+
+
+def raw(milliseconds: int) -> bytes:
+    """A header with a stamp."""
+    seconds, rest = divmod(milliseconds, 1000)
+    return bytes(4) + seconds.to_bytes(4, "little") + (rest * 1_000_000).to_bytes(4, "little")
+
+
+@pytest.mark.parametrize("step", [5, 10], ids=["200 Hz", "100 Hz"])
+def test_of_a_faster_stream_a_hundred_messages_a_second_are_kept_by_their_stamps(step: int) -> None:
+    thinning = Thinning(100.0)
+    kept = [stamp for stamp in range(0, 2000, step) if thinning.due("/a", raw(stamp))]
+    assert kept == list(range(0, 2000, 10))
+
+
+def test_a_stream_whose_clock_goes_back_is_kept() -> None:
+    thinning = Thinning(100.0)
+    assert [thinning.due("/a", raw(stamp)) for stamp in (1000, 1010, 500, 510)] == [True] * 4
+
+
+def test_streams_are_thinned_each_by_itself() -> None:
+    thinning = Thinning(100.0)
+    assert all(thinning.due(stream, raw(1)) for stream in ("/a", "/b"))
