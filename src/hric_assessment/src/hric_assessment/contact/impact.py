@@ -183,10 +183,11 @@ class Mechanism:
         return J, np.asarray(np.linalg.inv(M[np.ix_(chosen, chosen)] + self._rotors))
 
     def reflected_mass(self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float]) -> float:
-        """1 / (n' J (M + B)^-1 J' n) [kg]."""
+        """Return 1 / (n' J (M + B)^-1 J' n) [kg]; infinite where no joint lets the link give way along n."""
         J, inverse_mass = self.at(q, link, point)
         row = np.array(normal) @ J
-        return float(1.0 / (row @ inverse_mass @ row))
+        mobility = float(row @ inverse_mass @ row)
+        return 1.0 / mobility if mobility > 0.0 else math.inf
 
     def balanced(
         self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float], tau: FloatArray
@@ -253,12 +254,11 @@ class Beside:
             return None
         log, record = self._log, self._record
         q_robot, q_human = _at(met.begin, log.time, log.position), _at(met.begin, record.time, self._human_q)
-        return Transient(
-            speed,
-            self._robot.reflected_mass(q_robot, link, met.point, met.normal),
-            self._human.reflected_mass(q_human, met.link, met.point, met.normal),
-            law[0],
-        )
+        robot_mass = self._robot.reflected_mass(q_robot, link, met.point, met.normal)
+        human_mass = self._human.reflected_mass(q_human, met.link, met.point, met.normal)
+        if math.isinf(robot_mass) and math.isinf(human_mass):
+            return None
+        return Transient(speed, robot_mass, human_mass, law[0])
 
     def _press(self, met: RegionForce, link: str) -> Press | None:
         log, course = self._log, met.course

@@ -1,6 +1,6 @@
-"""What a person bears where, by a table of limits, in SI.
+"""The door to the limits of a person's contacts, in SI; nothing else in the workspace reads their tables.
 
-    limits = Limits(limit_table())
+    limits = Limits.named()                                               # or "bgia2011", or the path of a YAML file
     limits.at(("hand, fingers",), dominant=True).force.transient          # [N]
 
 Where several regions or areas may have been met, and it is not known which, the lowest of their limits holds.
@@ -9,14 +9,28 @@ Where several regions or areas may have been met, and it is not known which, the
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from hric_assessment.tables import REGIONS, UNITS, LimitTable, PressureRow, Row
+from hric_assessment.tables import (
+    LIMIT_TABLES,
+    REGIONS,
+    UNITS,
+    LimitTable,
+    PressureRow,
+    Row,
+    episode_table,
+    limit_table,
+)
 from hric_control.errors import check_known
 from hric_human.body.regions import REGION_MODELS
 
 NOT_PERMITTED = ("skull, forehead", "face")
 """No contact with these is within limits, whatever a table has: ISO/TS 15066:2016, Annex A (confirmed twice). Their
 quasi-static values are for information."""
+TRANSIENT_TIME = episode_table()["transient_time"]
+"""Duration from the first touch after which a contact is quasi-static [s] (config/tables/episodes.yaml)."""
+PARTED = episode_table()["gap"]
+"""Time without a touch after which a contact has ended [s] (config/tables/episodes.yaml)."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +57,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Limit:
-    """What holds at one place of a body.
+    """Limits at one place of a body.
 
     Attributes:
         force: [N].
@@ -70,13 +84,31 @@ class Limits:
     def __init__(self, table: LimitTable) -> None:
         self.table = table
 
+    @classmethod
+    def named(cls, which: str | Path = LIMIT_TABLES[0]) -> "Limits":
+        """Return the limits of a table that comes with the package, by its name, or of a user's own file.
+
+        Raises:
+            ParameterError: no such table, or a file that cannot be used, with all its mistakes.
+        """
+        return cls(limit_table(which))
+
+    def held_force(self, regions: Sequence[str]) -> float:
+        """Return the quasi-static force [N] that the weakest of some regions bears; 0 without a limit or a permission.
+
+        Raises:
+            HricError: no such region.
+        """
+        limit = self.at(regions) if regions else None
+        return 0.0 if limit is None or not limit.permitted else limit.force.quasi_static
+
     def at(self, regions: Sequence[str], area: str | None = None, dominant: bool | None = None) -> Limit | None:
-        """What holds where one of some regions was met.
+        """Return the limits where one of some regions was met.
 
         Args:
             regions: of `hric_human.body.regions`, or the foot's; which of several was met is not known.
             area: of the table's, which says which of the regions it was; None: not known.
-            dominant: whether it is on the side of the dominant hand; None: not known.
+            dominant: True on the side of the dominant hand; None: not known.
 
         Returns:
             the limit; None: the table has none for any of them.
@@ -111,7 +143,7 @@ class Limits:
         )
 
     def areas(self, regions: Iterable[str]) -> list[str]:
-        """Names of the areas of some regions."""
+        """Return the names of the areas of some regions."""
         rows: list[Row] = [*self.table.forces, *self.table.pressures]
         return list(dict.fromkeys(row.area for row in rows if row.region in regions and row.area))
 

@@ -1,4 +1,4 @@
-"""At which speed a contact would reach a limit: the closed form of two masses and a spring, ISO/TS 15066:2016, Annex A.
+"""Speed at which a contact would reach a limit: the closed form of two masses and a spring, ISO/TS 15066:2016, Annex A.
 
     mu = 1/(1/m_H + 1/m_R),   E = F^2/(2 k) = mu v^2/2,   v = F/sqrt(mu k) = p A/sqrt(mu k)
 
@@ -44,7 +44,7 @@ def permitted_speed(force: float, mass: Mass, stiffness: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class SpeedLimit:
-    """Up to which speed a contact of one region stays within the limits.
+    """Speed up to which a contact of one region stays within the limits.
 
     Attributes:
         region, area: that permits least; area "": the whole region.
@@ -70,20 +70,21 @@ class SpeedLimit:
 def speed_limit(
     limits: Limits, region: str, robot_mass: Mass, contact_area: float | None = None, dominant: bool | None = None
 ) -> SpeedLimit:
-    """Of one region; of several areas with forces of their own, that of the one that permits least.
+    """Return the speed that one region permits; of several areas with forces of their own the lowest.
 
     Args:
         limits: a table's.
         region: of `hric_human.body.regions`.
-        robot_mass: m_R, one or an array [kg].
+        robot_mass: m_R, one or an array; infinite: a link that cannot give way [kg].
         contact_area: the smaller of the robot's and the body's [m^2]; None: not known, by the force alone.
-        dominant: whether it is on the side of the dominant hand; None: not known.
+        dominant: True on the side of the dominant hand; None: not known.
 
     Raises:
         NotAssessableError: the table, or the body model, has no such region.
         HricError: no such region, or a mass or an area that is not positive.
     """
-    check_positive("robot_mass", robot_mass, "kg")
+    if not np.all(np.asarray(robot_mass) > 0.0):
+        raise HricError(f"robot_mass is {robot_mass}; valid: a number above 0 [kg]")
     check_known("region", [region], REGIONS, "ISO/TS 15066 or BG/BGIA")
     rows = limits.table.force_rows(region)
     if not rows or region not in REGION_MODELS:
@@ -126,8 +127,14 @@ def _forces(limit: Limit, contact_area: float | None) -> tuple[float, float | No
     return min(force.quasi_static, held), lower, by_pressure
 
 
+def permitted_regions(limits: Limits) -> list[str]:
+    """Return the regions with which a contact is permitted at some speed."""
+    rows = [name for name in REGION_MODELS if limits.table.force_rows(name)]
+    return [name for name in rows if speed_limit(limits, name, 1.0).force_transient is not None]
+
+
 def check_positive(name: str, value: Mass, unit: str) -> None:
-    """Raises HricError where a value is not finite, or not above 0."""
+    """Raise HricError if a value is not finite, or not above 0."""
     if not np.all(np.isfinite(value) & (np.asarray(value) > 0.0)):
         raise HricError(f"{name} is {value}; valid: a finite number above 0 [{unit}]")
 
@@ -154,7 +161,7 @@ def both_masses(
     payload: float = 0.0,
     contact_area: float | None = None,
 ) -> BothMasses:
-    """Both speeds of one region; arguments as those of `speed_limit`, `half_mass`. Raises likewise."""
+    """Return both speeds of one region; arguments as those of `speed_limit`, `half_mass`. Raises likewise."""
     standard_mass = half_mass(moving_mass, payload)
     reflected = speed_limit(limits, region, reflected_mass, contact_area)
     standard = speed_limit(limits, region, standard_mass, contact_area)

@@ -16,7 +16,6 @@ from hric_assessment.supervisor.perception import Watch
 from hric_assessment.supervisor.person import HAND, Observation, moved
 from hric_assessment.supervisor.separation import SCALES, STANDING, Nearness, Protective, Stopping, nearness
 from hric_assessment.supervisor.settings import HAND_GUIDED, POWER_AND_FORCE, STANDSTILL, SupervisorSettings
-from hric_assessment.tables import limit_table
 from hric_control.geometry import FloatArray, Vector
 
 WORLD = "world"
@@ -145,7 +144,7 @@ class Supervisor:
         self._T_world_frame = np.eye(4) if T_world_frame is None else T_world_frame
         self.settings, self._arm = settings, arm
         self._rotors = np.zeros(len(arm.joints)) if rotors is None else np.asarray(rotors)
-        self._limits, self._half_mass = Limits(limit_table(settings.table)), half_mass(arm.moving_mass)
+        self._limits, self._half_mass = Limits.named(settings.table), half_mass(arm.moving_mass)
         self._stopping = Stopping(settings)
         self._protective = Protective(settings, self._stopping)
         self._watch = Watch(frame, settings.max_age)
@@ -292,8 +291,7 @@ class Supervisor:
 
     def _held(self, regions: Sequence[str]) -> float:
         """Force that a region bears for long [N]; 0 where it has no limit."""
-        limit = self._limits.at(regions) if regions else None
-        return 0.0 if limit is None or not limit.permitted else limit.force.quasi_static
+        return self._limits.held_force(regions)
 
     def _guided(self, person: Observation, distance: FloatArray, towards: FloatArray) -> Permitted:
         """A hand leads the arm; all of the person but that arm of his is as far as it must be."""

@@ -6,7 +6,7 @@ from hric_assessment.contact.limits import Limits
 from hric_assessment.ergonomics import rula
 from hric_assessment.separation.protective import Stop
 from hric_assessment.separation.stopping import StopTable
-from hric_assessment.tables import limit_table, verdict_table
+from hric_assessment.tables import verdict_table
 from hric_control.geometry import FloatArray
 
 
@@ -58,7 +58,7 @@ class Choices:
         rula_table: version of RULA's table A, one of `hric_assessment.ergonomics.rula.VERSIONS`.
     """
 
-    limits: Limits = field(default_factory=lambda: Limits(limit_table()))
+    limits: Limits = field(default_factory=Limits.named)
     braking: Braking = field(default_factory=Braking)
     contact_area: float | None = None
     rula_table: str = rula.VERSIONS[0]

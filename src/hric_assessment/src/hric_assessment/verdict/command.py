@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hric_assessment.contact.limits import Limits
 from hric_assessment.separation import stopping
-from hric_assessment.tables import LIMIT_TABLES, limit_table
+from hric_assessment.tables import LIMIT_TABLES
 from hric_assessment.verdict.assess import assess
 from hric_assessment.verdict.choices import Braking, Choices
 from hric_assessment.verdict.comparing import compared
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str]) -> int:
     root = runs_root(given.runs)
     limits = given.limits if given.limits in LIMIT_TABLES else Path(given.limits).expanduser()
     stops = None if given.stop is None else stopping.load(given.stop)
-    choices = Choices(Limits(limit_table(limits)), Braking(stops), given.contact_area)
+    choices = Choices(Limits.named(limits), Braking(stops), given.contact_area)
     verdicts = [_assessed(name, root, choices) for name in (given.recording, *given.compare)]
     if given.compare:
         print(compared(verdicts))

@@ -1,4 +1,4 @@
-"""`rosrun hric_experiments approaches`: draws, runs, writes each outcome at once, and counts."""
+"""Command line: approaches. Draw, run, write each outcome at once, and count."""
 
 import argparse
 import json
@@ -14,23 +14,29 @@ from typing import Any
 import numpy as np
 
 from hric_assessment.findings import DISCLAIMER
+from hric_assessment.findings import Outcome as Result
+from hric_assessment.verdict.result import EXIT_CODES, ORDER
 from hric_control.errors import HricError
 from hric_control.parameters import whole
+from hric_experiments.analysis.contacts import CONTACT_AREA
 from hric_experiments.approaches.draw import draw
-from hric_experiments.approaches.meetings import MOVING, PUSHED, STANDING_ARM, Met
+from hric_experiments.approaches.meetings import MOVING, PUSHED, STANDING_ARM, ContactEvent
 from hric_experiments.approaches.run import Outcome, Runner
+from hric_experiments.sweep.statistics.intervals import clopper_pearson_upper
 
 COUNT, QUICK = 1000, 20
+"""Number of approaches, by default and with --quick."""
 CONFIDENCE = 0.95
+"""Level of the one-sided bound [1]."""
 
 
 def parser() -> argparse.ArgumentParser:
-    """Of the command line."""
+    """Return the parser of the command line."""
     made = argparse.ArgumentParser(
         "rosrun hric_experiments approaches",
         description="Approaches of a person to a working arm, drawn by seed, in the experiment shared_workspace: "
         "contacts above limits while the arm moves, and those with a standing arm. "
-        "Exit code 1 where there is one of the first.",
+        "Exit code 1: a contact with the moving arm was above limits; 4: one is not assessable.",
     )
     made.add_argument("--count", type=int, default=COUNT, help=f"how many (default: {COUNT})")
     made.add_argument("--quick", action="store_true", help=f"{QUICK} of them")
@@ -45,37 +51,37 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command; returns the exit code: 1 where a moving arm met somebody above limits."""
-    given = parser().parse_args(arguments)
+    """Run the command; return 1 if a contact with the moving arm was above limits, else 4 if one is not assessable."""
+    options = parser().parse_args(arguments)
     for name in ("count", "first", "jobs"):
-        whole(minimum=0 if name == "first" else 1).checked(getattr(given, name), f"--{name}")
-    count = QUICK if given.quick else given.count
-    done = {} if given.output is None else read(given.output, not given.without)
-    missing = [seed for seed in range(given.first, given.first + count) if seed not in done]
-    for outcome in _outcomes(missing, given):
+        whole(minimum=0 if name == "first" else 1).checked(getattr(options, name), f"--{name}")
+    count = QUICK if options.quick else options.count
+    done = {} if options.output is None else read(options.output, not options.without)
+    missing = [seed for seed in range(options.first, options.first + count) if seed not in done]
+    for outcome in _outcomes(missing, options):
         done[outcome.seed] = outcome
-        if given.output is not None:
-            with given.output.open("a") as file:
+        if options.output is not None:
+            with options.output.open("a") as file:
                 file.write(json.dumps(asdict(outcome)) + "\n")
-    found = [done[seed] for seed in range(given.first, given.first + count)]
-    print(report(found))
-    return int(any(one.above(MOVING) for one in found))
+    outcomes = [done[seed] for seed in range(options.first, options.first + count)]
+    print(report(outcomes))
+    found = {contact.outcome for one in outcomes for contact in one.met(MOVING)}
+    return next((EXIT_CODES[outcome] for outcome in ORDER if outcome in found), 0)
 
 
-def _outcomes(seeds: Sequence[int], given: argparse.Namespace) -> Iterator[Outcome]:
-    """In the order of the seeds."""
-    if given.jobs == 1 or len(seeds) < 2:
-        yield from map(_Worker(given.simulator, not given.without), seeds)
+def _outcomes(seeds: Sequence[int], options: argparse.Namespace) -> Iterator[Outcome]:
+    """Run approaches, in the order of the seeds."""
+    if options.jobs == 1 or len(seeds) < 2:
+        yield from map(_Worker(options.simulator, not options.without), seeds)
         return
-    pool = ProcessPoolExecutor(
-        given.jobs, get_context("spawn"), initializer=_start, initargs=(given.simulator, not given.without)
-    )
+    settings = options.simulator, not options.without
+    pool = ProcessPoolExecutor(options.jobs, get_context("spawn"), initializer=_start, initargs=settings)
     with pool:
         yield from pool.map(_run, seeds)
 
 
 class _Worker:
-    """A runner that is kept."""
+    """Runner of one process, reused for each approach."""
 
     def __init__(self, simulator: str, supervised: bool) -> None:
         logging.getLogger("hric").setLevel(logging.CRITICAL)  # reflexes are counted
@@ -97,57 +103,63 @@ def _run(seed: int) -> Outcome:
 
 
 def read(path: Path, supervised: bool) -> dict[int, Outcome]:
-    """Outcomes of a file by seed, those with or without the supervisor; none where there is no file.
+    """Read the outcomes of a file by seed, those with or without the supervisor; none if there is no file.
 
     Raises:
-        HricError: a line that is none.
+        HricError: a line of another kind, or of an earlier version.
     """
-    found: dict[int, Outcome] = {}
+    outcomes: dict[int, Outcome] = {}
     for number, line in enumerate(path.read_text().splitlines() if path.is_file() else (), 1):
         try:
             values: Mapping[str, Any] = json.loads(line)
-            one = Outcome(**{**values, "contacts": [Met(**met) for met in values["contacts"]]})
+            contacts = [ContactEvent(**{**one, "outcome": Result(one["outcome"])}) for one in values["contacts"]]
+            outcome = Outcome(**{**values, "contacts": contacts})
         except (ValueError, TypeError, KeyError) as error:
-            raise HricError(f"{path}, line {number}: {error}; valid: a file that this command wrote") from None
-        if one.supervised is supervised:
-            found[one.seed] = one
-    return found
+            raise HricError(f"{path}, line {number}: {error}; valid: a file that this version wrote") from None
+        if outcome.supervised is supervised:
+            outcomes[outcome.seed] = outcome
+    return outcomes
 
 
-def at_most(count: int) -> float:
-    """Upper end of the one-sided interval of a probability, of 0 in `count`: 1 - (1 - confidence)^(1/count)."""
-    return float(1.0 - (1.0 - CONFIDENCE) ** (1.0 / count))
-
-
-def report(found: Sequence[Outcome]) -> str:
-    """For the terminal."""
-    count, supervised = len(found), found[0].supervised
-    speeds = [one.speed for one in found]
-    hit = [one for one in found if one.above(MOVING)]
-    touched = [one for one in found if any(met.arm == MOVING for met in one.contacts)]
-    standing = [one for one in found if any(met.arm in (STANDING_ARM, PUSHED) for met in one.contacts)]
-    heavy = [one for one in standing if one.above(STANDING_ARM) or one.above(PUSHED)]
-    bound = (
-        f"at most {100.0 * at_most(count):.1f} % (one-sided {100.0 * CONFIDENCE:.0f} %)"
-        if not hit
-        else f"{100.0 * len(hit) / count:.1f} %"
-    )
+def report(outcomes: Sequence[Outcome]) -> str:
+    """Return the text for the terminal."""
+    count, supervised = len(outcomes), outcomes[0].supervised
+    speeds = [one.speed for one in outcomes]
+    moving = [one.met(MOVING) for one in outcomes]
+    standing = [one.met(STANDING_ARM, PUSHED) for one in outcomes]
+    above = _runs(moving, Result.ABOVE)
+    unproven = sum(any(one.above or one.not_assessable for one in contacts) for contacts in moving)
+    bound = 100.0 * clopper_pearson_upper(unproven, count, CONFIDENCE)
     lines = [
-        f"{count} approaches, seeds {found[0].seed} to {found[-1].seed}, at {min(speeds):.2f} to {max(speeds):.2f} "
-        f"m/s, {'with the supervisor' if supervised else 'WITHOUT the supervisor'}",
-        f"contacts above limits while the arm moves faster than 10 mm/s: in {len(hit)} of {count}, {bound}",
-        f"contacts with a moving arm at all: in {len(touched)}",
-        f"contacts with a standing arm: in {len(standing)}; above limits, by the person's own speed: in {len(heavy)}",
-        f"decisions in which the arm moved nearer than the protective distance: {sum(one.violations for one in found)}",
-        f"share of the time stopped {np.mean([one.stopped for one in found]):.2f}, "
-        f"slowed {np.mean([one.slowed for one in found]):.2f}",
+        f"{count} approaches, seeds {outcomes[0].seed} to {outcomes[-1].seed}, at {min(speeds):.2f} to "
+        f"{max(speeds):.2f} m/s, {'with the supervisor' if supervised else 'WITHOUT the supervisor'}",
+        f"contacts above limits while the arm moves faster than 10 mm/s: in {above} of {count}, at most {bound:.1f} % "
+        f"(one-sided {100.0 * CONFIDENCE:.0f} %)",
+        f"contacts with a moving arm: {_counts(moving)}",
+        f"contacts with a standing arm, by the person's own speed: {_counts(standing)}",
+        f"area of a contact: {CONTACT_AREA:g} m^2 (project default); not assessable counts as above in the bound",
+        f"decisions in which the arm moved nearer than the protective distance: {sum(o.violations for o in outcomes)}",
+        f"share of the time stopped {np.mean([one.stopped for one in outcomes]):.2f}, "
+        f"slowed {np.mean([one.slowed for one in outcomes]):.2f}",
     ]
-    worst = [met for one in hit for met in one.above(MOVING)]
-    if worst:
-        shares = [met.share for met in worst if math.isfinite(met.share)]
-        faces = sum(math.isinf(met.share) for met in worst)
+    shares = [one.share for contacts in moving for one in contacts if one.above]
+    if shares:
+        largest = max(filter(math.isfinite, shares), default=math.nan)
+        hit = [str(one.seed) for one in outcomes if any(contact.above for contact in one.met(MOVING))]
         lines.append(
-            f"of those above limits: up to {max(shares, default=math.nan):.1f} times the limit; head or face: {faces}"
+            f"of those above limits: up to {largest:.1f} times the limit; where no contact is permitted: "
+            f"{sum(map(math.isinf, shares))}"
         )
-        lines.append("seeds: " + ", ".join(str(one.seed) for one in hit[:20]) + (", ..." if len(hit) > 20 else ""))
+        lines.append("seeds: " + ", ".join(hit[:20]) + (", ..." if len(hit) > 20 else ""))
     return "\n".join([*lines, DISCLAIMER])
+
+
+def _runs(contacts: Sequence[Sequence[ContactEvent]], outcome: Result) -> int:
+    """Return the number of runs with an outcome; contacts: of each run."""
+    return sum(any(one.outcome == outcome for one in own) for own in contacts)
+
+
+def _counts(contacts: Sequence[Sequence[ContactEvent]]) -> str:
+    """Return the number of runs with each outcome, as text; contacts: of each run."""
+    counts = ", ".join(f"{outcome} in {_runs(contacts, outcome)}" for outcome in ORDER)
+    return f"in {sum(map(bool, contacts))} of {len(contacts)} runs ({counts})"

@@ -1,4 +1,4 @@
-"""What is drawn for an approach: who comes how fast, from where, and what the arm does meanwhile."""
+"""Random approaches: body, speed and direction of the person, and the motion of the arm meanwhile."""
 
 import math
 from dataclasses import dataclass
@@ -6,18 +6,22 @@ from typing import Any
 
 import numpy as np
 
+from hric_assessment.contact.limits import TRANSIENT_TIME
+
 SPEEDS = (0.5, 2.0)
 """Peak speed of the walk, reached where it aims at [m/s]."""
 PEAK = 1.875
 """Peak over mean speed of a motion with least jerk."""
 SUBJECTS = ("P05_female", "P50_female", "P50_male", "P95_male")
 BEARING = math.radians(100.0)
-"""Largest angle of the direction from which he comes, from where the base looks [rad]: the arm works before it."""
+"""Largest angle between the direction from which the person comes and x of the base [rad]: the arm works before it."""
 CONTROLLER = "joint_pd_controller"
 SWING = 1.5
-"""Between two setpoints of the arm [s]."""
+"""Time between two setpoints of the arm [s]."""
+LONGEST = 2.0 * TRANSIENT_TIME
+"""Duration of a run after the first touch, at most [s]: as long again as it takes until a contact is a clamp."""
 BEGIN = 0.5
-"""Of the arm's motion [s]: later than the supervisor's first request has come into force, which takes 0.34 s."""
+"""Begin of the arm's motion [s]: later than the supervisor's first request has come into force, which takes 0.34 s."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +31,10 @@ class Approach:
     Attributes:
         seed: by which it was drawn.
         speed: peak of the walk [m/s].
-        bearing: from which he comes, from x towards y of the base [rad].
+        bearing: direction from which the person comes, from x towards y of the base [rad].
         aim: where the walk's peak lies, in the world, 2 floats [m].
-        distance: of his start from there [m].
-        subject: whose body.
+        distance: of the start from there [m].
+        subject: code of the person's body.
         arms: flexion of right shoulder and elbow, left shoulder and elbow [rad].
         setpoints: of the arm, one each SWING, 7 floats each [rad].
         phase: by which the walk begins later than the arm [s].
@@ -48,16 +52,16 @@ class Approach:
 
     @property
     def reached(self) -> float:
-        """When he is where the walk aims at [s]."""
+        """Time at which the person is where the walk aims at [s]."""
         return self.phase + PEAK * self.distance / self.speed
 
     @property
     def duration(self) -> float:
-        """Of the run, if nothing ends it before [s]."""
+        """Duration of the run, if no contact ends or extends it [s]."""
         return round(self.reached + 0.4, 3)
 
     def changes(self) -> dict[str, Any]:
-        """Overrides of the experiment."""
+        """Return the overrides of the experiment, for a contact at its end, too."""
         away = np.array([math.cos(self.bearing), math.sin(self.bearing)])
         start = np.array(self.aim) + self.distance * away
         path = (-2.0 * self.distance * away).tolist()
@@ -67,7 +71,7 @@ class Approach:
         sent = [
             {"time": round(BEGIN + SWING * k, 3), "controller": CONTROLLER, "positions": list(row)}
             for k, row in enumerate(self.setpoints)
-            if BEGIN + SWING * k < self.duration
+            if BEGIN + SWING * k < self.duration + LONGEST
         ]
         return {
             "human.subject": self.subject,
@@ -76,12 +80,12 @@ class Approach:
             "human.walk.points": [[self.phase, 0.0, 0.0], [end, *path]],
             "human.control": {"parameters": {"reference": {"program": "joints", "points": [posture]}}},
             "setpoints": sent,
-            "duration": self.duration,
+            "duration": self.duration + LONGEST,
         }
 
 
 def draw(seed: int) -> Approach:
-    """The approach of a seed."""
+    """Return the approach of a seed."""
     random = np.random.default_rng(seed)
     speed = float(random.uniform(*SPEEDS))
     bearing = float(random.uniform(-BEARING, BEARING))

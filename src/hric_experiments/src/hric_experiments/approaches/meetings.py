@@ -1,4 +1,4 @@
-"""Contacts of a human with a robot as they began and how hard they were, and what a supervisor did meanwhile."""
+"""Contacts of a person with a robot: the verdict's findings, and how the arm moved as each contact began."""
 
 import math
 from collections.abc import Sequence
@@ -8,79 +8,101 @@ from typing import Any
 
 import numpy as np
 
-from hric_assessment.contact.limits import Limits
+from hric_assessment.findings import Finding, Outcome
 from hric_assessment.supervisor.arm import ArmShape, ArmState
 from hric_assessment.supervisor.separation import STANDING
-from hric_assessment.tables import limit_table
 from hric_bags.reader import ControlRecord
 from hric_control.geometry import FloatArray
+from hric_experiments.analysis.contacts import counted_share
 
 BEFORE = 0.002
-"""Before a contact the arm's speed is looked at [s]: the contact has not changed it yet."""
+"""Time before a contact at which the arm's speed is taken: the contact has not changed it yet [s] (project default)."""
 MOVING, STANDING_ARM, PUSHED = "moving", "standing", "pushed"
-"""How the arm was as a contact began: moving; standing; or to stand, and moved by a contact before."""
+"""State of the arm as a contact begins; pushed: it stood until an earlier contact moved it."""
 
 
 @dataclass(frozen=True)
-class Met:
-    """A contact.
+class ContactEvent:
+    """One contact and its finding.
 
     Attributes:
-        time: of its begin [s].
-        link, other: that met.
-        region: of ISO/TS 15066.
-        arm: moving, standing or pushed.
-        arm_speed: of the arm's fastest place 2 ms before [m/s].
-        speed: at which both met [m/s].
-        peak: force [N].
-        share: of the limit of a transient contact; infinite where none is permitted; NaN: the region has no limit.
+        time, end: first and last touch, robot time [s].
+        subject: bodies that touched, as in the finding.
+        regions: of ISO/TS 15066 that may have been touched.
+        arm: MOVING, STANDING_ARM or PUSHED.
+        arm_speed: speed of the arm's fastest point BEFORE the contact [m/s].
+        speed: speed at which both met [m/s]; None: not known.
+        peak: largest force [N]; None: no force of this contact is known.
+        outcome: of the finding.
+        share: of the limit, see `counted_share` [1].
+        reason: of the finding.
     """
 
     time: float
-    link: str
-    other: str
-    region: str
+    end: float
+    subject: str
+    regions: str
     arm: str
     arm_speed: float
-    speed: float
-    peak: float
+    speed: float | None
+    peak: float | None
+    outcome: Outcome
     share: float
+    reason: str
 
     @property
     def above(self) -> bool:
-        """Whether it is above the limit, or has none that could be held against it."""
-        return not self.share <= 1.0
+        """True if the finding is above limits."""
+        return self.outcome == Outcome.ABOVE
+
+    @property
+    def not_assessable(self) -> bool:
+        """True if the finding is neither within nor above limits."""
+        return self.outcome == Outcome.NOT_ASSESSABLE
 
 
-def of(contacts: Sequence[Any], log: ControlRecord, description: str) -> list[Met]:
-    """Contacts in the order in which they began.
+def contact_events(findings: Sequence[Finding], log: ControlRecord, description: str) -> list[ContactEvent]:
+    """Return the contacts in the order in which they began.
 
     Args:
-        contacts: of messages hric_msgs/RegionContacts, in order; of a contact the last one is taken.
-        log: of the robot.
-        description: its URDF.
+        findings: of the verdict's contacts; the one that says that nothing touched the person is left out.
+        log: control log of the robot, every cycle.
+        description: URDF of the robot.
     """
-    last = {(one.link, one.other, round(one.begin, 6)): one for one in contacts}
-    if not last:
+    touches = [one for one in findings if not (one.outcome == Outcome.WITHIN and one.share == 0.0)]
+    if not touches:
         return []
-    arm, found, first = Arm(log, description), [], math.inf
-    for contact in sorted(last.values(), key=lambda one: float(one.begin)):
-        speed = arm.speed(contact.begin - BEFORE)
-        state = STANDING_ARM if speed < STANDING else MOVING
-        if state == MOVING and first < contact.begin - BEFORE and arm.speed(first - BEFORE) < STANDING:
-            state = PUSHED  # it moves because of what touched it then
-        first = min(first, contact.begin)
-        found.append(_met(contact, state, speed))
-    return found
+    arm, events, first = Arm(log, description), list[ContactEvent](), math.inf
+    for finding in sorted(touches, key=lambda one: one.window or (-math.inf, math.inf)):
+        begin, end = finding.window or (float(log.time[0]), float(log.time[-1]))
+        speed = arm.speed(begin - BEFORE)
+        state = STANDING_ARM if speed < STANDING and finding.window else MOVING
+        if state == MOVING and first < begin - BEFORE and arm.speed(first - BEFORE) < STANDING:
+            state = PUSHED
+        first = min(first, begin)
+        events.append(_event(finding, (begin, end), state, speed))
+    return events
 
 
-def listed(messages: Sequence[Any]) -> list[Any]:
-    """The contacts of messages hric_msgs/RegionContacts, in order."""
-    return [contact for message in messages for contact in (*message.touching, *message.ended)]
+def _event(finding: Finding, window: tuple[float, float], arm: str, arm_speed: float) -> ContactEvent:
+    values = finding.values
+    peaks = [values.get(f"{part} peak [N]") for part in ("transient", "quasi-static")]
+    return ContactEvent(
+        *window,
+        finding.subject,
+        ", ".join(finding.regions),
+        arm,
+        arm_speed,
+        values.get("speed at which they met [m/s]"),
+        max((peak for peak in peaks if peak is not None), default=None),
+        finding.outcome,
+        counted_share(finding),
+        finding.reason,
+    )
 
 
 class Arm:
-    """How fast an arm was.
+    """Speed of an arm over time.
 
     Args:
         log: its control log.
@@ -91,7 +113,7 @@ class Arm:
         self._log, self._shape = log, shape(description, log.joint_names)
 
     def speed(self, time: float) -> float:
-        """Of its fastest place at a time [s], [m/s]."""
+        """Return the speed of the fastest point [m/s] at a robot time [s]."""
         log = self._log
         at = int(np.clip(np.searchsorted(log.time, time), 0, len(log.time) - 1))
         velocities: FloatArray = self._shape.at(ArmState(time, log.position[at], log.velocity[at])).velocities
@@ -100,39 +122,17 @@ class Arm:
 
 @cache
 def shape(description: str, joints: tuple[str, ...]) -> ArmShape:
-    """Of a description, made once."""
+    """Return the shape of a description, built once per process."""
     return ArmShape(description, joints)
 
 
-@cache
-def _limits() -> Limits:
-    return Limits(limit_table())
-
-
-def _met(contact: Any, arm: str, arm_speed: float) -> Met:
-    regions = list(contact.regions)
-    limit = _limits().at(regions, dominant=contact.dominant) if regions else None
-    if limit is None or not math.isfinite(contact.peak):
-        share = math.nan
-    else:
-        transient = limit.force.transient if limit.permitted else None
-        share = math.inf if transient is None else contact.peak / transient
-    return Met(
-        contact.begin,
-        contact.link,
-        contact.other,
-        ", ".join(regions),
-        arm,
-        arm_speed,
-        contact.begin_speed,
-        contact.peak,
-        share,
-    )
-
-
 def supervision(states: Sequence[Any]) -> dict[str, float] | None:
-    """What messages hric_msgs/SafetyState say: smallest separation [m], decisions in which the arm moved nearer than it
-    should, shares of the time stopped and slowed; None: nobody supervised."""
+    """Summarise messages hric_msgs/SafetyState; None: there was no supervisor.
+
+    Returns:
+        smallest separation [m], violations: decisions in which the arm moved nearer than it should, stopped and slowed:
+        shares of the time [1].
+    """
     if not states:
         return None
     return {

@@ -1,34 +1,34 @@
-"""Running an approach, and what came of it."""
+"""One approach: run it, and judge the contacts in it."""
 
 import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from hric_experiments.approaches import meetings
-from hric_experiments.approaches.draw import Approach
-from hric_experiments.approaches.meetings import Met
+from hric_assessment.contact.limits import PARTED
+from hric_experiments.approaches.draw import LONGEST, Approach
+from hric_experiments.approaches.meetings import ContactEvent
 from hric_experiments.simulation import Simulation
-from hric_msgs.msg import RegionContacts, SafetyState
+from hric_experiments.sweep.observed import Observed
+from hric_experiments.sweep.outputs import IMPACT, SUPERVISION
+from hric_msgs.msg import RegionContacts
 
 EXPERIMENT = "shared_workspace"
 CHUNK = 0.05
-"""Between two looks at whether it is over [s]."""
-AFTER = 0.15
-"""A run goes on for so long after the first contact [s]: as long as the blow of an arm."""
+"""Robot time between two checks if the run is over [s]."""
 
 
 @dataclass
 class Outcome:
-    """Of an approach.
+    """Result of an approach.
 
     Attributes:
         seed, speed, bearing: as drawn.
-        supervised: whether the supervisor acted.
+        supervised: True if the supervisor acted.
         duration: of the run [s].
-        separation: smallest [m].
+        separation: smallest distance [m].
         violations: decisions in which the arm moved nearer than it should.
-        stopped, slowed: shares of the time.
-        contacts: that began.
+        stopped, slowed: shares of the time [1].
+        contacts: in the order in which they began.
         error: why the arm ended its motion; empty: it did not.
     """
 
@@ -41,12 +41,12 @@ class Outcome:
     violations: int = 0
     stopped: float = 0.0
     slowed: float = 0.0
-    contacts: list[Met] = field(default_factory=list)
+    contacts: list[ContactEvent] = field(default_factory=list)
     error: str = ""
 
-    def above(self, arm: str) -> list[Met]:
-        """Contacts above limits in which the arm was so."""
-        return [met for met in self.contacts if met.arm == arm and met.above]
+    def met(self, *arm: str) -> list[ContactEvent]:
+        """Return the contacts that began with the arm in one of some states."""
+        return [contact for contact in self.contacts if contact.arm in arm]
 
 
 class Runner:
@@ -54,48 +54,54 @@ class Runner:
 
     Args:
         simulator: engine.
-        supervised: whether the supervisor acts; otherwise it watches.
+        supervised: True: the supervisor acts; otherwise it watches.
         changes: further overrides.
     """
 
     def __init__(self, simulator: str = "mujoco", supervised: bool = True, **changes: Any) -> None:
-        self._given = {"simulator": simulator, "supervisor.active": supervised, **changes}
+        self._overrides = {"simulator": simulator, "supervisor.active": supervised, **changes}
         self._supervised = supervised
         self._simulation: Simulation | None = None
 
     def run(self, approach: Approach) -> Outcome:
-        """One approach."""
+        """Run one approach until the first contact has parted, or has lasted LONGEST, or else to its end."""
         simulation = self._begin(approach)
-        states: list[Any] = []
-        contacts: list[Any] = []
-        simulation.node.subscribe(
-            "hric/human/contacts", RegionContacts, lambda message: contacts.extend(meetings.listed([message]))
-        )
-        simulation.node.subscribe("hric/safety/state", SafetyState, states.append)
-        end = approach.duration
-        while simulation.time < end - 1e-9:
-            simulation.run(min(CHUNK, end - simulation.time))
-            if contacts:
-                end = min(end, simulation.time + AFTER) if end == approach.duration else end
-        return self._outcome(approach, simulation, states, contacts)
+        observed, touched = Observed(simulation, {IMPACT, SUPERVISION}), list[float]()
+
+        def on_contacts(message: RegionContacts) -> None:
+            if message.touching:
+                touched.append(simulation.time)
+
+        simulation.node.subscribe("hric/human/contacts", RegionContacts, on_contacts)
+        while not _over(simulation.time, approach.duration, touched):
+            simulation.run(CHUNK)
+        return self._outcome(approach, simulation, observed)
 
     def _begin(self, approach: Approach) -> Simulation:
         if self._simulation is None:
-            self._simulation = Simulation(EXPERIMENT, seed=approach.seed, **self._given, **approach.changes())
+            self._simulation = Simulation(EXPERIMENT, seed=approach.seed, **self._overrides, **approach.changes())
         else:
             self._simulation.reset(seed=approach.seed, **approach.changes())
         return self._simulation
 
-    def _outcome(self, approach: Approach, simulation: Simulation, states: list[Any], contacts: list[Any]) -> Outcome:
-        found = Outcome(approach.seed, approach.speed, approach.bearing, self._supervised, simulation.time)
-        found.error = simulation.app.hw.error
-        if (seen := meetings.supervision(states)) is not None:
-            found.separation, found.violations = seen["separation"], int(seen["violations"])
-            found.stopped, found.slowed = seen["stopped"], seen["slowed"]
-        found.contacts = meetings.of(contacts, simulation.signals, simulation.node.param("robot_description"))
-        return found
+    def _outcome(self, approach: Approach, simulation: Simulation, observed: Observed) -> Outcome:
+        outcome = Outcome(approach.seed, approach.speed, approach.bearing, self._supervised, simulation.time)
+        outcome.error = simulation.app.hw.error
+        values = observed.values()
+        if (seen := values[SUPERVISION]) is not None:
+            outcome.separation, outcome.violations = seen["separation"], int(seen["violations"])
+            outcome.stopped, outcome.slowed = seen["stopped"], seen["slowed"]
+        outcome.contacts = values.contacts
+        return outcome
 
     def close(self) -> None:
         """Release the simulation."""
         if self._simulation is not None:
             self._simulation.close()
+
+
+def _over(time: float, end: float, touched: list[float]) -> bool:
+    """True if a run is over; touched: robot times of all messages with a contact so far [s]."""
+    if not touched:
+        return time >= end - 1e-9
+    return time > touched[-1] + PARTED + CHUNK or time >= touched[0] + LONGEST

@@ -1,10 +1,11 @@
-"""What a run or a comparison found, in a few figures with their meaning: the first thing that a reader looks for."""
+"""Headline of a report: a run or a comparison in a few figures with their meaning."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hric_assessment.findings import Outcome
 from hric_experiments.analysis import human, stability, supervised
 
 GOOD, BAD, PLAIN = "good", "bad", "plain"
@@ -29,14 +30,17 @@ class Finding:
     kind: str = PLAIN
 
 
-def of_run(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> list[Finding]:
-    """What a run found: what went wrong, how a marker was followed, how setpoints were reached, what was recorded.
+def of_run(
+    run: Mapping[str, Any], metrics: Mapping[str, Any], verdict: Mapping[str, Any] | None = None
+) -> list[Finding]:
+    """Return what went wrong, how contacts were judged, how a marker was followed and setpoints reached, what was lost.
 
     Args:
         run: contents of run.yaml.
         metrics: contents of metrics.json.
+        verdict: contents of verdict.json; None: there was no person, or nobody judged the run.
     """
-    found = _problems(run, metrics)
+    found = [*_problems(run, metrics), *_judged(verdict)]
     if metrics.get("tracking"):
         found += _tracking(metrics["tracking"])
     if metrics.get("human"):
@@ -49,13 +53,24 @@ def of_run(run: Mapping[str, Any], metrics: Mapping[str, Any]) -> list[Finding]:
         found += _recorded(metrics["sources"])
     if metrics.get("sync"):
         found += _skew(metrics["sync"])
-    if metrics.get("contacts"):
+    if metrics.get("contacts") and not metrics.get("human"):
         strongest = max(metrics["contacts"], key=lambda one: one["peak_force"])
         pair = f"{strongest['body_a']} on {strongest['body_b']}, the strongest contact ({strongest['kind']})"
         found.append(Finding("Contact force", scaled(strongest["peak_force"], "N"), pair))
     if metrics["stability"]["verdict"] == stability.STABLE:
         found.append(Finding("Stability", stability.STABLE, "no joint chatters and nothing diverged", GOOD))
     return found
+
+
+def _judged(verdict: Mapping[str, Any] | None) -> list[Finding]:
+    """Return the worst finding of the person's contacts; those of verdict.json are in order from the worst on."""
+    found = next((one for one in (verdict or {}).get("findings", ()) if one["group"] == "contact"), None)
+    if found is None:
+        return []
+    share = "" if found["share"] is None else f", {100.0 * found['share']:.0f} % of the limit"
+    kind = {Outcome.WITHIN: GOOD, Outcome.ABOVE: BAD}.get(found["outcome"], PLAIN)
+    meaning = f"{found['subject']}: {found['reason']}, estimate of a model"
+    return [Finding("Contact with the person", f"{found['outcome']}{share}", meaning, kind)]
 
 
 def _human(found: Mapping[str, Any]) -> list[Finding]:
@@ -74,7 +89,6 @@ def _human(found: Mapping[str, Any]) -> list[Finding]:
     joint, peak = max(found["joints"].items(), key=lambda item: item[1]["share_max"])
     share = f"{100 * peak['share_max']:.0f} %"
     result.append(Finding("Share of strength", share, f"{joint}, the most loaded joint of the human, {of_model}"))
-    result += [one for same in human.together(found["contacts"]) for one in _contact(same, of_model)]
     settling = found["settling"]
     if settling is not None:
         kind = GOOD if settling["verdict"] == human.SETTLES else BAD
@@ -93,20 +107,6 @@ def _supervised(found: Mapping[str, Any]) -> list[Finding]:
         BAD if violations else GOOD,
     )
     return [Finding("Stopped", stopped, f"of the time, by the supervisor, which slowed for another {slowed}"), kept]
-
-
-def _contact(same: Sequence[Mapping[str, Any]], of_model: str) -> list[Finding]:
-    """Of contacts of the same two bodies, beside what is expected of them."""
-    hardest, found = human.strongest(same), []
-    between = f"{', '.join(hardest['regions']) or hardest['link']} by {hardest['other']}"
-    if form := hardest["transient"]:
-        expected = f"{form['ratio']:.3f} of v sqrt(mu k) = {form['peak']:.1f} N at {form['speed']:.2f} m/s"
-        meaning = f"first peak, {between}: {expected}, {of_model}"
-        found.append(Finding("Blow", scaled(form["measured_peak"], "N"), meaning))
-    for press in [one["press"] for one in same if one["press"]][:1]:
-        meaning = f"{between}: {press['ratio']:.3f} of {press['balanced']:.1f} N that the commanded torque balances"
-        found.append(Finding("Pressed with", scaled(press["force"], "N"), meaning))
-    return found
 
 
 def of_comparison(first: str, pairs: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Finding]:

@@ -24,7 +24,7 @@ def build(data: RunData) -> Page:
         title=f"{run.get('experiment', 'run')}",
         subtitle=f"{data.folder.path.name}: {run.get('description', '')}",
         verdicts=verdicts(run, values),
-        findings=headline.of_run(run, values),
+        findings=headline.of_run(run, values, data.verdict),
         figures=[
             *run_figures.robot_figures(data.record, data.moves, run.get("limits") or {}, tolerances),
             *human_figures.human_figures(data.person),

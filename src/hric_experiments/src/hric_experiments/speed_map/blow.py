@@ -8,7 +8,7 @@ import numpy as np
 from franka_hw_interface.model import Frame
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest
 from franka_sim.franka_hw_sim import FrankaHWSim
-from hric_assessment.tables import episode_table
+from hric_assessment.contact.limits import TRANSIENT_TIME
 from hric_control.geometry import FloatArray
 from hric_experiments.speed_map.device import Body, Device
 
@@ -16,8 +16,6 @@ STIFFNESS, DAMPING = 100.0, 20.0
 """Of each joint of a driven arm around its way: those of the experiment `contact` [N m/rad], [N m s/rad]."""
 SHARE = 0.9
 """Of its fastest speed an arm uses at most, as the reaction of a blow makes some joints faster."""
-LONGEST = episode_table()["transient_time"]
-"""Of a transient contact [s]."""
 
 
 class Arm(Enum):
@@ -92,7 +90,7 @@ class Blows:
             robot.box.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE))
         device = Device(body, approach.mass, dt, speed - own)
         begin = float(approach.direction @ self._position(approach.q))
-        for cycle in range(1, round(LONGEST / dt)):
+        for cycle in range(1, round(TRANSIENT_TIME / dt)):
             q, v = (np.array(part) for part in robot.plant.engine_state())
             along = approach.direction @ robot.model.zero_jacobian(Frame.END_EFFECTOR, q)[:3]
             force = device.push(float(approach.direction @ self._position(q)) - begin, float(along @ v))

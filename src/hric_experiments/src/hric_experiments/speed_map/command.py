@@ -12,7 +12,6 @@ from tqdm import tqdm
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import Limits
 from hric_assessment.findings import DISCLAIMER
-from hric_assessment.tables import limit_table
 from hric_bags import files
 from hric_control.errors import HricError
 from hric_control.parameters import number
@@ -47,7 +46,7 @@ def main(arguments: Sequence[str]) -> int:
     given = _parser().parse_args(list(arguments))
     number(minimum=0.0).checked(given.damping, "--damping")
     points = grid.points(given.x, given.y, given.z)
-    request = Request(given.region, Limits(limit_table()), given.damping, Arm(given.arm))
+    request = Request(given.region, Limits.named(), given.damping, Arm(given.arm))
     force = request.check()
     definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *given.overrides])
     with Simulation(definition) as simulation:

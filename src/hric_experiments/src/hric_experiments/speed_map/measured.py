@@ -8,7 +8,7 @@ import numpy as np
 
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import Limit, Limits
-from hric_assessment.contact.speed import half_mass, speed_limit
+from hric_assessment.contact.speed import half_mass, permitted_regions, speed_limit
 from hric_assessment.verdict.contacts import masses
 from hric_control import urdf
 from hric_control.errors import FailureError, HricError
@@ -47,13 +47,13 @@ class Cell:
 
 @dataclass(frozen=True)
 class Request:
-    """What a map is of.
+    """Settings of a map.
 
     Attributes:
         region: of the body.
         limits: with the table.
         damping: of the device [N s/m].
-        arm: what it does meanwhile.
+        arm: behaviour of the arm while it touches.
     """
 
     region: str
@@ -63,37 +63,32 @@ class Request:
 
     @property
     def limit(self) -> Limit:
-        """Of the region."""
+        """Limit of the region."""
         found = self.limits.at((self.region,))
         assert found is not None, "`check` refuses a region without one"
         return found
 
     def check(self) -> float:
-        """Limit of a transient contact [N].
+        """Return the limit of a transient contact [N].
 
         Raises:
             HricError: no contact with the region is permitted, or the table has no such region.
         """
         force = speed_limit(self.limits, self.region, 1.0).force_transient
         if force is None:
-            allowed = [name for name in REGION_MODELS if self._permitted(name)]
             raise HricError(
                 f"no contact with {self.region} is permitted by {self.limits.table.title}, at no speed; valid: "
-                f"{'; '.join(allowed)}"
+                f"{'; '.join(permitted_regions(self.limits))}"
             )
         return force
 
-    def _permitted(self, region: str) -> bool:
-        rows = self.limits.table.force_rows(region)
-        return bool(rows) and speed_limit(self.limits, region, 1.0).force_transient is not None
-
 
 def measure(robot: FrankaHWSim, request: Request, points: FloatArray) -> Iterator[tuple[FloatArray, list[Cell]]]:
-    """Measure.
+    """Measure the limit speeds at some points.
 
     Args:
         robot: of a simulation.
-        request: what it is of.
+        request: settings of the map.
         points: shape (n, 3) [m].
 
     Yields:

@@ -1,4 +1,4 @@
-"""What a simulation publishes, for the outputs of a sweep: analysed from memory as a bag would be."""
+"""Messages of a simulation for the outputs of a sweep, analysed from memory as a bag would be."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import asdict
@@ -7,6 +7,7 @@ from typing import Any
 
 import roslib.message
 
+from hric_assessment.verdict.given import Given
 from hric_bags.memory import MemoryBag, nanoseconds
 from hric_bags.reader import (
     COMMAND_TYPE,
@@ -23,9 +24,10 @@ from hric_bags.reader import read as read_record
 from hric_bags.records import contact_record, human_record
 from hric_bags.records.region_contacts import CONTACTS_TYPE
 from hric_experiments import provenance
-from hric_experiments.analysis import collaboration
+from hric_experiments.analysis import collaboration, contacts
 from hric_experiments.analysis.values import MOTION, Values
 from hric_experiments.approaches import meetings
+from hric_experiments.approaches.meetings import ContactEvent
 from hric_experiments.definition.experiment import to_dict
 from hric_experiments.simulation import Simulation
 from hric_experiments.sweep.outputs import COLLABORATION, IMPACT, SUPERVISION
@@ -44,7 +46,7 @@ NEEDS: dict[str, tuple[str, ...] | None] = {
     "stability": HUMAN,
     "human": HUMAN,
     "contacts": (contact_record.CONTACTS_TYPE,),
-    IMPACT: (CONTACTS_TYPE,),
+    IMPACT: (*HUMAN, LOG_TYPE),
     SUPERVISION: (SAFETY_TYPE,),
     COLLABORATION: (*HUMAN, LOG_TYPE),
 }
@@ -140,12 +142,19 @@ class Observations(Mapping[str, Any]):
         return [self._bag.deserialize(raw, kind) for _, _, raw in chosen]
 
     @cached_property
+    def _given(self) -> Given:
+        return contacts.given_of(self._run, self._bag, self._description)
+
+    @cached_property
+    def contacts(self) -> list[ContactEvent]:
+        """Contacts of the person, judged as by the verdict."""
+        return meetings.contact_events(contacts.findings(self._given), self._record.log, self._description)
+
+    @property
     def _impact(self) -> dict[str, Any]:
-        """Contacts of the human, and those that an arm made that moved."""
-        contacts = meetings.listed(self._messages(CONTACTS_TYPE))
-        met = meetings.of(contacts, self._record.log, self._description)
-        moving = [one for one in met if one.arm == meetings.MOVING]
-        return {"contacts": [asdict(one) for one in met], "moving": [asdict(one) for one in moving]}
+        """All contacts of the person, and those that began with a moving arm."""
+        rows = [{**asdict(one), "above": one.above, "not_assessable": one.not_assessable} for one in self.contacts]
+        return {"contacts": rows, "moving": [row for row in rows if row["arm"] == meetings.MOVING]}
 
     @cached_property
     def _supervision(self) -> dict[str, Any] | None:
@@ -153,7 +162,7 @@ class Observations(Mapping[str, Any]):
 
     @cached_property
     def _collaboration(self) -> dict[str, Any] | None:
-        return collaboration.values(self._run, self._bag, self._description, self._metrics.person)
+        return collaboration.values(self._given, self._metrics.person)
 
     def __getitem__(self, key: str) -> Any:
         return self._own[key]() if key in self._own else self._metrics[key]

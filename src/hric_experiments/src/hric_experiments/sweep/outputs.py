@@ -1,8 +1,9 @@
 """Outputs of a run: numbers at paths of its metrics, and of what it adds to them for sweeps.
 
 A path has the keys of metrics.json with dots between them; `*` is all items of a list or a mapping, and
-`reduce` makes one number of what it finds. Two keys are of sweeps alone: `impact`, contacts of a human by the limits of
-ISO/TS 15066, and `supervision`, what a supervisor saw and decided.
+`reduce` makes one number of them; a number that is not known (NaN) makes the result not known. Three keys are of sweeps
+alone: `impact`, contacts of a person as the verdict judges them, `supervision`, decisions of a supervisor, and
+`collaboration`, numbers by which the benchmark compares controllers.
 """
 
 import math
@@ -57,21 +58,21 @@ class Output(Settings):
         return self.path.split(".")[0]
 
     def measured(self, values: Mapping[str, Any]) -> float:
-        """The number; NaN: there is none.
+        """Return the number; NaN: the run has none and `otherwise` is not set, or one of several is not known.
 
         Raises:
-            HricError: what is there is not a number, or a key on the way never is.
+            HricError: an item is not a number, or the path has a key that no run has.
         """
-        found = [item for item in walk(values, self.path.split("."), self.path) if item is not None]
+        items = [item for item in walk(values, self.path.split("."), self.path) if item is not None]
         if self.reduce == COUNT:
-            return float(len(found))
-        found = [item for item in found if not (isinstance(item, float) and math.isnan(item))]
-        if not found:
-            return math.nan if self.otherwise is None else self.otherwise
-        for item in found:
+            return float(len(items))
+        for item in items:
             if not isinstance(item, bool | int | float):
                 raise HricError(f"output {self.path} is {type(item).__name__}, no number{_keys(item)}")
-        return float(REDUCE[self.reduce]([float(item) for item in found]))
+        if not items:
+            return math.nan if self.otherwise is None else self.otherwise
+        numbers = [float(item) for item in items]
+        return math.nan if any(map(math.isnan, numbers)) else float(REDUCE[self.reduce](numbers))
 
 
 def walk(value: Any, path: Sequence[str], whole: str) -> Iterator[Any]:

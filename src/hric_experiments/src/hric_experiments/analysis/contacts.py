@@ -1,0 +1,46 @@
+"""Contacts of a run as the verdict judges them, for sweeps, benchmark and approaches. No ROS."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hric_assessment.findings import Finding, Outcome
+from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.contacts import contact_findings
+from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.person import person_of
+from hric_bags.parts import Bag
+from hric_bags.records import recording
+
+CONTACT_AREA = 1e-4
+"""Area over which contacts act where neither recording nor user says it: a square centimetre [m^2] (project default,
+unconfirmed; pressures of ISO/TS 15066 were measured with 1.96 cm^2, so it is on the strict side)."""
+
+
+def given_of(run: Mapping[str, Any], bag: Bag, description: str) -> Given:
+    """Read a run for the verdict.
+
+    Args:
+        run: contents of run.yaml.
+        bag: its messages, on disk or in memory.
+        description: URDF of the robot.
+    """
+    return Given("a run", "run", Path(), recording.read(bag), run, description)
+
+
+def findings(given: Given) -> list[Finding]:
+    """Return the verdict's findings of all contacts, with CONTACT_AREA where none is known."""
+    return contact_findings(given, person_of(given), Choices(contact_area=CONTACT_AREA))
+
+
+def counted_share(finding: Finding) -> float:
+    """Return the share of the limit by which runs are counted and compared [1].
+
+    It is at most 1 only where the finding is within limits (or a warning), and infinite where no number says how far
+    above it is: a contact that is not permitted at all, or one that is not assessable.
+    """
+    share = math.inf if finding.share is None else finding.share
+    proven = finding.outcome in (Outcome.WITHIN, Outcome.WARNING)
+    above = finding.outcome == Outcome.ABOVE and share > 1.0
+    return share if proven or above else math.inf
