@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from hric_assessment.contact.limits import Limits
-from hric_assessment.contact.speed import both_masses, half_mass, reduced_mass, speed_limit
+from hric_assessment.contact.limits import NOT_PERMITTED, Limits
+from hric_assessment.contact.speed import both_masses, half_mass, permitted_regions, reduced_mass, speed_limit
 from hric_assessment.findings import NotAssessableError
-from hric_assessment.tables import FOOT, limit_table
+from hric_assessment.tables import FOOT
 from hric_control.errors import HricError
 from hric_human.body.regions import REGION_MODELS
 
-ISO, BGIA = Limits(limit_table("iso_ts_15066")), Limits(limit_table("bgia2011"))
+ISO, BGIA = Limits.named("iso_ts_15066"), Limits.named("bgia2011")
 HAND = "hand, fingers"
 
 
@@ -64,6 +64,27 @@ def test_of_areas_with_forces_of_their_own_the_one_that_permits_least_counts() -
     assert found.area == "front, larynx"
     assert float(found.transient) == pytest.approx(35.0 / np.sqrt(mu * 10e3))
     assert float(found.transient) < 190.0 / np.sqrt(mu * 50e3)
+
+
+def test_a_link_that_cannot_give_way_leaves_the_mass_of_the_body_alone() -> None:
+    found = speed_limit(ISO, HAND, np.inf)
+    assert float(found.mass) == REGION_MODELS[HAND].mass
+    assert float(found.transient) < float(speed_limit(ISO, HAND, 1e3).transient)
+
+
+@pytest.mark.parametrize("mass", [0.0, -1.0, np.nan])
+def test_a_mass_that_cannot_be_is_refused(mass: float) -> None:
+    with pytest.raises(HricError, match="robot_mass"):
+        speed_limit(ISO, HAND, mass)
+
+
+def test_the_regions_with_a_permitted_contact_are_all_but_head_and_face() -> None:
+    assert set(REGION_MODELS) - set(permitted_regions(ISO)) == set(NOT_PERMITTED)
+
+
+def test_the_held_force_is_the_lowest_of_the_regions_and_0_where_no_contact_is_permitted() -> None:
+    assert ISO.held_force([HAND]) == 140.0  # ISO/TS 15066:2016, table A.2
+    assert ISO.held_force([HAND, "face"]) == ISO.held_force([]) == 0.0
 
 
 def test_the_standards_estimate_of_the_mass_is_half_of_what_moves_and_the_payload() -> None:

@@ -96,3 +96,8 @@ def test_the_closed_form_is_what_two_masses_do_on_a_spring() -> None:
     np.testing.assert_allclose(form.force(time), load, atol=1e-4 * form.peak)
     assert load.max() == pytest.approx(form.peak, rel=1e-6) and load[-1] == pytest.approx(0.0, abs=1e-4 * form.peak)
     assert form.human_mass * x[3, -1] == pytest.approx(form.impulse, rel=1e-6)
+
+
+def test_a_link_that_no_joint_moves_has_an_infinite_reflected_mass() -> None:
+    mechanism, _, _ = arm()
+    assert mechanism.reflected_mass(np.zeros(7), "panda_link0", (0.0, 0.0, 0.1), (1.0, 0.0, 0.0)) == np.inf

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import Limits
 from hric_assessment.findings import DISCLAIMER
-from hric_assessment.tables import limit_table
 from hric_control.errors import FailureError, HricError
 from hric_experiments import cli
 from hric_experiments.definition import experiment
@@ -102,7 +101,7 @@ def test_a_posture_has_the_hand_where_the_point_is_turned_as_at_the_start(robot:
 def test_an_arm_that_drives_on_is_permitted_less_than_one_that_does_not(robot: FrankaHWSim) -> None:
     lowest = {}
     for arm in Arm:
-        request = Request("chest", Limits(limit_table()), 0.0, arm)
+        request = Request("chest", Limits.named(), 0.0, arm)
         found = dict((tuple(point), cells) for point, cells in measure(robot, request, POINTS[:2]))
         lowest[arm] = [cell.speed / cell.closed_form for cells in found.values() for cell in cells]
     assert np.allclose(lowest[Arm.PASSIVE], 1.0, atol=0.02)
@@ -159,4 +158,4 @@ def test_what_gives_no_map_is_refused(words: list[str], told: str, capsys: pytes
 
 def test_a_region_that_the_table_lacks_is_refused() -> None:
     with pytest.raises(HricError):
-        Request("foot, toes, ankle", Limits(limit_table()), 0.0, Arm.PASSIVE).check()
+        Request("foot, toes, ankle", Limits.named(), 0.0, Arm.PASSIVE).check()

@@ -1,17 +1,22 @@
 """A supervised run without a master: the arm slows, stops and goes on; what does not obey is stopped; approaches."""
 
 import json
+import math
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
+from hric_assessment.contact.limits import PARTED, TRANSIENT_TIME
+from hric_assessment.findings import Outcome as Result
 from hric_assessment.supervisor.arm import ArmShape, ArmState
 from hric_assessment.supervisor.settings import SupervisorSettings
 from hric_control.errors import HricError
 from hric_control.speed_scale import stopping_time
 from hric_experiments.approaches import command
-from hric_experiments.approaches.draw import SPEEDS, draw
-from hric_experiments.approaches.run import Runner
+from hric_experiments.approaches.draw import LONGEST, SPEEDS, draw
+from hric_experiments.approaches.meetings import ContactEvent
+from hric_experiments.approaches.run import Outcome, Runner
 from hric_experiments.definition import experiment, parameters
 from hric_experiments.simulation import Simulation
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScaleState
@@ -177,9 +182,37 @@ def test_twenty_approaches_meet_no_moving_arm_and_without_the_supervisor_they_do
     assert "WITHOUT the supervisor" in capsys.readouterr().out
 
 
-def test_none_of_so_many_is_at_most_so_much():
-    assert f"{100 * command.at_most(1000):.1f}" == "0.3"
-    assert (1.0 - command.at_most(57)) ** 57 == pytest.approx(0.05)
+def test_a_run_goes_on_until_its_contact_has_parted_or_is_a_clamp():
+    runner = Runner()
+    try:
+        outcome = runner.run(draw(0))
+    finally:
+        runner.close()
+    first, last = min(one.time for one in outcome.contacts), max(one.end for one in outcome.contacts)
+    assert outcome.duration - first > TRANSIENT_TIME or outcome.duration - last > PARTED
+    assert outcome.duration - first < LONGEST + 0.1
+
+
+def test_a_contact_that_is_not_assessable_is_counted_as_such_and_bounded_as_above():
+    contact = ContactEvent(
+        1.0, 1.1, "contact of a with b", "", "moving", 0.4, None, None, Result.NOT_ASSESSABLE, math.inf, "no area"
+    )
+    outcomes = [Outcome(seed, 1.0, 0.0, True, contacts=[contact] if seed == 3 else []) for seed in range(20)]
+    text = command.report(outcomes)
+    assert "in 0 of 20, at most 21.6 % (one-sided 95 %)" in text  # Clopper-Pearson of 1 in 20
+    assert "contacts with a moving arm: in 1 of 20 runs (above limits in 0, not assessable in 1" in text
+
+
+@pytest.mark.parametrize(("result", "code"), [("above limits", 1), ("not assessable", 4), ("warning", 0)])
+def test_the_exit_code_is_that_of_the_worst_contact_with_a_moving_arm(result, code, tmp_path):
+    contact = {"subject": "", "regions": "", "arm_speed": 0.4, "speed": None, "peak": 9.0, "share": 2.0, "reason": ""}
+    rows = []
+    for seed, arm in enumerate(("moving", "standing")):
+        own = {**contact, "time": 1.0, "end": 1.1, "arm": arm, "outcome": result if seed == 0 else "above limits"}
+        rows.append(json.dumps(asdict(Outcome(seed, 1.0, 0.0, True)) | {"contacts": [own]}))
+    file = tmp_path / "approaches.jsonl"
+    file.write_text("\n".join(rows))
+    assert command.main(["--count", "2", "--output", str(file)]) == code
 
 
 def test_a_file_that_is_none_of_its_own_is_refused(tmp_path):
@@ -196,4 +229,4 @@ def test_on_the_other_engines_an_approach_ends_at_a_standing_arm_too(engine):
         outcome = runner.run(draw(3))
     finally:
         runner.close()
-    assert not outcome.above("moving") and outcome.stopped > 0.1
+    assert not outcome.met("moving") and outcome.stopped > 0.1

@@ -13,6 +13,7 @@ from hric_control.errors import HricError
 from hric_experiments.sweep.samplers.make import SAMPLER, make
 from hric_experiments.sweep.samplers.mixture import DEFENSIVE
 from hric_experiments.sweep.samplers.sampler import Estimate, Point, Sampler, Told
+from hric_experiments.sweep.samplers.subset import correlation_factor
 from hric_experiments.sweep.space import Space
 from hric_experiments.sweep.statistics.intervals import clopper_pearson, effective_size, log_interval
 from hric_experiments.sweep.variables import Variable
@@ -262,3 +263,43 @@ def test_equal_weights_have_about_the_interval_of_their_count() -> None:
     found, same = log_interval(weights, 1000), clopper_pearson(200, 1000)
     assert effective_size(weights) == pytest.approx(200.0)
     assert np.array(found) / 0.01 == pytest.approx(np.array(same), rel=0.06)
+
+
+@pytest.mark.parametrize(("count", "t"), [(2, 12.706), (3, 4.303), (5, 2.776), (10, 2.262), (30, 2.045)])
+def test_few_weights_have_students_quantile_with_one_degree_of_freedom_less(count: int, t: float) -> None:
+    """Published table of Student's t, two-sided 95 %, 1, 2, 4, 9 and 29 degrees of freedom."""
+    interval = log_interval(np.full(count, 0.5), 10_000)
+    estimate = 0.5 * count / 10_000
+    assert np.log(estimate / interval.low) * np.sqrt(count) == pytest.approx(t, abs=5e-4)
+    if estimate * np.exp(t / np.sqrt(count)) < 1.0:
+        assert np.log(interval.high / estimate) * np.sqrt(count) == pytest.approx(t, abs=5e-4)
+
+
+def test_unequal_weights_have_the_freedom_of_their_effective_number() -> None:
+    interval = log_interval(np.array([3.0, 1.0, 1.0, 1.0]), 100_000)  # (3 + 1 + 1 + 1)^2 / (9 + 1 + 1 + 1) = 3
+    assert np.log(6e-5 / interval.low) * np.sqrt(3.0) == pytest.approx(4.303, abs=5e-4)
+
+
+@pytest.mark.parametrize("length", [2, 5, 10])
+def test_points_of_a_chain_that_all_agree_count_as_one(length: int) -> None:
+    above = np.tile([True, False, False, True, False], (length, 1))
+    assert correlation_factor(above) == pytest.approx(length)
+
+
+def test_half_agreeing_pairs_have_the_factor_of_the_formula_by_hand() -> None:
+    above = np.array([[1, 1, 0, 0], [1, 0, 0, 1], [0, 0, 1, 1]], dtype=bool)
+    # share 1/2; lag 1: pairs (1,1) (1,0) (0,0) (0,1), (1,0) (0,0) (0,1) (1,1): 2/8 - 1/4 = 0;
+    # lag 2: (1,0) (1,0) (0,1) (0,1): 0 - 1/4 = -1/4: 1 + 2 (1 - 2/3) (-1/4) / (1/4) = 1/3, which is no less than 1
+    assert correlation_factor(above) == 1.0
+
+
+@pytest.mark.parametrize("stay", [0.6, 0.8, 0.95])
+def test_the_variance_of_a_mean_over_chains_grows_by_the_factor(stay: float) -> None:
+    """Two-state chains with the correlation r^k, r = 2 stay - 1: the scatter of their own means is the measure."""
+    random, chains, length = np.random.default_rng(5), 40_000, 10
+    above = np.empty((length, chains), dtype=bool)
+    above[0] = random.random(chains) < 0.5
+    for k in range(1, length):
+        above[k] = np.where(random.random(chains) < stay, above[k - 1], ~above[k - 1])
+    measured = length * np.var(above.mean(axis=0)) / 0.25
+    assert correlation_factor(above) == pytest.approx(measured, rel=0.03)

@@ -145,15 +145,19 @@ def test_results_in_another_order_or_of_half_a_batch_are_refused() -> None:
         one.tell([Told(index=0, exceeded=True)])
 
 
-@pytest.mark.parametrize("exceeded, runs", [(0, 1), (0, 600), (3, 20), (20, 20), (599, 600)])
-def test_intervals_of_counts_are_those_of_scipy(exceeded: int, runs: int) -> None:
+@pytest.mark.parametrize("exceeded, runs", [(0, 1), (0, 600), (3, 20), (20, 20), (599, 600), (40, 200_000)])
+def test_ends_of_intervals_of_counts_are_quantiles_of_beta_distributions(exceeded: int, runs: int) -> None:
+    def low(tail: float) -> float:
+        return float(stats.beta.ppf(tail, exceeded, runs - exceeded + 1)) if exceeded else 0.0
+
+    def high(tail: float) -> float:
+        return float(stats.beta.isf(tail, exceeded + 1, runs - exceeded)) if exceeded < runs else 1.0
+
     for level in (0.9, 0.95):
-        same = stats.binomtest(exceeded, runs).proportion_ci(level, "exact")
-        assert clopper_pearson(exceeded, runs, level) == pytest.approx((same.low, same.high), abs=1e-12)
-        upper = stats.binomtest(exceeded, runs, alternative="less").proportion_ci(level, "exact").high
-        lower = stats.binomtest(exceeded, runs, alternative="greater").proportion_ci(level, "exact").low
-        assert clopper_pearson_upper(exceeded, runs, level) == pytest.approx(upper, abs=1e-12)
-        assert clopper_pearson_lower(exceeded, runs, level) == pytest.approx(lower, abs=1e-12)
+        both = clopper_pearson(exceeded, runs, level)
+        assert both == pytest.approx((low(0.5 - 0.5 * level), high(0.5 - 0.5 * level)), rel=1e-9, abs=1e-12)
+        assert clopper_pearson_upper(exceeded, runs, level) == pytest.approx(high(1.0 - level), rel=1e-9)
+        assert clopper_pearson_lower(exceeded, runs, level) == pytest.approx(low(1.0 - level), rel=1e-9, abs=1e-12)
 
 
 def test_with_none_exceeded_the_upper_limit_is_about_three_by_the_runs() -> None:

@@ -11,6 +11,8 @@ from hric_experiments.analysis import human, stability, supervised
 GOOD, BAD, PLAIN = "good", "bad", "plain"
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 """Of units, down to what the positions of a run resolve."""
+PERSON = "human::"
+"""Begin of the names of the person's links; their contacts are judged by the verdict, not shown as a bare force."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +55,9 @@ def of_run(
         found += _recorded(metrics["sources"])
     if metrics.get("sync"):
         found += _skew(metrics["sync"])
-    if metrics.get("contacts") and not metrics.get("human"):
-        strongest = max(metrics["contacts"], key=lambda one: one["peak_force"])
+    pairs = [one for one in metrics.get("contacts") or () if PERSON not in f"{one['body_a']} {one['body_b']}"]
+    if pairs:
+        strongest = max(pairs, key=lambda one: one["peak_force"])
         pair = f"{strongest['body_a']} on {strongest['body_b']}, the strongest contact ({strongest['kind']})"
         found.append(Finding("Contact force", scaled(strongest["peak_force"], "N"), pair))
     if metrics["stability"]["verdict"] == stability.STABLE:

@@ -95,20 +95,36 @@ class Observed:
             self._bag.write(topic, message, at)
 
     def values(self) -> "Observations":
-        """Metrics of the run, by their first keys.
+        """Return the metrics of the run so far, by their first keys.
 
         Raises:
             HricError: it has no control log.
         """
-        return Observations(self._simulation, self._bag, read_record(self._bag, self._messages))
+        simulation = self._simulation
+        error = simulation.app.hw.error
+        run = {
+            "experiment": simulation.definition.name,
+            "definition": to_dict(simulation.definition),
+            "parameters": provenance.parameters(simulation.tree),
+            "limits": simulation.limits,
+            **({"arm_error": error} if error else {}),
+        }
+        record = read_record(self._bag, self._messages)
+        return Observations(run, self._bag, record, simulation.tree["robot_description"])
 
 
 class Observations(Mapping[str, Any]):
-    """Metrics and what sweeps add to them."""
+    """Metrics of a run, and the keys that sweeps add to them.
 
-    def __init__(self, simulation: Simulation, bag: MemoryBag, record: RunRecord) -> None:
-        self._simulation, self._bag, self._record = simulation, bag, record
-        self._description = simulation.tree["robot_description"]
+    Args:
+        run: contents of run.yaml, as far as analyses read it.
+        bag: its messages.
+        record: its control log and what belongs to it.
+        description: URDF of the robot.
+    """
+
+    def __init__(self, run: Mapping[str, Any], bag: MemoryBag, record: RunRecord, description: str) -> None:
+        self._run, self._bag, self._record, self._description = run, bag, record, description
         self._own: dict[str, Callable[[], Any]] = {
             IMPACT: lambda: self._impact,
             SUPERVISION: lambda: self._supervision,
@@ -119,19 +135,6 @@ class Observations(Mapping[str, Any]):
     def log(self) -> ControlRecord:
         """Every cycle of the run."""
         return self._record.log
-
-    @cached_property
-    def _run(self) -> dict[str, Any]:
-        """Of run.yaml what an analysis reads."""
-        simulation = self._simulation
-        error = simulation.app.hw.error
-        return {
-            "experiment": simulation.definition.name,
-            "definition": to_dict(simulation.definition),
-            "parameters": provenance.parameters(simulation.tree),
-            "limits": simulation.limits,
-            **({"arm_error": error} if error else {}),
-        }
 
     @cached_property
     def _metrics(self) -> Values:

@@ -4,70 +4,63 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import betaincinv, stdtrit
+from scipy.special import stdtrit
+from scipy.stats import binomtest
 
 from hric_control.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
 LEVEL = 0.95
-"""Share of sweeps whose interval has the true probability in it, if nothing else is said."""
+"""Share of sweeps whose interval contains the true probability, by default [1]."""
 
 
 class Interval(NamedTuple):
-    """Of a probability [1]."""
+    """Ends of an interval of a probability [1]."""
 
     low: float
     high: float
 
 
 def clopper_pearson(exceeded: int, runs: int, level: float = LEVEL, weights: FloatArray | None = None) -> Interval:
-    """Interval of a probability from independent runs, each drawn from the distributions; it covers at least `level`.
+    """Return the interval of a probability from independent runs drawn from the distributions; it covers `level`.
 
-    Source: Clopper & Pearson, Biometrika 26:404, 1934: quantiles of beta distributions.
+    Source: Clopper & Pearson, Biometrika 26:404, 1934.
 
     Args:
-        exceeded: how many exceeded.
-        runs: how many there were.
+        exceeded: number of runs that exceeded.
+        runs: number of all runs.
         level: in (0, 1).
         weights: of the runs, if they have any.
 
     Raises:
         HricError: counts that cannot be, or weights that are not all 1: the interval is one of counts.
     """
-    tail = 0.5 * (1.0 - _checked(exceeded, runs, level, weights))
-    return Interval(_lower(exceeded, runs, tail), _upper(exceeded, runs, tail))
+    return _exact("two-sided", exceeded, runs, level, weights)
 
 
 def clopper_pearson_upper(exceeded: int, runs: int, level: float = LEVEL, weights: FloatArray | None = None) -> float:
-    """Upper limit alone, one-sided; with none exceeded about 3/runs at 95 %. Arguments as of `clopper_pearson`."""
-    return _upper(exceeded, runs, 1.0 - _checked(exceeded, runs, level, weights))
+    """Return the one-sided upper limit; with none exceeded about 3/runs at 95 %. Arguments as of `clopper_pearson`."""
+    return _exact("less", exceeded, runs, level, weights).high
 
 
 def clopper_pearson_lower(exceeded: int, runs: int, level: float = LEVEL, weights: FloatArray | None = None) -> float:
-    """Lower limit alone, one-sided. Arguments as of `clopper_pearson`."""
-    return _lower(exceeded, runs, 1.0 - _checked(exceeded, runs, level, weights))
+    """Return the one-sided lower limit. Arguments as of `clopper_pearson`."""
+    return _exact("greater", exceeded, runs, level, weights).low
 
 
-def _checked(exceeded: int, runs: int, level: float, weights: FloatArray | None) -> float:
+def _exact(side: str, exceeded: int, runs: int, level: float, weights: FloatArray | None) -> Interval:
     if not 0 <= exceeded <= runs or runs < 1 or not 0.0 < level < 1.0:
         raise HricError(
             f"{exceeded} of {runs} runs at level {level} have no interval; valid: 0 <= exceeded <= runs, 0 < level < 1"
         )
     if weights is not None and np.any(np.asarray(weights) != 1.0):
         raise HricError("a Clopper-Pearson interval is for unweighted runs; these have weights, so use their estimate")
-    return level
-
-
-def _lower(exceeded: int, runs: int, tail: float) -> float:
-    return float(betaincinv(exceeded, runs - exceeded + 1, tail)) if exceeded else 0.0
-
-
-def _upper(exceeded: int, runs: int, tail: float) -> float:
-    return float(betaincinv(exceeded + 1, runs - exceeded, 1.0 - tail)) if exceeded < runs else 1.0
+    ends = binomtest(exceeded, runs, alternative=side).proportion_ci(level, "exact")
+    return Interval(float(ends.low), float(ends.high))
 
 
 def effective_size(weights: FloatArray) -> float:
-    """How many equal weights would scatter as much as these, (sum w)^2 / sum w^2; 0 of none.
+    """Return the number of equal weights that would scatter as much as these, (sum w)^2 / sum w^2; 0 of none.
 
     Source: Kish, Survey Sampling, 1965.
     """
@@ -76,7 +69,7 @@ def effective_size(weights: FloatArray) -> float:
 
 
 def log_interval(weights: FloatArray, runs: int, level: float = LEVEL) -> Interval:
-    """Interval of a probability from weighted independent runs, symmetric about the estimate on a logarithmic scale.
+    """Return the interval of a probability from independent weighted runs, symmetric on a logarithmic scale.
 
     The estimate is sum(w)/runs over those that exceeded. With their effective number e its logarithm scatters by
     1/sqrt(e): the count is taken as Poisson's, which is on the safe side where most of the runs exceed. The quantile is
@@ -84,7 +77,7 @@ def log_interval(weights: FloatArray, runs: int, level: float = LEVEL) -> Interv
 
     Args:
         weights: likelihood ratios of those that exceeded, one at least, shape (m,).
-        runs: how many there were, with those that did not.
+        runs: number of all runs, with those that did not.
         level: in (0, 1).
     """
     size = effective_size(weights)
