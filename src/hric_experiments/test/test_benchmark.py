@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -92,6 +93,18 @@ def test_results_are_compared_by_the_tolerance_of_their_definition(
     assert len(differences) == 2
     assert any("stiff, contact, task.error" in one for one in differences)
     assert any("bad, contact: runs above: 1 here, 0 there" in one for one in differences)
+
+
+def test_an_infinite_share_is_the_same_as_another_one_alone(
+    quick: tuple[dict[str, Any], Path, list[running.Run]],
+) -> None:
+    ours, theirs = (json.loads(json.dumps(quick[0])) for _ in range(2))
+    for one in (ours, theirs):
+        one["collaborations"]["contact"]["controllers"]["stiff"]["scores"]["findings.contact share"]["median"] = (
+            math.inf
+        )
+    assert results.compare(ours, theirs) == []
+    assert len(results.compare(ours, quick[0])) == 1
 
 
 @pytest.mark.parametrize("key", ["definition", "tables"])

@@ -195,7 +195,7 @@ def test_a_run_goes_on_until_its_contact_has_parted_or_is_a_clamp():
 
 def test_a_contact_that_is_not_assessable_is_counted_as_such_and_bounded_as_above():
     contact = ContactEvent(
-        1.0, 1.1, "contact of a with b", "", "moving", 0.4, None, None, Result.NOT_ASSESSABLE, math.inf, "no area"
+        1.0, 1.1, "contact of a with b", "", "moving", 0.4, None, math.nan, Result.NOT_ASSESSABLE, math.inf, "no area"
     )
     outcomes = [Outcome(seed, 1.0, 0.0, True, contacts=[contact] if seed == 3 else []) for seed in range(20)]
     text = command.report(outcomes)

@@ -32,7 +32,7 @@ class ContactEvent:
         arm: MOVING, STANDING_ARM or PUSHED.
         arm_speed: speed of the arm's fastest point BEFORE the contact [m/s].
         speed: speed at which both met [m/s]; None: not known.
-        peak: largest force [N]; None: no force of this contact is known.
+        peak: largest force [N]; NaN: not known.
         outcome: of the finding.
         share: of the limit, see `counted_share` [1].
         reason: of the finding.
@@ -45,7 +45,7 @@ class ContactEvent:
     arm: str
     arm_speed: float
     speed: float | None
-    peak: float | None
+    peak: float
     outcome: Outcome
     share: float
     reason: str
@@ -94,7 +94,7 @@ def _event(finding: Finding, window: tuple[float, float], arm: str, arm_speed: f
         arm,
         arm_speed,
         values.get("speed at which they met [m/s]"),
-        max((peak for peak in peaks if peak is not None), default=None),
+        max((peak for peak in peaks if peak is not None), default=math.nan),
         finding.outcome,
         counted_share(finding),
         finding.reason,

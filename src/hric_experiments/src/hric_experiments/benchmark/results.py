@@ -1,6 +1,7 @@
 """The results file of a benchmark: what was run, its hashes, and what was found; and two of them compared."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -196,8 +197,8 @@ def _differences(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) 
 
 
 def _same(a: float | None, b: float | None, tolerance: float) -> bool:
-    if a is None or b is None:
-        return a is b
+    if a is None or b is None or math.isinf(a) or math.isinf(b):
+        return a == b
     return abs(a - b) <= tolerance * max(abs(a), abs(b))
 
 

@@ -34,9 +34,12 @@ def by_collaboration(results: Mapping[str, Any], name: str) -> tuple[tuple[str, 
         limit = "" if about["limit"] is None else f"{about['limit']:g}"
         values = (_value(one["controllers"][who]["scores"][key]) for who in order)
         found.append((category, label, limit, *values))
-    for label, key in (("runs above limits", "above"), ("runs not completed", "incomplete")):
-        own = (f"{one['controllers'][who][key]} of {one['controllers'][who]['runs']}" for who in order)
-        found.append(("findings" if key == "above" else "robustness", label, "", *own))
+    for category, label, keys in (
+        ("findings", "runs out of limits", ("above", "unknown")),
+        ("robustness", "runs not completed", ("incomplete",)),
+    ):
+        cells = (one["controllers"][who] for who in order)
+        found.append((category, label, "", *(f"{sum(cell[key] for key in keys)} of {cell['runs']}" for cell in cells)))
     return ("category", "score, median", "limit", *order), found
 
 
