@@ -142,14 +142,11 @@ def report(outcomes: Sequence[Outcome]) -> str:
         f"share of the time stopped {np.mean([one.stopped for one in outcomes]):.2f}, "
         f"slowed {np.mean([one.slowed for one in outcomes]):.2f}",
     ]
-    shares = [one.share for contacts in moving for one in contacts if one.above]
-    if shares:
-        largest = max(filter(math.isfinite, shares), default=math.nan)
-        hit = [str(one.seed) for one in outcomes if any(contact.above for contact in one.met(MOVING))]
-        lines.append(
-            f"of those above limits: up to {largest:.1f} times the limit; where no contact is permitted: "
-            f"{sum(map(math.isinf, shares))}"
-        )
+    hit = [str(one.seed) for one in outcomes if any(contact.above for contact in one.met(MOVING))]
+    if hit:
+        shares = [one.share for contacts in moving for one in contacts if one.above]
+        largest = max(filter(math.isfinite, shares), default=math.inf)
+        lines.append(f"of those above limits: up to {largest:.1f} times the limit")
         lines.append("seeds: " + ", ".join(hit[:20]) + (", ..." if len(hit) > 20 else ""))
     return "\n".join([*lines, DISCLAIMER])
 
