@@ -125,6 +125,15 @@ def test_two_links_that_press_one_hand_at_once_are_added(tmp_path: Path) -> None
     assert "panda_hand and panda::panda_leftfinger" in finding.subject
 
 
+def test_a_wall_behind_a_clamped_hand_is_no_further_load(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        for other in ("panda::panda_hand", "wall::link"):
+            bag.contact(held(100.0), 0.5, 2.5, other=other)
+
+    assert [one.share for one in contacts(tmp_path, make)] == [pytest.approx(100.0 / 140.0)] * 2
+
+
 def test_two_hands_that_are_pressed_at_once_are_not_added(tmp_path: Path) -> None:
     def make(bag: Bag) -> None:
         standing(bag)

@@ -63,7 +63,7 @@ def touched(time: float, region: str, force: float, kind: str) -> RegionContact:
         normal=Vector3(*nowhere),
         begin_point=Point(*nowhere),
         begin_normal=Vector3(*nowhere),
-        begin_speed=math.nan,
+        begin_speed=0.0,  # the arm stands
     )
 
 

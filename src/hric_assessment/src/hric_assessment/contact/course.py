@@ -3,7 +3,7 @@
     for met in meetings(contacts, period):
         met.episode, met.contacts, met.doubts, met.unknown_peak
 
-Contacts of several bodies with one link of the person are added where they overlap in time. The begin and the duration
+Contacts of several links of one model with one link of the person are added where they overlap in time. The begin and the duration
 that the messages state count, not the instants of the messages: a clamp whose messages are throttled or lost is one
 clamp. A force that is NaN, negative or infinite is no force.
 """
@@ -64,10 +64,10 @@ def meetings(
     recorded_until: float,
     table: EpisodeTable | None = None,
 ) -> list[Meeting]:
-    """Cut the penalty contacts of one link into episodes.
+    """Cut penalty contacts into episodes.
 
     Args:
-        contacts: of one link of a person.
+        contacts: of one link of a person with the links of one other model.
         source_period: time between two evaluations of the force, see `period_of` [s].
         recorded_until: robot time of the last message of the topic [s].
         table: by default the one that comes with the package.
@@ -103,8 +103,11 @@ def _meeting(contacts: list[RegionForce], source_period: float, recorded_until: 
     doubts = dict.fromkeys(
         doubt
         for contact, (time, force, usable) in zip(contacts, courses, strict=True)
-        for doubt in _doubts(contact, time, force, usable, recorded_until, table)
+        for doubt in _doubts(contact, time, force, usable, recorded_until)
     )
+    lasted = max(map(end_of, contacts)) - contacts[0].begin
+    if not all(contact.ended for contact in contacts) and lasted <= table["transient_time"] + STAMP:
+        doubts["it had not ended when the recording did"] = None
     if source_period > (1.0 + RATE_TOLERANCE) / table["rate"]:
         rate = "an unknown number of" if not np.isfinite(source_period) else f"{1.0 / source_period:.0f}"
         doubts[f"a blow needs {table['rate']:g} samples a second, and its source has {rate}"] = None
@@ -143,7 +146,6 @@ def _doubts(
     force: FloatArray,
     usable: BoolArray,
     recorded_until: float,
-    table: EpisodeTable,
 ) -> list[str]:
     """Why one contact cannot be called harmless."""
     course, found = contact.course, list[str]()
@@ -155,12 +157,9 @@ def _doubts(
         found.append("its messages are not of the time that begin and duration state")
     if _flat(contact, time[1:], force[1:]):  # without the begin, which has no message
         found.append(f"the force has a flat top at {force.max():.1f} N, as of a sensor at its range")
-    if not contact.ended:
-        end = end_of(contact)
-        if recorded_until - end > verdict_table()["max_gap"]:
-            found.append(f"its end is not recorded: the last message of it is of {end:.3f} s")
-        elif end - contact.begin <= table["transient_time"] + STAMP:
-            found.append("it had not ended when the recording did")
+    end = end_of(contact)
+    if not contact.ended and recorded_until - end > verdict_table()["max_gap"]:
+        found.append(f"its end is not recorded: the last message of it is of {end:.3f} s")
     return found
 
 

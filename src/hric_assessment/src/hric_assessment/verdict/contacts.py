@@ -73,10 +73,11 @@ def _of_person(given: Given, record: HumanRecord, choices: Choices) -> list[Find
         return [_not_recorded(given, choices, record.name)]
     judge = _Judge(given, record, choices)
     evidence, lost = _evidence(given, record, record.stream)
-    links: dict[str, list[RegionForce]] = {}
+    pairs: dict[tuple[str, str], list[RegionForce]] = {}
     for contact in record.meetings:
-        links.setdefault(contact.link, []).append(contact)
-    findings = [finding for contacts in links.values() for finding in judge.of_link(contacts)]
+        # Links of one model press together; a wall behind the person presses back, and is no further load.
+        pairs.setdefault((contact.link, contact.other.rpartition("::")[0]), []).append(contact)
+    findings = [finding for contacts in pairs.values() for finding in judge.of_pair(contacts)]
     findings = [replace(finding, evidence=evidence) for finding in findings]
     if not findings or lost:
         findings.append(_rest(given, record, evidence, lost, bool(findings), choices))
@@ -136,8 +137,8 @@ class _Judge:
         stated = float(given.plant.get("time_step", SPEED_STEP)) if self._simulated else np.inf
         self._period = min(stated, course.period_of(record.meetings))
 
-    def of_link(self, contacts: Sequence[RegionForce]) -> list[Finding]:
-        """Return the findings of one link of the person."""
+    def of_pair(self, contacts: Sequence[RegionForce]) -> list[Finding]:
+        """Return the findings of one link of the person with the links of one other model."""
         others: dict[str, list[RegionForce]] = {}
         for contact in contacts:
             if contact.kind != PENALTY:

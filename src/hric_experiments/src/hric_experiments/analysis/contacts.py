@@ -9,7 +9,6 @@ from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.contacts import contact_findings
 from hric_assessment.verdict.given import Given
-from hric_assessment.verdict.person import person_of
 from hric_bags.parts import Bag
 from hric_bags.records import recording
 
@@ -31,7 +30,7 @@ def given_of(run: Mapping[str, Any], bag: Bag, description: str) -> Given:
 
 def findings(given: Given) -> list[Finding]:
     """Return the verdict's findings of all contacts, with CONTACT_AREA where none is known."""
-    return contact_findings(given, person_of(given), Choices(contact_area=CONTACT_AREA))
+    return contact_findings(given, Choices(contact_area=CONTACT_AREA))
 
 
 def counted_share(finding: Finding) -> float:
