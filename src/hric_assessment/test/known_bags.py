@@ -105,6 +105,19 @@ def joints(bag: Bag, times: Iterable[float], angles: dict[str, float], torque: b
             bag.write("/hric/human/joint_torque", "hric_msgs/msg/JointTorque", time, name=names, **load)
 
 
+def upright(bag: Bag, height: float) -> None:
+    """A root link that stands at a height [m]."""
+    transform = made(
+        "geometry_msgs/msg/Transform",
+        translation=made("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=height),
+        rotation=made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
+    )
+    placed = made(
+        "geometry_msgs/msg/TransformStamped", header=header(0.0), child_frame_id="human_base", transform=transform
+    )
+    bag.write("/tf_static", "tf2_msgs/msg/TFMessage", 0.0, transforms=[placed])
+
+
 def contact(
     path: Path, region: str, force: Callable[[float], float], begin: float, end: float, kind: str = "penalty"
 ) -> None:
@@ -197,18 +210,7 @@ def approach(folder: Path, seen: Callable[[float], bool] = lambda time: True) ->
     body = describe(HumanSettings.of({"parts": "right_arm"}, "human").person)
     with Bag(folder / "approach.bag") as bag:
         bag.write("/robot_description", "std_msgs/msg/String", 0.0, data=ball_urdf())
-        transform = made(
-            "geometry_msgs/msg/Transform",
-            translation=made("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=1.4),
-            rotation=made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
-        )
-        placed = made(
-            "geometry_msgs/msg/TransformStamped",
-            header=header(0.0),
-            child_frame_id="human_base",
-            transform=transform,
-        )
-        bag.write("/tf_static", "tf2_msgs/msg/TFMessage", 0.0, transforms=[placed])
+        upright(bag, 1.4)
         joints(bag, filter(seen, times[::20]), dict.fromkeys(body.joints, 0.0))
         for k in range(0, len(times) - 1, 20):
             part = slice(k, k + 20)
@@ -257,6 +259,7 @@ def posture(folder: Path) -> Known:
     degrees |= {"neck_flex": 15.0, "trunk_flex": 10.0}
     angles |= {name: math.radians(value) for name, value in degrees.items()}
     with Bag(folder / "posture.bag") as bag:
+        upright(bag, 0.95)
         joints(bag, np.arange(0.0, 4.0, 0.02), angles)
     return Known("posture", group="posture", outcomes=("warning",), values={"score that counts": 3.0})
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from bodies import Posed, body
 from posture_by_hand import reba_by_hand, rula_by_hand
+from scipy.spatial.transform import Rotation
 
 from hric_assessment.ergonomics import Posture, Task, of_joints, rula
 from hric_assessment.ergonomics import reba as reba_method
-from hric_assessment.ergonomics.posture import ANGLES
+from hric_assessment.ergonomics.posture import ANGLES, to_vertical
 from hric_assessment.ergonomics.scoring import Scores
 from hric_assessment.tables import PostureTable, reba_table, rula_table
 from hric_control.errors import HricError
@@ -365,10 +366,109 @@ def test_the_angles_of_a_body_are_those_of_its_links(side: str) -> None:
     arm = posed.point(f"{link}_elbow") - posed.point(f"{link}_shoulder")
     forearm = posed.point(f"{link}_wrist") - posed.point(f"{link}_elbow")
     outward = {"right": -1.0, "left": 1.0}[side]
-    assert float(found.upper_arm_flexion[0]) == pytest.approx(math.atan2(arm[0], -arm[2]))
+    assert float(found.upper_arm_flexion[0]) == pytest.approx(math.acos(-arm[2] / np.linalg.norm(arm)))
     assert float(found.upper_arm_abduction[0]) == pytest.approx(math.asin(outward * arm[1] / np.linalg.norm(arm)))
     across = -outward * forearm[1] / np.linalg.norm(forearm)
     assert float(found.forearm_inward[0]) == pytest.approx(math.asin(across))
+
+
+DIRECTIONS = [
+    # sh_flex, sh_abd [deg]; elevation [deg]
+    (100.0, 0.0, 100.0),
+    (0.0, 100.0, 100.0),
+    (170.0, 0.0, 170.0),
+    (0.0, 170.0, 170.0),
+    (-20.0, 95.0, 94.7),
+    (-40.0, 0.0, -40.0),
+    (-40.0, 10.0, -41.0),
+    (-10.0, 40.0, 41.0),
+    (0.0, -30.0, 30.0),
+]
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize(("flexion", "abduction", "elevation"), DIRECTIONS)
+def test_an_upper_arm_is_as_high_as_its_direction_whichever_way_it_was_raised(
+    side: str, flexion: float, abduction: float, elevation: float
+) -> None:
+    made = body(parts="upper_body")
+    posed = Posed(made, **{f"{side}_sh_flex": flexion, f"{side}_sh_abd": abduction})
+    link = {"right": "r", "left": "l"}[side]
+    arm = posed.point(f"{link}_elbow") - posed.point(f"{link}_shoulder")
+    names = list(made.joints)
+    angles = {f"{side}_sh_flex": flexion, f"{side}_sh_abd": abduction}
+    found = math.degrees(of_joints(names, np.radians([[angles.get(n, 0.0) for n in names]]), side).upper_arm_flexion[0])
+    assert found == pytest.approx(elevation, abs=0.5)
+    assert abs(found) == pytest.approx(math.degrees(math.acos(-arm[2] / np.linalg.norm(arm))))
+
+
+def test_an_arm_overhead_by_abduction_and_by_flexion_scores_alike() -> None:
+    names = ["right_sh_flex", "right_sh_abd", "right_sh_rot", "right_el_flex"]
+    overhead = of_joints(names, np.radians([[170.0, 0.0, 0.0, 80.0], [0.0, 170.0, 0.0, 80.0]]), "right")
+    for method in METHODS.values():
+        assert method(Posture(upper_arm_flexion=overhead.upper_arm_flexion)).parts["upper_arm"].tolist() == [4, 4]
+    assert rula.score(overhead).parts["upper_arm"].tolist() == [4, 4]
+
+
+@pytest.mark.parametrize("heading", [0.0, 40.0, -130.0])
+@pytest.mark.parametrize(("pelvis", "flexion", "bend"), [(65, 5, 0), (0, 70, 0), (-20, 10, 0), (0, 30, 20), (0, 0, -25)])
+def test_a_trunk_is_as_inclined_as_its_axis_whether_hips_or_spine_are_bent(
+    heading: float, pelvis: float, flexion: float, bend: float
+) -> None:
+    root = Rotation.from_euler("ZY", [heading, pelvis], degrees=True)
+    posed = Posed(body(parts="upper_body"), trunk_flex=flexion, trunk_bend=bend)
+    up = root.apply(posed.rotation("torso")[:, 2])
+    forward, bent = to_vertical(root.as_matrix()[None], *np.radians([[flexion], [bend]]))
+    assert np.degrees(forward) == pytest.approx(pelvis + flexion)
+    assert np.degrees(bent) == pytest.approx(bend)
+    assert math.cos(forward[0]) * math.cos(bent[0]) == pytest.approx(up[2])
+
+
+def test_a_pelvis_that_leans_to_the_right_bends_the_trunk_to_the_right() -> None:
+    root = Rotation.from_euler("ZX", [70.0, 15.0], degrees=True).as_matrix()[None]
+    forward, bent = to_vertical(root, np.zeros(1), np.zeros(1))
+    assert (np.degrees(forward[0]), np.degrees(bent[0])) == pytest.approx((0.0, 15.0))
+
+
+def test_a_pelvis_on_its_side_has_no_forward() -> None:
+    root = Rotation.from_euler("X", 80.0, degrees=True).as_matrix()[None]
+    assert np.isnan(to_vertical(root, np.zeros(1), np.zeros(1))).all()
+
+
+# An angle that is known within an interval, and one that is not known at all.
+
+
+def test_an_angle_near_a_threshold_gives_both_scores_and_is_named() -> None:
+    neck = Posture(neck_flexion=np.radians([1.0, 5.0]))
+    found = rula.score(neck, spread={"neck_flexion": math.radians(2.0)})
+    assert found.score.tolist() == [1, 1]
+    assert (found.lowest.tolist(), found.highest.tolist()) == ([1, 1], [4, 1])
+    assert found.uncertain(0) == ["neck +4: neck flexion below 0 deg (1.0 +- 2.0 deg)"]
+    assert found.uncertain(1) == []
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_no_posture_within_an_interval_scores_outside_the_ends(method: str) -> None:
+    random, half = np.random.default_rng(5), math.radians(8.0)
+    angles = {name: random.uniform(-1.6, 1.6, 400) for name in ANGLES}
+    found = METHODS[method](Posture(**angles), spread=dict.fromkeys(ANGLES, half))
+    for _ in range(20):
+        other = {name: values + random.uniform(-half, half, 400) for name, values in angles.items()}
+        score = METHODS[method](Posture(**other)).score
+        assert ((found.lowest <= score) & (score <= found.highest)).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_angle_that_is_not_known_may_score_most(method: str) -> None:
+    found = METHODS[method](Posture(), spread={"trunk_flexion": math.inf})
+    most = METHODS[method](Posture(trunk_flexion=np.radians(np.arange(-180.0, 181.0)))).score.max()
+    assert (found.score[0], found.highest[0]) == (1, most)
+
+
+def test_the_use_of_neck_and_trunk_counts_for_them_alone() -> None:
+    held = rula.score(Posture(neck_flexion=0.3), Task(held=0.0, rest_held=61.0))
+    points = {step.part: step.points.tolist() for step in held.steps if step.part.startswith("muscle use")}
+    assert points == {"muscle use": [0], "muscle use, neck and trunk": [1]}
 
 
 def test_an_arm_alone_has_no_trunk_and_says_so() -> None:

@@ -20,7 +20,8 @@ MIDDLE = {"neck_flexion": "neck_flex", "neck_bend": "neck_bend", "neck_twist": "
     "trunk_bend": "trunk_bend",
     "trunk_twist": "trunk_rot",
 }
-ARM = {"upper_arm_flexion": "sh_flex", "upper_arm_abduction": "sh_abd", "upper_arm_rotation": "sh_rot"} | {
+ARM = {
+    "upper_arm_rotation": "sh_rot",
     "elbow_flexion": "el_flex",
     "wrist_flexion": "wr_flex",
     "wrist_deviation": "wr_dev",
@@ -50,15 +51,22 @@ def verdict(motion: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFact
 
 
 def posture(motion: dict[str, np.ndarray], side: str, k: int) -> dict[str, Any]:
-    """As an observer would note it [deg]; how far the forearm is out of the sagittal plane by a library's rotations."""
-    found: dict[str, Any] = dict.fromkeys(NOT_SO, False) | {"load": 0.0, "held": 0.0, "repeats": 0.0}
+    """Return what an observer would note [deg], directions of upper arm and forearm by a library's rotations, in whole
+    degrees; such a random motion goes there and back many times in its minute."""
+    found: dict[str, Any] = dict.fromkeys(NOT_SO, False) | {"load": 0.0, "held": 0.0, "repeats": 99.0}
     found |= {name: motion[joint][k].item() for name, joint in MIDDLE.items()}
     found |= {name: motion[f"{side}_{joint}"][k].item() for name, joint in ARM.items()}
     found["knee_flexion"] = max(motion[f"{one}_knee_flex"][k].item() for one in ("right", "left"))
-    arm = [found[name] for name in ("upper_arm_flexion", "upper_arm_abduction", "upper_arm_rotation")]
+    shoulder = Rotation.from_euler(
+        "XZY", [motion[f"{side}_{joint}"][k] for joint in ("sh_flex", "sh_abd", "sh_rot")], True
+    )
+    outward, up, back = shoulder.apply([0.0, -1.0, 0.0])
+    behind = up < 0.0 and back > abs(outward)
+    found["upper_arm_flexion"] = round(float(np.degrees(np.arccos(min(-up, 1.0))))) * (-1 if behind else 1)
+    found["upper_arm_abduction"] = round(float(np.degrees(np.arcsin(outward))))
     bent = np.radians(found["elbow_flexion"])
-    across = Rotation.from_euler("XZY", arm, degrees=True).apply([0.0, -np.cos(bent), -np.sin(bent)])[0]
-    return found | {"forearm_inward": float(np.degrees(np.arcsin(across))), "shoulder_elevation": 0.0}
+    across = shoulder.apply([0.0, -np.cos(bent), -np.sin(bent)])[0]
+    return found | {"forearm_inward": round(float(np.degrees(np.arcsin(across)))), "shoulder_elevation": 0.0}
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

@@ -1,4 +1,4 @@
-"""What scorers of postures take: named angles and flags over time, and what is taken for those that are not known."""
+"""Input of posture scorers: named angles and flags over time, and the stand-ins for those that are not known."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,8 +21,8 @@ class Posture:
     Angles [rad], each of shape (n,) or one for all; None, and NaN at single instants: not known.
 
     Attributes:
-        upper_arm_flexion: forward from hanging, to the trunk.
-        upper_arm_abduction: outward from the trunk.
+        upper_arm_flexion: elevation of the upper arm from hanging along the trunk; negative: behind the trunk.
+        upper_arm_abduction: outward, out of the sagittal plane of the trunk.
         upper_arm_rotation: about its own axis, internal +.
         shoulder_elevation: of the shoulder girdle.
         elbow_flexion: 0 straight.
@@ -31,7 +31,8 @@ class Posture:
         wrist_deviation: + to the little finger.
         pronation: from mid-position.
         neck_flexion, neck_bend, neck_twist: to the trunk; forward, to the right, to the left +.
-        trunk_flexion, trunk_bend, trunk_twist: to the vertical, or to the pelvis; likewise.
+        trunk_flexion, trunk_bend: to the vertical (see `to_vertical`); likewise.
+        trunk_twist: to the pelvis.
         knee_flexion: of the knee that is bent more.
         arm_supported: the arm rests on something, or the person leans.
         trunk_supported: sits with a well supported trunk.
@@ -63,14 +64,15 @@ class Posture:
 
 @dataclass(frozen=True)
 class Task:
-    """What the person does with that arm, each of shape (n,) or one for all; None: not known.
+    """Use of one arm and of the rest of the person, each of shape (n,) or one for all; None: not known.
 
     Attributes:
         load: mass held, or force over g [kg].
         static: the load is held, or comes again and again; without it, it is intermittent.
         shock: the load comes with a shock, or builds up rapidly.
-        held: for how long the posture has been held [s].
-        repeats: of the action [1/min].
+        held: time for which the posture of the arm is held [s].
+        repeats: repeats of the arm's action [1/min].
+        rest_held, rest_repeats: likewise of neck and trunk; None: as the arm.
         coupling: of the hand with the load, one of the table's names (REBA).
         rapid: the posture changes rapidly and far, or the base is unstable (REBA).
     """
@@ -80,6 +82,8 @@ class Task:
     shock: Flag = None
     held: Angle = None
     repeats: Angle = None
+    rest_held: Angle = None
+    rest_repeats: Angle = None
     coupling: str | None = None
     rapid: Flag = None
 
@@ -89,29 +93,37 @@ ANGLES = tuple(field.name for field in fields(Posture) if field.type == Angle)
 ASSUMED: Mapping[str, float] = (
     dict.fromkeys(ANGLES, 0.0)
     | {"elbow_flexion": math.radians(80.0)}  # in the middle of the range that scores least
-    | {"load": 0.0, "held": 0.0, "repeats": 0.0}
+    | {"load": 0.0, "held": 0.0, "repeats": 0.0, "rest_held": 0.0, "rest_repeats": 0.0}
 )
-"""What is taken for what is not known [rad], [kg], [s], [1/min]: of each angle where it scores least. Flags that are
-not known do not hold."""
+"""Stand-ins for what is not known [rad], [kg], [s], [1/min]: each angle where it scores least. Flags that are not known
+do not hold."""
+SHARED = {"rest_held": "held", "rest_repeats": "repeats"}
+"""Fields of a task that are those of the arm where they are not known."""
 
 
 class Known:
-    """The fields of a posture and a task as arrays, with what was assumed.
+    """Fields of a posture and a task as arrays, with what was assumed.
 
     Args:
-        posture, task: as given.
+        posture, task: the posture and the task.
         fields: names of those that a scorer needs.
+        spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known; none: exact.
 
     Attributes:
         count: n.
+        spread: as above.
         assumptions: a sentence for each field that is not known, wholly or in part.
 
     Raises:
         HricError: fields of different lengths.
     """
 
-    def __init__(self, posture: Posture, task: Task, fields: Sequence[str]) -> None:
+    def __init__(self, posture: Posture, task: Task, fields: Sequence[str], spread: Mapping[str, float]) -> None:
         given = {name: getattr(posture if hasattr(posture, name) else task, name) for name in fields}
+        shared = [name for name in SHARED if name in given and given[name] is None]
+        for name in shared:
+            del given[name]
+        self.spread = spread
         lengths = {name: np.size(value) for name, value in given.items() if np.ndim(value) > 0}
         self.count = max(lengths.values(), default=1)
         for name, length in lengths.items():
@@ -121,6 +133,7 @@ class Known:
                 )
         self.assumptions: list[str] = []
         self._values = {name: self._filled(name, value) for name, value in given.items()}
+        self._values |= {name: self._values[SHARED[name]] for name in shared}
 
     def __getitem__(self, name: str) -> Any:
         return self._values[name]
@@ -154,12 +167,9 @@ SAME = {
     "wrist_flexion": "wr_flex",
     "wrist_deviation": "wr_dev",
     "pronation": "pro_sup",
-    "upper_arm_flexion": "sh_flex",
-    "upper_arm_abduction": "sh_abd",
     "upper_arm_rotation": "sh_rot",
 }
-"""Angles of a posture that are joints of an arm of `hric_human.body.joints`. Since a shoulder is Rx(sh_flex) Rz(sh_abd)
-Ry(sh_rot) there, sh_flex is the angle of the upper arm within the sagittal plane and sh_abd the angle out of it."""
+"""Angles of a posture that are joints of an arm of `hric_human.body.joints`."""
 MIDDLE = {
     "neck_flexion": "neck_flex",
     "neck_bend": "neck_bend",
@@ -168,16 +178,20 @@ MIDDLE = {
     "trunk_bend": "trunk_bend",
     "trunk_twist": "trunk_rot",
 }
-"""Likewise of the trunk: to the pelvis, whose own inclination is not in it."""
+"""Angles of a posture that are joints of the trunk: those of the trunk to the pelvis, see `to_vertical`."""
+
+
+LEVEL = 0.5
+"""Cosine of the tilt to the side beyond which a pelvis has no forward: 60 deg [1] (project default, unconfirmed)."""
 
 
 def of_joints(names: Sequence[str], q: FloatArray, side: str) -> Posture:
-    """Posture of a body of `hric_human.body`; what has no joint there is not known.
+    """Return the posture of a body of `hric_human.body`, the trunk to the pelvis; what has no joint there is not known.
 
     Args:
-        names: of the joints, "right_el_flex".
+        names: names of the joints, "right_el_flex".
         q: joint positions, shape (n, j) [rad].
-        side: of the arm, "right" or "left".
+        side: side of the arm, "right" or "left".
 
     Raises:
         HricError: another side.
@@ -185,22 +199,66 @@ def of_joints(names: Sequence[str], q: FloatArray, side: str) -> Posture:
     if side not in ("right", "left"):
         raise HricError(f"no arm {side!r}; valid: right, left")
     columns = dict(zip(names, np.asarray(q, np.float64).T, strict=True))
-    found: dict[str, Any] = {name: columns.get(f"{side}_{joint}") for name, joint in SAME.items()}
-    found |= {name: columns.get(joint) for name, joint in MIDDLE.items()}
+    angles: dict[str, Any] = {name: columns.get(f"{side}_{joint}") for name, joint in SAME.items()}
+    angles |= {name: columns.get(joint) for name, joint in MIDDLE.items()}
     knees = [columns[name] for name in ("right_knee_flex", "left_knee_flex") if name in columns]
     if knees:
-        found["knee_flexion"] = np.max(knees, axis=0)
-    turned = [found[name] for name in ("upper_arm_abduction", "upper_arm_rotation", "elbow_flexion")]
-    if all(angle is not None for angle in turned):
-        found["forearm_inward"] = forearm_inward(*turned)
-    return Posture(**found)
+        angles["knee_flexion"] = np.max(knees, axis=0)
+    flexion, abduction, rotation, elbow = (
+        columns.get(f"{side}_{joint}") for joint in ("sh_flex", "sh_abd", "sh_rot", "el_flex")
+    )
+    if flexion is not None and abduction is not None:
+        angles["upper_arm_flexion"] = upper_arm_elevation(flexion, abduction)
+        angles["upper_arm_abduction"] = np.arcsin(np.clip(np.sin(abduction), -1.0, 1.0))
+        if rotation is not None and elbow is not None:
+            angles["forearm_inward"] = forearm_inward(abduction, rotation, elbow)
+    return Posture(**angles)
+
+
+def upper_arm_elevation(flexion: FloatArray, abduction: FloatArray) -> FloatArray:
+    """Return the angle of an upper arm to one that hangs along the trunk, by its direction [rad]; negative: extension.
+
+    A shoulder is Rx(sh_flex) Rz(sh_abd) Ry(sh_rot) in axes X right, Y up, Z back of a right arm, so that the upper arm
+    points along (sin a, -cos a cos f, -cos a sin f): its elevation is acos(cos a cos f), whichever way it was raised.
+    It is extension where the arm is below the shoulder and points farther back than to the side.
+
+    Args:
+        flexion, abduction: sh_flex f and sh_abd a, shape (n,) [rad].
+    """
+    aside, forward = np.abs(np.sin(abduction)), np.cos(abduction) * np.sin(flexion)
+    down = np.cos(abduction) * np.cos(flexion)
+    elevation = np.arctan2(np.hypot(aside, forward), down)
+    return np.asarray(np.where((down > 0.0) & (-forward > aside), -elevation, elevation))
+
+
+def to_vertical(R_world_root: FloatArray, flexion: FloatArray, bend: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return flexion and bend of a trunk to the vertical [rad], z of the world up.
+
+    The axis of the thorax is a = R_world_root Ry(flexion) Rx(bend) z. Left is the pelvis' left, made level, and forward
+    is level and at right angles to it: flexion = atan2(a_forward, a_up), bend = -asin(a_left), as the joints of the
+    trunk on an upright pelvis. Not known (NaN) where the pelvis' left is less level than LEVEL.
+
+    Args:
+        R_world_root: orientation of the root link (x forward, y left, z up), shape (n, 3, 3).
+        flexion, bend: of the trunk to the pelvis, forward and to the right +, shape (n,) [rad].
+    """
+    a_root = np.array([np.sin(flexion) * np.cos(bend), -np.sin(bend), np.cos(flexion) * np.cos(bend)]).T
+    x, y, up = np.einsum("nij,nj->ni", R_world_root, a_root).T
+    left_x, left_y = R_world_root[:, 0, 1], R_world_root[:, 1, 1]
+    level = np.hypot(left_x, left_y)
+    level = np.where(level > LEVEL, level, np.nan)
+    forward, left = (x * left_y - y * left_x) / level, (x * left_x + y * left_y) / level
+    return np.arctan2(forward, up), -np.arcsin(np.clip(left, -1.0, 1.0))
 
 
 def forearm_inward(abduction: FloatArray, rotation: FloatArray, elbow: FloatArray) -> FloatArray:
-    """Angle of a forearm to the sagittal plane, + towards the midline [rad], of sh_abd, sh_rot and el_flex [rad].
+    """Return the angle of a forearm to the sagittal plane, + towards the midline [rad].
 
-    Along the forearm is R_thorax_humerus (0, -cos el_flex, -sin el_flex) in axes X right, Y up, Z back of a right arm;
-    sh_flex turns about X and so leaves its X component.
+    Along the forearm is R_thorax_humerus (0, -cos el_flex, -sin el_flex) in the axes of `upper_arm_elevation`; sh_flex
+    turns about X and so leaves its X component.
+
+    Args:
+        abduction, rotation, elbow: sh_abd, sh_rot and el_flex, shape (n,) [rad].
     """
     across = np.cos(abduction) * np.sin(elbow) * np.sin(rotation) - np.sin(abduction) * np.cos(elbow)
     return np.asarray(np.arcsin(np.clip(across, -1.0, 1.0)))

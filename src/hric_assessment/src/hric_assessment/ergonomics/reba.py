@@ -6,21 +6,30 @@
 The values are in config/tables/reba.yaml.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 
-from hric_assessment.ergonomics.posture import NOTHING_KNOWN, Posture, Task
-from hric_assessment.ergonomics.scoring import IntArray, Scorer, Scores, cells, index, scored
+from hric_assessment.ergonomics.posture import NOTHING_KNOWN, Known, Posture, Task
+from hric_assessment.ergonomics.scoring import IntArray, Scorer, Scores, cells, index, needed, scored
 from hric_assessment.tables import RebaTable, reba_table
 from hric_control.errors import UnknownNameError
 
 
-def score(posture: Posture, task: Task = NOTHING_KNOWN, table: RebaTable | None = None) -> Scores:
-    """Scores over time.
+def score(
+    posture: Posture,
+    task: Task = NOTHING_KNOWN,
+    table: RebaTable | None = None,
+    spread: Mapping[str, float] = MappingProxyType({}),
+) -> Scores:
+    """Return the scores over time.
 
     Args:
         posture: one arm and the rest of the person.
-        task: of that arm; a coupling that is not known counts as good.
+        task: task of that arm; a coupling that is not known counts as good.
         table: by default the one that comes with the package.
+        spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known.
 
     Raises:
         HricError: fields of different lengths, or no such coupling.
@@ -28,8 +37,9 @@ def score(posture: Posture, task: Task = NOTHING_KNOWN, table: RebaTable | None 
     table = table or reba_table()
     if task.coupling is not None and task.coupling not in table.couplings:
         raise UnknownNameError("coupling", task.coupling, table.couplings, table.title)
-    fields = ("load", "shock", "held", "repeats", "rapid")
-    return scored(table, table.name, posture, task, fields, lambda scorer: _total(scorer, table, task.coupling))
+    fields = ("load", "shock", "held", "repeats", "rest_held", "rest_repeats", "rapid")
+    known = Known(posture, task, [*needed(table), *fields], spread)
+    return scored(table, table.name, known, lambda scorer: _total(scorer, table, task.coupling))
 
 
 def _total(scorer: Scorer, table: RebaTable, coupling: str | None) -> IntArray:
@@ -62,6 +72,7 @@ def _coupling(scorer: Scorer, table: RebaTable, coupling: str | None) -> IntArra
 
 def _activity(scorer: Scorer, table: RebaTable) -> IntArray:
     known, held, repeats = scorer.known, f"{table.static_time:g} s", f"{table.repeats:g} times a minute"
-    points = scorer.flagged("activity", 1, f"held for more than {held}", known["held"] > table.static_time)
-    points = points + scorer.flagged("activity", 1, f"more than {repeats}", known["repeats"] > table.repeats)
+    longest, most = (np.maximum(known[name], known[f"rest_{name}"]) for name in ("held", "repeats"))
+    points = scorer.flagged("activity", 1, f"held for more than {held}", longest > table.static_time)
+    points = points + scorer.flagged("activity", 1, f"more than {repeats}", most > table.repeats)
     return points + scorer.flagged("activity", 1, "rapid large changes or an unstable base", known["rapid"])

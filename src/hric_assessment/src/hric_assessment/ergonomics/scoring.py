@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from hric_assessment.ergonomics.posture import Known, Posture, Task
+from hric_assessment.ergonomics.posture import Known
 from hric_assessment.tables import Adder, Band, Condition, PostureTable
 from hric_control.geometry import FloatArray
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]
 Total = Callable[["Scorer"], IntArray]
 VARIATION = 5.0
-"""By how much the chosen thresholds are moved, to see what they decide [deg]."""
+"""Shift of the chosen thresholds, to see what they decide [deg] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,8 @@ class Step:
         points: shape (n,).
         reasons: sentences, one of which holds at each instant.
         case: index of it, shape (n,).
-        angle: that gives the points, shape (n,) [rad]; None: a flag.
+        angle: angle that gives the points, shape (n,) [rad]; None: a flag.
+        spread: half-width of the interval in which the angle lies [rad].
     """
 
     part: str
@@ -35,10 +36,12 @@ class Step:
     reasons: tuple[str, ...]
     case: IntArray
     angle: FloatArray | None = None
+    spread: float = 0.0
 
     def reason(self, index: int) -> str:
-        """At one instant."""
-        value = "" if self.angle is None else f" ({math.degrees(self.angle[index]):.1f} deg)"
+        """Return the points at one instant and why."""
+        about = f" +- {math.degrees(self.spread):.1f}" if self.spread else ""
+        value = "" if self.angle is None else f" ({math.degrees(self.angle[index]):.1f}{about} deg)"
         return f"{self.part} {self.points[index]:+d}: {self.reasons[self.case[index]]}{value}"
 
 
@@ -50,8 +53,10 @@ class Scores:
         method: title and edition of the table, with the version of it.
         table: their basis.
         score: shape (n,).
-        parts: of the body and of tables A, B and C, each of shape (n,).
-        steps: what they are made of.
+        parts: scores of parts of the body and of tables A, B and C, each of shape (n,).
+        steps: additions that `highest` is made of.
+        lowest, highest: smallest and largest score with each angle within its spread, shape (n,).
+        lowest_steps: additions that `lowest` is made of.
         stricter, looser: the score with all chosen thresholds smaller, and larger, by VARIATION, shape (n,).
         assumptions: what stood in for what is not known. The angles are those that score least, so that the score can
             only be higher; support of arm or trunk that is not known would lower it.
@@ -62,21 +67,29 @@ class Scores:
     score: IntArray
     parts: Mapping[str, IntArray]
     steps: tuple[Step, ...]
+    lowest: IntArray
+    highest: IntArray
+    lowest_steps: tuple[Step, ...]
     stricter: IntArray
     looser: IntArray
     assumptions: tuple[str, ...]
 
     def reasons(self, index: int) -> list[str]:
-        """At one instant: each step that counts."""
+        """Return the steps that count at one instant."""
         return [step.reason(index) for step in self.steps if step.points[index] != 0]
 
+    def uncertain(self, index: int) -> list[str]:
+        """Return the steps that the spread of an angle decides at one instant."""
+        pairs = zip(self.steps, self.lowest_steps, strict=True)
+        return [high.reason(index) for high, low in pairs if high.points[index] != low.points[index]]
+
     def level(self, index: int) -> str:
-        """Name of the level at one instant."""
+        """Return the name of the level at one instant."""
         return self.table.level(int(self.score[index]))
 
     @property
     def chosen(self) -> list[str]:
-        """The thresholds that no source has, and what they decide here."""
+        """Thresholds that no source has, and what they decide here."""
         moved = int(np.count_nonzero((self.stricter != self.score) | (self.looser != self.score)))
         lines = [f"{name}: {one.value:g} deg, chosen here: {one.text}" for name, one in self.table.chosen.items()]
         return [*lines, f"{VARIATION:g} deg either way change {moved} of {len(self.score)} scores"]
@@ -87,15 +100,17 @@ class Scorer:
 
     Args:
         table: RULA's or REBA's.
-        known: what is known of the posture.
-        shift: of all chosen thresholds [deg].
+        known: known fields of the posture and the task.
+        shift: shift of all chosen thresholds [deg].
+        end: end of the spread of each angle that counts: -1 where it scores least, 1 where it scores most, 0 neither.
 
     Attributes:
-        steps: of all parts so far.
+        steps: steps of all parts so far.
         parts: their scores, and those of tables.
     """
 
-    def __init__(self, table: PostureTable, known: Known, shift: float) -> None:
+    def __init__(self, table: PostureTable, known: Known, shift: float = 0.0, end: int = 0) -> None:
+        self._end = end
         self.known = known
         self.table = table
         self.steps: list[Step] = []
@@ -132,34 +147,39 @@ class Scorer:
         return step.points
 
     def _band(self, label: str, band: Band) -> Step:
-        angle = self.known[band.angle]
+        angle, spread = self.known[band.angle], self._spread(band.angle)
         bounds = [self._bound(bound) for bound in band.bounds]
-        case = np.zeros(len(angle), np.int64)
-        for bound, below, above in zip(bounds, band.scores, band.scores[1:], strict=False):
-            upper_counts = (above < below) != (bound in band.higher_on)
-            reached = angle >= math.radians(bound) if upper_counts else angle > math.radians(bound)
-            case += reached
+        case, scores = _case(band, bounds, angle), np.array(band.scores)
+        if spread and self._end:
+            first, last = _case(band, bounds, angle - spread), _case(band, bounds, angle + spread)
+            for other, score in enumerate(band.scores):
+                better = self._end * (score - scores[case]) > 0
+                case = np.where(better & (first <= other) & (other <= last), other, case)
         reasons = [f"{band.angle.replace('_', ' ')} {between}" for between in _ranges(bounds)]
-        points = np.array(band.scores)[case]
+        points = scores[case]
         if band.unless is not None:
             spared = self.known[band.unless]
             reasons.append(band.unless.replace("_", " "))
             points, case = np.where(spared, band.then, points), np.where(spared, len(bounds) + 1, case)
-        return Step(label, points, tuple(reasons), case, angle)
+        return Step(label, points, tuple(reasons), case, angle, spread)
 
     def _adder(self, label: str, adder: Adder) -> Step:
         case = np.any([self._met(condition) for condition in adder.any], axis=0).astype(np.int64)
         only = adder.any[0].angle if len(adder.any) == 1 else None
-        angle = None if only is None else self.known[only]
-        return Step(label, adder.score * case, (f"not {adder.text}", adder.text), case, angle)
+        angle, spread = (None, 0.0) if only is None else (self.known[only], self._spread(only))
+        return Step(label, adder.score * case, (f"not {adder.text}", adder.text), case, angle, spread)
 
     def _met(self, condition: Condition) -> Any:
         if condition.flag is not None:
             return self.known[condition.flag]
-        angle = self.known[str(condition.angle)]
-        if condition.above is not None:
-            return angle > math.radians(self._chosen[condition.above])
-        return np.abs(angle) > math.radians(self._chosen[str(condition.beyond)])
+        name = str(condition.angle)
+        angle = self.known[name] if condition.above is not None else np.abs(self.known[name])
+        threshold = math.radians(self._chosen[str(condition.above or condition.beyond)])
+        return angle + (self._end * self._spread(name) if self._end else 0.0) > threshold
+
+    def _spread(self, name: str) -> float:
+        """Half-width of the interval in which an angle lies [rad]."""
+        return self.known.spread.get(name, 0.0)
 
     def _bound(self, bound: float | str) -> float:
         if isinstance(bound, str):
@@ -168,25 +188,37 @@ class Scorer:
 
 
 def scored(
-    table: PostureTable, method: str, posture: Posture, task: Task, task_fields: Sequence[str], total: Total
+    table: PostureTable,
+    method: str,
+    known: Known,
+    total: Total,
 ) -> Scores:
-    """Scores by a table.
+    """Return the scores by a table.
 
     Args:
         table: RULA's or REBA's.
         method: its name and version.
-        posture, task: as given.
-        task_fields: those that the method needs of the task.
-        total: what makes the score of the parts.
-
-    Raises:
-        HricError: fields of different lengths.
+        known: known fields of the posture and the task.
+        total: function that makes the score of the parts.
     """
-    known = Known(posture, task, [*needed(table), *task_fields])
-    scorers = [Scorer(table, known, shift) for shift in (0.0, -VARIATION, VARIATION)]
-    score, stricter, looser = (total(scorer) for scorer in scorers)
-    own = scorers[0]
-    return Scores(method, table, score, own.parts, tuple(own.steps), stricter, looser, tuple(known.assumptions))
+    own, *moved = (Scorer(table, known, shift) for shift in (0.0, -VARIATION, VARIATION))
+    score, stricter, looser = (total(scorer) for scorer in (own, *moved))
+    low, high, lowest, highest = own, own, score, score
+    if any(known.spread.values()):
+        low, high = Scorer(table, known, end=-1), Scorer(table, known, end=1)
+        lowest, highest = total(low), total(high)
+    steps, least = tuple(high.steps), tuple(low.steps)
+    assumed = tuple(known.assumptions)
+    return Scores(method, table, score, own.parts, steps, lowest, highest, least, stricter, looser, assumed)
+
+
+def _case(band: Band, bounds: Sequence[float], angle: FloatArray) -> IntArray:
+    """Return the index of the band in which an angle lies, shape (n,); bounds: ascending [deg]; angle: [rad]."""
+    case = np.zeros(len(angle), np.int64)
+    for bound, below, above in zip(bounds, band.scores, band.scores[1:], strict=False):
+        upper_counts = (above < below) != (bound in band.higher_on)
+        case += angle >= math.radians(bound) if upper_counts else angle > math.radians(bound)
+    return case
 
 
 def _ranges(bounds: Sequence[float]) -> list[str]:

@@ -93,6 +93,7 @@ class VerdictTable(ValueTable):
     angle: Value = section(Value)
     known: Value = section(Value)
     max_gap: Value = section(Value)
+    held: Value = section(Value)
     lift: Value = section(Value)
     moving: Value = section(Value)
     reaction_time: Value = section(Value)

@@ -29,6 +29,7 @@ class Person:
         time: robot time, shape (n,) [s].
         q: shape (n, j) [rad]; NaN where not known.
         root: pose of the root link in the world; None: not known.
+        attitude: pose of the root link in a frame whose z is up, of which orientations alone count; None: not known.
         signals: topics.
         assumptions: sentences.
         settings: of a simulated human; None: of others.
@@ -44,6 +45,7 @@ class Person:
     time: FloatArray
     q: FloatArray
     root: RootRecord | None
+    attitude: RootRecord | None
     signals: tuple[str, ...]
     assumptions: tuple[str, ...] = ()
     settings: HumanSettings | None = None
@@ -104,6 +106,7 @@ def _simulated(given: Given, record: HumanRecord) -> Person:
         record.time,
         record.position,
         root,
+        root,
         tuple(topic for topic in given.recording.topics if topic in own),
         tuple(assumptions),
         settings if section is not None else None,
@@ -134,6 +137,10 @@ def _other(given: Given, topic: str) -> Person:
         body, calibrated = PersonSettings.of(section, "person").known()
         if not calibrated:
             assumptions.append("the body was not fitted to the person in a still pose: lengths are those of the file")
+    frame = None if tracked is None else _markers_frame(given, tracked.frame)
+    attitude = None if tracked is None else _root(tracked, frame or Pose())
+    if attitude is not None and frame is None:
+        assumptions.append(f"where the frame {tracked.frame} of the markers is, is not known: its z is taken as up")
     what = "tracked person" if tracked is not None else "person of whom joint states alone were recorded"
     signals = (topic,) if tracked is None else (topic, beside)
     return Person(
@@ -142,7 +149,8 @@ def _other(given: Given, topic: str) -> Person:
         states.names,
         states.time,
         states.values,
-        _root(given, tracked),
+        None if frame is None else attitude,
+        attitude,
         signals,
         tuple(assumptions),
         uncertainty=0.0 if tracked is None else _residual(tracked),
@@ -157,15 +165,13 @@ def _residual(tracked: Tracked) -> float:
     return float(np.percentile(known, 95.0)) if len(known) else float("inf")
 
 
-def _root(given: Given, tracked: Tracked | None) -> RootRecord | None:
-    T_world_markers = None if tracked is None else _markers_frame(given, tracked.frame)
-    if tracked is None or T_world_markers is None:
-        return None
+def _root(tracked: Tracked, T_frame_markers: Pose) -> RootRecord | None:
+    """Return where the root link was in a frame; None: never known."""
     known = np.isfinite(tracked.pose).all(axis=1)
     if not known.any():
         return None
     rows = [(row[:3], row[3:]) for row in tracked.pose[known].tolist()]
-    poses = [compose(T_world_markers, Pose((x, y, z), normalized(q))) for (x, y, z), q in rows]
+    poses = [compose(T_frame_markers, Pose((x, y, z), normalized(q))) for (x, y, z), q in rows]
     return RootRecord(tracked.time[known], np.array([[*pose.position, *pose.orientation] for pose in poses]))
 
 

@@ -1,0 +1,79 @@
+"""Static and repeated use of muscles, counted from signals over time."""
+
+import math
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from hric_control.geometry import FloatArray
+
+BLOCK = 0.2
+"""Time over which a signal is averaged before its motion is counted [s] (project default, unconfirmed)."""
+MINUTE = 60.0
+"""Window in which repeats are counted [s]."""
+
+
+def held(time: FloatArray, signals: FloatArray, tolerance: float, duration: float) -> FloatArray:
+    """Return for how long all signals are held, shape (n,) [s]; 0 outside stretches longer than `duration`.
+
+    Args:
+        time: ascending, shape (n,) [s].
+        signals: shape (n, k); a stretch of NaN is bridged, a signal of NaN alone does not count.
+        tolerance: largest difference of two block means within a stretch that is held.
+        duration: [s].
+    """
+    block, means = _blocks(time, signals)
+    count = math.floor(duration / BLOCK) + 1
+    if len(means) < count or not means.size:
+        return np.zeros(len(time))
+    windows = sliding_window_view(means, count, axis=0)
+    still = (windows.max(axis=-1) - windows.min(axis=-1) <= tolerance).all(axis=1)
+    covered = np.convolve(still, np.ones(count, dtype=np.int64)) > 0
+    return np.asarray(np.where(covered, count * BLOCK, 0.0)[block])
+
+
+def repeats(time: FloatArray, signals: FloatArray, amplitude: float) -> FloatArray:
+    """Return how often a signal goes there and back in the fullest minute with each instant in it, shape (n,) [1/min].
+
+    Args:
+        time, signals: as `held`; the signal that repeats most counts.
+        amplitude: smallest travel of a motion there, and of one back.
+    """
+    block, means = _blocks(time, signals)
+    window = round(MINUTE / BLOCK)
+    most = np.zeros(len(means))
+    for signal in means.T:
+        done = np.zeros(len(means) + 2 * window)
+        done[window + np.array(_moves(signal.tolist(), amplitude)[1::2], dtype=np.int64)] = 1.0
+        counts = np.convolve(done, np.ones(window), "valid")  # of windows that begin at each block
+        most = np.maximum(most, sliding_window_view(counts, window).max(axis=-1)[1 : len(means) + 1].round())
+    return np.asarray(most[block])
+
+
+def _moves(signal: list[float], amplitude: float) -> list[int]:
+    """Indices at which a signal has gone `amplitude` from its last turning point, first up or down, then alternating."""
+    moves, direction, low, high = list[int](), 0, signal[0], signal[0]
+    for index, value in enumerate(signal):
+        low, high = min(low, value), max(high, value)
+        if direction <= 0 and value - low >= amplitude:
+            direction, high = 1, value
+        elif direction >= 0 and high - value >= amplitude:
+            direction, low = -1, value
+        else:
+            continue
+        moves.append(index)
+    return moves
+
+
+def _blocks(time: FloatArray, signals: FloatArray) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], FloatArray]:
+    """Block of each sample, shape (n,), and mean of each signal over each block, shape (b, k); gaps on straight lines."""
+    signals = signals[:, np.isfinite(signals).any(axis=0)]
+    block = np.floor((time - time[0]) / BLOCK + 1e-6).astype(np.int64)
+    means = np.empty((int(block[-1]) + 1, signals.shape[1]))
+    for column, signal in enumerate(signals.T):
+        known = np.isfinite(signal)
+        count = np.bincount(block[known], minlength=len(means))
+        total = np.bincount(block[known], signal[known], len(means))
+        filled = np.flatnonzero(count)
+        means[:, column] = np.interp(np.arange(len(means)), filled, total[filled] / count[filled])
+    return block, means
