@@ -411,7 +411,9 @@ def test_an_arm_overhead_by_abduction_and_by_flexion_scores_alike() -> None:
 
 
 @pytest.mark.parametrize("heading", [0.0, 40.0, -130.0])
-@pytest.mark.parametrize(("pelvis", "flexion", "bend"), [(65, 5, 0), (0, 70, 0), (-20, 10, 0), (0, 30, 20), (0, 0, -25)])
+@pytest.mark.parametrize(
+    ("pelvis", "flexion", "bend"), [(65, 5, 0), (0, 70, 0), (-20, 10, 0), (0, 30, 20), (0, 0, -25)]
+)
 def test_a_trunk_is_as_inclined_as_its_axis_whether_hips_or_spine_are_bent(
     heading: float, pelvis: float, flexion: float, bend: float
 ) -> None:

@@ -120,9 +120,7 @@ class Known:
 
     def __init__(self, posture: Posture, task: Task, fields: Sequence[str], spread: Mapping[str, float]) -> None:
         given = {name: getattr(posture if hasattr(posture, name) else task, name) for name in fields}
-        shared = [name for name in SHARED if name in given and given[name] is None]
-        for name in shared:
-            del given[name]
+        given |= {name: given[arm] for name, arm in SHARED.items() if name in given and given[name] is None}
         self.spread = spread
         lengths = {name: np.size(value) for name, value in given.items() if np.ndim(value) > 0}
         self.count = max(lengths.values(), default=1)
@@ -133,7 +131,6 @@ class Known:
                 )
         self.assumptions: list[str] = []
         self._values = {name: self._filled(name, value) for name, value in given.items()}
-        self._values |= {name: self._values[SHARED[name]] for name in shared}
 
     def __getitem__(self, name: str) -> Any:
         return self._values[name]

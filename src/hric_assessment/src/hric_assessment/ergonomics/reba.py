@@ -72,7 +72,7 @@ def _coupling(scorer: Scorer, table: RebaTable, coupling: str | None) -> IntArra
 
 def _activity(scorer: Scorer, table: RebaTable) -> IntArray:
     known, held, repeats = scorer.known, f"{table.static_time:g} s", f"{table.repeats:g} times a minute"
-    longest, most = (np.maximum(known[name], known[f"rest_{name}"]) for name in ("held", "repeats"))
+    longest, often = (np.maximum(known[name], known[f"rest_{name}"]) for name in ("held", "repeats"))
     points = scorer.flagged("activity", 1, f"held for more than {held}", longest > table.static_time)
-    points = points + scorer.flagged("activity", 1, f"more than {repeats}", most > table.repeats)
+    points = points + scorer.flagged("activity", 1, f"more than {repeats}", often > table.repeats)
     return points + scorer.flagged("activity", 1, "rapid large changes or an unstable base", known["rapid"])

@@ -187,12 +187,7 @@ class Scorer:
         return bound
 
 
-def scored(
-    table: PostureTable,
-    method: str,
-    known: Known,
-    total: Total,
-) -> Scores:
+def scored(table: PostureTable, method: str, known: Known, total: Total) -> Scores:
     """Return the scores by a table.
 
     Args:
@@ -201,15 +196,14 @@ def scored(
         known: known fields of the posture and the task.
         total: function that makes the score of the parts.
     """
-    own, *moved = (Scorer(table, known, shift) for shift in (0.0, -VARIATION, VARIATION))
-    score, stricter, looser = (total(scorer) for scorer in (own, *moved))
+    own = Scorer(table, known)
+    score, stricter, looser = total(own), *(total(Scorer(table, known, shift)) for shift in (-VARIATION, VARIATION))
     low, high, lowest, highest = own, own, score, score
     if any(known.spread.values()):
         low, high = Scorer(table, known, end=-1), Scorer(table, known, end=1)
         lowest, highest = total(low), total(high)
-    steps, least = tuple(high.steps), tuple(low.steps)
-    assumed = tuple(known.assumptions)
-    return Scores(method, table, score, own.parts, steps, lowest, highest, least, stricter, looser, assumed)
+    ends = (lowest, highest, tuple(low.steps))
+    return Scores(method, table, score, own.parts, tuple(high.steps), *ends, stricter, looser, tuple(known.assumptions))
 
 
 def _case(band: Band, bounds: Sequence[float], angle: FloatArray) -> IntArray:

@@ -41,17 +41,17 @@ def repeats(time: FloatArray, signals: FloatArray, amplitude: float) -> FloatArr
     """
     block, means = _blocks(time, signals)
     window = round(MINUTE / BLOCK)
-    most = np.zeros(len(means))
+    largest = np.zeros(len(means))
     for signal in means.T:
         done = np.zeros(len(means) + 2 * window)
         done[window + np.array(_moves(signal.tolist(), amplitude)[1::2], dtype=np.int64)] = 1.0
         counts = np.convolve(done, np.ones(window), "valid")  # of windows that begin at each block
-        most = np.maximum(most, sliding_window_view(counts, window).max(axis=-1)[1 : len(means) + 1].round())
-    return np.asarray(most[block])
+        largest = np.maximum(largest, sliding_window_view(counts, window).max(axis=-1)[1 : len(means) + 1].round())
+    return np.asarray(largest[block])
 
 
 def _moves(signal: list[float], amplitude: float) -> list[int]:
-    """Indices at which a signal has gone `amplitude` from its last turning point, first up or down, then alternating."""
+    """Return where a signal has gone `amplitude` from its last turning point, up and down in turn."""
     moves, direction, low, high = list[int](), 0, signal[0], signal[0]
     for index, value in enumerate(signal):
         low, high = min(low, value), max(high, value)
@@ -66,7 +66,7 @@ def _moves(signal: list[float], amplitude: float) -> list[int]:
 
 
 def _blocks(time: FloatArray, signals: FloatArray) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], FloatArray]:
-    """Block of each sample, shape (n,), and mean of each signal over each block, shape (b, k); gaps on straight lines."""
+    """Return the block of each sample, (n,), and the mean of each signal over each block, bridged, (b, k)."""
     signals = signals[:, np.isfinite(signals).any(axis=0)]
     block = np.floor((time - time[0]) / BLOCK + 1e-6).astype(np.int64)
     means = np.empty((int(block[-1]) + 1, signals.shape[1]))

@@ -29,9 +29,9 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
     timelines: dict[str, Any] = {"rula": [], "reba": [], "separation": None, "activation": None}
     distances: list[Separated] = []
     for person in people:
-        for scores in scored(person, person.record, (found.begin, found.end), choices.rula_table):
-            findings.append(replace(posture_finding(scores, person), person=person.name))
-            timelines[scores.table.title.lower()].append(scores.timeline())
+        for arm in scored(person, person.record, (found.begin, found.end), choices.rula_table):
+            findings.append(replace(posture_finding(arm, person), person=person.name))
+            timelines[arm.scores.table.title.lower()].append(arm.timeline())
         findings += [*_separation(given, person, choices, distances), *lift_findings(given, person)]
     if len({finding.person for finding in findings}) < 2:
         findings = [replace(finding, person="") for finding in findings]  # there is nobody to confuse the person with

@@ -139,7 +139,7 @@ def _other(given: Given, topic: str) -> Person:
             assumptions.append("the body was not fitted to the person in a still pose: lengths are those of the file")
     frame = None if tracked is None else _markers_frame(given, tracked.frame)
     attitude = None if tracked is None else _root(tracked, frame or Pose())
-    if attitude is not None and frame is None:
+    if tracked is not None and attitude is not None and frame is None:
         assumptions.append(f"where the frame {tracked.frame} of the markers is, is not known: its z is taken as up")
     what = "tracked person" if tracked is not None else "person of whom joint states alone were recorded"
     signals = (topic,) if tracked is None else (topic, beside)

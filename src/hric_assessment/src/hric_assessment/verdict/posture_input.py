@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,36 +16,36 @@ from hric_human.control.kinematics import GRAVITY
 from hric_human.control.marked_body import MarkedBody
 
 COVERAGE = 3.0
-"""Half-width of the interval of an angle over its standard deviation [1] (project default, unconfirmed): 0.3 % of normal
-errors are beyond it, so that a score at its lower end lasts a second by noise in recordings above six minutes alone."""
+"""Half-width of the interval of an angle over its standard deviation [1] (project default, unconfirmed): it leaves out
+0.3 % of normal errors, which last for a second in recordings above six minutes alone."""
 JOINTS = {**SAME, "upper_arm_flexion": "sh_abd", "upper_arm_abduction": "sh_abd", "forearm_inward": "sh_rot"}
-"""Joint of the arm whose uncertainty an angle has. An elevation has that of sh_abd, since sh_flex is singular sideways."""
+"""Joint of the arm whose uncertainty an angle has: an elevation that of sh_abd, since sh_flex is singular sideways."""
 ARM = ("sh_flex", "sh_abd", "sh_rot", "el_flex", "pro_sup", "wr_flex", "wr_dev")
 
 
 def posture_of(person: Person, side: str) -> tuple[Posture, bool]:
-    """Return the posture with one arm, shape (n,) each, and whether its trunk is to the vertical, or to the pelvis."""
+    """Return the posture with one arm, rounded, shape (n,) each, and whether its trunk is to the vertical."""
     posture = of_joints(person.names, person.q, side)
-    record = person.attitude
-    if record is None or posture.trunk_flexion is None or posture.trunk_bend is None:
-        return posture, False
-    flexion, bend = np.asarray(posture.trunk_flexion), np.asarray(posture.trunk_bend)
-    tilted = np.array(to_vertical(record.transforms(person.time)[:, :3, :3], flexion, bend))
-    if len(record.time) > 1:
-        window = (float(person.time[0]), float(person.time[-1]))
-        for begin, end in unknown(record.time, np.ones(len(record.time), np.bool_), window, verdict_table()["max_gap"]):
-            tilted[:, (person.time > begin) & (person.time < end)] = np.nan
-    if not np.isfinite(tilted).any():
-        return posture, False
-    return replace(posture, trunk_flexion=tilted[0], trunk_bend=tilted[1]), True
-
-
-def rounded(posture: Posture) -> Posture:
-    """Return the posture with its angles rounded as the rules of the verdict say."""
+    angles = {name: np.asarray(angle) for name in ANGLES if (angle := getattr(posture, name)) is not None}
+    inclined = _inclined(person, angles)
+    angles |= inclined
     step = verdict_table()["angle"]
-    angles = {name: getattr(posture, name) for name in ANGLES}
-    near = {k: np.radians(step * np.round(np.degrees(a) / step)) for k, a in angles.items() if a is not None}
-    return replace(posture, **near)
+    return Posture(**{name: np.radians(step * np.round(np.degrees(a) / step)) for name, a in angles.items()}), bool(
+        inclined
+    )
+
+
+def _inclined(person: Person, angles: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the angles of the trunk to the vertical, NaN where the root is not known; empty: never known."""
+    root, max_gap = person.attitude, verdict_table()["max_gap"]
+    if root is None or not {"trunk_flexion", "trunk_bend"} <= set(angles):
+        return {}
+    R_world_root = root.transforms(person.time)[:, :3, :3]
+    inclined = np.array(to_vertical(R_world_root, angles["trunk_flexion"], angles["trunk_bend"]))
+    window = (float(person.time[0]), float(person.time[-1])) if len(root.time) > 1 else (0.0, 0.0)
+    for begin, end in unknown(root.time, np.ones(len(root.time), np.bool_), window, max_gap):
+        inclined[:, (person.time > begin) & (person.time < end)] = np.nan
+    return {"trunk_flexion": inclined[0], "trunk_bend": inclined[1]} if np.isfinite(inclined).any() else {}
 
 
 def task_of(person: Person, record: HumanRecord | None, posture: Posture, side: str, table: PostureTable) -> Task:
@@ -70,7 +69,7 @@ def task_of(person: Person, record: HumanRecord | None, posture: Posture, side: 
     )
 
 
-def spread_of(person: Person, side: str) -> Mapping[str, float]:
+def spread_of(person: Person, side: str) -> dict[str, float]:
     """Return the half-width of the interval in which each angle of a tracked person lies [rad], by name; else none.
 
     By least squares: markers with a standard deviation s of each coordinate give angles with the covariance
@@ -80,26 +79,21 @@ def spread_of(person: Person, side: str) -> Mapping[str, float]:
     """
     if not person.uncertainty > 0.0:
         return {}
-    columns = dict(zip(person.names, person.q.T, strict=True))
-    q = [float(np.nanmedian(columns[name])) if _seen(columns.get(name)) else 0.0 for name in person.body.joints]
+    columns = {name: angle for name, angle in zip(person.names, person.q.T, strict=True) if np.isfinite(angle).any()}
+    q = [float(np.nanmedian(columns[name])) if name in columns else 0.0 for name in person.body.joints]
     J = MarkedBody(person.body, tuple(person.body.markers)).at(q, Pose())[1]
     variance = person.uncertainty**2 * len(J) / (3.0 * len(J) - J.shape[2])
     J = J.reshape(-1, J.shape[2])
     deviations = np.sqrt(variance * np.diag(np.linalg.pinv(J.T @ J)))[-len(q) :]
     width = dict(zip(person.body.joints, COVERAGE * np.degrees(deviations), strict=True))
-    joints = {name: (f"{side}_{joint}",) for name, joint in JOINTS.items()}
-    joints |= {name: (joint,) for name, joint in MIDDLE.items()}
-    joints["knee_flexion"] = ("right_knee_flex", "left_knee_flex")
-    step = verdict_table()["angle"]
-    return {
-        angle: math.radians(step * math.floor(max(width[name] for name in names) / step + 0.5))
-        for angle, names in joints.items()
-        if all(name in width for name in names)
+    joints = {
+        **MIDDLE,
+        **{angle: f"{side}_{name}" for angle, name in JOINTS.items()},
+        "knee_flexion": f"{side}_knee_flex",
     }
-
-
-def _seen(angle: FloatArray | None) -> bool:
-    return angle is not None and bool(np.isfinite(angle).any())
+    step = verdict_table()["angle"]
+    known = {angle: width[name] for angle, name in joints.items() if name in width}
+    return {angle: math.radians(step * math.floor(width / step + 0.5)) for angle, width in known.items()}
 
 
 def _load(person: Person, record: HumanRecord | None, side: str) -> FloatArray | None:

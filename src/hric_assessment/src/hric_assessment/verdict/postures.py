@@ -1,46 +1,38 @@
 """Findings of postures: RULA and REBA of each arm over the recording.
 
 A finding is judged by the worse end of its scores, where uncertain angles give several. It is within limits, or a
-warning, only where it would be so with the worst score at all times and of all angles that are not known.
+warning, only where it would be so with all angles and times that are not known at their worst.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from hric_assessment.ergonomics import reba, rula
-from hric_assessment.ergonomics.posture import ANGLES, Posture, Task
-from hric_assessment.ergonomics.scoring import Scores, needed
-from hric_assessment.evidence import Evidence
+from hric_assessment.ergonomics.posture import ANGLES, Posture
+from hric_assessment.ergonomics.scoring import IntArray, Scores, needed
+from hric_assessment.evidence import BoolArray, Evidence
 from hric_assessment.findings import Finding, Outcome
-from hric_assessment.tables import PostureTable, RulaTable, VerdictTable, reba_table, rula_table, verdict_table
+from hric_assessment.tables import PostureTable, VerdictTable, reba_table, rula_table, verdict_table
 from hric_assessment.verdict.person import Person
-from hric_assessment.verdict.posture_input import posture_of, rounded, spread_of, task_of
+from hric_assessment.verdict.posture_input import posture_of, spread_of, task_of
 from hric_assessment.verdict.result import thinned
 from hric_bags.records.human_record import HumanRecord
 from hric_control.geometry import FloatArray
 
 GROUP = "posture"
-BLOCK = 10_000
-"""Instants that are scored at once: arrays of some MB."""
 UNSEEN = ("shoulder_elevation",)
 """Angles that no body here has a joint for; a verdict does not wait for them."""
 CURVES = ("score", "stricter", "looser")
 INCLINATION = ("trunk_flexion", "trunk_bend")
 """Angles that are to the pelvis where the orientation of the root is not known."""
-REMEDIES = {
-    "knee": "record the joints of the legs (parts: whole_body)",
-    "neck": "record the joints of neck and trunk (parts: upper_body)",
-    "inclination": "record where the root link of the body is (human/root, person/tracking, a static transform from "
-    "world to human_base), or assess the run folder",
-    "": "record all joints of the arm, neck and trunk (parts: upper_body)",
-}
-"""Remedies by the beginning of what is not known."""
-IntArray = np.ndarray[Any, np.dtype[np.int64]]
-T = TypeVar("T", Posture, Task)
+RECORD_JOINTS = "record the joints of neck, trunk and legs (parts: whole_body)"
+RECORD_ROOT = (
+    "record where the root link of the body is (human/root, person/tracking, a static transform from world to "
+    "human_base), or assess the run folder"
+)
 
 
 @dataclass(frozen=True)
@@ -48,54 +40,38 @@ class Scored:
     """Scores of one arm over time.
 
     Attributes:
-        table: RULA's or REBA's.
-        method: its name and version.
         side: side of the arm.
         time: shape (n,) [s].
-        curves: score, stricter, looser, lowest, highest and worst, shape (n,) each; worst: highest with the angles
-            that are not known where they score most.
-        assumptions: assumptions of all blocks.
-        reasons: steps of an instant with the score that counts.
-        uncertain: those of them that the uncertainty of an angle decides.
-        unknown: what the table needs, and is not known at any time.
+        scores: scores, where each angle that is not known is where it scores least.
+        worst: highest scores, where it is where it scores most, shape (n,).
+        unknown: angles that the table needs, and that are never known.
         vertical: True if the inclination of the trunk is to the vertical, False if to the pelvis.
         evidence: time for which all other angles are known.
     """
 
-    table: PostureTable
-    method: str
     side: str
     time: FloatArray
-    curves: Mapping[str, IntArray]
-    assumptions: tuple[str, ...]
-    reasons: tuple[str, ...]
-    uncertain: tuple[str, ...]
+    scores: Scores
+    worst: IntArray
     unknown: tuple[str, ...]
     vertical: bool
     evidence: Evidence
 
-    @property
-    def counts(self) -> int:
-        """Score that counts: the worse end."""
-        return self.lasting("highest")
+    def lasting(self, curve: str) -> int:
+        """Return the score of a curve of `scores` that counts."""
+        return lasting(self.time, getattr(self.scores, curve), verdict_table()["lasting"])
 
     @property
-    def worst(self) -> int:
-        """Score that counts with all that is not known, angles and times, at its worst."""
-        gaps = self.evidence.asked - self.evidence.known
-        return self.lasting("worst", gaps)
-
-    def lasting(self, curve: str, gaps: float = 0.0) -> int:
-        """Return the score of a curve that counts; gaps: time with the highest score there is [s]."""
-        seconds = verdict_table()["lasting"] - gaps
-        if seconds <= 0.0:
-            return int(list(self.table.levels)[-1])
-        return lasting(self.time, self.curves[curve], seconds)
+    def worst_lasting(self) -> int:
+        """Score that counts with the highest score there is at times that are not known, too."""
+        seconds = verdict_table()["lasting"] - (self.evidence.asked - self.evidence.known)
+        return lasting(self.time, self.worst, seconds) if seconds > 0.0 else int(list(self.scores.table.levels)[-1])
 
     def timeline(self) -> dict[str, Any]:
         """Return the curves for the JSON."""
-        rows = thinned(self.time, *(self.curves[name].astype(np.float64) for name in CURVES))
-        shown = {name: self.curves[name][rows].tolist() for name in CURVES}
+        curves = {name: getattr(self.scores, name) for name in CURVES}
+        rows = thinned(self.time, *(curve.astype(np.float64) for curve in curves.values()))
+        shown = {name: curve[rows].tolist() for name, curve in curves.items()}
         return {"side": self.side, "time": self.time[rows].tolist(), **shown}
 
 
@@ -111,11 +87,8 @@ def scored(
         version: version of RULA's table A.
     """
     sides = person.sides if len(person.time) else ()
-    return [_scored(table, person, record, side, window, version) for side in sides for table in _tables()]
-
-
-def _tables() -> tuple[PostureTable, ...]:
-    return rula_table(), reba_table()
+    tables = (rula_table(), reba_table())
+    return [_scored(table, person, record, side, window, version) for side in sides for table in tables]
 
 
 def _scored(
@@ -129,64 +102,30 @@ def _scored(
     posture, vertical = posture_of(person, side)
     task = task_of(person, record, posture, side, table)
     unknown, known = _known(posture, table, len(person.time))
-    inclined = () if vertical or INCLINATION[0] in unknown else INCLINATION
+
+    def score(spread: dict[str, float]) -> Scores:
+        if table is rula_table():
+            return rula.score(posture, task, version, spread=spread)
+        return reba.score(posture, task, spread=spread)
+
     spread = spread_of(person, side)
-    worst = {**spread, **dict.fromkeys((*unknown, *inclined), np.inf)}
-    posture = rounded(posture)
-
-    def of(rows: slice | IntArray, spread: Mapping[str, float]) -> Scores:
-        one, use = _rows(posture, rows), _rows(task, rows)
-        if isinstance(table, RulaTable):
-            return rula.score(one, use, version, table, spread)
-        return reba.score(one, use, reba_table(), spread)
-
-    n = len(person.time)
-    blocks = [slice(begin, min(begin + BLOCK, n)) for begin in range(0, n, BLOCK)]
-    parts = [of(block, spread) for block in blocks]
-    curves = {name: _joined([getattr(part, name) for part in parts], blocks) for name in (*CURVES, "lowest", "highest")}
-    curves["worst"] = curves["highest"]
-    if worst != spread:
-        curves["worst"] = _joined([of(block, worst).highest for block in blocks], blocks)
-    counts = lasting(person.time, curves["highest"], verdict_table()["lasting"])
-    at = of(np.flatnonzero(curves["highest"] >= counts)[:1], spread)
-    return Scored(
-        table,
-        parts[0].method,
-        side,
-        person.time,
-        curves,
-        tuple(dict.fromkeys(line for part in parts for line in part.assumptions)),
-        tuple(at.reasons(0)),
-        tuple(at.uncertain(0)),
-        (*(f"the angle {name}" for name in unknown), *(("inclination of the trunk",) if inclined else ())),
-        vertical,
-        Evidence.of(person.time, known, window, verdict_table()["max_gap"]),
-    )
+    scores, open_ended = score(spread), (*unknown, *(() if vertical else INCLINATION))
+    worst = score(spread | dict.fromkeys(open_ended, np.inf)).highest if open_ended else scores.highest
+    evidence = Evidence.of(person.time, known, window, verdict_table()["max_gap"])
+    return Scored(side, person.time, scores, worst, tuple(unknown), vertical, evidence)
 
 
-def _known(posture: Posture, table: PostureTable, count: int) -> tuple[list[str], np.ndarray[Any, np.dtype[np.bool_]]]:
+def _known(posture: Posture, table: PostureTable, count: int) -> tuple[list[str], BoolArray]:
     """Return the angles that a table needs and that are never known, and at which instants all others are, (n,)."""
     never, known = [], np.ones(count, np.bool_)
     for name in needed(table):
         if name in ANGLES and name not in UNSEEN:
-            finite = np.isfinite(np.nan if getattr(posture, name) is None else getattr(posture, name))
-            if finite.any():
-                known &= finite
-            else:
+            angle = getattr(posture, name)
+            if angle is None or not np.isfinite(angle).any():
                 never.append(name)
+            else:
+                known &= np.isfinite(angle)
     return never, known
-
-
-def _rows(values: T, rows: slice | IntArray) -> T:
-    """Return some instants of a posture or a task."""
-    arrays = {field.name: getattr(values, field.name) for field in fields(values)}
-    return replace(values, **{name: array[rows] for name, array in arrays.items() if isinstance(array, np.ndarray)})
-
-
-def _joined(values: list[IntArray], blocks: list[slice]) -> IntArray:
-    """Return the values of all blocks, some of which have one value for all of their instants, shape (n,)."""
-    each = zip(values, blocks, strict=True)
-    return np.concatenate([np.broadcast_to(value, block.stop - block.start) for value, block in each])
 
 
 def lasting(time: FloatArray, score: IntArray, seconds: float) -> int:
@@ -198,14 +137,9 @@ def lasting(time: FloatArray, score: IntArray, seconds: float) -> int:
         score: shape (n,).
         seconds: [s].
     """
-    period = _periods(time)
-    if period.sum() < seconds - 1e-9:
-        return int(score.max())
-    return next(
-        value
-        for value in range(int(score.max()), int(score.min()) - 1, -1)
-        if period[score >= value].sum() >= seconds - 1e-9
-    )
+    period, highest = _periods(time), int(score.max())
+    enough = (value for value in range(highest, 0, -1) if period[score >= value].sum() >= seconds - 1e-9)
+    return next(enough, highest)
 
 
 def _periods(time: FloatArray) -> FloatArray:
@@ -213,102 +147,100 @@ def _periods(time: FloatArray) -> FloatArray:
     return np.gradient(time) if len(time) > 1 else np.zeros(len(time))
 
 
-def posture_finding(scores: Scored, person: Person) -> Finding:
+def posture_finding(one: Scored, person: Person) -> Finding:
     """Return the finding of the scores of one arm."""
-    table = verdict_table()
-    outcome, reason = _judged(scores, table)
-    lacking = outcome == Outcome.NOT_ASSESSABLE
+    outcome, reason = _judged(one, verdict_table())
+    lacks_root = not one.vertical and INCLINATION[0] not in one.unknown
+    remedies = [RECORD_JOINTS] * bool(one.unknown) + [RECORD_ROOT] * lacks_root
+    if one.evidence.shortfall:
+        remedies.append(f"record the joint states all the time, without gaps above {one.evidence.max_gap:g} s")
     return Finding(
-        f"{scores.table.title} of the {scores.side} arm",
+        f"{one.scores.table.title} of the {one.side} arm",
         outcome,
         reason,
-        scores.method,
+        one.scores.method,
         None,
-        _values(scores),
-        _longest(scores),
+        _values(one),
+        _longest(one),
         person.signals,
-        scores.unknown,
-        _notes(scores, table),
+        (*(f"the angle {name}" for name in one.unknown), *["inclination of the trunk"] * lacks_root),
+        _notes(one, verdict_table()),
         GROUP,
-        evidence=scores.evidence,
-        remedy="; ".join(_remedies(scores)) if lacking else "",
+        evidence=one.evidence,
+        remedy="; ".join(remedies) if outcome == Outcome.NOT_ASSESSABLE else "",
     )
 
 
-def _judged(scores: Scored, table: VerdictTable) -> tuple[Outcome, str]:
-    name = scores.table.title.lower()
-    within, warning = (table.values[f"{name}_{what}"] for what in ("within", "warning"))
+def _judged(one: Scored, table: VerdictTable) -> tuple[Outcome, str]:
+    name = one.scores.table.title.lower()
+    within, warning = (table.values[f"{name}_{level}"] for level in ("within", "warning"))
 
     def graded(score: int) -> Outcome:
-        return (
-            Outcome.ABOVE if score > warning.value else Outcome.WARNING if score > within.value else Outcome.WITHIN
-        )
+        return Outcome.ABOVE if score > warning.value else Outcome.WARNING if score > within.value else Outcome.WITHIN
 
-    counts, worst, better = scores.counts, scores.worst, scores.lasting("lowest")
-    band = f"{counts}" if better == counts else f"{better} to {counts}"
-    reason = f"score {band}: {scores.table.level(counts)}"
-    if better != counts:
-        reason += f", decided by {', '.join(scores.uncertain)}"
+    better, counts, worst = one.lasting("lowest"), one.lasting("highest"), one.worst_lasting
+    band = "" if better == counts else f"{better} to "
+    reason = f"score {band}{counts}: {one.scores.table.level(counts)}"
+    if band:
+        reason += f", decided by {', '.join(one.scores.uncertain(_first(one)))}"
     reason += f"; up to {within.value:g} is within limits, up to {warning.value:g} a warning ({table.mark_of(within)})"
     outcome = graded(counts)
-    if outcome != Outcome.ABOVE and graded(worst) != outcome:
-        lacks = [f"{what} is not known" for what in scores.unknown]
-        lacks += [f"the posture is {scores.evidence.shortfall}"] if scores.evidence.shortfall else []
-        return Outcome.NOT_ASSESSABLE, f"{reason}; it can be up to {worst}: {'; '.join(lacks)}"
-    return outcome, reason
+    if outcome == Outcome.ABOVE or graded(worst) == outcome:
+        return outcome, reason
+    lacks = f"{', '.join(one.unknown)} not known; " if one.unknown else ""
+    lacks += "" if one.vertical else "inclination of the trunk not known; "
+    lacks += f"the posture is {one.evidence.shortfall}" if one.evidence.shortfall else ""
+    return Outcome.NOT_ASSESSABLE, f"{reason}; it can be up to {worst}: {lacks.removesuffix('; ')}"
 
 
-def _remedies(scores: Scored) -> list[str]:
-    """Return how to get what is not known."""
-    names = [what.removeprefix("the angle ") for what in scores.unknown]
-    remedies = dict.fromkeys(
-        next(remedy for begin, remedy in REMEDIES.items() if name.startswith(begin)) for name in names
-    )
-    gap = f"record the person's joint states over the whole recording, without gaps above {scores.evidence.max_gap:g} s"
-    return [*remedies, *([gap] if scores.evidence.shortfall else [])]
-
-
-def _notes(scores: Scored, table: VerdictTable) -> tuple[str, ...]:
-    trunk = "to the vertical" if scores.vertical else "to the pelvis, whose inclination is not known"
-    static = f"range of angles up to {table['held']:g} deg for more than {scores.table.static_time:g} s"
-    if scores.evidence.asked <= scores.table.static_time:
-        static += f": not judged beyond this recording of {scores.evidence.asked:.1f} s, and 1 more where it goes on"
-    chosen = (f"{name} {threshold.value:g} deg" for name, threshold in scores.table.chosen.items())
+def _notes(one: Scored, table: VerdictTable) -> tuple[str, ...]:
+    scale = one.scores.table
+    trunk = "to the vertical" if one.vertical else "to the pelvis, whose inclination is not known"
+    static = f"range of angles up to {table['held']:g} deg for more than {scale.static_time:g} s"
+    if one.evidence.asked <= scale.static_time:
+        static += f": not judged beyond this recording of {one.evidence.asked:.1f} s, and 1 more where it goes on"
+    chosen = (f"{name} {threshold.value:g} deg" for name, threshold in scale.chosen.items())
     return (
         f"counts: the highest score that is reached for {table['lasting']:g} s, all stretches together "
-        f"({table.mark_of(table.lasting)}); at its first instant: {'; '.join(scores.reasons) or 'nothing adds to it'}",
+        f"({table.mark_of(table.lasting)}); at its first instant: "
+        f"{'; '.join(one.scores.reasons(_first(one))) or 'nothing adds to it'}",
         f"angles are rounded to {table['angle']:g} deg ({table.mark_of(table.angle)}): no body is known better",
         f"inclination of the trunk: {trunk}; of the neck: to the trunk",
         f"static use: {static}; repeated use: there and back by more than {table['held']:g} deg, in any minute "
         f"({table.mark_of(table.held)})",
         f"thresholds chosen here: {'; '.join(chosen)}",
-        f"assumed: {'; '.join(scores.assumptions)}",
+        f"assumed: {'; '.join(one.scores.assumptions)}",
     )
 
 
-def _values(scores: Scored) -> dict[str, float | None]:
-    period, score = _periods(scores.time), scores.curves["score"]
+def _values(one: Scored) -> dict[str, float | None]:
+    period, score = _periods(one.time), one.scores.score
     total = max(float(period.sum()), 1e-12)
-    bounds = [0, *(int(highest) for highest in scores.table.levels)]
+    bounds = [0, *(int(highest) for highest in one.scores.table.levels)]
     shares = {
         f"share of time at {low + 1} to {high} [1]": float(period @ ((score > low) & (score <= high))) / total
         for low, high in pairwise(bounds)
     }
     return {
-        "score that counts": float(scores.counts),
-        "score that counts, better end": float(scores.lasting("lowest")),
-        "score that counts, unknown at its worst": float(scores.worst),
+        "score that counts": float(one.lasting("highest")),
+        "score that counts, better end": float(one.lasting("lowest")),
+        "score that counts, unknown at its worst": float(one.worst_lasting),
         "largest score": float(score.max()),
         "mean score": float((score * period).sum() / total),
-        "score that counts, chosen thresholds 5 deg smaller": float(scores.lasting("stricter")),
-        "score that counts, chosen thresholds 5 deg larger": float(scores.lasting("looser")),
+        "score that counts, chosen thresholds 5 deg smaller": float(one.lasting("stricter")),
+        "score that counts, chosen thresholds 5 deg larger": float(one.lasting("looser")),
         **shares,
     }
 
 
-def _longest(scores: Scored) -> tuple[float, float]:
+def _first(one: Scored) -> int:
+    """Return the index of the first instant with the score that counts."""
+    return int(np.argmax(one.scores.highest >= one.lasting("highest")))
+
+
+def _longest(one: Scored) -> tuple[float, float]:
     """Return the longest stretch with the score that counts, or a higher one [s]."""
-    rows = np.flatnonzero(scores.curves["highest"] >= scores.counts)
+    rows = np.flatnonzero(one.scores.highest >= one.lasting("highest"))
     groups = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    group = max(groups, key=lambda rows: scores.time[rows[-1]] - scores.time[rows[0]])
-    return float(scores.time[group[0]]), float(scores.time[group[-1]])
+    group = max(groups, key=lambda rows: one.time[rows[-1]] - one.time[rows[0]])
+    return float(one.time[group[0]]), float(one.time[group[-1]])

@@ -1,0 +1,232 @@
+"""Findings of postures: what makes a score count, what is not known, and what is uncertain."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import ezc3d
+import numpy as np
+import pytest
+from bodies import Posed, body
+
+from hric_assessment.findings import Finding, Outcome
+from hric_assessment.verdict import assess, opened
+from hric_assessment.verdict.person import Person
+from hric_assessment.verdict.postures import posture_finding, scored
+from hric_bags.records.human_record import GripRecord, HumanRecord
+from hric_bags.records.root_record import RootRecord
+from hric_control.geometry import FloatArray, Pose, from_rotation_vector
+
+WHOLE, UPPER = (body(parts=parts) for parts in ("whole_body", "upper_body"))
+REST = {"right_el_flex": 80.0, "left_el_flex": 80.0}
+
+
+def leaning(degrees: float) -> RootRecord:
+    """A root link that leans forward."""
+    return RootRecord.still(Pose((0.0, 0.0, 0.95), from_rotation_vector((0.0, math.radians(degrees), 0.0))))
+
+
+def person(angles: dict[str, float | FloatArray], seconds: float = 5.0, root: RootRecord | None = None) -> Person:
+    """A whole body at 50 Hz, at angles [deg]."""
+    time = np.arange(0.0, seconds, 0.02)
+    values = {**dict.fromkeys(WHOLE.joints, 0.0), **REST, **angles}
+    q = np.radians(np.array([np.broadcast_to(values[name], len(time)) for name in WHOLE.joints]).T)
+    return Person("simulated human", WHOLE, tuple(WHOLE.joints), time, q, root, root, ())
+
+
+def findings(
+    person: Person, seconds: float | None = None, version: str = "current", record: HumanRecord | None = None
+) -> dict[str, Finding]:
+    """Findings of a recording of so many seconds, by "RULA right"."""
+    window = (0.0, float(person.time[-1]) if seconds is None else seconds)
+    made = [posture_finding(one, person) for one in scored(person, record, window, version)]
+    return {one.subject.replace(" of the", "").replace(" arm", ""): one for one in made}
+
+
+def counts(finding: Finding) -> float | None:
+    return finding.values["score that counts"]
+
+
+# Against gravity.
+
+
+def test_hips_and_spine_that_are_bent_alike_score_alike() -> None:
+    hips = findings(person({"trunk_flex": 5.0}, root=leaning(65.0)))
+    spine = findings(person({"trunk_flex": 70.0}, root=leaning(0.0)))
+    for subject, finding in hips.items():
+        assert "trunk +4: trunk flexion above 60 deg (70.0 deg)" in finding.notes[0]
+        assert (finding.values, finding.outcome) == (spine[subject].values, spine[subject].outcome)
+
+
+def test_a_spine_that_makes_up_for_a_leaning_pelvis_is_upright() -> None:
+    assert counts(findings(person({"trunk_flex": 20.0}, root=leaning(-20.0)))["RULA right"]) == 1.0
+
+
+def test_an_upright_person_is_within_limits() -> None:
+    assert {one.outcome for one in findings(person({}, root=leaning(0.0))).values()} == {Outcome.WITHIN}
+
+
+def test_a_trunk_of_unknown_inclination_is_never_upright() -> None:
+    finding = findings(person({}))["RULA right"]
+    assert (counts(finding), finding.outcome) == (1.0, Outcome.NOT_ASSESSABLE)
+    assert "inclination of the trunk not known" in finding.reason
+    assert finding.remedy.startswith("record where the root link of the body is")
+    assert finding.missing == ("inclination of the trunk",)
+
+
+def test_a_trunk_is_known_where_its_root_is() -> None:
+    root = leaning(0.0)
+    known = replace(root, time=np.arange(0.0, 2.0, 0.02), pose=np.tile(root.pose, (100, 1)))
+    finding = findings(person({}, root=known))["RULA right"]
+    assert finding.outcome == Outcome.NOT_ASSESSABLE
+    assert finding.evidence is not None and finding.evidence.known == pytest.approx(1.98)
+
+
+def test_what_is_above_limits_is_above_whatever_is_not_known() -> None:
+    bad = {"neck_flex": 30.0, "neck_bend": 20.0, "neck_rot": 30.0, "trunk_flex": 70.0, "trunk_bend": 20.0}
+    finding = findings(person(bad | {"right_sh_flex": 100.0, "right_sh_abd": 30.0}), seconds=60.0)["RULA right"]
+    assert (counts(finding), finding.outcome, finding.remedy) == (7.0, Outcome.ABOVE, "")
+
+
+# Evidence.
+
+
+def test_a_person_known_for_three_of_thirty_seconds_is_not_assessable() -> None:
+    for finding in findings(person({}, seconds=3.0, root=leaning(0.0)), seconds=30.0).values():
+        assert finding.outcome == Outcome.NOT_ASSESSABLE
+        assert "known for 2.98 of 30.00 s, longest gap 27.02 s" in finding.reason
+        assert "record the joint states all the time" in finding.remedy
+
+
+@pytest.mark.parametrize(("lost", "outcome"), [(0.8, Outcome.WITHIN), (1.2, Outcome.NOT_ASSESSABLE)])
+def test_a_gap_counts_from_the_time_on_for_which_a_score_has_to_last(lost: float, outcome: Outcome) -> None:
+    whole = person({}, seconds=20.0, root=leaning(0.0))
+    q = whole.q.copy()
+    q[(whole.time > 5.0) & (whole.time < 5.0 + lost), whole.names.index("neck_flex")] = np.nan
+    assert findings(replace(whole, q=q))["RULA right"].outcome == outcome
+
+
+def test_a_score_that_is_within_limits_at_its_worst_needs_no_more() -> None:
+    """REBA of an upright person: 1; knees bent by more than 60 deg make table A 3, and table C of 3 and 1 is 2."""
+    whole = person({}, root=leaning(0.0))
+    rows = [k for k, name in enumerate(whole.names) if "knee" not in name]
+    finding = findings(replace(whole, names=tuple(whole.names[k] for k in rows), q=whole.q[:, rows]))["REBA right"]
+    assert finding.values["score that counts, unknown at its worst"] == 2.0
+    assert (finding.outcome, finding.missing) == (Outcome.WITHIN, ("the angle knee_flexion",))
+
+
+def test_of_a_recording_shorter_than_a_second_the_highest_score_counts() -> None:
+    arm = np.where(np.arange(40) < 5, 100.0, 0.0)
+    assert counts(findings(person({"right_sh_flex": arm}, seconds=0.8, root=leaning(0.0)))["RULA right"]) == 3.0
+
+
+# Static and repeated use.
+
+
+def test_a_posture_held_for_two_minutes_scores_one_more_for_muscle_use() -> None:
+    held = {"right_sh_flex": 30.0, "left_sh_flex": 30.0, "neck_flex": 15.0}
+    short, long = (findings(person(held, seconds, leaning(0.0)))["RULA right"] for seconds in (50.0, 120.0))
+    assert (counts(short), short.outcome) == (2.0, Outcome.WITHIN)
+    assert (counts(long), long.outcome) == (3.0, Outcome.WARNING)
+    assert "not judged beyond this recording of 50.0 s" in " ".join(short.notes)
+    assert "not judged" not in " ".join(long.notes)
+
+
+def test_an_arm_that_moves_over_a_bent_back_has_no_static_use_and_the_back_has() -> None:
+    time = np.arange(0.0, 120.0, 0.02)
+    moving = 20.0 + 15.0 * np.cos(2.0 * np.pi * time / 40.0)
+    note = findings(person({"right_sh_flex": moving, "trunk_flex": 40.0}, 120.0, leaning(0.0)))["RULA right"].notes[0]
+    assert "muscle use, neck and trunk +1" in note and "muscle use +1" not in note
+
+
+def test_an_arm_that_moves_six_times_a_minute_is_used_repeatedly() -> None:
+    time = np.arange(0.0, 120.0, 0.02)
+    often, seldom = (
+        findings(person({"right_sh_flex": 10.0 + 10.0 * np.cos(2.0 * np.pi * time / period)}, 120.0, leaning(0.0)))
+        for period in (10.0, 30.0)
+    )
+    assert "muscle use +1" in often["RULA right"].notes[0]
+    assert "muscle use +1" not in seldom["RULA right"].notes[0]
+
+
+def test_a_load_held_for_more_than_a_minute_is_static() -> None:
+    still = person({}, 120.0, leaning(0.0))
+    n, link = len(still.time), WHOLE.segments["right_hand"].link
+    force = np.tile([0.0, 0.0, -5.0 * 9.81], (n, 1))
+    grip = GripRecord(
+        "hand",
+        "box::link",
+        f"human::{link}",
+        still.time,
+        np.ones(n, np.bool_),
+        force,
+        0.0 * force,
+        0.0 * force,
+        np.zeros(n),
+    )
+    none = np.empty((0, 0))
+    record = HumanRecord(still.names, still.time, still.q, np.empty(0), none, none, {}, {"hand": grip})
+    notes = [findings(still, record=record)[f"RULA {side}"].notes[0] for side in ("right", "left")]
+    assert "load +2: static or repeated load of 2 to 10 kg" in notes[0]
+    assert "load" not in notes[1].partition("at its first instant")[2]
+
+
+# The older table.
+
+
+def test_the_older_table_a_is_used_where_it_is_chosen() -> None:
+    """Upper arm 2, lower arm 2, wrist 1, twist 1: table A 3, and 2 on the older worksheet."""
+    arm = person({"right_sh_flex": 30.0, "right_el_flex": 110.0}, root=leaning(0.0))
+    current, older = (findings(arm, version=version)["RULA right"] for version in ("current", "older"))
+    assert "table A older" in older.table and "table A current" in current.table
+    assert (counts(current), counts(older)) == (3.0, 2.0)
+
+
+# Markers.
+
+
+def c3d(folder: Path, angles: dict[str, float], noise: float, lean: float = 0.0, seconds: float = 4.0) -> Path:
+    """A file with the markers of an upper body at 100 Hz; noise: standard deviation of each coordinate [m]."""
+    posed, n = Posed(UPPER, **REST, **angles), round(100.0 * seconds)
+    turn = np.array(leaning(lean).transforms(np.zeros(1))[0, :3, :3])
+    places = np.array([turn @ posed.point(one.link, one.p_link_marker) for one in UPPER.markers.values()])
+    random = np.random.default_rng(0)
+    points = np.ones((4, len(places), n))
+    points[:3] = 1e3 * (
+        places.T[:, :, None] + [[[0.0]], [[0.0]], [[0.95]]] + noise * random.normal(size=(3, len(places), n))
+    )
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["LABELS"]["value"] = list(UPPER.markers)
+    file["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    file["data"]["points"] = points
+    file.write(str(folder / "trial.c3d"))
+    return folder / "trial.c3d"
+
+
+def of_markers(folder: Path, angles: dict[str, float], noise: float, lean: float = 0.0) -> Finding:
+    verdict = assess(opened(str(c3d(folder, angles, noise, lean))))
+    return next(one for one in verdict.findings if one.subject == "RULA of the right arm")
+
+
+def test_exact_markers_of_an_upright_person_give_one_score(tmp_path: Path) -> None:
+    finding = of_markers(tmp_path, {}, 0.0)
+    assert finding.reason.startswith("score 1: acceptable") and finding.outcome == Outcome.WITHIN
+
+
+def test_five_millimetres_of_noise_give_an_upright_person_a_band_that_names_the_angle(tmp_path: Path) -> None:
+    finding = of_markers(tmp_path, {}, 5e-3)
+    assert finding.reason.startswith("score 1 to 4: investigate further, decided by ")
+    assert "neck +4: neck flexion below 0 deg" in finding.reason
+    assert (finding.values["score that counts, better end"], counts(finding)) == (1.0, 4.0)
+    assert finding.outcome == Outcome.WARNING
+
+
+def test_noise_far_from_all_thresholds_gives_one_score(tmp_path: Path) -> None:
+    finding = of_markers(tmp_path, {"neck_flex": 5.0, "trunk_flex": 12.0}, 5e-4)
+    assert finding.values["score that counts, better end"] == counts(finding)
+
+
+def test_markers_of_a_person_bent_at_the_hips_show_a_bent_trunk(tmp_path: Path) -> None:
+    finding = of_markers(tmp_path, {"trunk_flex": 5.0}, 0.0, lean=65.0)
+    assert "trunk +4: trunk flexion above 60 deg (70.0 deg)" in finding.notes[0]

@@ -1,0 +1,76 @@
+"""Static and repeated use: what is held, and how often a motion comes again."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hric_assessment.ergonomics.use import held, repeats
+
+TIME = np.arange(0.0, 150.0, 0.02)
+TEN = math.radians(10.0)
+
+
+def wave(per_minute: float, degrees: float) -> np.ndarray:
+    """A cosine from peak to peak [rad], shape (n, 1)."""
+    return (0.5 * math.radians(degrees) * np.cos(2.0 * np.pi * TIME * per_minute / 60.0))[:, None]
+
+
+@pytest.mark.parametrize(("degrees", "expected"), [(0.0, True), (9.0, True), (11.0, False)])
+def test_angles_within_the_tolerance_are_held(degrees: float, expected: bool) -> None:
+    assert (held(TIME, wave(6.0, degrees), TEN, 60.0) > 60.0).all() == expected
+
+
+def test_a_posture_is_held_between_two_motions_alone() -> None:
+    moving = (TIME < 20.0) | (TIME > 100.0)
+    use = held(TIME, np.where(moving[:, None], wave(10.0, 40.0), 0.3), TEN, 60.0)
+    assert (use[(TIME > 20.5) & (TIME < 99.5)] > 60.0).all()
+    assert not use[(TIME < 15.0) | (TIME > 105.0)].any()
+
+
+def test_one_of_several_signals_that_moves_is_enough_to_move() -> None:
+    assert not held(TIME, np.hstack([wave(0.0, 0.0), wave(6.0, 30.0)]), TEN, 60.0).any()
+
+
+@pytest.mark.parametrize(("last", "expected"), [(59.0, False), (62.0, True)])
+def test_a_recording_shorter_than_static_use_shows_none(last: float, expected: bool) -> None:
+    rows = last > TIME
+    assert held(TIME[rows], wave(0.0, 0.0)[rows], TEN, 60.0).any() == expected
+
+
+def test_noise_of_three_degrees_does_not_end_what_is_held() -> None:
+    noise = np.random.default_rng(1).normal(0.0, math.radians(3.0), (len(TIME), 1))
+    assert (held(TIME, noise, TEN, 60.0) > 60.0).all()
+    assert not repeats(TIME, noise, TEN).any()
+
+
+def test_lost_samples_do_not_end_what_is_held() -> None:
+    signals = np.hstack([wave(0.0, 0.0), np.full((len(TIME), 1), np.nan)])
+    signals[(TIME > 70.0) & (TIME < 72.0)] = np.nan
+    assert (held(TIME, signals, TEN, 60.0) > 60.0).all()
+
+
+@pytest.mark.parametrize("per_minute", [1, 3, 4, 12, 40])
+def test_a_motion_is_counted_there_and_back(per_minute: int) -> None:
+    middle = (TIME > 60.0) & (TIME < 90.0)
+    assert set(repeats(TIME, wave(per_minute, 30.0), TEN)[middle]) <= {float(per_minute), per_minute + 1.0}
+
+
+@pytest.mark.parametrize("per_minute", [3, 4])
+def test_the_fullest_minute_has_a_whole_count_of_a_periodic_motion(per_minute: int) -> None:
+    assert repeats(TIME, wave(per_minute, 30.0), TEN).max() == per_minute
+
+
+def test_motions_smaller_than_the_amplitude_do_not_repeat() -> None:
+    assert not repeats(TIME, wave(20.0, 9.0), TEN).any()
+
+
+def test_a_motion_that_goes_on_one_way_does_not_repeat() -> None:
+    assert not repeats(TIME, np.linspace(0.0, 3.0, len(TIME))[:, None], TEN).any()
+
+
+def test_four_repeats_within_seconds_are_four_in_their_minute() -> None:
+    burst = np.where((TIME < 8.0)[:, None], wave(30.0, 40.0), 0.5 * math.radians(40.0))
+    use = repeats(TIME, burst, TEN)
+    assert use[TIME < 60.0].max() == 4.0
+    assert not use[TIME > 70.0].any()
