@@ -12,7 +12,7 @@ from hric_assessment.ergonomics.posture import Known
 from hric_assessment.tables import Adder, Band, Condition, PostureTable
 from hric_control.geometry import FloatArray
 
-IntArray = np.ndarray[Any, np.dtype[np.int64]]
+IntArray = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 Total = Callable[["Scorer"], IntArray]
 VARIATION = 5.0
 """Shift of the chosen thresholds, to see what they decide [deg] (project default, unconfirmed)."""
@@ -130,12 +130,12 @@ class Scorer:
 
     def constant(self, part: str, points: int, reason: str) -> Step:
         """A step that is the same at all instants."""
-        zeros = np.zeros(self.known.count, np.int64)
+        zeros = np.zeros(self.known.count, np.int8)
         return Step(part, zeros + points, (reason,), zeros)
 
     def flagged(self, part: str, points: int, reason: str, flag: Any) -> IntArray:
         """A step where a flag holds, shape (n,)."""
-        case = np.asarray(flag, np.int64)
+        case = np.asarray(flag, np.int8)
         step = Step(part, points * case, (f"not {reason}", reason), case)
         self.steps.append(step)
         return step.points
@@ -149,7 +149,7 @@ class Scorer:
     def _band(self, label: str, band: Band) -> Step:
         angle, spread = self.known[band.angle], self._spread(band.angle)
         bounds = [self._bound(bound) for bound in band.bounds]
-        case, scores = _case(band, bounds, angle), np.array(band.scores)
+        case, scores = _case(band, bounds, angle), np.array(band.scores, np.int8)
         if spread and self._end:
             first, last = _case(band, bounds, angle - spread), _case(band, bounds, angle + spread)
             for other, score in enumerate(band.scores):
@@ -164,7 +164,7 @@ class Scorer:
         return Step(label, points, tuple(reasons), case, angle, spread)
 
     def _adder(self, label: str, adder: Adder) -> Step:
-        case = np.any([self._met(condition) for condition in adder.any], axis=0).astype(np.int64)
+        case = np.any([self._met(condition) for condition in adder.any], axis=0).astype(np.int8)
         only = adder.any[0].angle if len(adder.any) == 1 else None
         angle, spread = (None, 0.0) if only is None else (self.known[only], self._spread(only))
         return Step(label, adder.score * case, (f"not {adder.text}", adder.text), case, angle, spread)
@@ -208,7 +208,7 @@ def scored(table: PostureTable, method: str, known: Known, total: Total) -> Scor
 
 def _case(band: Band, bounds: Sequence[float], angle: FloatArray) -> IntArray:
     """Return the index of the band in which an angle lies, shape (n,); bounds: ascending [deg]; angle: [rad]."""
-    case = np.zeros(len(angle), np.int64)
+    case = np.zeros(len(angle), np.int8)
     for bound, below, above in zip(bounds, band.scores, band.scores[1:], strict=False):
         upper_counts = (above < below) != (bound in band.higher_on)
         case += angle >= math.radians(bound) if upper_counts else angle > math.radians(bound)

@@ -4,6 +4,7 @@ A finding is judged by the worse end of its scores, where uncertain angles give 
 warning, only where it would be so with all angles and times that are not known at their worst.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -77,8 +78,8 @@ class Scored:
 
 def scored(
     person: Person, record: HumanRecord | None, window: tuple[float, float], version: str = rula.VERSIONS[0]
-) -> list[Scored]:
-    """Return RULA and REBA of each arm; none of a person without an instant.
+) -> Iterator[Scored]:
+    """Yield RULA and REBA of each arm, one at a time since each takes some 100 MB an hour; none without an instant.
 
     Args:
         person: the person.
@@ -86,9 +87,9 @@ def scored(
         window: begin and end of the recording [s].
         version: version of RULA's table A.
     """
-    sides = person.sides if len(person.time) else ()
-    tables = (rula_table(), reba_table())
-    return [_scored(table, person, record, side, window, version) for side in sides for table in tables]
+    for side in person.sides if len(person.time) else ():
+        for table in (rula_table(), reba_table()):
+            yield _scored(table, person, record, side, window, version)
 
 
 def _scored(
