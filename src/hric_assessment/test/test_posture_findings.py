@@ -11,7 +11,8 @@ from bodies import Posed, body
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import assess, opened
-from hric_assessment.verdict.person import Person
+from hric_assessment.verdict.person import Person, person_of
+from hric_assessment.verdict.posture_input import spread_of
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_bags.records.human_record import GripRecord, HumanRecord
 from hric_bags.records.root_record import RootRecord
@@ -149,26 +150,29 @@ def test_an_arm_that_moves_six_times_a_minute_is_used_repeatedly() -> None:
     assert "muscle use +1" not in seldom["RULA right"].notes[0]
 
 
+def gripping(person: Person, force: FloatArray) -> HumanRecord:
+    """A record of the right hand that holds a box with a force downwards, shape (n,) [N]."""
+    vectors, none = np.outer(force, [0.0, 0.0, -1.0]), np.empty((0, 0))
+    names = ("hand", "box::link", f"human::{WHOLE.segments['right_hand'].link}")
+    closed = np.ones(len(force), np.bool_)
+    grip = GripRecord(*names, person.time, closed, vectors, 0.0 * vectors, 0.0 * vectors, 0.0 * force)
+    return HumanRecord(person.names, person.time, person.q, np.empty(0), none, none, {}, {"hand": grip})
+
+
 def test_a_load_held_for_more_than_a_minute_is_static() -> None:
     still = person({}, 120.0, leaning(0.0))
-    n, link = len(still.time), WHOLE.segments["right_hand"].link
-    force = np.tile([0.0, 0.0, -5.0 * 9.81], (n, 1))
-    grip = GripRecord(
-        "hand",
-        "box::link",
-        f"human::{link}",
-        still.time,
-        np.ones(n, np.bool_),
-        force,
-        0.0 * force,
-        0.0 * force,
-        np.zeros(n),
-    )
-    none = np.empty((0, 0))
-    record = HumanRecord(still.names, still.time, still.q, np.empty(0), none, none, {}, {"hand": grip})
+    record = gripping(still, np.full(len(still.time), 5.0 * 9.81))
     notes = [findings(still, record=record)[f"RULA {side}"].notes[0] for side in ("right", "left")]
     assert "load +2: static or repeated load of 2 to 10 kg" in notes[0]
     assert "load" not in notes[1].partition("at its first instant")[2]
+
+
+def test_a_load_that_is_not_a_number_for_two_seconds_is_not_known_to_be_light() -> None:
+    upright = person({}, 10.0, leaning(0.0))
+    lost = (upright.time > 3.0) & (upright.time < 5.0)
+    found = findings(upright, record=gripping(upright, np.where(lost, np.nan, 1.0)))
+    assert found["RULA right"].outcome == Outcome.NOT_ASSESSABLE
+    assert found["RULA left"].outcome == Outcome.WITHIN
 
 
 # The older table.
@@ -230,3 +234,13 @@ def test_noise_far_from_all_thresholds_gives_one_score(tmp_path: Path) -> None:
 def test_markers_of_a_person_bent_at_the_hips_show_a_bent_trunk(tmp_path: Path) -> None:
     finding = of_markers(tmp_path, {"trunk_flex": 5.0}, 0.0, lean=65.0)
     assert "trunk +4: trunk flexion above 60 deg (70.0 deg)" in finding.notes[0]
+
+
+@pytest.mark.parametrize("joint", ["neck_flex", "trunk_flex", "right_sh_abd", "right_wr_flex"])
+def test_the_interval_of_an_angle_holds_three_deviations_of_its_noise_and_not_five(tmp_path: Path, joint: str) -> None:
+    tracked = person_of(opened(str(c3d(tmp_path, {"neck_flex": 5.0}, 5e-3))))
+    assert tracked is not None
+    angle = {"neck_flex": "neck_flexion", "trunk_flex": "trunk_flexion", "right_wr_flex": "wrist_flexion"}.get(joint)
+    deviation = np.degrees(np.std(tracked.q[:, tracked.names.index(joint)]))
+    width = math.degrees(spread_of(tracked, "right")[angle or "upper_arm_flexion"])
+    assert 3.0 * deviation - 0.5 <= width <= 5.0 * deviation + 0.5

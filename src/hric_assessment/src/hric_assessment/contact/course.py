@@ -3,9 +3,9 @@
     for met in meetings(contacts, period):
         met.episode, met.contacts, met.doubts, met.unknown_peak
 
-Contacts of several links of one model with one link of the person are added where they overlap in time. The begin and the duration
-that the messages state count, not the instants of the messages: a clamp whose messages are throttled or lost is one
-clamp. A force that is NaN, negative or infinite is no force.
+Contacts of several links of one model with one link of the person are added where they overlap in time. The begin and
+the duration that the messages state count, not the instants of the messages: a clamp whose messages are throttled or
+lost is one clamp. A force that is NaN, negative or infinite is no force.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Scores of postures (RULA, REBA), of lifts (NIOSH), and of how smooth a movement is."""
+"""Scores of postures (RULA, REBA) and of lifts (NIOSH), static and repeated use, smoothness of a movement."""
 
 from hric_assessment.ergonomics import niosh, reba, rula
 from hric_assessment.ergonomics.posture import Posture, Task, of_joints

@@ -1,23 +1,25 @@
-"""What a hand did with what it held: force and work of a grip. Descriptions, without a limit."""
+"""Force and work of a grip, and smoothness of a motion. Descriptions, without a limit."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from hric_bags.records.human_record import GripRecord
+from hric_control.geometry import FloatArray
 
 
 @dataclass(frozen=True)
 class Effort:
-    """Of one grip.
+    """Force and work of one grip.
 
     Attributes:
-        closed: for how long [s].
+        closed: time for which it was closed [s].
         force_max, force_max_time: largest force, and when [N], [s].
-        force_mean: while it was closed [N].
+        force_mean: mean force while it was closed [N].
         torque_max: [N m].
-        work: of the holder on what it holds [J].
-        work_absolute: what goes to and fro added up [J].
+        work: work of the holder on what it holds [J].
+        work_absolute: work to and fro added up [J].
     """
 
     closed: float
@@ -30,7 +32,7 @@ class Effort:
 
 
 def effort(grip: GripRecord) -> Effort | None:
-    """None: it never closed."""
+    """Return force and work of a grip; None: it never closed."""
     size, held = np.linalg.norm(grip.force, axis=1), grip.closed
     if not held.any():
         return None
@@ -45,3 +47,19 @@ def effort(grip: GripRecord) -> Effort | None:
         float(np.trapezoid(power, grip.time)),
         float(np.trapezoid(np.abs(power), grip.time)),
     )
+
+
+def log_dimensionless_jerk(time: FloatArray, velocity: FloatArray) -> float | None:
+    """Return -ln(T^3 / v_peak^2 int |d2v/dt2|^2 dt) (Balasubramanian et al., J. NeuroEng. Rehabil. 12:112, 2015). The
+    nearer to zero the smoother; one minimum-jerk reach has -5.32. None: it rests.
+
+    Args:
+        time: shape (n,) [s].
+        velocity: shape (n, 3) [m/s].
+    """
+    peak = float(np.linalg.norm(velocity, axis=1).max())
+    if peak < 1e-6 or len(time) < 5:
+        return None
+    jerk = np.gradient(np.gradient(velocity, time, axis=0), time, axis=0)
+    area = float(np.trapezoid(np.einsum("ij,ij->i", jerk, jerk), time))
+    return -math.log((time[-1] - time[0]) ** 3 / peak**2 * area)

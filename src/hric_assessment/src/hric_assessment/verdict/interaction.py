@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from hric_assessment.ergonomics.effort import effort
-from hric_assessment.ergonomics.smoothness import log_dimensionless_jerk
+from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
 from hric_assessment.tables import verdict_table
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.result import Figure

@@ -27,12 +27,9 @@ def posture_of(person: Person, side: str) -> tuple[Posture, bool]:
     """Return the posture with one arm, rounded, shape (n,) each, and whether its trunk is to the vertical."""
     posture = of_joints(person.names, person.q, side)
     angles = {name: np.asarray(angle) for name in ANGLES if (angle := getattr(posture, name)) is not None}
-    inclined = _inclined(person, angles)
-    angles |= inclined
-    step = verdict_table()["angle"]
-    return Posture(**{name: np.radians(step * np.round(np.degrees(a) / step)) for name, a in angles.items()}), bool(
-        inclined
-    )
+    inclined, step = _inclined(person, angles), verdict_table()["angle"]
+    rounded = {name: np.radians(step * np.round(np.degrees(a) / step)) for name, a in (angles | inclined).items()}
+    return Posture(**rounded), bool(inclined)
 
 
 def _inclined(person: Person, angles: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -86,11 +83,7 @@ def spread_of(person: Person, side: str) -> dict[str, float]:
     J = J.reshape(-1, J.shape[2])
     deviations = np.sqrt(variance * np.diag(np.linalg.pinv(J.T @ J)))[-len(q) :]
     width = dict(zip(person.body.joints, COVERAGE * np.degrees(deviations), strict=True))
-    joints = {
-        **MIDDLE,
-        **{angle: f"{side}_{name}" for angle, name in JOINTS.items()},
-        "knee_flexion": f"{side}_knee_flex",
-    }
+    joints = MIDDLE | {angle: f"{side}_{name}" for angle, name in (JOINTS | {"knee_flexion": "knee_flex"}).items()}
     step = verdict_table()["angle"]
     known = {angle: width[name] for angle, name in joints.items() if name in width}
     return {angle: math.radians(step * math.floor(width / step + 0.5)) for angle, width in known.items()}

@@ -103,6 +103,8 @@ def _scored(
     posture, vertical = posture_of(person, side)
     task = task_of(person, record, posture, side, table)
     unknown, known = _known(posture, table, len(person.time))
+    if task.load is not None:
+        known &= np.isfinite(task.load)
 
     def score(spread: dict[str, float]) -> Scores:
         if table is rula_table():

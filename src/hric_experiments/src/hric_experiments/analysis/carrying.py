@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hric_assessment.ergonomics.smoothness import log_dimensionless_jerk
+from hric_assessment.ergonomics.effort import log_dimensionless_jerk
 from hric_bags.reader import FloatArray
 from hric_bags.records.human_record import GripRecord
 from hric_bags.records.object_record import models

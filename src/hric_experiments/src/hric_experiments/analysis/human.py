@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from hric_assessment.contact.impact import Impact, impacts
-from hric_assessment.ergonomics.effort import effort
-from hric_assessment.ergonomics.smoothness import log_dimensionless_jerk
+from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, RunRecord
 from hric_bags.records.human_record import Event, GripRecord, HumanRecord, read
