@@ -11,7 +11,7 @@ from bodies import Posed, body
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import assess, opened
-from hric_assessment.verdict.person import Person, person_of
+from hric_assessment.verdict.person import Person, people_of
 from hric_assessment.verdict.posture_input import spread_of
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_bags.records.human_record import GripRecord, HumanRecord
@@ -238,7 +238,7 @@ def test_markers_of_a_person_bent_at_the_hips_show_a_bent_trunk(tmp_path: Path) 
 
 @pytest.mark.parametrize("joint", ["neck_flex", "trunk_flex", "right_sh_abd", "right_wr_flex"])
 def test_the_interval_of_an_angle_holds_three_deviations_of_its_noise_and_not_five(tmp_path: Path, joint: str) -> None:
-    tracked = person_of(opened(str(c3d(tmp_path, {"neck_flex": 5.0}, 5e-3))))
+    (tracked,) = people_of(opened(str(c3d(tmp_path, {"neck_flex": 5.0}, 5e-3))))
     assert tracked is not None
     angle = {"neck_flex": "neck_flexion", "trunk_flex": "trunk_flexion", "right_wr_flex": "wrist_flexion"}.get(joint)
     deviation = np.degrees(np.std(tracked.q[:, tracked.names.index(joint)]))

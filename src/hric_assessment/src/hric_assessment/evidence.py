@@ -19,6 +19,11 @@ JITTER = 1e-3
 """Tolerance of stamps when a gap is compared with the longest one that may be bridged [s] (project default)."""
 
 
+def finite_rows(values: FloatArray) -> BoolArray:
+    """Return whether all values of each row are finite, shape (n,); values: shape (n, k)."""
+    return np.asarray(np.isfinite(values).all(axis=1))
+
+
 @dataclass(frozen=True)
 class Evidence:
     """How much of a window is known.

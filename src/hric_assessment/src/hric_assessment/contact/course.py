@@ -55,7 +55,7 @@ class Meeting:
 def end_of(contact: RegionForce) -> float:
     """Return when a contact ended, or was last heard of, robot time [s]."""
     duration = contact.duration if np.isfinite(contact.duration) else 0.0
-    return max([contact.begin + duration, *contact.course.time[np.isfinite(contact.course.time)][-1:].tolist()])
+    return float(max([contact.begin + duration, *contact.course.time[np.isfinite(contact.course.time)][-1:]]))
 
 
 def meetings(

@@ -7,7 +7,7 @@ import numpy as np
 
 from hric_assessment.ergonomics import niosh
 from hric_assessment.ergonomics.niosh import Lift, Rated
-from hric_assessment.evidence import Evidence
+from hric_assessment.evidence import Evidence, finite_rows
 from hric_assessment.findings import Finding, NotAssessableError, Outcome
 from hric_assessment.tables import niosh_table, verdict_table
 from hric_assessment.verdict.given import Given
@@ -65,7 +65,7 @@ def _proven(finding: Finding, grips: Sequence[GripRecord], name: str) -> Finding
     """Return the finding with its evidence: a lift is within limits where the grips are known all through it."""
     assert finding.window is not None
     gap = verdict_table()["max_gap"]
-    usable = [(grip.time, np.isfinite(grip.force).all(axis=1) & np.isfinite(grip.point).all(axis=1)) for grip in grips]
+    usable = [(grip.time, finite_rows(np.hstack([grip.force, grip.point]))) for grip in grips]
     parts = [Evidence.of(time, known, finding.window, gap) for time, known in usable]
     worst = max(parts, key=lambda one: one.longest_gap)
     finding = replace(finding, evidence=worst, signals=(f"{name}/grip",), person=name)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_assessment.evidence import BoolArray, Evidence, unknown
+from hric_assessment.evidence import BoolArray, Evidence, finite_rows, unknown
 from hric_assessment.findings import Finding, NotAssessableError, Outcome
 from hric_assessment.separation.capsules import of_body
 from hric_assessment.separation.minima import Separation, separation
@@ -140,7 +140,7 @@ def separated(given: Given, person: Person, choices: Choices) -> Separated | Non
 def _sampled(log: ControlRecord, person: Person, time: FloatArray) -> BoolArray:
     """Whether arm and person were recorded at some instants, shape (n,)."""
     window, sampled = (float(time[0]), float(time[-1])), np.ones(len(time), dtype=bool)
-    for gap in _gaps(log, person, window, np.isfinite(person.q).any(axis=1)):
+    for gap in _gaps(log, person, window, np.asarray(np.isfinite(person.q).any(axis=1))):
         sampled &= (time <= gap[0]) | (time >= gap[1])
     return sampled
 
@@ -151,10 +151,10 @@ def _gaps(
     """Stretches of a window in which arm, person or the person's root are not recorded [s]; seen: rows of the person
     that count, shape (n,)."""
     root, longest = person.root, verdict_table()["max_gap"]
-    gaps = [*unknown(log.time, np.isfinite(log.position).all(axis=1), window, longest)]
+    gaps = [*unknown(log.time, finite_rows(log.position), window, longest)]
     gaps += unknown(person.time, seen, window, longest)
     if root is not None and len(root.time) > 1:
-        gaps += unknown(root.time, np.isfinite(root.pose).all(axis=1), window, longest)
+        gaps += unknown(root.time, finite_rows(root.pose), window, longest)
     return gaps
 
 
@@ -162,12 +162,12 @@ def _evidence(given: Given, log: ControlRecord, person: Person, arm: CapsuleMoti
     """Return the evidence of the arm's log over the recording, with the share of its motion in which all of the person
     is known."""
     window = given.recording.begin, given.recording.end
-    finite = np.isfinite(log.position).all(axis=1)
+    finite = finite_rows(log.position)
     evidence = Evidence.of(log.time, finite, window, verdict_table()["max_gap"])
     moving = speeds(arm, log.time) > verdict_table()["moving"]
     period = np.gradient(log.time) if len(log.time) > 1 else np.zeros(len(log.time))
     unseen = np.zeros(len(log.time), dtype=bool)
-    for begin, end in _gaps(log, person, window, np.isfinite(person.q).all(axis=1)):
+    for begin, end in _gaps(log, person, window, finite_rows(person.q)):
         unseen |= (log.time > begin) & (log.time < end)
     total = float(period[moving].sum())
     return evidence.with_arm_motion(1.0 if total <= 0.0 else 1.0 - float(period[moving & unseen].sum()) / total)
