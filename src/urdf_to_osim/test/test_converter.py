@@ -8,8 +8,9 @@ import pytest
 from small_robots import BODY, LIMIT, gripper, joint, link, one_joint, robot
 
 import panda_description
+from hric_control.geometry.transforms import rotation_onto
 from urdf_to_osim import Conversion, Options, convert
-from urdf_to_osim.transforms import body_xyz, rotation_onto
+from urdf_to_osim.transforms import body_xyz
 
 
 def place(conversion: Conversion, name: str, **coordinates: float) -> np.ndarray:

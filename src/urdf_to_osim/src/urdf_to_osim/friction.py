@@ -4,7 +4,7 @@ to be integrated."""
 import math
 
 from hric_control.urdf import ONE_COORDINATE, Joint, Robot
-from urdf_to_osim.mass_matrix import min_inertias
+from urdf_to_osim.min_inertias import min_inertias
 from urdf_to_osim.options import Options
 
 REST_TIME = 0.002

@@ -6,6 +6,7 @@ import numpy as np
 import opensim
 
 from hric_control.geometry import FloatArray, homogeneous
+from hric_control.geometry.transforms import rotation_onto
 from hric_control.urdf import Joint
 from urdf_to_osim import transforms
 
@@ -30,9 +31,9 @@ def joint_rotation(joint: Joint) -> FloatArray:
     PinJoint rotates about z, SliderJoint moves along x, PlanarJoint moves in x and y and rotates about z: its normal.
     """
     if joint.type in ("revolute", "continuous", "planar"):
-        return transforms.rotation_onto(2, joint.axis)
+        return rotation_onto(2, joint.axis)
     if joint.type == "prismatic":
-        return transforms.rotation_onto(0, joint.axis)
+        return rotation_onto(0, joint.axis)
     return np.eye(3)
 
 

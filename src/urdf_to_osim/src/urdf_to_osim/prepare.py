@@ -8,9 +8,10 @@ import numpy as np
 
 from hric_control.errors import DescriptionError, UnknownNameError
 from hric_control.urdf import ONE_COORDINATE, Joint, Link, Robot
+from hric_control.urdf.mass_matrix import mass_matrix
 from urdf_to_osim import friction, inertia
 from urdf_to_osim.joints import coordinate_names
-from urdf_to_osim.mass_matrix import mass_matrix, poses
+from urdf_to_osim.min_inertias import poses
 from urdf_to_osim.options import Options
 
 # What separates and matches component paths in OpenSim, and white space.

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 import opensim
 
-from hric_control.geometry.transforms import R_YUP_ZUP, FloatArray, homogeneous, skew
+from hric_control.geometry.transforms import R_YUP_ZUP, FloatArray, homogeneous
 
 
 def base_pose(up: str) -> FloatArray:
@@ -25,19 +25,6 @@ def body_xyz(R: FloatArray) -> tuple[float, float, float]:
     c = math.atan2(-R[0, 1], R[0, 0])
     y_axis = math.sin(c) * R[:, 0] + math.cos(c) * R[:, 1]
     return math.atan2(y_axis[2], y_axis[1]), math.atan2(R[0, 2], math.hypot(R[0, 0], R[0, 1])), c
-
-
-def rotation_onto(start: int, end: FloatArray) -> FloatArray:
-    """A rotation of axis number `start` (0, 1, 2: x, y, z) onto a unit vector, shape (3, 3).
-
-    The smallest one, R = E + [v] + [v]^2 / (1 + cos) with v = start x end (Rodrigues), where the two are at most a
-    right angle apart. Else a half turn about the axis that follows (of z: x, of x: y) comes first, which keeps the
-    denominator away from zero.
-    """
-    flip = np.diag([1.0 if i == (start + 1) % 3 else -1.0 for i in range(3)]) if end[start] < 0.0 else np.eye(3)
-    begin = flip[:, start]
-    v = skew(np.cross(begin, end))
-    return np.asarray((np.eye(3) + v + v @ v / (1.0 + float(begin @ end))) @ flip)
 
 
 def vec3(values: Sequence[float] | FloatArray) -> opensim.Vec3:

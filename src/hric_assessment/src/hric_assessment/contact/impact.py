@@ -23,10 +23,10 @@ from hric_control.geometry import homogeneous
 from hric_control.geometry.transforms import inverse, rotation_from_quaternion
 from hric_control.plant import Surface
 from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces
+from hric_control.urdf.mass_matrix import mass_matrix, point_jacobian
 from hric_human.body import describe, surfaces
 from hric_human.participant.settings import HumanSettings
 from hric_human.participant.walk import JOINTS, Walk
-from urdf_to_osim.mass_matrix import mass_matrix, point_jacobian
 
 LASTING = episode_table()["transient_time"]
 """A contact of this duration is a press, whose force the commanded torque balances [s]."""

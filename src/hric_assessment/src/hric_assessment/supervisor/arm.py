@@ -11,7 +11,7 @@ from hric_control.errors import DescriptionError
 from hric_control.geometry import FloatArray
 from hric_control.geometry.transforms import rotation_about
 from hric_control.urdf import Joint, Shape, join_capsules, read
-from urdf_to_osim.mass_matrix import mass_matrix, point_jacobian
+from hric_control.urdf.mass_matrix import mass_matrix, point_jacobian
 
 STEP = 1e-3
 """Along the present velocity, for the speeds of places [s]: what the curvature adds is below 1e-3 of the speed."""

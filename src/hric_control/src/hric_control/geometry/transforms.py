@@ -92,3 +92,16 @@ def transform_from_rpy(xyz: Sequence[float], rpy: Sequence[float]) -> FloatArray
 def inverse(T: FloatArray) -> FloatArray:
     """Inverse of a rigid transform, shape (4, 4)."""
     return homogeneous(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])
+
+
+def rotation_onto(start: int, end: FloatArray) -> FloatArray:
+    """Return a rotation of axis number `start` (0, 1, 2: x, y, z) onto a unit vector, shape (3, 3).
+
+    The smallest one, R = E + [v] + [v]^2 / (1 + cos) with v = start x end (Rodrigues), where the two are at most a
+    right angle apart. Else a half turn about the axis that follows (of z: x, of x: y) comes first, which keeps the
+    denominator away from zero.
+    """
+    flip = np.diag([1.0 if i == (start + 1) % 3 else -1.0 for i in range(3)]) if end[start] < 0.0 else np.eye(3)
+    begin = flip[:, start]
+    v = skew(np.cross(begin, end))
+    return np.asarray((np.eye(3) + v + v @ v / (1.0 + float(begin @ end))) @ flip)

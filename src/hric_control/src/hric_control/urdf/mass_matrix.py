@@ -1,20 +1,12 @@
-"""The mass matrix of a description, by itself: what is decided before a model exists rests on it. The proof uses
-another library."""
+"""Mass matrix and point Jacobians of a robot description: any tree, without an engine."""
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 
 from hric_control.geometry import FloatArray, MassProperties, homogeneous
-from hric_control.geometry.transforms import rotation_about, skew
-from hric_control.urdf import ONE_COORDINATE, Joint, Robot
-from urdf_to_osim.joints import joint_rotation
-
-POSES = 8
-"""Number of poses that a robot is judged by: default chosen by this project, unconfirmed."""
-SINGULAR = 1e-13
-"""Smallest eigenvalue of a mass matrix that is scaled to a diagonal of ones, below which a pose says nothing."""
+from hric_control.geometry.transforms import rotation_about, rotation_onto, skew
+from hric_control.urdf.robot import ONE_COORDINATE, Joint, Robot
 
 
 def mass_matrix(robot: Robot, q: Mapping[str, float]) -> tuple[FloatArray, list[str]]:
@@ -90,7 +82,7 @@ def _twists(joint: Joint, T_root_joint: FloatArray) -> FloatArray:
     elif joint.type == "prismatic":
         sliding = joint.axis[:, None]
     elif joint.type == "planar":
-        sliding, turning = np.hsplit(joint_rotation(joint), [2])
+        sliding, turning = np.hsplit(rotation_onto(2, joint.axis), [2])
     elif joint.type == "floating":
         turning = sliding = np.eye(3)
     R, p = T_root_joint[:3, :3], T_root_joint[:3, 3]
@@ -115,34 +107,3 @@ def _inertia(body: MassProperties | None, T_root_link: FloatArray) -> FloatArray
     G[:3, :3] = moved.inertia + body.mass * C @ C.T
     G[:3, 3:], G[3:, :3] = body.mass * C, body.mass * C.T
     return G
-
-
-def poses(robot: Robot) -> list[dict[str, float]]:
-    """The same poses for each call, within the joints' ranges and half a turn or pi metres."""
-    random = np.random.default_rng(0)
-    single = [joint for joint in robot.joints.values() if joint.type in ONE_COORDINATE]
-    lower = np.array([min(max(joint.lower, -math.pi), joint.upper) for joint in single])
-    upper = np.array([max(min(joint.upper, math.pi), joint.lower) for joint in single])
-    return [
-        dict(zip((joint.name for joint in single), map(float, random.uniform(lower, upper)), strict=True))
-        for _ in range(POSES)
-    ]
-
-
-def min_inertias(robot: Robot) -> dict[str, float]:
-    """What resists each joint while all others are free, 1 / (M^-1)_ii, the smallest over `poses` [kg m^2 or kg]; empty
-    where all are singular."""
-    smallest: dict[str, float] = {}
-    for q in poses(robot):
-        M, rows = mass_matrix(robot, q)
-        own = np.sqrt(np.abs(np.diag(M)))
-        if not own.all():
-            continue
-        values, vectors = np.linalg.eigh(M / np.outer(own, own))
-        if values[0] > SINGULAR:
-            found = own**2 / np.sum(vectors**2 / values, axis=1)
-            smallest |= {
-                name: min(float(inertia), smallest.get(name, math.inf))
-                for name, inertia in zip(rows, found, strict=True)
-            }
-    return smallest
