@@ -13,7 +13,10 @@ from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.speed_scale import (
     ACCELERATION,
+    MAX_HOLDERS,
+    OTHERS,
     RATE,
+    UNLIMITED,
     Request,
     ScaledTime,
     SpeedScale,
@@ -79,6 +82,68 @@ def test_without_another_request_in_time_the_robot_stops_and_with_one_it_goes_on
     scale.request(Request(1.0))
     values(scale, 500, 1.0)
     assert scale.value == 1.0 and not scale.expired and not scale.active
+
+
+def test_of_all_holders_the_smallest_of_each_limit_counts_whoever_requests_last():
+    scale = SpeedScale()
+    scale.request(Request(0.0, stiffness=300.0, valid_for=0.1), "supervisor")
+    for k in range(90):
+        scale.request(Request(1.0, stiffness=900.0, force=20.0), "stranger")
+        scale.advance(k * DT, DT)
+    assert (scale.target, scale.stiffness, scale.force, scale.holder) == (0.0, 300.0, 20.0, "supervisor")
+
+
+def test_a_holder_that_falls_silent_stops_the_robot_whatever_another_requests():
+    scale = SpeedScale()
+    scale.request(Request(1.0, valid_for=0.1), "supervisor")
+    for k in range(600):
+        scale.request(Request(1.0, force=20.0), "stranger")
+        scale.advance(k * DT, DT)
+    assert scale.value == 0.0 and scale.lost == ("supervisor",) and scale.holder == "supervisor"
+    scale.request(Request(1.0, valid_for=0.1), "supervisor")
+    assert values(scale, 90, 0.6)[-1] > 0.0 and not scale.lost
+
+
+def test_a_holder_gives_its_lease_back_by_a_request_without_limits_and_for_itself_alone():
+    scale = SpeedScale()
+    scale.request(Request(0.3), "a")
+    scale.request(Request(0.6), "b")
+    values(scale, 500)
+    scale.request(UNLIMITED, "a")
+    scale.request(UNLIMITED, "stranger")
+    assert values(scale, 500, 0.5)[-1] == 0.6 and scale.holder == "b"
+    scale.request(UNLIMITED, "b")
+    assert values(scale, 500, 1.0)[-1] == 1.0 and not scale.active and scale.holder == ""
+
+
+def test_a_lost_holder_that_gives_its_lease_back_lets_the_robot_go():
+    scale = SpeedScale()
+    scale.request(Request(1.0, valid_for=0.1), "a")
+    values(scale, 500)
+    assert scale.lost == ("a",)
+    scale.request(UNLIMITED, "a")
+    assert values(scale, 500, 0.5)[-1] == 1.0 and not scale.active
+
+
+def test_holders_beyond_those_that_are_told_apart_only_make_the_robot_slower():
+    scale = SpeedScale()
+    for k in range(MAX_HOLDERS):
+        scale.request(Request(0.9), f"h{k}")
+    values(scale, 1)
+    for at, requested in enumerate((0.2, 0.8, 1.0)):
+        scale.request(Request(requested), f"more{at}")
+        values(scale, 1, at * DT)
+        assert scale.target == 0.2 and scale.holder == OTHERS
+
+
+def test_a_clock_that_is_set_back_makes_no_lease_longer():
+    scale = SpeedScale()
+    scale.request(Request(1.0, valid_for=0.1), "a")
+    values(scale, 50, 1000.0)
+    values(scale, 90)
+    assert not scale.lost
+    values(scale, 50, 0.09)
+    assert scale.lost == ("a",)
 
 
 @pytest.mark.parametrize(
@@ -149,4 +214,24 @@ def test_a_request_by_topic_is_answered_with_the_cycle_that_took_it_up():
     first, last = got
     assert (first.header.stamp.to_sec(), first.request.to_sec(), first.requested) == (1.02, 1.0, 0.25)
     assert first.force == 50.0 and last.requested == 0.0 and scale.value == 0.0
+    topics.unregister()
+
+
+def test_a_second_publisher_of_the_topic_never_speeds_the_robot_up_and_who_is_lost_is_named():
+    from hric_control.robot_time import stamps
+
+    node, scale, states = LocalNode(), SpeedScale(), []
+    topics = SpeedScaleTopics(node, scale, stamps.to_time)
+    node.subscribe(STATE_TOPIC, SpeedScaleState, states.append)
+    supervisor = node.child("supervisor").advertise(f"/{REQUEST_TOPIC}", SpeedScaleMessage)
+    strangers = [node.advertise(REQUEST_TOPIC, SpeedScaleMessage) for _ in range(2)]
+    supervisor.publish(SpeedScaleMessage(scale=0.2, stiffness=math.inf, force=math.inf, valid_for=0.5))
+    for k in range(1000):
+        strangers[0].publish(SpeedScaleMessage(scale=0.6, stiffness=math.inf, force=math.inf, valid_for=0.0))
+        strangers[1].publish(SpeedScaleMessage(scale=1.0, stiffness=math.inf, force=math.inf, valid_for=0.0))
+        topics.advance(k * DT, DT)
+        if k == 400:
+            assert scale.value == 0.2
+    assert scale.value == 0.0 and states[0].holder == "/supervisor" and not states[0].expired
+    assert states[-1].expired and states[-1].holder == "/supervisor"
     topics.unregister()

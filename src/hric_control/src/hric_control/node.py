@@ -22,6 +22,12 @@ class _Required:
 REQUIRED = _Required()
 
 
+def publisher_of(message: Any) -> str:
+    """Return the name of the node that published a message that was received; empty where it is not known."""
+    header = getattr(message, "_connection_header", None)
+    return str(header.get("callerid", "")) if header else ""
+
+
 class Publisher(Protocol):
     """Sends messages on one topic."""
 

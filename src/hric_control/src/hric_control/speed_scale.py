@@ -38,7 +38,8 @@ class Request(NamedTuple):
         scale: of the speed, 0 (standstill) to 1.
         stiffness: largest translational stiffness of controllers that have one [N/m].
         force: largest force of their springs [N].
-        valid_for: without another request the robot stops after so long of robot time [s]; infinite: never.
+        valid_for: without another request of the same holder the robot stops after so long of robot time [s]; infinite:
+            never.
     """
 
     scale: float = 1.0
@@ -56,43 +57,104 @@ class Request(NamedTuple):
         return self
 
 
+UNLIMITED = Request()
+"""Request that limits nothing and never ends: it gives a lease back."""
+MAX_HOLDERS = 16
+"""Holders that are told apart (project default, unconfirmed). All others share the lease `OTHERS`, in which each only
+makes the robot slower."""
+OTHERS = "others"
+
+
+class _Lease(NamedTuple):
+    """What a holder requests, and until when [s of robot time]."""
+
+    request: Request
+    expires: float
+
+
 class SpeedScale:
     """The scale of one robot. `request` may come from any thread, the rest is the loop's.
+
+    Who requests holds a lease. Of all leases the smallest scale, stiffness and force count. One that expires stops the
+    robot until its holder requests again; a request without any limit and without an end gives the lease back.
 
     Attributes:
         value: in force; exactly 1 where no less was requested.
         stiffness, force: limits in force [N/m], [N]; a controller filters them as it does its gains.
-        target: where it goes.
-        active: whether `advance` has something to do.
-        expired: whether it stops because the supervisor fell silent.
+        target: scale that the value goes to.
+        active: True if `advance` has something to do.
+        lost: holders whose leases have expired; while there are any the robot comes to a stop.
+        holder: name of the holder whose scale counts, or of those that are lost; empty where nothing is limited.
     """
 
-    __slots__ = ("_expires", "_rate", "_request", "active", "expired", "force", "stiffness", "target", "value")
+    __slots__ = (
+        "_leases",
+        "_next_expiry",
+        "_now",
+        "_pending",
+        "_rate",
+        "active",
+        "force",
+        "holder",
+        "lost",
+        "stiffness",
+        "target",
+        "value",
+    )
 
     def __init__(self) -> None:
         self.value, self._rate, self.target = 1.0, 0.0, 1.0
-        self.stiffness = self.force = self._expires = math.inf
-        self._request: Request | None = None
-        self.active = self.expired = False
+        self.stiffness = self.force = self._next_expiry = math.inf
+        self._now = -math.inf
+        self._pending: dict[str, Request] = {}
+        self._leases: dict[str, _Lease] = {}
+        self.active, self.holder = False, ""
+        self.lost: tuple[str, ...] = ()
 
-    def request(self, request: Request) -> None:
-        """Go there; it replaces the one before. Raises CommandError."""
-        self._request = request.check()
+    @property
+    def expired(self) -> bool:
+        """True if the robot stops because a holder fell silent."""
+        return bool(self.lost)
+
+    def request(self, request: Request, holder: str = "") -> None:
+        """Replace what this holder requested before. Raises CommandError."""
+        self._pending[holder] = request.check()
         self.active = True
 
     def advance(self, time: float, period: float) -> None:
         """One cycle of the loop, at robot time `time` [s], `period` [s] after the last."""
-        request, self._request = self._request, None
-        if request is not None:
-            self.target, self.stiffness, self.force = request.scale, request.stiffness, request.force
-            self._expires, self.expired = time + request.valid_for, False
-        elif time > self._expires:
-            self.target, self._expires, self.expired = 0.0, math.inf, True
+        if self._pending or time > self._next_expiry or time < self._now:
+            self._settle(time)
+        self._now = time
         self._step(period)
-        if self.value == self.target == 1.0 and math.inf == self._expires == self.stiffness == self.force:
+        if self.value == self.target == 1.0 and not self._leases:
             # In this order, so that a request from another thread in between is not lost.
             self.active = False
-            self.active = self._request is not None
+            self.active = bool(self._pending)
+
+    def _settle(self, time: float) -> None:
+        """Take the new requests up, and find who is lost and what counts at robot time `time` [s]."""
+        leases = self._leases
+        while self._pending:
+            holder, request = self._pending.popitem()  # at once, whoever requests meanwhile
+            if request == UNLIMITED:
+                leases.pop(holder, None)
+                continue
+            if holder not in leases and len(leases) >= MAX_HOLDERS:
+                before = leases[OTHERS].request if OTHERS in leases else request
+                holder, request = OTHERS, Request(*map(min, before, request))
+            leases[holder] = _Lease(request, time + request.valid_for)
+        if time < self._now:  # the clock was set back: nobody's lease became longer
+            for holder, (request, expires) in leases.items():
+                leases[holder] = _Lease(request, min(expires, time + request.valid_for))
+        requests = {holder: lease.request for holder, lease in leases.items()}
+        self.lost = tuple(holder for holder, lease in leases.items() if time > lease.expires)
+        self._next_expiry = min((lease.expires for lease in leases.values() if time <= lease.expires), default=math.inf)
+        slowest = min(requests, key=lambda holder: requests[holder].scale, default="")
+        self.holder = ", ".join(self.lost) or slowest
+        self.target = 0.0 if self.lost else requests[slowest].scale if requests else 1.0
+        self.stiffness = min((request.stiffness for request in requests.values()), default=math.inf)
+        self.force = min((request.force for request in requests.values()), default=math.inf)
 
     def _step(self, period: float) -> None:
         error = self.target - self.value

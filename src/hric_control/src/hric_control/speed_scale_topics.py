@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hric_control import realtime
-from hric_control.node import Node
+from hric_control.node import Node, publisher_of
 from hric_control.robot_time import stamps
 from hric_control.speed_scale import Request, SpeedScale
 from hric_msgs.msg import SpeedScale as SpeedScaleMessage
@@ -15,7 +15,7 @@ REQUEST_TOPIC, STATE_TOPIC = "hric/safety/speed_scale", "hric/safety/speed_scale
 
 
 class SpeedScaleTopics:
-    """Of one robot.
+    """Topics of one robot.
 
     Args:
         node: the robot's namespace.
@@ -30,21 +30,25 @@ class SpeedScaleTopics:
         self._subscription = node.subscribe(REQUEST_TOPIC, SpeedScaleMessage, self._on_request, queue_size=1)
 
     def _on_request(self, message: Any) -> None:
-        """A request that cannot be is refused with the topic's name; the one before stays, until it expires."""
+        """Refuse a request that cannot be, with the topic's name; the publisher's last one stays, until it expires."""
         valid_for = message.valid_for or math.inf
-        self._scale.request(Request(message.scale, message.stiffness, message.force, valid_for))
+        request = Request(message.scale, message.stiffness, message.force, valid_for)
+        self._scale.request(request, publisher_of(message))
         self._request.set(message.header.stamp)
 
     def advance(self, time: float, period: float) -> None:
         """One cycle in which the scale is active; in the loop."""
         scale = self._scale
-        expired = scale.expired
+        lost = scale.lost
         scale.advance(time, period)
-        if scale.expired and not expired:
-            text = f"no speed scale was requested in time: the robot comes to a stop; {REQUEST_TOPIC} lets it go on"
+        if scale.lost and scale.lost != lost:
+            text = (
+                f"{', '.join(scale.lost)} requested no speed scale in time: the robot comes to a stop; a request of "
+                f"the same node on {REQUEST_TOPIC} lets it go on"
+            )
             realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
-        if self._request.take_new() is not None or scale.expired is not expired:
-            now = scale.target, scale.value, scale.stiffness, scale.force, scale.expired
+        if self._request.take_new() is not None or scale.lost != lost:
+            now = scale.target, scale.value, scale.stiffness, scale.force, scale.expired, scale.holder
             self._state.publish(_state, self._stamp(time), self._request.get(), *now)
 
     def unregister(self) -> None:
@@ -54,8 +58,8 @@ class SpeedScaleTopics:
 
 
 def _state(
-    stamp: Any, request: Any, requested: float, scale: float, stiffness: float, force: float, expired: bool
+    stamp: Any, request: Any, requested: float, scale: float, stiffness: float, force: float, expired: bool, holder: str
 ) -> Any:
-    message = SpeedScaleState(request=request, requested=requested, scale=scale, expired=expired)
+    message = SpeedScaleState(request=request, requested=requested, scale=scale, expired=expired, holder=holder)
     message.header.stamp, message.stiffness, message.force = stamp, stiffness, force
     return message

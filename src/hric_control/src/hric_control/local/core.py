@@ -65,7 +65,7 @@ class LocalTopic:
     def __init__(self, name: str, message_type: type) -> None:
         self.name, self.type = name, message_type
         self.callbacks: list[Callable[[Any], None]] = []
-        self.publishers = 0
+        self.publishers: set[str] = set()
         self.latched: Any = None
         self.sequence = 0
 
@@ -94,9 +94,10 @@ class LocalCore:
             raise HricError(f"topic {name} carries {names.type_name(topic.type)}, not {names.type_name(message_type)}")
         return topic
 
-    def publish(self, topic: LocalTopic, message: Any, latch: bool) -> None:
-        """Hand a message to taps and subscribers, in this call."""
+    def publish(self, topic: LocalTopic, message: Any, latch: bool, header: dict[str, str]) -> None:
+        """Hand a message to taps and subscribers, in this call; header: of the connection, as on a wire."""
         names.check_message(f"topic {topic.name}", topic.type, message)
+        message._connection_header = header
         topic.sequence += 1
         if getattr(topic.type, "_has_header", False):
             message.header.seq = topic.sequence

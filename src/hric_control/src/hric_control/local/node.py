@@ -1,6 +1,7 @@
 """A node without a master: topics and services are calls within the process. The same controller class runs on it and
 on `RosNode`."""
 
+import itertools
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -17,12 +18,23 @@ _log = logging.getLogger("hric")
 
 
 class LocalPublisher:
-    """Publishes by calling the subscribers."""
+    """Publishes by calling the subscribers.
 
-    def __init__(self, core: LocalCore, topic: LocalTopic, latch: bool) -> None:
+    Args:
+        core: of the nodes.
+        topic: on which it publishes.
+        latch: True if who subscribes later gets the last message.
+        namespace: of the node; messages carry it as those of a wire carry their node's name (`publisher_of`), with a
+            number where another publisher of the topic has it already.
+    """
+
+    def __init__(self, core: LocalCore, topic: LocalTopic, latch: bool, namespace: str) -> None:
         self._core, self._topic, self._latch = core, topic, latch
         self._open = True
-        topic.publishers += 1
+        names_left = (f"{namespace}#{k}" if k else namespace for k in itertools.count())
+        name = next(name for name in names_left if name not in topic.publishers)
+        topic.publishers.add(name)
+        self._header = {"callerid": name}
 
     def publish(self, message: Any) -> None:
         """Call every tap and subscriber with the message.
@@ -31,7 +43,7 @@ class LocalPublisher:
             HricError: it is not of the topic's type.
         """
         if self._open:
-            self._core.publish(self._topic, message, self._latch)
+            self._core.publish(self._topic, message, self._latch, self._header)
 
     def subscribers(self) -> int:
         """Number of listeners, taps included."""
@@ -41,7 +53,7 @@ class LocalPublisher:
         """Stop advertising; what is published afterwards goes nowhere."""
         if self._open:
             self._open = False
-            self._topic.publishers -= 1
+            self._topic.publishers.remove(self._header["callerid"])
             if self._latch:
                 self._topic.latched = None
 
@@ -103,7 +115,7 @@ class LocalNode(Namespaced):
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> LocalPublisher:
         """Advertise a topic; `queue_size` means nothing here, every message is delivered within publish()."""
-        return LocalPublisher(self._core, self._core.topic(self.resolve(topic), message_type), latch)
+        return LocalPublisher(self._core, self._core.topic(self.resolve(topic), message_type), latch, self._namespace)
 
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
