@@ -207,7 +207,7 @@ STILL_ARM = np.zeros(7)
 
 
 def test_it_goes_on_only_when_the_person_was_farther_away_for_a_while():
-    cell = Cell(hold=0.3, hysteresis=0.05)
+    cell = Cell(hold=0.3, hysteresis=0.05, person_max_speed=400.0)
     for _ in range(5):
         cell.decide(1.0)
     scales = [cell.decide(4.0).scale for _ in range(40)]
@@ -324,6 +324,18 @@ def test_a_hand_at_the_arm_leads_it_slowly_and_softly():
     assert decision.separation < own.guided_distance
     assert decision.scale == pytest.approx(own.guided_speed / own.speed)
     assert (decision.stiffness, decision.force) == (own.guided_stiffness, own.guided_force)
+
+
+def test_a_guided_arm_that_is_known_to_be_faster_is_slowed_more():
+    """The speed that counts is the fastest that was seen: a twist of the first joint moves the hand by 1.4 m/s."""
+    cell = Cell(mode="hand_guided", hold=0.0, speed=0.2)
+    for dq in (STILL_ARM, 5.0 * SPEED, STILL_ARM):
+        decision = cell.decide(ball(round(cell.time + PERIOD, 9), 0.57, "hand, fingers"), dq)
+    fastest = np.linalg.norm(ARM.at(ArmState(0.0, READY, 5.0 * SPEED)).velocities, axis=2).max()
+    own = SupervisorSettings()
+    assert fastest > own.guided_speed and decision.scale == pytest.approx(own.guided_speed / fastest)
+    # An arm that is slower than guiding allows is not slowed.
+    assert Cell(mode="hand_guided", speed=0.2).decide(ball(0.01, 0.57, "hand, fingers")).scale == 1.0
 
 
 STALE = ball(0.03, 3.0)

@@ -9,11 +9,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from hric_assessment.supervisor.inputs import (
+    FRAMES,
     HUMAN_JOINTS,
     HUMAN_ROOT,
     PERSON_JOINTS,
     PERSON_TRACKING,
+    ArmInput,
     HumanInput,
+    MarkerInput,
     Pairs,
     TrackedInput,
 )
@@ -22,7 +25,7 @@ from hric_control.geometry import Pose
 from hric_control.local.node import LocalNode
 from hric_control.robot_time import stamps
 from hric_human.tracking import LOST, MEASURED, Estimate
-from hric_msgs.msg import PersonTracking
+from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.frames import Messages
 from hric_perception.person.settings import PersonSettings
 
@@ -35,7 +38,7 @@ class Tracking:
     """What the node of a person publishes, and the input that takes it."""
 
     def __init__(self):
-        node, self.came = LocalNode({}), 0
+        self.node, self.came = node, _ = LocalNode({}), 0
         self.input = TrackedInput(node, "", None, "person", FRAME)
         self.input.came = self._on_came
         self.joints = node.advertise(PERSON_JOINTS, JointState)
@@ -60,9 +63,9 @@ class Tracking:
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_tracked_person_is_where_his_joints_and_his_root_have_him(turned):
     tracking, q = Tracking(), RNG.uniform(0.0, 0.5, len(BODY.joints))
-    assert tracking.input.newest is None
+    assert tracking.input.take() is None
     tracking.publish(0.5, q, turned=turned)
-    seen = tracking.input.newest
+    seen = tracking.input.take()
     expected = BodyShape(BODY, ROOT).seen(0.5, FRAME, dict(zip(BODY.joints, q.tolist(), strict=True)))
     assert (seen.stamp, seen.frame, seen.links, tracking.came) == (0.5, tracking.input.frame, expected.links, 1)
     np.testing.assert_allclose(seen.ends, expected.ends, atol=1e-12)
@@ -73,9 +76,9 @@ def test_who_is_lost_in_part_is_not_known_and_so_becomes_stale(lost):
     tracking, q = Tracking(), np.zeros(len(BODY.joints))
     tracking.publish(0.5, q)
     tracking.publish(0.6, q, **lost)
-    assert tracking.input.newest.stamp == 0.5 and tracking.came == 1
+    assert tracking.input.take().stamp == 0.5 and tracking.came == 1
     tracking.publish(0.7, q)
-    assert tracking.input.newest.stamp == 0.7
+    assert tracking.input.take().stamp == 0.7
 
 
 def test_messages_are_paired_by_their_stamps_however_late_one_topic_is():
@@ -111,5 +114,70 @@ def test_a_human_who_walks_has_no_speed_of_late_messages():
     for k in range(4):
         names = list(him._shape._names)
         joints.publish(JointState(Header(stamp=stamps.to_time(0.01 * k)), names, [0.0] * len(names), [], []))
-        where.append(him.newest.ends[0, 0, 0])
+        where.append(him.take().ends[0, 0, 0])
     np.testing.assert_allclose(np.diff(where), 0.016, atol=1e-9)
+
+
+def test_two_nodes_that_publish_one_person_are_a_fault_that_names_both():
+    tracking, q = Tracking(), np.zeros(len(BODY.joints))
+    tracking.publish(0.5, q)
+    assert not tracking.input.take().fault
+    second = tracking.node.child("second")
+    tracking.joints, tracking.tracking = (
+        second.advertise(f"/{PERSON_JOINTS}", JointState),
+        second.advertise(f"/{PERSON_TRACKING}", PersonTracking),
+    )
+    tracking.publish(0.51, q)
+    fault = tracking.input.take().fault
+    assert fault.startswith("is doubled: / and /second both publish /hric/person/")
+    tracking.publish(0.52, q)
+    assert not tracking.input.take().fault  # the other one is gone
+
+
+def test_each_pose_between_two_decisions_is_handed_on():
+    tracking = Tracking()
+    for k in range(4):
+        tracking.publish(0.5 + 0.01 * k, np.full(len(BODY.joints), 0.1 * k))
+    newest = tracking.input.take()
+    assert [round(seen.stamp, 2) for seen in (*newest.earlier, newest)] == [0.5, 0.51, 0.52, 0.53]
+    assert tracking.input.take() is newest
+
+
+@pytest.mark.parametrize(
+    ("names", "positions", "said"),
+    [
+        (lambda names: names[:-1], lambda q: q[:-1], "other joints"),
+        (lambda names: [*names, "tail"], lambda q: [*q, 0.0], "other joints"),
+        (lambda names: names, lambda q: q[:-1], "cannot be placed"),
+    ],
+)
+def test_joints_that_are_others_than_before_or_without_angles_are_a_fault(names, positions, said):
+    node = LocalNode({})
+    person = HumanInput(node, "", {"parts": "upper_body"}, "human")
+    joints = node.advertise(HUMAN_JOINTS, JointState)
+    own = list(person._shape._names)
+    joints.publish(JointState(Header(stamp=stamps.to_time(0.1)), own, [0.0] * len(own), [], []))
+    assert not person.take().fault
+    joints.publish(JointState(Header(stamp=stamps.to_time(0.2)), names(own), positions([0.0] * len(own)), [], []))
+    assert said in person.take().fault
+
+
+def test_two_rigid_bodies_of_one_name_in_a_frame_are_a_fault():
+    node = LocalNode({})
+    hand, frames = MarkerInput(node, "", 0.15, "hand", FRAME), node.advertise(FRAMES, MocapData)
+    bodies = [MocapRigidBody(name="hand", tracking_valid=True), MocapRigidBody(name="hand", tracking_valid=True)]
+    for count in (1, 2):
+        frames.publish(
+            MocapData(header=Header(stamp=stamps.to_time(count), frame_id=FRAME), rigid_bodies=bodies[:count])
+        )
+        fault = hand.take().fault
+        assert fault == ("" if count == 1 else "is doubled: 2 rigid bodies hand in one frame")
+
+
+def test_of_an_arm_without_speeds_nothing_is_known():
+    node = LocalNode({})
+    arm, joints = ArmInput(node, "", ["a"]), node.advertise("joint_states", JointState)
+    joints.publish(JointState(name=["a"], position=[0.0], velocity=[]))
+    assert arm.newest is None
+    joints.publish(JointState(name=["a"], position=[0.0], velocity=[0.1]))
+    assert arm.newest is not None

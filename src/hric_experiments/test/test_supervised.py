@@ -76,7 +76,7 @@ def test_lost_perception_stops_the_arm_within_the_stop_distance():
     )
     with simulation:
         simulation.run(2.6)
-        for registration in simulation.supervisor._person.registrations:
+        for registration in simulation.supervisor._persons[0].registrations:
             registration.unregister()
         simulation.run()
     (fault,) = [event for event in kept["events"] if event.kind == "fault"]

@@ -245,9 +245,9 @@ def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
 
 def _refuse_wires(definition: Experiment) -> None:
     """What comes by wire cannot follow a run that is not paced. Emulated devices have none here; nobody tracks."""
-    if (definition.supervisor or {}).get("source") == "person":
+    if "person" in (definition.supervisor or {}).get("source", ()):
         raise HricError(
-            f"{definition.name}: supervisor.source is person, whom a node tracks; valid: scripts/bringup "
+            f"{definition.name}: supervisor.source has person, whom a node tracks; valid: scripts/bringup "
             f"experiment:={definition.name}, or another source"
         )
     wired = [sensor.wire for sensor in definition.sensors if sensor.wire] + ["sync"] * (definition.sync is not None)

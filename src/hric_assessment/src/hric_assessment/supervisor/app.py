@@ -18,7 +18,7 @@ from controller_manager_msgs.srv import (
 from hric_assessment.supervisor import topics
 from hric_assessment.supervisor.arm import ArmShape, InForce
 from hric_assessment.supervisor.decision import Decision, Event, Supervisor
-from hric_assessment.supervisor.inputs import ArmInput, person_input
+from hric_assessment.supervisor.inputs import ArmInput, person_inputs
 from hric_assessment.supervisor.settings import NodeSettings
 from hric_control.errors import HricError, ParameterError
 from hric_control.node import Node
@@ -36,6 +36,8 @@ MARKERS_PERIOD = 0.05
 """Between two messages for rviz [s]."""
 CONTROLLERS_PERIOD = 0.25
 """Between two looks at who commands [s]; chosen here."""
+WARNED = ("fault", "violation", "holder_lost")
+"""Kinds of events that are warnings in the log."""
 KEPT = 100_000
 """Latencies that are kept: a quarter of an hour of decisions."""
 Call = Callable[[str, type, Any], Any]
@@ -69,10 +71,10 @@ class SupervisorApp:
         rotors = np.array(rotor_inertia(plant, joints))
         base = f"{node.param(f'{root}robot/arm_id', 'panda')}_link0"
         self._arm = ArmInput(node, root, joints)
-        self._person = person_input(node, root, settings, settings.person, node.resolve("person"), base)
-        frame = self._person.frame
-        T = arm.poses(np.zeros((1, len(joints))))[frame][0] if frame in arm.tree.links else None
-        self._supervisor = Supervisor(self.settings, arm, rotors, frame, T)
+        self._persons = person_inputs(node, root, settings, base)
+        T = arm.poses(np.zeros((1, len(joints))))
+        frames = {person.frame: T[person.frame][0] if person.frame in T else np.eye(4) for person in self._persons}
+        self._supervisor = Supervisor(self.settings, arm, rotors, frames)
         self._state = node.advertise(f"{root}hric/safety/state", SafetyState)
         self._events = node.advertise(f"{root}hric/safety/events", SafetyEvent, queue_size=100)
         self._markers = node.advertise(f"{root}hric/safety/markers", MarkerArray)
@@ -84,6 +86,7 @@ class SupervisorApp:
         self._scale, self._latency, self._markers_at = 1.0, math.nan, -math.inf
         self._lock = threading.Lock()
         self._refused: set[str] = set()
+        self._holder = self._holder_reported = ("", False)
 
     def _check_arm(self) -> None:
         address = str(self._node.param(f"{self._root}robot/robot_ip", ""))
@@ -95,19 +98,21 @@ class SupervisorApp:
             )
 
     def on_person(self, came: Callable[[], None]) -> None:
-        """Call `came` for each newer pose of the person, in whatever thread it comes."""
-        self._person.came = came
+        """Call `came` for each newer pose of a person, in whatever thread it comes."""
+        for person in self._persons:
+            person.came = came
 
     # -- deciding ------------------------------------------------------------------------------------------------------
 
     def decide(self, now: float) -> Decision:
         """Decide at robot time `now` [s], and publish; from any thread, one at a time."""
         with self._lock:
-            decision = self._supervisor.decide(now, self._arm.newest, self._person.newest, self._in_force)
+            person, *others = [person.take() for person in self._persons]
+            decision = self._supervisor.decide(now, self._arm.newest, person, self._in_force, others)
             if self.settings.active:
                 self._request(decision)
             self._state.publish(topics.state(decision, self.settings, self._latency))
-            self._report(decision, decision.events)
+            self._report(decision, [*decision.events, *self._of_holders()])
             if not 0.0 <= now - self._markers_at < MARKERS_PERIOD and self._markers.subscribers():
                 self._markers_at = now
                 self._markers.publish(topics.markers(decision))
@@ -126,10 +131,25 @@ class SupervisorApp:
         for one in events:
             self._events.publish(topics.event(decision, one))
             if not self._node.publishes_inline:  # a headless run has it in its report
-                (self._node.log_warn if one.kind in ("fault", "violation") else self._node.log_info)(one.text)
+                (self._node.log_warn if one.kind in ("fault", "violation", "holder_lost") else self._node.log_info)(
+                    one.text
+                )
+
+    def _of_holders(self) -> list[Event]:
+        """Return an event where another node holds the speed, or one was lost, since the last call."""
+        (holder, lost), before = self._holder, self._holder_reported
+        self._holder_reported = self._holder
+        if self._holder == before or not holder or (holder == self._node.namespace and not lost):
+            return []
+        if lost:
+            return [
+                Event("holder_lost", f"{holder}: no request of the speed in time, the arm stops until there is one")
+            ]
+        return [Event("held", f"{holder} requests less than the supervisor: it holds the speed")]
 
     def _on_taken(self, message: Any) -> None:
-        """The robot took a request up: what is in force, and how long after the measurement it follows from."""
+        """Note what is in force since the robot took a request up, and how long after the measurement that was."""
+        self._holder = message.holder, message.expired
         self._in_force = InForce(message.header.stamp.to_sec(), message.requested, message.scale)
         slower = self._slower.pop(message.request.to_nsec(), None)
         if slower is None or message.expired:
@@ -175,7 +195,8 @@ class SupervisorApp:
 
     def close(self) -> None:
         """Take the topics back. The robot, whose requests end, comes to a stop by itself where it was supervised."""
-        for registration in (*self._arm.registrations, *self._person.registrations, self._taken):
+        of_persons = [registration for person in self._persons for registration in person.registrations]
+        for registration in (*self._arm.registrations, *of_persons, self._taken):
             registration.unregister()
         for publisher in (self._state, self._events, self._markers, self._requests):
             publisher.unregister()

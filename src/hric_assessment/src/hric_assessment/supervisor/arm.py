@@ -112,7 +112,7 @@ class ArmShape:
     def reflected_mass(
         self, q: FloatArray, rotors: FloatArray, link: str, point: FloatArray, direction: FloatArray
     ) -> float:
-        """m_u = 1/(u' J (M + B)^-1 J' u) [kg].
+        """Return m_u = 1/(u' J (M + B)^-1 J' u) [kg]; NaN where M + B is singular.
 
         Args:
             q: shape (j,) [rad or m].
@@ -125,7 +125,11 @@ class ArmShape:
         M, rows = mass_matrix(self.tree, angles)
         chosen = [rows.index(name) for name in self.joints]
         row = direction @ point_jacobian(self.tree, angles, link, point)[:, chosen]
-        return float(1.0 / (row @ np.linalg.solve(M[np.ix_(chosen, chosen)] + np.diag(rotors), row)))
+        try:
+            mobility = float(row @ np.linalg.solve(M[np.ix_(chosen, chosen)] + np.diag(rotors), row))
+        except np.linalg.LinAlgError:  # a description without masses
+            return math.nan
+        return 1.0 / mobility if mobility else math.inf
 
     @property
     def moving_mass(self) -> float:

@@ -1,7 +1,7 @@
 """The supervisor's decision: from what is known of arm and person to the speed that the arm may have."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from hric_assessment.findings import NotAssessableError
 from hric_assessment.separation.protective import Terms
 from hric_assessment.supervisor.arm import ArmShape, ArmState, InForce, Placed
 from hric_assessment.supervisor.perception import Watch
-from hric_assessment.supervisor.person import HAND, Observation, moved
+from hric_assessment.supervisor.person import HAND, Observation, joined, moved
 from hric_assessment.supervisor.separation import SCALES, STANDING, Nearness, Protective, Stopping, nearness
 from hric_assessment.supervisor.settings import HAND_GUIDED, POWER_AND_FORCE, STANDSTILL, SupervisorSettings
 from hric_control.geometry import FloatArray, Vector
@@ -119,6 +119,27 @@ class Decision:
         return math.nan if self.part is None else self.part.margin
 
 
+class Motion:
+    """Velocity of one person, from two observations."""
+
+    def __init__(self) -> None:
+        self._before: Observation | None = None
+        self._velocities = np.zeros((0, 2, 3))
+
+    def reset(self) -> None:
+        """Forget the observation before."""
+        self._before = None
+
+    def velocities(self, person: Observation) -> FloatArray:
+        """Return the velocities of the ends of the capsules, shape (m, 2, 3) [m/s]."""
+        before, self._before = self._before, person
+        if before is None or before.links != person.links:
+            self._velocities = np.zeros_like(person.ends)
+        elif person.stamp > before.stamp:
+            self._velocities = (person.ends - before.ends) / (person.stamp - before.stamp)
+        return self._velocities
+
+
 class Supervisor:
     """Decides again and again; it keeps what the hysteresis and the speeds need.
 
@@ -126,8 +147,8 @@ class Supervisor:
         settings: its parameters.
         arm: the robot's shape.
         rotors: inertia of its rotors at the joints, shape (j,) [kg m^2]; None: not known.
-        frame: in which the person is seen.
-        T_world_frame: its pose in the root of the arm's description, shape (4, 4); None: they are one.
+        frames: T_world_frame of each frame in which persons are seen, shape (4, 4); None: the root of the arm's
+            description alone.
 
     Raises:
         HricError: no such table of limits.
@@ -138,44 +159,59 @@ class Supervisor:
         settings: SupervisorSettings,
         arm: ArmShape,
         rotors: FloatArray | None = None,
-        frame: str = WORLD,
-        T_world_frame: FloatArray | None = None,
+        frames: Mapping[str, FloatArray] | None = None,
     ) -> None:
-        self._T_world_frame = np.eye(4) if T_world_frame is None else T_world_frame
+        self._frames = {WORLD: np.eye(4)} if frames is None else frames
         self.settings, self._arm = settings, arm
         self._rotors = np.zeros(len(arm.joints)) if rotors is None else np.asarray(rotors)
         self._limits, self._half_mass = Limits.named(settings.table), half_mass(arm.moving_mass)
         self._stopping = Stopping(settings)
         self._protective = Protective(settings, self._stopping)
-        self._watch = Watch(frame, settings.max_age)
+        self._watch = Watch(settings, self._frames)
         self._speed = settings.speed
         self._scale, self._since, self._state, self._fault = 1.0, 0.0, FREE, ""
         self._violated = self._moved = self._stood = False
-        self._before: Observation | None = None
-        self._velocities = np.zeros((0, 2, 3))
+        self._motions = [Motion() for _ in settings.persons]
 
     def decide(
-        self, now: float, arm: ArmState | None, person: Observation | None, in_force: InForce = UNHINDERED
+        self,
+        now: float,
+        arm: ArmState | None,
+        person: Observation | None,
+        in_force: InForce = UNHINDERED,
+        others: Sequence[Observation | None] = (),
     ) -> Decision:
-        """What the arm may do from robot time `now` [s] on, by the newest that is known. Never raises on bad inputs.
+        """Decide what the arm may do from robot time `now` [s] on, by the newest that is known.
 
         Args:
             now: robot time [s].
             arm, person: None: not known.
             in_force: speed scale of the robot.
+            others: further persons, in the order of `settings.persons`.
         """
-        fault = self._watch.fault(now, arm, person)
-        stamp = math.nan if person is None else person.stamp
-        if fault or arm is None or person is None:
+        persons = (person, *others)
+        fault = self._watch.fault(now, arm, persons)
+        seen = [one for one in persons if one is not None]
+        stamp = min((one.stamp for one in seen), default=math.nan)
+        if fault or arm is None or len(seen) < len(persons):
             return self._faulty(now, stamp, fault)
-        person, placed = moved(person, WORLD, self._T_world_frame), self._arm.at(arm)
+        seen = [moved(one, WORLD, self._frames[one.frame]) for one in seen]
+        velocities = [motion.velocities(one) for motion, one in zip(self._motions, seen, strict=True)]
+        everybody = joined(seen, [name for name, _ in self.settings.persons])
+        return self._decided(now, arm, everybody, np.concatenate(velocities), in_force)
+
+    def _decided(
+        self, now: float, arm: ArmState, person: Observation, velocities: FloatArray, in_force: InForce
+    ) -> Decision:
+        """Decide by valid data; velocities: of the person's capsules, shape (m, 2, 3) [m/s]."""
+        placed, stamp = self._arm.at(arm), person.stamp
         speeds = np.linalg.norm(placed.velocities, axis=2)
         fastest = float(speeds.max())
         if fastest > self._stopping.fastest:
             known = f"its stops are known up to {self._stopping.fastest:g} m/s"
             return self._faulty(now, stamp, f"the arm is too fast: {fastest:.2f} m/s, and {known}")
         self._speed = max(self._speed, fastest)
-        near = nearness(placed, person, self._velocities_of(person))
+        near = nearness(placed, person, velocities)
         allowed = self._allowed(arm, placed, person, near, 0.0)
         freer = self._allowed(arm, placed, person, near, self.settings.hysteresis)
         before = self._scale if self.settings.active else 1.0
@@ -199,7 +235,9 @@ class Supervisor:
     # -- faults and hysteresis -----------------------------------------------------------------------------------------
 
     def _faulty(self, now: float, stamp: float, fault: str) -> Decision:
-        self._scale, self._since, self._before = 0.0, now, None
+        self._scale, self._since = 0.0, now
+        for motion in self._motions:
+            motion.reset()
         events = self._events(0.0, fault, fault, (False, False), None)
         return Decision(now, stamp, self._state, 0.0, fault=fault, reason=fault, events=events)
 
@@ -238,15 +276,6 @@ class Supervisor:
 
     # -- modes ---------------------------------------------------------------------------------------------------------
 
-    def _velocities_of(self, person: Observation) -> FloatArray:
-        """Of the ends of his capsules, from two poses of his, shape (m, 2, 3) [m/s]."""
-        before, self._before = self._before, person
-        if before is None or before.links != person.links:
-            self._velocities = np.zeros_like(person.ends)
-        elif person.stamp > before.stamp:
-            self._velocities = (person.ends - before.ends) / (person.stamp - before.stamp)
-        return self._velocities
-
     def _allowed(self, arm: ArmState, placed: Placed, person: Observation, near: Nearness, less: float) -> Permitted:
         """By the mode, as if the person were nearer by `less` [m]."""
         mode, distance = self.settings.mode, near.distance - less
@@ -263,7 +292,7 @@ class Supervisor:
     def _by_contact(
         self, arm: ArmState, placed: Placed, person: Observation, near: Nearness, by_distance: FloatArray
     ) -> Permitted:
-        """Each part of him is far enough, or the arm slow enough for a contact with its region."""
+        """Each part of the person is far enough, or the arm slow enough for a contact with its region."""
         worst = int(np.argmin(by_distance))
         if by_distance[worst] >= 1.0:
             return Permitted(1.0, worst)
@@ -294,7 +323,7 @@ class Supervisor:
         return self._limits.held_force(regions)
 
     def _guided(self, person: Observation, distance: FloatArray, towards: FloatArray) -> Permitted:
-        """A hand leads the arm; all of the person but that arm of his is as far as it must be."""
+        """A hand leads the arm; all else of all persons but that arm is as far as it must be."""
         own = self.settings
         hands = [at for at, regions in enumerate(person.regions) if HAND in regions]
         at_arm = [at for at in hands if distance[at] <= own.guided_distance]

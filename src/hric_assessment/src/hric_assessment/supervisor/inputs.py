@@ -1,8 +1,9 @@
-"""What the supervisor subscribes to: the arm's joints, and who sees the person."""
+"""Subscriptions of the supervisor: the arm's joints, and who sees the persons."""
 
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
@@ -10,12 +11,12 @@ from sensor_msgs.msg import JointState
 
 from hric_assessment.supervisor.arm import ArmState
 from hric_assessment.supervisor.decision import WORLD
-from hric_assessment.supervisor.person import BodyShape, Observation, hand_ball
-from hric_assessment.supervisor.settings import MARKER, PERSON, SupervisorSettings
-from hric_control.errors import ParameterError
+from hric_assessment.supervisor.person import BodyShape, Observation, hand_ball, unplaced
+from hric_assessment.supervisor.settings import MARKER, PERSON, NodeSettings
+from hric_control.errors import HricError, ParameterError
 from hric_control.geometry import Pose
 from hric_control.geometry.messages import pose_of
-from hric_control.node import Node, Registration
+from hric_control.node import Node, Registration, publisher_of
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 from hric_human.tracking import LOST
@@ -23,7 +24,8 @@ from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.settings import PersonSettings
 
 WAITING = 50
-"""Messages of a topic that wait for those of another one, at most; chosen here."""
+"""Messages of a topic that wait for those of another one, or for the next decision, at most (project default,
+unconfirmed)."""
 JOINTS, FRAMES = "joint_states", "hric/perception/mocap"
 PERSON_JOINTS, PERSON_TRACKING = "hric/person/joint_states", "hric/person/tracking"
 HUMAN_JOINTS, HUMAN_ROOT = "hric/human/joint_states", "hric/human/root"
@@ -48,26 +50,49 @@ class ArmInput:
         if any(name not in index for name in self._joints):
             return  # of a gripper, or another robot
         rows = [index[name] for name in self._joints]
+        if max(rows) >= min(len(message.position), len(message.velocity)):
+            return  # without a speed nothing is known of the arm
         q, dq = (np.array([values[at] for at in rows]) for values in (message.position, message.velocity))
         self.newest = ArmState(message.header.stamp.to_sec(), q, dq)
 
 
-class PersonInput(Protocol):
-    """The newest pose of the person.
+class PersonInput:
+    """What comes of one person. Two nodes that publish one topic of a person are two persons in one: a fault.
 
     Attributes:
-        frame: in which he is seen.
-        newest: None before the first.
-        came: called when there is a newer one.
+        frame: in which the person is seen.
+        came: called when there is a newer observation.
+        registrations: subscriptions.
     """
 
-    frame: str
-    came: Callable[[], None]
-    registrations: list[Registration]
+    def __init__(self, frame: str) -> None:
+        self.frame, self.came = frame, _nobody
+        self.registrations: list[Registration] = []
+        self._publishers: dict[str, str] = {}
+        self._fault = ""
+        self._newest: Observation | None = None
 
-    @property
-    def newest(self) -> Observation | None:
-        """See the attributes."""
+    def _subscribe(self, node: Node, topic: str, message_type: type, take: Callable[[Any], None]) -> None:
+        def on_message(message: Any) -> None:
+            own = publisher_of(message)
+            before = self._publishers.setdefault(topic, own)
+            if own != before:
+                self._publishers[topic] = own
+                self._fault = f"is doubled: {before} and {own} both publish {topic}"
+            take(message)
+
+        self.registrations.append(node.subscribe(topic, message_type, on_message))
+
+    def take(self) -> Observation | None:
+        """Return the newest observation, with those that came since the last call; None before the first."""
+        if new := self._made():
+            fault, self._fault = self._fault, ""
+            self._newest = new[-1]._replace(earlier=tuple(new[:-1]), fault=new[-1].fault or fault)
+        return self._newest
+
+    def _made(self) -> list[Observation]:
+        """Observations that came since the last call."""
+        raise NotImplementedError
 
 
 class Pairs:
@@ -96,45 +121,47 @@ class Pairs:
         self._take(*((message, other) if side == 0 else (other, message)))
 
 
-class _BodyInput:
-    """By the angles of joints, and the message that says where the root is.
+class _BodyInput(PersonInput):
+    """A person by the angles of joints, and the message that says where the root is.
 
     Args:
         shape: of the body.
-        frame: in which he is seen.
+        frame: in which the person is seen.
+        kept: messages that are kept between two decisions, the newest.
     """
 
-    def __init__(self, shape: BodyShape, frame: str) -> None:
-        self._shape, self.frame, self.came = shape, frame, _nobody
-        self._pair: tuple[Any, Any] | None = None
-        self._made: tuple[Any, Observation] | None = None
-        self.registrations: list[Registration] = []
+    def __init__(self, shape: BodyShape, frame: str, kept: int) -> None:
+        super().__init__(frame)
+        self._shape, self._joints = shape, ()
+        self._pairs: deque[tuple[Any, Any]] = deque(maxlen=kept)
 
     def _take(self, joints: Any, where: Any) -> None:
-        """Both of one instant; where: None of who stays."""
-        self._pair = joints, where
+        """Keep both messages of one instant; where: None for a root that stays."""
+        self._pairs.append((joints, where))
         self.came()
 
     @staticmethod
     def _root(where: Any) -> Pose:
         return pose_of(where.pose)
 
-    @property
-    def newest(self) -> Observation | None:
-        """Made on access: more messages come than decisions are."""
-        pair, made = self._pair, self._made
-        if pair is None:
-            return None
-        if made is None or made[0] is not pair:
-            joints, where = pair
-            angles, stamp = dict(zip(joints.name, joints.position, strict=True)), joints.header.stamp.to_sec()
-            frame, root = (self.frame, None) if where is None else (where.header.frame_id, self._root(where))
-            made = self._made = pair, self._shape.seen(stamp, frame, angles, root)
-        return made[1]
+    def _made(self) -> list[Observation]:
+        return [self._observation(*self._pairs.popleft()) for _ in range(len(self._pairs))]
+
+    def _observation(self, joints: Any, where: Any) -> Observation:
+        """Made when a decision needs it: more messages come than decisions are."""
+        stamp, frame = joints.header.stamp.to_sec(), self.frame if where is None else where.header.frame_id
+        before, self._joints = self._joints, tuple(joints.name)
+        if before not in ((), self._joints):
+            return unplaced(stamp, frame, f"has other joints: {', '.join(before)} before, {', '.join(joints.name)} now")
+        try:
+            angles = dict(zip(joints.name, joints.position, strict=True))
+            return self._shape.seen(stamp, frame, angles, None if where is None else self._root(where))
+        except (HricError, ValueError, ArithmeticError) as error:
+            return unplaced(stamp, frame, f"cannot be placed: {error}")
 
 
 class HumanInput(_BodyInput):
-    """The human in the robot's plant, by his joint states and, where he walks, his root.
+    """The human in the robot's plant, by the joint states and, of one who walks, the root.
 
     Args:
         node: any.
@@ -151,68 +178,65 @@ class HumanInput(_BodyInput):
             )
         settings = HumanSettings.of(person, where)
         body = describe(settings.person)
-        super().__init__(BodyShape(body, settings.root(body)), WORLD)
+        super().__init__(BodyShape(body, settings.root(body)), WORLD, 1)
         pairs = Pairs(self._take)
         if settings.walk is None:
-            self.registrations = [
-                node.subscribe(f"{root}{HUMAN_JOINTS}", JointState, lambda one: self._take(one, None))
-            ]
+            self._subscribe(node, f"{root}{HUMAN_JOINTS}", JointState, lambda joints: self._take(joints, None))
         else:
-            self.registrations = [
-                node.subscribe(f"{root}{HUMAN_ROOT}", PoseStamped, lambda one: pairs.add(1, one)),
-                node.subscribe(f"{root}{HUMAN_JOINTS}", JointState, lambda one: pairs.add(0, one)),
-            ]
+            self._subscribe(node, f"{root}{HUMAN_ROOT}", PoseStamped, lambda pose: pairs.add(1, pose))
+            self._subscribe(node, f"{root}{HUMAN_JOINTS}", JointState, lambda joints: pairs.add(0, joints))
 
 
-class MarkerInput:
+class MarkerInput(PersonInput):
     """A hand by its rigid body in the frames of motion capture. A frame in which it is not tracked says nothing of it.
 
     Args:
         node: any.
         root: namespace of the robot, with a slash at its end.
-        settings: of the supervisor.
+        radius: of the ball that holds the hand [m].
+        body: name of the rigid body.
         frame: of the arm's base, in which the frames must be.
     """
 
-    def __init__(self, node: Node, root: str, settings: SupervisorSettings, frame: str) -> None:
-        self._settings, self.frame, self.came = settings, frame, _nobody
-        self._newest: Observation | None = None
-        self.registrations: list[Registration] = [node.subscribe(f"{root}{FRAMES}", MocapData, self._on_frame)]
+    def __init__(self, node: Node, root: str, radius: float, body: str, frame: str) -> None:
+        super().__init__(frame)
+        self._radius, self._body = radius, body
+        self._frames: deque[Observation] = deque(maxlen=WAITING)
+        self._subscribe(node, f"{root}{FRAMES}", MocapData, self._on_frame)
 
     def _on_frame(self, message: Any) -> None:
-        for body in message.rigid_bodies:
-            if body.name == self._settings.body and body.tracking_valid:
-                p, head = body.pose.position, message.header
-                ball = self._settings.hand_radius
-                self._newest = hand_ball(head.stamp.to_sec(), head.frame_id, (p.x, p.y, p.z), ball)
-                self.came()
+        tracked = [body for body in message.rigid_bodies if body.name == self._body and body.tracking_valid]
+        if not tracked:
+            return
+        p, head = tracked[0].pose.position, message.header
+        ball = hand_ball(head.stamp.to_sec(), head.frame_id, (p.x, p.y, p.z), self._radius)
+        if len(tracked) > 1:
+            ball = ball._replace(fault=f"is doubled: {len(tracked)} rigid bodies {self._body} in one frame")
+        self._frames.append(ball)
+        self.came()
 
-    @property
-    def newest(self) -> Observation | None:
-        """See the protocol."""
-        return self._newest
+    def _made(self) -> list[Observation]:
+        return [self._frames.popleft() for _ in range(len(self._frames))]
 
 
 class TrackedInput(_BodyInput):
-    """A real person by the joints that the node `person` estimates. While a joint or his root is lost nothing is known
-    of him.
+    """A real person by the joints that the node `person` estimates. While a joint or the root is lost nothing is known
+    of the person.
 
     Args:
         node: any.
         root: namespace of the robot, with a slash at its end.
         person: the section `person` of the experiment; None: its defaults.
         where: name of that parameter.
-        frame: of the arm's base, in which his markers must be.
+        frame: of the arm's base, in which the markers must be.
     """
 
     def __init__(self, node: Node, root: str, person: Mapping[str, Any] | None, where: str, frame: str) -> None:
         body, _ = PersonSettings.of(person or {}, where).known()
-        super().__init__(BodyShape(body, Pose()), frame)
+        super().__init__(BodyShape(body, Pose()), frame, WAITING)
         pairs = Pairs(self._take)
-        self.registrations = [
-            node.subscribe(f"{root}{PERSON_JOINTS}", JointState, lambda one: pairs.add(0, one)),
-            node.subscribe(f"{root}{PERSON_TRACKING}", PersonTracking, lambda one: pairs.add(1, one)),
-        ]
+        self._subscribe(node, f"{root}{PERSON_JOINTS}", JointState, lambda joints: pairs.add(0, joints))
+        self._subscribe(node, f"{root}{PERSON_TRACKING}", PersonTracking, lambda tracking: pairs.add(1, tracking))
 
     def _take(self, joints: Any, where: Any) -> None:
         if where.root_state != LOST and len(joints.name) == len(where.name):
@@ -223,16 +247,30 @@ class TrackedInput(_BodyInput):
         return pose_of(where.root)
 
 
-def person_input(
-    node: Node, root: str, settings: SupervisorSettings, person: Mapping[str, Any] | None, where: str, base: str
-) -> PersonInput:
-    """By the settings; the arguments are those of the classes, base: the frame of the arm's base."""
-    if settings.source == MARKER:
-        return MarkerInput(node, root, settings, base)
-    if settings.source == PERSON:
-        return TrackedInput(node, root, person, where, base)
-    return HumanInput(node, root, person, where)
+def person_inputs(node: Node, root: str, settings: NodeSettings, base: str) -> list[PersonInput]:
+    """Return an input for each of `settings.persons`.
+
+    Args:
+        node: of the supervisor.
+        root: namespace of the robot, with a slash at its end.
+        settings: of the supervisor.
+        base: frame of the arm's base.
+
+    Raises:
+        ParameterError: the section of a person is missing or not valid.
+    """
+    inputs: list[PersonInput] = []
+    for name, source in settings.persons:
+        if source == MARKER:
+            body = settings.body[0] if len(settings.persons) == 1 else name
+            inputs.append(MarkerInput(node, root, settings.hand_radius, body, base))
+        elif source == PERSON:
+            inputs.append(TrackedInput(node, root, settings.person, node.resolve("person"), base))
+        else:
+            section = settings.person if settings.human is None and PERSON not in settings.source else settings.human
+            inputs.append(HumanInput(node, root, section, node.resolve("human")))
+    return inputs
 
 
 def _nobody() -> None:
-    """Nobody wants to know."""
+    """Do nothing: the default of `came`."""

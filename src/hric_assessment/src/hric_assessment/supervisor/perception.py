@@ -1,59 +1,72 @@
-"""Whether what is known of person and arm can be trusted: what cannot is named, and stops the arm."""
+"""What is known of persons and arm, and whether it can be trusted: what cannot is named, and stops the arm."""
+
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from hric_assessment.supervisor.arm import ArmState
 from hric_assessment.supervisor.person import Observation
+from hric_assessment.supervisor.settings import HUMAN, SupervisorSettings
+from hric_assessment.supervisor.validity import PersonValidator
 
 AHEAD = 0.02
-"""By which a stamp may be ahead of the clock [s]: a clock is known by messages 10 ms apart. The constants of this file
-are chosen here."""
+"""By which a stamp may be ahead of the clock [s]: a clock is known by messages 10 ms apart (project default,
+unconfirmed)."""
 PAUSE = 1.0
-"""Longest time between two decisions; beyond it the clock has jumped [s]."""
+"""Longest time between two decisions; beyond it the clock has jumped [s] (project default, unconfirmed)."""
+ARM = "the arm"
 
 
 class Watch:
-    """Looks at each decision's inputs.
+    """Checks the inputs of each decision.
 
     Args:
-        frame: in which the person must be.
-        max_age: of both [s].
+        settings: of the supervisor.
+        frames: in which persons may be.
     """
 
-    def __init__(self, frame: str, max_age: float) -> None:
-        self._frame, self._max_age = frame, max_age
+    def __init__(self, settings: SupervisorSettings, frames: Collection[str]) -> None:
+        self._frames, self._max_age = frames, settings.max_age
         self._now: float | None = None
-        self._stamps = {"the person": -np.inf, "the arm": -np.inf}
+        self._names = [name for name, _ in settings.persons]
+        self._validators = [PersonValidator(name, source != HUMAN, settings) for name, source in settings.persons]
+        self._stamps = dict.fromkeys([ARM, *self._names], -np.inf)
 
-    def fault(self, now: float, arm: ArmState | None, person: Observation | None) -> str:
-        """Why nothing can be decided at robot time `now` [s]; empty: nothing is wrong."""
+    def fault(self, now: float, arm: ArmState | None, persons: Sequence[Observation | None]) -> str:
+        """Return why nothing can be decided at robot time `now` [s], or an empty text."""
         jumped = self._jumped(now)
-        found = [jumped, self._of_person(now, person), self._of_arm(now, arm)]
-        return next((text for text in found if text), "")
+        of_persons = [
+            self._of_person(now, name, validator, person)
+            for name, validator, person in zip(self._names, self._validators, persons, strict=True)
+        ]
+        return next((text for text in (jumped, *of_persons, self._of_arm(now, arm)) if text), "")
 
     def _jumped(self, now: float) -> str:
         before, self._now = self._now, now
         if before is None or 0.0 <= now - before <= PAUSE:
             return ""
         self._stamps = dict.fromkeys(self._stamps, -np.inf)
+        for validator in self._validators:
+            validator.reset()
         return f"the clock jumped by {now - before:+.3f} s"
 
-    def _of_person(self, now: float, person: Observation | None) -> str:
+    def _of_person(self, now: float, name: str, validator: PersonValidator, person: Observation | None) -> str:
         if person is None:
-            return "no pose of a person has come"
-        if person.frame != self._frame:
-            return f"the person is in frame {person.frame!r}; valid: {self._frame}"
+            return f"no pose of {name.replace('the ', 'a ', 1)} has come"
+        if person.frame not in self._frames:
+            return f"{name} is in frame {person.frame!r}; valid: {', '.join(self._frames)}"
         bad = ~np.isfinite(person.ends).all(axis=(1, 2))
         if bad.any():
-            return f"the pose of the person is not finite: {person.links[int(np.argmax(bad))]}"
-        return self._in_time("the person", now, person.stamp)
+            return f"the pose of {name} is not finite: {person.links[int(np.argmax(bad))]}"
+        late = self._in_time(name, now, person.stamp)
+        return validator.fault(now, person, bool(late)) or late
 
     def _of_arm(self, now: float, arm: ArmState | None) -> str:
         if arm is None:
             return "no state of the arm has come"
         if not (np.isfinite(arm.q).all() and np.isfinite(arm.dq).all()):
             return "the state of the arm is not finite"
-        return self._in_time("the arm", now, arm.stamp)
+        return self._in_time(ARM, now, arm.stamp)
 
     def _in_time(self, what: str, now: float, stamp: float) -> str:
         before, self._stamps[what] = self._stamps[what], stamp

@@ -1,4 +1,4 @@
-"""Where a person is: the capsules of a body by its joints, or a ball around a hand of which a marker alone is known."""
+"""Capsules of a person: a body by its joints, or a ball around a hand of which a marker alone is known."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -20,13 +20,15 @@ class Observation(NamedTuple):
     """A person at an instant.
 
     Attributes:
-        stamp: of the measurement, robot time [s].
-        frame: in which he is.
-        ends: of his capsules, shape (m, 2, 3) [m].
+        stamp: robot time of the measurement [s].
+        frame: in which the person is.
+        ends: ends of the person's capsules, shape (m, 2, 3) [m].
         radii: shape (m,) [m].
         links: m names.
         regions: those of ISO/TS 15066 of each; of which one is met is not known; empty where it has none.
-        dominant: whether each is on the side of the dominant hand; None: not known.
+        dominant: True for those on the side of the dominant hand; None: not known.
+        fault: reason why this cannot be a person; empty: none is known.
+        earlier: observations that came since the last decision, oldest first.
     """
 
     stamp: float
@@ -36,14 +38,37 @@ class Observation(NamedTuple):
     links: tuple[str, ...]
     regions: tuple[tuple[str, ...], ...]
     dominant: tuple[bool | None, ...]
+    fault: str = ""
+    earlier: "tuple[Observation, ...]" = ()
+
+
+def unplaced(stamp: float, frame: str, fault: str) -> Observation:
+    """Return an observation of which nothing but its fault is known; stamp: robot time [s]."""
+    return Observation(stamp, frame, np.zeros((0, 2, 3)), np.zeros(0), (), (), (), fault)
+
+
+def joined(observations: Sequence[Observation], names: Sequence[str]) -> Observation:
+    """Return all persons as one, as old as the oldest; the links of several begin with their names."""
+    if len(observations) == 1:
+        return observations[0]
+    pairs = list(zip(names, observations, strict=True))
+    return Observation(
+        min(seen.stamp for seen in observations),
+        observations[0].frame,
+        np.concatenate([seen.ends for seen in observations]),
+        np.concatenate([seen.radii for seen in observations]),
+        tuple(f"{name}/{link}" for name, seen in pairs for link in seen.links),
+        tuple(regions for seen in observations for regions in seen.regions),
+        tuple(dominant for seen in observations for dominant in seen.dominant),
+    )
 
 
 class BodyShape:
     """The capsules of a body.
 
     Args:
-        body: whose.
-        root: T_world_root where he does not walk; `seen` may say another.
+        body: of the person.
+        root: T_world_root of a person who does not walk; `seen` may give another.
     """
 
     def __init__(self, body: Body, root: Pose) -> None:
@@ -55,7 +80,7 @@ class BodyShape:
         self._dominant = tuple(any(region.dominant for region in regions) if regions else None for regions in known)
 
     def seen(self, stamp: float, frame: str, angles: Mapping[str, float], root: Pose | None = None) -> Observation:
-        """At an instant.
+        """Return the person at an instant.
 
         Args:
             stamp: robot time [s].
@@ -81,7 +106,7 @@ class BodyShape:
 
 
 def hand_ball(stamp: float, frame: str, position: Sequence[float], radius: float) -> Observation:
-    """A hand within a ball.
+    """Return a hand within a ball.
 
     Args:
         stamp: robot time [s].
@@ -94,7 +119,7 @@ def hand_ball(stamp: float, frame: str, position: Sequence[float], radius: float
 
 
 def moved(seen: Observation, frame: str, T: FloatArray) -> Observation:
-    """In another frame.
+    """Return the person in another frame.
 
     Args:
         frame: its name.

@@ -1,10 +1,10 @@
-"""The parameters of the supervisor."""
+"""Parameters of the supervisor."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hric_control.parameters import Settings, anything, choice, flag, number, text
+from hric_control.parameters import Settings, anything, choice, flag, listing, names, number, text
 
 SPEED_AND_SEPARATION, POWER_AND_FORCE = "speed_and_separation", "power_and_force_limiting"
 HAND_GUIDED, STANDSTILL = "hand_guided", "monitored_standstill"
@@ -14,19 +14,24 @@ HUMAN, MARKER, PERSON = "human", "marker", "person"
 
 @dataclass(frozen=True)
 class SupervisorSettings(Settings):
-    """Of the supervisor. What no source gives is a default chosen by this project, unconfirmed."""
+    """Parameters of an experiment's section. What no source gives is a project default, unconfirmed."""
 
     separator = "."
     active: bool = flag(True, text="false: it watches and reports, and the robot is left alone")
     mode: str = choice(*MODES, text="what keeps the person inside the limits: Supervisor, below")
-    source: str = choice(
+    source: tuple[str, ...] = listing(
+        choice(HUMAN, MARKER, PERSON),
+        range(1, 4),
         HUMAN,
-        MARKER,
-        PERSON,
+        different=True,
+        single=True,
         text="who sees the person: `human`, the joint states of the one in the plant; `marker`, a hand whose rigid "
-        "body motion capture tracks; `person`, the joints of a real one whom the node `person` tracks",
+        "body motion capture tracks; `person`, the joints of a real one whom the node `person` tracks. Of several the "
+        "nearest decides, and a fault of any stops the arm",
     )
-    body: str = text("hand", empty=False, text="with `marker`: rigid body of the hand")
+    body: tuple[str, ...] = names(
+        default="hand", text="with `marker`: rigid body of the hand; of several each is a person of their own"
+    )
     hand_radius: float = number(
         0.15,
         above=0.0,
@@ -66,6 +71,15 @@ class SupervisorSettings(Settings):
     max_age: float = number(
         0.1, above=0.0, maximum=5.0, unit="s", text="of what is known of person or arm; what is older stops the arm"
     )
+    person_max_speed: float = number(
+        10.0,
+        above=0.0,
+        unit="m/s",
+        text="a point of the person that is faster cannot be: a fault; five times the speed of a hand by ISO 13855",
+    )
+    person_hold: float = number(
+        1.0, minimum=0.0, unit="s", text="for which the person's data must be valid again after it could not be"
+    )
     contact_stiffness: float = number(
         200.0, above=0.0, unit="N/m", text="with `power_and_force_limiting`: largest stiffness while the person is near"
     )
@@ -88,17 +102,25 @@ class SupervisorSettings(Settings):
 
     @property
     def table(self) -> str | Path:
-        """For `hric_assessment.tables.limit_table`."""
+        """Name or path for `hric_assessment.tables.limit_table`."""
         return Path(self.limits) if self.limits.endswith((".yaml", ".yml")) else self.limits
+
+    @property
+    def persons(self) -> tuple[tuple[str, str], ...]:
+        """(name, source) of each person who is watched."""
+        watched = [(name, source) for source in self.source for name in (self.body if source == MARKER else (source,))]
+        return tuple(watched) if len(watched) > 1 else (("the person", self.source[0]),)
 
 
 @dataclass(frozen=True)
 class NodeSettings(SupervisorSettings):
-    """What the node has besides."""
+    """Parameters that the node has besides."""
 
+    human: Any = anything(
+        None, default_text="none", text="with `human`: that section of the experiment: who it is, and where"
+    )
     person: Any = anything(
         None,
         default_text="none",
-        text="with `human`: the section `human` of the experiment, that is, who it is, and where; with `person`: the "
-        "section of that name",
+        text="with `person`: that section of the experiment; with `human` alone: as `human`, for one release",
     )

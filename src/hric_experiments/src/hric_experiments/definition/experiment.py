@@ -226,16 +226,17 @@ class Experiment(Settings):
         if self.supervisor is None:
             return
         source = self.supervisor.get("source", "human")
-        if source == "human" and self.human is None:
+        sources = [source] if isinstance(source, str) else list(source)
+        if "human" in sources and self.human is None:
             valid = "a section human, or another source"
             raise ParameterError(f"supervisor.source is human, and nobody is in the robot's plant; valid: {valid}")
-        if source == "person" and self.person is None:
+        if "person" in sources and self.person is None:
             valid = "a section person, or another source"
             raise ParameterError(f"supervisor.source is person, whom nobody tracks; valid: {valid}")
-        if source != "human" and (self.mocap is None or self.mocap.base_from_mocap is None):
+        if sources != ["human"] and (self.mocap is None or self.mocap.base_from_mocap is None):
             raise ParameterError(
-                f"supervisor.source is {source}, and nobody says where it is in the robot's base; valid: a section "
-                "mocap with base_from_mocap, or human"
+                f"supervisor.source is {', '.join(sources)}, and nobody says where it is in the robot's base; valid: a "
+                "section mocap with base_from_mocap, or human"
             )
 
 

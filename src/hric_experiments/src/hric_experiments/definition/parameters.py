@@ -291,10 +291,10 @@ def supervisor(experiment: Experiment) -> dict[str, dict[str, Any]]:
     if experiment.supervisor is None:
         return {}
     seen: dict[str, Any] = {}
-    if experiment.supervisor.get("source") == "person":
-        seen = {"person": _from_root(experiment.person or {}, "subject", "calibration")}
-    elif experiment.human is not None:
-        seen = {"person": dict(located(experiment.human, Path.cwd()))}
+    if experiment.person is not None:
+        seen["person"] = _from_root(experiment.person, "subject", "calibration")
+    if experiment.human is not None:
+        seen["human"] = dict(located(experiment.human, Path.cwd()))
     return {SUPERVISOR: {**_from_root(experiment.supervisor, "limits", "stops"), **seen}}
 
 

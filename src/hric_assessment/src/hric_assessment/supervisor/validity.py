@@ -1,0 +1,93 @@
+"""Person data that cannot be: a jump, a body of another size, two bodies in one, a tracker that hangs.
+
+Each such fault stops the arm. It ends when the data was valid for `person_hold`.
+"""
+
+import numpy as np
+
+from hric_assessment.supervisor.person import Observation
+from hric_assessment.supervisor.settings import SupervisorSettings
+from hric_control.geometry import FloatArray
+
+SAME_SIZE = 1e-3
+"""Largest change of a capsule's length or radius that is rounding [m] (project default, unconfirmed)."""
+
+
+class PersonValidator:
+    """Checks each observation of one person against the one before.
+
+    A person who is not seen may be elsewhere later: the gap allows `person_max_speed` times its duration, and
+    `person_uncertainty` for noise. Of a person who is measured a pose that repeats to the last bit is as old as its
+    first: cameras have noise, and a tracker without news hangs. A simulated person may truly stand still.
+
+    Args:
+        name: of the person, for the texts.
+        measured: False for the person in the robot's plant.
+        settings: of the supervisor.
+    """
+
+    def __init__(self, name: str, measured: bool, settings: SupervisorSettings) -> None:
+        self._name, self._measured, self._settings = name, measured, settings
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all observations, after the clock was set back or forth."""
+        self._last: Observation | None = None
+        self._changed_at = -np.inf
+        self._fault, self._until = "", -np.inf
+
+    def fault(self, now: float, newest: Observation, late: bool) -> str:
+        """Return the fault of a person, or an empty text.
+
+        Args:
+            now: robot time [s].
+            newest: newest observation, with those that came since the last call.
+            late: True if its stamp cannot be used.
+        """
+        for observation in (*newest.earlier, newest):
+            text = observation.fault
+            if not late and observation is not self._last and np.isfinite(observation.ends).all():
+                text = self._impossible(observation) or text
+                self._last = observation if len(observation.ends) else self._last
+            if text:
+                self._fault, self._until = f"{self._name} {text}", now + self._settings.person_hold
+        if now < self._until:
+            return f"{self._fault}; the arm waits for {self._settings.person_hold:g} s of valid data"
+        return ""
+
+    def _impossible(self, observation: Observation) -> str:
+        """Return what is impossible about a finite observation after the last one, or an empty text."""
+        last = self._last
+        if last is None or observation.fault:
+            self._changed_at = observation.stamp
+            return ""
+        if last.links != observation.links or _sizes_differ(last, observation):
+            return f"changed size: {_size(last)} before, {_size(observation)} now"
+        distance = np.linalg.norm(observation.ends - last.ends, axis=2).max(axis=1)
+        at, gap = int(np.argmax(distance)), observation.stamp - last.stamp
+        own = self._settings
+        if distance[at] > own.person_max_speed * max(gap, 0.0) + own.person_uncertainty:
+            return (
+                f"jumped: {observation.links[at]} by {distance[at]:.2f} m within {gap:.3f} s; valid: "
+                f"{own.person_max_speed:g} m/s and {own.person_uncertainty:g} m"
+            )
+        if distance[at] > 0.0 or not self._measured:
+            self._changed_at = observation.stamp
+        if observation.stamp - self._changed_at > own.max_age:
+            age = observation.stamp - self._changed_at
+            return f"is frozen: the same pose to the last bit for {age:.3f} s, as of a tracker that hangs"
+        return ""
+
+
+def _sizes(observation: Observation) -> tuple[FloatArray, FloatArray]:
+    """Lengths and radii of the capsules, shape (m,) each [m]."""
+    return np.linalg.norm(observation.ends[:, 1] - observation.ends[:, 0], axis=1), observation.radii
+
+
+def _sizes_differ(a: Observation, b: Observation) -> bool:
+    return any(not np.allclose(x, y, rtol=0.0, atol=SAME_SIZE) for x, y in zip(_sizes(a), _sizes(b), strict=True))
+
+
+def _size(observation: Observation) -> str:
+    lengths, radii = _sizes(observation)
+    return f"{len(lengths)} capsules of {lengths.sum():.3f} m and radii of {radii.sum():.3f} m in all"
