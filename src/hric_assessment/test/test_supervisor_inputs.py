@@ -25,7 +25,7 @@ from hric_control.geometry import Pose
 from hric_control.local.node import LocalNode
 from hric_control.robot_time import stamps
 from hric_human.tracking import LOST, MEASURED, Estimate
-from hric_msgs.msg import MocapData, PersonTracking
+from hric_msgs.msg import MocapData, PersonTracking, RigidBodyState
 from hric_perception.person.frames import Messages
 from hric_perception.person.settings import PersonSettings
 
@@ -129,7 +129,7 @@ def test_two_nodes_that_publish_one_person_are_a_fault_that_names_both():
     )
     tracking.publish(0.51, q)
     fault = tracking.input.take().fault
-    assert fault.startswith("is doubled: / and /second both publish /hric/person/")
+    assert fault.startswith("is doubled: / and /second both publish hric/person/")
     tracking.publish(0.52, q)
     assert not tracking.input.take().fault  # the other one is gone
 
@@ -165,11 +165,10 @@ def test_joints_that_are_others_than_before_or_without_angles_are_a_fault(names,
 def test_two_rigid_bodies_of_one_name_in_a_frame_are_a_fault():
     node = LocalNode({})
     hand, frames = MarkerInput(node, "", 0.15, "hand", FRAME), node.advertise(FRAMES, MocapData)
-    bodies = [MocapRigidBody(name="hand", tracking_valid=True), MocapRigidBody(name="hand", tracking_valid=True)]
     for count in (1, 2):
-        frames.publish(
-            MocapData(header=Header(stamp=stamps.to_time(count), frame_id=FRAME), rigid_bodies=bodies[:count])
-        )
+        head = Header(stamp=stamps.to_time(count), frame_id=FRAME)
+        bodies = [RigidBodyState(name="hand", tracking_valid=True) for _ in range(count)]
+        frames.publish(MocapData(header=head, rigid_bodies=bodies))
         fault = hand.take().fault
         assert fault == ("" if count == 1 else "is doubled: 2 rigid bodies hand in one frame")
 

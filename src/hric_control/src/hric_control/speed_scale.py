@@ -150,11 +150,12 @@ class SpeedScale:
         requests = {holder: lease.request for holder, lease in leases.items()}
         self.lost = tuple(holder for holder, lease in leases.items() if time > lease.expires)
         self._next_expiry = min((lease.expires for lease in leases.values() if time <= lease.expires), default=math.inf)
-        slowest = min(requests, key=lambda holder: requests[holder].scale, default="")
-        self.holder = ", ".join(self.lost) or slowest
+        slowest = min(requests, key=requests.__getitem__, default="")
         self.target = 0.0 if self.lost else requests[slowest].scale if requests else 1.0
         self.stiffness = min((request.stiffness for request in requests.values()), default=math.inf)
         self.force = min((request.force for request in requests.values()), default=math.inf)
+        limited = self.target < 1.0 or min(self.stiffness, self.force) < math.inf
+        self.holder = ", ".join(self.lost) or (slowest if limited else "")
 
     def _step(self, period: float) -> None:
         error = self.target - self.value

@@ -131,9 +131,7 @@ class SupervisorApp:
         for one in events:
             self._events.publish(topics.event(decision, one))
             if not self._node.publishes_inline:  # a headless run has it in its report
-                (self._node.log_warn if one.kind in ("fault", "violation", "holder_lost") else self._node.log_info)(
-                    one.text
-                )
+                (self._node.log_warn if one.kind in WARNED else self._node.log_info)(one.text)
 
     def _of_holders(self) -> list[Event]:
         """Return an event where another node holds the speed, or one was lost, since the last call."""
@@ -142,9 +140,7 @@ class SupervisorApp:
         if self._holder == before or not holder or (holder == self._node.namespace and not lost):
             return []
         if lost:
-            return [
-                Event("holder_lost", f"{holder}: no request of the speed in time, the arm stops until there is one")
-            ]
+            return [Event("holder_lost", f"{holder} requested no speed in time: the arm stops until it does")]
         return [Event("held", f"{holder} requests less than the supervisor: it holds the speed")]
 
     def _on_taken(self, message: Any) -> None:
