@@ -84,7 +84,7 @@ def test_a_body_of_another_size_is_a_fault():
 def test_other_links_are_another_body():
     cell = Cell()
     cell.decide(seen_at(cell, 3.0))
-    assert cell.decide(seen_at(cell, 3.0, links=("other",))).scale == 0.0 and "changed size" in faults(cell)[0]
+    assert cell.decide(seen_at(cell, 3.0, links=("other",))).scale == 0.0 and "has other links" in faults(cell)[0]
 
 
 def test_two_persons_in_one_are_a_fault_also_where_each_decision_sees_the_same_one():
@@ -146,8 +146,15 @@ def test_the_speed_of_each_of_several_persons_is_by_their_own_stamps():
         now = k * PERIOD
         first, second = ball(now, 3.0 - 0.03 * k), ball(now - (k == 3) * 0.004, 6.0)
         decision = supervisor.decide(now, ArmState(now, READY, STILL), first, others=[second])
+    assert decision.perception == second.stamp  # as old as the oldest
     way = np.array(decision.part.person_point) - decision.part.robot_point
     assert decision.part.person_speed == pytest.approx(3.0 * way[0] / np.linalg.norm(way), abs=1e-6)
+
+
+def test_an_observation_without_a_shape_is_nobody():
+    empty = unplaced(0.01, "world", "")
+    decision = Cell().supervisor.decide(0.01, ArmState(0.01, READY, STILL), empty)
+    assert decision.scale == 0.0 and "the person has no shape" in decision.fault
 
 
 @pytest.mark.parametrize("source", [[], ["human", "human"], "camera", ["human", 3]])

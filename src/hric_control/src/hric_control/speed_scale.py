@@ -66,7 +66,7 @@ OTHERS = "others"
 
 
 class _Lease(NamedTuple):
-    """What a holder requests, and until when [s of robot time]."""
+    """Request of a holder, and when it expires [s of robot time]."""
 
     request: Request
     expires: float
@@ -86,21 +86,6 @@ class SpeedScale:
         lost: holders whose leases have expired; while there are any the robot comes to a stop.
         holder: name of the holder whose scale counts, or of those that are lost; empty where nothing is limited.
     """
-
-    __slots__ = (
-        "_leases",
-        "_next_expiry",
-        "_now",
-        "_pending",
-        "_rate",
-        "active",
-        "force",
-        "holder",
-        "lost",
-        "stiffness",
-        "target",
-        "value",
-    )
 
     def __init__(self) -> None:
         self.value, self._rate, self.target = 1.0, 0.0, 1.0

@@ -45,10 +45,9 @@ class PersonValidator:
             late: True if its stamp cannot be used.
         """
         for observation in (*newest.earlier, newest):
-            text = observation.fault
-            if not late and observation is not self._last and np.isfinite(observation.ends).all():
-                text = self._impossible(observation) or text
-                self._last = observation if len(observation.ends) else self._last
+            text = observation.fault or ("" if len(observation.ends) else "has no shape")
+            if not (late or text) and observation is not self._last and np.isfinite(observation.ends).all():
+                text, self._last = self._impossible(observation), observation
             if text:
                 self._fault, self._until = f"{self._name} {text}", now + self._settings.person_hold
         if now < self._until:
@@ -58,11 +57,13 @@ class PersonValidator:
     def _impossible(self, observation: Observation) -> str:
         """Return what is impossible about a finite observation after the last one, or an empty text."""
         last = self._last
-        if last is None or observation.fault:
+        if last is None:
             self._changed_at = observation.stamp
             return ""
-        if last.links != observation.links or _sizes_differ(last, observation):
-            return f"changed size: {_size(last)} before, {_size(observation)} now"
+        if last.links != observation.links:
+            return f"has other links: {', '.join(last.links)} before, {', '.join(observation.links)} now"
+        if (change := np.abs(_sizes(observation) - _sizes(last)).max()) > SAME_SIZE:
+            return f"changed size: a length or radius by {change:.3f} m"
         distance = np.linalg.norm(observation.ends - last.ends, axis=2).max(axis=1)
         at, gap = int(np.argmax(distance)), observation.stamp - last.stamp
         own = self._settings
@@ -73,21 +74,12 @@ class PersonValidator:
             )
         if distance[at] > 0.0 or not self._measured:
             self._changed_at = observation.stamp
-        if observation.stamp - self._changed_at > own.max_age:
-            age = observation.stamp - self._changed_at
+        if (age := observation.stamp - self._changed_at) > own.max_age:
             return f"is frozen: the same pose to the last bit for {age:.3f} s, as of a tracker that hangs"
         return ""
 
 
-def _sizes(observation: Observation) -> tuple[FloatArray, FloatArray]:
-    """Lengths and radii of the capsules, shape (m,) each [m]."""
-    return np.linalg.norm(observation.ends[:, 1] - observation.ends[:, 0], axis=1), observation.radii
-
-
-def _sizes_differ(a: Observation, b: Observation) -> bool:
-    return any(not np.allclose(x, y, rtol=0.0, atol=SAME_SIZE) for x, y in zip(_sizes(a), _sizes(b), strict=True))
-
-
-def _size(observation: Observation) -> str:
-    lengths, radii = _sizes(observation)
-    return f"{len(lengths)} capsules of {lengths.sum():.3f} m and radii of {radii.sum():.3f} m in all"
+def _sizes(observation: Observation) -> FloatArray:
+    """Lengths and radii of the capsules, shape (2 m,) [m]."""
+    lengths = np.linalg.norm(observation.ends[:, 1] - observation.ends[:, 0], axis=1)
+    return np.concatenate([lengths, observation.radii])
