@@ -132,15 +132,21 @@ class SpeedScale:
         if time < self._now:  # the clock was set back: nobody's lease became longer
             for holder, (request, expires) in leases.items():
                 leases[holder] = _Lease(request, min(expires, time + request.valid_for))
-        requests = {holder: lease.request for holder, lease in leases.items()}
-        self.lost = tuple(holder for holder, lease in leases.items() if time > lease.expires)
-        self._next_expiry = min((lease.expires for lease in leases.values() if time <= lease.expires), default=math.inf)
-        slowest = min(requests, key=requests.__getitem__, default="")
-        self.target = 0.0 if self.lost else requests[slowest].scale if requests else 1.0
-        self.stiffness = min((request.stiffness for request in requests.values()), default=math.inf)
-        self.force = min((request.force for request in requests.values()), default=math.inf)
-        limited = self.target < 1.0 or min(self.stiffness, self.force) < math.inf
-        self.holder = ", ".join(self.lost) or (slowest if limited else "")
+        smallest, holder_of_it, lost = UNLIMITED, "", []
+        self.stiffness = self.force = self._next_expiry = math.inf
+        for holder, (request, expires) in leases.items():
+            if request < smallest:
+                smallest, holder_of_it = request, holder
+            if request.stiffness < self.stiffness:
+                self.stiffness = request.stiffness
+            if request.force < self.force:
+                self.force = request.force
+            if time > expires:
+                lost.append(holder)
+            elif expires < self._next_expiry:
+                self._next_expiry = expires
+        self.lost, self.target = tuple(lost), 0.0 if lost else smallest.scale
+        self.holder = ", ".join(lost) or ("" if smallest[:3] == UNLIMITED[:3] else holder_of_it)
 
     def _step(self, period: float) -> None:
         error = self.target - self.value
