@@ -119,7 +119,9 @@ def test_a_holder_gives_its_lease_back_by_a_request_without_limits_and_for_itsel
 def test_a_lost_holder_that_gives_its_lease_back_lets_the_robot_go():
     scale = SpeedScale()
     scale.request(Request(1.0, valid_for=0.1), "a")
-    values(scale, 500)
+    values(scale, 10)
+    assert scale.holder == ""  # it limits nothing
+    values(scale, 500, 0.01)
     assert scale.lost == ("a",)
     scale.request(UNLIMITED, "a")
     assert values(scale, 500, 0.5)[-1] == 1.0 and not scale.active

@@ -15,7 +15,7 @@ from hric_control.speed_scale import stopping_time
 from hric_experiments.definition import experiment
 from hric_experiments.definition.parameters import SUPERVISOR
 from hric_experiments.simulation import Simulation
-from hric_msgs.msg import MocapData, RigidBodyState, SafetyEvent, SpeedScale, SpeedScaleState
+from hric_msgs.msg import MocapData, RigidBodyState, SafetyEvent, SafetyState, SpeedScale, SpeedScaleState
 
 NAME, OWN = "shared_workspace", SupervisorSettings()
 PROTECTIVE_TIME = OWN.reaction_time + stopping_time(1.0) + OWN.settling_time
@@ -163,3 +163,21 @@ def test_a_second_publisher_of_the_speed_scale_never_speeds_the_arm_up_and_is_na
     assert len(lost) == (1 if valid_for else 0) and all(
         text.startswith("/ requested no speed in time") for text in lost
     )
+
+
+@pytest.mark.parametrize(("x", "link"), [(1.2, "hand/hand"), (6.0, "human/")])
+def test_of_the_human_in_the_plant_and_a_hand_before_cameras_the_nearer_decides(x, link):
+    raw = experiment.read(NAME)
+    raw["mocap"] = {
+        "stream": {"noise": 1e-4},
+        "human": {"program": "sinusoid", "begin": 0.1, "centre": [x, 0.0, 0.5], "amplitude": [0.05, 0.0, 0.0]},
+        "base_from_mocap": {"xyz": [0, 0, 0], "xyzw": [0, 0, 0, 1]},
+    }
+    raw["supervisor"]["source"] = ["human", "marker"]
+    raw["robot"]["plant_type"] = "mujoco_ros_control/MujocoPlant"
+    states = []
+    with Simulation(experiment.parse(NAME, raw)) as simulation:
+        simulation.node.subscribe("hric/safety/state", SafetyState, states.append)
+        simulation.run(1.0)
+    known = [state for state in states if not state.fault]
+    assert len(known) > 80 and all(state.person_link.startswith(link) for state in known)
