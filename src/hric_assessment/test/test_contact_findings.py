@@ -285,6 +285,7 @@ def test_a_finding_names_its_table_window_and_marks_and_the_disclaimer_what_it_i
     first = str(finding)
     assert first.startswith(f"contact of {ROBOT} with chest from 0.2")
     assert " s: within limits (36 % of the limit): transient force 100.0 of 280.0 N (chest) [ISO/TS 15066" in first
+    assert DISCLAIMER not in first  # it stands once, with all findings
     for words in (
         "ISO 12100",
         "proof of conformity",

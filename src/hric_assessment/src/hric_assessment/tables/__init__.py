@@ -1,7 +1,7 @@
 """The published tables, and the one loader of their files.
 
     limits = limit_table("iso_ts_15066")        # or "bgia2011", or a Path to a user's own file
-    rula_table(), reba_table(), niosh_table(), separation_table(), episode_table(), verdict_table()
+    rula_table(), reba_table(), niosh_table(), separation_table(), episode_table(), area_table(), verdict_table()
 
 Each file in config/tables has the values in the units in which they are printed, their sources, and a mark for each: by
 how many public sources it is confirmed. What is read here is as printed; who computes converts to SI.
@@ -14,7 +14,7 @@ from typing import TypeVar
 from hric_assessment.tables.base import MARKS, Table
 from hric_assessment.tables.limits import FOOT, REGIONS, ForceRow, LimitTable, PressureRow, Row
 from hric_assessment.tables.posture import Adder, Band, Condition, PostureTable, RebaTable, RulaTable
-from hric_assessment.tables.values import EpisodeTable, NioshTable, SeparationTable, VerdictTable
+from hric_assessment.tables.values import AreaTable, EpisodeTable, NioshTable, SeparationTable, VerdictTable
 from hric_control.parameters import package_yaml, read_yaml, unknown
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "REGIONS",
     "UNITS",
     "Adder",
+    "AreaTable",
     "Band",
     "Condition",
     "EpisodeTable",
@@ -38,6 +39,7 @@ __all__ = [
     "SeparationTable",
     "Table",
     "VerdictTable",
+    "area_table",
     "episode_table",
     "limit_table",
     "niosh_table",
@@ -94,6 +96,12 @@ def separation_table() -> SeparationTable:
 def episode_table() -> EpisodeTable:
     """config/tables/episodes.yaml."""
     return _built_in(EpisodeTable, "episodes")
+
+
+@cache
+def area_table() -> AreaTable:
+    """config/tables/contact_areas.yaml."""
+    return _built_in(AreaTable, "contact_areas")
 
 
 @cache

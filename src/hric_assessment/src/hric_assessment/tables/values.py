@@ -101,3 +101,11 @@ class VerdictTable(ValueTable):
     active: Value = section(Value)
     very_active: Value = section(Value)
     weak_shoulder: Value = section(Value)
+
+
+@dataclass(frozen=True)
+class AreaTable(ValueTable):
+    """Areas over which a contact can act [m^2]; config/tables/contact_areas.yaml."""
+
+    smallest: Value = section(Value)
+    largest: Mapping[str, float] = mapping(number(above=0.0), text="by region")

@@ -1,16 +1,19 @@
 """From a recording to its verdict."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from hric_assessment.findings import Finding, NotAssessableError
 from hric_assessment.verdict.choices import Choices
+from hric_assessment.verdict.conclusions import conclusions, with_remedy
 from hric_assessment.verdict.contacts import contact_findings
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.interaction import interaction, productivity
 from hric_assessment.verdict.lifts import lift_findings
 from hric_assessment.verdict.loads import Loads, loads
 from hric_assessment.verdict.missing import missing
+from hric_assessment.verdict.moment import moment
 from hric_assessment.verdict.person import Person, people_of
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_assessment.verdict.result import Figure, Verdict, ranked
@@ -24,7 +27,8 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
         given: the recording.
         choices: limits, braking, area of contacts; None: the defaults.
     """
-    choices, people, found = choices or Choices(), people_of(given), given.recording
+    choices = (choices or Choices()).stated(given.definition)
+    people, found = people_of(given), given.recording
     findings = contact_findings(given, choices)
     timelines: dict[str, Any] = {"rula": [], "reba": [], "separation": None, "activation": None}
     distances: list[Separated] = []
@@ -41,7 +45,7 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
     timelines["activation"] = next((curves for one in each if (curves := one.timeline()) is not None), None)
     figures = (*_figures(each, people), *interaction(given), *productivity(nearest, found.safety))
     table, first = choices.limits.table, people[0] if people else None
-    return Verdict(
+    verdict = Verdict(
         {
             "name": given.name,
             "kind": given.kind,
@@ -51,12 +55,19 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
         },
         {"title": table.title, "edition": table.edition},
         None if first is None else first.about(),
-        tuple(dict.fromkeys(line for person in people for line in person.assumptions)),
-        ranked(findings),
+        (*dict.fromkeys(line for person in people for line in person.assumptions), *choices.assumptions),
+        ranked([with_remedy(finding) for finding in findings]),
         figures,
         tuple(missing(given, first)),
         timelines,
     )
+    return _concluded(verdict, given, people)
+
+
+def _concluded(verdict: Verdict, given: Given, people: Sequence[Person]) -> Verdict:
+    """Return a copy with its conclusions and the worst moment."""
+    drawn = conclusions(verdict.findings, verdict.figures, verdict.missing, given.run)
+    return replace(verdict, conclusions=drawn, moment=moment(given, people, drawn))
 
 
 def _separation(given: Given, person: Person, choices: Choices, distances: list[Separated]) -> list[Finding]:

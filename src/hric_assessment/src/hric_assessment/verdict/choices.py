@@ -1,6 +1,8 @@
 """Choices of the user of a verdict."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from hric_assessment.contact.limits import Limits
 from hric_assessment.ergonomics import rula
@@ -56,9 +58,19 @@ class Choices:
         contact_area: area over which contacts act, the smaller of the robot's and the body's [m^2]; None: not known.
             Where a contact has an area of its own in the recording, the smaller of the two counts.
         rula_table: version of RULA's table A, one of `hric_assessment.ergonomics.rula.VERSIONS`.
+        assumptions: about what was chosen, one sentence each.
     """
 
     limits: Limits = field(default_factory=Limits.named)
     braking: Braking = field(default_factory=Braking)
     contact_area: float | None = None
     rula_table: str = rula.VERSIONS[0]
+    assumptions: tuple[str, ...] = ()
+
+    def stated(self, experiment: Mapping[str, Any]) -> "Choices":
+        """Return a copy with the contact area that an experiment states, where the user chose none."""
+        area = (experiment.get("human") or {}).get("contact_area")
+        if self.contact_area is not None or area is None:
+            return self
+        assumed = f"contacts act over {1e4 * area:g} cm^2, as the experiment states (human.contact_area)"
+        return replace(self, contact_area=float(area), assumptions=(*self.assumptions, assumed))

@@ -1,16 +1,22 @@
 """Command line: assess."""
 
 import argparse
-from collections.abc import Sequence
+import sys
+import traceback
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from hric_assessment.contact.area import check_area
 from hric_assessment.contact.limits import Limits
+from hric_assessment.ergonomics import rula
 from hric_assessment.separation import stopping
 from hric_assessment.tables import LIMIT_TABLES
 from hric_assessment.verdict.assess import assess
 from hric_assessment.verdict.choices import Braking, Choices
 from hric_assessment.verdict.comparing import compared
+from hric_assessment.verdict.conclusions import CONTACT, GROUPS, QUESTIONS
 from hric_assessment.verdict.given import opened
+from hric_assessment.verdict.moment import picture
 from hric_assessment.verdict.result import Verdict
 from hric_bags import files
 from hric_bags.run_folder import runs_root
@@ -19,32 +25,76 @@ from hric_control.errors import HricError
 FILE = "verdict.json"
 SEVERITY = (0, 4, 1)
 """Exit codes of verdicts, from the best to the worst."""
+SOFTWARE = 70
+"""Exit code of an error of this program, EX_SOFTWARE of sysexits.h: it must not read as "above limits"."""
+AREA_OPTION = "--contact-area"
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Return the exit code of `main`, and SOFTWARE with a message where the program itself fails.
+
+    Raises:
+        HricError: as `main`.
+    """
+    try:
+        return main(arguments)
+    except HricError:
+        raise
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        print(
+            f"assess: an error of the program, nothing was assessed: {type(error).__name__}: {error}\n"
+            f"  in {where.filename}:{where.lineno}; please report it with the recording",
+            file=sys.stderr,
+        )
+        return SOFTWARE
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Assess a recording; returns the exit code of its outcome."""
-    given = _parser().parse_args(list(arguments))
-    root = runs_root(given.runs)
-    limits = given.limits if given.limits in LIMIT_TABLES else Path(given.limits).expanduser()
-    stops = None if given.stop is None else stopping.load(given.stop)
-    choices = Choices(Limits.named(limits), Braking(stops), given.contact_area)
-    verdicts = [_assessed(name, root, choices) for name in (given.recording, *given.compare)]
-    if given.compare:
+    """Assess a recording and return the exit code of its outcome.
+
+    Raises:
+        HricError: a mistake in the call, or a recording that cannot be read.
+    """
+    options = _parser().parse_args(list(arguments))
+    root = runs_root(options.runs)
+    limits = options.limits if options.limits in LIMIT_TABLES else Path(options.limits).expanduser()
+    stops = None if options.stop is None else stopping.load(options.stop)
+    if options.contact_area is not None:
+        check_area(options.contact_area, name=AREA_OPTION)
+    choices = Choices(Limits.named(limits), Braking(stops), options.contact_area, options.rula_table)
+    verdicts = [_assessed(name, root, choices) for name in (options.recording, *options.compare)]
+    if options.compare:
         print(compared(verdicts))
     else:
-        print(verdicts[0].render())
-    return max((one.exit_code for one in verdicts), key=SEVERITY.index)
+        print(verdicts[0].render(options.only, full=options.all), end="")
+    if options.picture is not None:
+        _draw(verdicts[0], options.picture)
+    return max((one.exit_code(options.only) for one in verdicts), key=SEVERITY.index)
 
 
 def _assessed(name: str, root: Path, choices: Choices) -> Verdict:
-    """The verdict, written beside its recording."""
-    found = opened(name, root)
-    verdict = assess(found, choices)
-    try:
-        files.write_json(found.folder / FILE, verdict.to_dict())
-    except OSError as error:
-        raise HricError(f"cannot write {FILE} in {found.folder}: {error.strerror or error}") from error
+    """Return the verdict of a recording, and write it beside the recording."""
+    given = opened(name, root)
+    verdict = assess(given, choices)
+    if choices.contact_area is not None:
+        regions = {region for one in verdict.findings if one.group == GROUPS[CONTACT] for region in one.regions}
+        check_area(choices.contact_area, regions, AREA_OPTION)
+    _write(given.folder / FILE, lambda path: files.write_json(path, verdict.to_dict()))
     return verdict
+
+
+def _draw(verdict: Verdict, path: Path) -> None:
+    if verdict.moment is None:
+        raise HricError(f"no picture {path.name}: nobody's place is known at a moment that decides")
+    _write(path, lambda path: files.write_text(path, picture(verdict.moment or {})))
+
+
+def _write(path: Path, write: Callable[[Path], None]) -> None:
+    try:
+        write(path)
+    except OSError as error:
+        raise HricError(f"cannot write {path.name} in {path.parent}: {error.strerror or error}") from error
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -52,7 +102,8 @@ def _parser() -> argparse.ArgumentParser:
         "rosrun hric_assessment assess",
         description="What a run would have meant for the person in it: contacts, separation and posture held against "
         "published tables. Estimates of a model. Needs no ROS master.",
-        epilog="exit codes: 0 within limits (warnings too); 1 above limits; 4 not assessable; 2 a mistake in the call.",
+        epilog="exit codes: 0 every question that counts is within limits (warnings too); 1 one is above limits; 4 "
+        "none is above, but one is not known; 2 a mistake in the call; 70 an error of the program.",
     )
     parser.add_argument(
         "recording",
@@ -61,11 +112,33 @@ def _parser() -> argparse.ArgumentParser:
         metavar="RUN|BAG|C3D",
         help="run folder, its name, latest (default), a bag, or a c3d file with markers of a body (Plug-in Gait)",
     )
+    _add_choices(parser)
+    parser.add_argument(
+        "--only",
+        action="extend",
+        nargs="+",
+        choices=QUESTIONS,
+        default=[],
+        metavar="QUESTION",
+        help=f"judge these questions alone, with their exit code: {', '.join(QUESTIONS)}; default: contact, distance "
+        "and posture, and a lift above its limit",
+    )
+    parser.add_argument("--all", action="store_true", help="all findings with values and notes, figures, assumptions")
+    parser.add_argument("--picture", type=Path, metavar="SVG", help="draw arm and person at the worst moment")
+    parser.add_argument(
+        "--compare", nargs="+", default=[], metavar="RUN", help="further recordings: the findings of all side by side"
+    )
+    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
+    return parser
+
+
+def _add_choices(parser: argparse.ArgumentParser) -> None:
+    """Add the options that become `Choices`."""
     parser.add_argument(
         "--limits",
         default=LIMIT_TABLES[0],
         metavar="FILE|bgia2011",
-        help=f"of contacts: one of {', '.join(LIMIT_TABLES)} (default: {LIMIT_TABLES[0]}), or a YAML file of your own",
+        help=f"limits of contacts: {', '.join(LIMIT_TABLES)} (default: {LIMIT_TABLES[0]}), or a YAML file of your own",
     )
     parser.add_argument(
         "--stop",
@@ -75,14 +148,12 @@ def _parser() -> argparse.ArgumentParser:
         "measure_stops (a simulation's); default: an assumption, which is printed",
     )
     parser.add_argument(
-        "--contact-area",
+        AREA_OPTION,
         type=float,
         metavar="M2",
-        help="over which contacts act, the smaller of the robot's and the body's [m^2]; without it no contact is "
-        "within limits, since its pressure is not known",
+        help="over which contacts act, the smaller of the robot's and the body's [m^2] (1 cm^2 is 1e-4); without it, "
+        "or human.contact_area of the experiment, no contact is within limits, since its pressure is not known",
     )
     parser.add_argument(
-        "--compare", nargs="+", default=[], metavar="RUN", help="further recordings: the findings of all side by side"
+        "--rula-table", choices=rula.VERSIONS, default=rula.VERSIONS[0], help="version of RULA's table A"
     )
-    parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
-    return parser

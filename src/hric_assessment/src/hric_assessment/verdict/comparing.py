@@ -3,39 +3,50 @@
 from collections.abc import Sequence
 
 from hric_assessment.findings import DISCLAIMER, Finding
-from hric_assessment.verdict.result import ORDER, Verdict
+from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, GROUPS
+from hric_assessment.verdict.result import Verdict
 from hric_bags import text
 
 NONE = "-"
 
 
 def compared(verdicts: Sequence[Verdict]) -> str:
-    """A row for each subject, with the worst of its findings in each recording, and one for each figure."""
-    names = [str(one.input["name"]) for one in verdicts]
-    outcomes = [str(one.outcome) for one in verdicts]
-    cells = [["", *names], ["outcome", *outcomes]]
-    subjects = dict.fromkeys((one.group, one.subject) for verdict in verdicts for one in verdict.findings)
-    for group, subject in subjects:
-        cells.append([f"{group}: {subject}", *(_worst(verdict, group, subject) for verdict in verdicts)])
+    """Return a table: a row for each question, for the worst finding of each subject, and for each figure."""
+    cells = [["", *(str(one.input["name"]) for one in verdicts)]]
+    cells.append(["outcome", *(str(one.outcome) for one in verdicts)])
+    for conclusions in zip(*(verdict.conclusions for verdict in verdicts), strict=True):
+        replies = [f"{one.reply}{f': {one.number}' if one.number else ''}" for one in conclusions]
+        cells.append([conclusions[0].question, *replies])
+    worst = [_worst(verdict) for verdict in verdicts]
+    for key in dict.fromkeys(key for findings in worst for key in findings):
+        cells.append([key, *(_shown(findings.get(key)) for findings in worst)])
     figures = dict.fromkeys((one.name, one.unit) for verdict in verdicts for one in verdict.figures)
     for name, unit in figures:
         cells.append([f"{name} [{unit}]", *(_figure(verdict, name) for verdict in verdicts)])
     return "\n".join([*text.rows(cells), DISCLAIMER])
 
 
-def _worst(verdict: Verdict, group: str, subject: str) -> str:
-    found = [one for one in verdict.findings if (one.group, one.subject) == (group, subject)]
-    if not found:
+def _worst(verdict: Verdict) -> dict[str, Finding]:
+    """Return the worst finding of each subject: contacts by region, distances all together, since which links are
+    nearest differs from run to run."""
+    findings: dict[str, Finding] = {}
+    for one in verdict.findings:
+        subject = one.subject
+        if one.group == GROUPS[CONTACT]:
+            subject = f"contact with {' or '.join(one.regions)}" if one.regions else subject
+        elif one.group == GROUPS[DISTANCE]:
+            subject = "distance of the arm"
+        findings.setdefault(f"{one.person}: {subject}" if one.person else subject, one)
+    return findings
+
+
+def _shown(finding: Finding | None) -> str:
+    if finding is None:
         return NONE
-    worst = min(found, key=lambda one: (ORDER.index(one.outcome), -(one.share or 0.0)))
-    return f"{worst.outcome}{_share(worst)}"
-
-
-def _share(one: Finding) -> str:
-    score = next((value for name, value in one.values.items() if name == "score that counts"), None)
+    score = finding.values.get("score that counts")
     if score is not None:
-        return f" ({score:g})"
-    return "" if one.share is None else f" ({100.0 * one.share:.0f} %)"
+        return f"{finding.outcome} ({score:g})"
+    return str(finding.outcome) if finding.share is None else f"{finding.outcome} ({100.0 * finding.share:.0f} %)"
 
 
 def _figure(verdict: Verdict, name: str) -> str:

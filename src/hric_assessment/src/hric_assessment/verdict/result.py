@@ -1,7 +1,7 @@
-"""The verdict: findings from the worst on, figures beside them, what is missing; as JSON and as text."""
+"""The verdict: conclusions, findings from the worst on, figures beside them, what is missing; as JSON and as text."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -10,17 +10,18 @@ import numpy as np
 
 from hric_assessment.findings import DISCLAIMER, Finding, Outcome
 from hric_assessment.tables import VerdictTable, verdict_table
+from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, outcome
 from hric_control.geometry import FloatArray
 
-VERSION = 1
-"""Of the JSON; its schema is config/verdict.schema.json."""
-ORDER = (Outcome.ABOVE, Outcome.NOT_ASSESSABLE, Outcome.WARNING, Outcome.WITHIN)
-"""From the worst on: what is not assessable may be above."""
+VERSION = 2
+"""Version of the JSON; its schema is config/verdict.schema.json."""
 EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: 1, Outcome.NOT_ASSESSABLE: 4}
+SHOWN_LINES = 15
+"""Lines of findings in a short text (project default)."""
 SHOWN = 20
-"""Findings of one group in a text; the JSON has all."""
+"""Findings of one group in a full text; the JSON has all."""
 SHOWN_FIGURES = 12
-"""Figures of one group in a text; likewise."""
+"""Figures of one group in a full text; likewise."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Missing:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Of one recording.
+    """Verdict of one recording.
 
     Attributes:
         input: name, kind, experiment, begin and end [s].
@@ -67,6 +68,8 @@ class Verdict:
         findings: from the worst on.
         figures, missing: beside them.
         timelines: as in the JSON.
+        conclusions: about the five questions.
+        moment: arm and person at the worst moment, as in the JSON; None: not known.
     """
 
     input: Mapping[str, Any]
@@ -77,17 +80,17 @@ class Verdict:
     figures: tuple[Figure, ...] = ()
     missing: tuple[Missing, ...] = ()
     timelines: Mapping[str, Any] = field(default_factory=dict)
+    conclusions: tuple[Conclusion, ...] = ()
+    moment: Mapping[str, Any] | None = None
 
     @property
     def outcome(self) -> Outcome:
-        """The worst of all findings; without any there is nothing to assess."""
-        found = {finding.outcome for finding in self.findings}
-        return next((one for one in ORDER if one in found), Outcome.NOT_ASSESSABLE)
+        """The worst outcome of the questions about limits of a person; what is unknown is not assessable."""
+        return outcome(self.conclusions)
 
-    @property
-    def exit_code(self) -> int:
-        """Of the command."""
-        return EXIT_CODES[self.outcome]
+    def exit_code(self, only: Collection[str] = ()) -> int:
+        """Return the exit code of the command; only: questions that count, empty: those of `outcome`."""
+        return EXIT_CODES[outcome(self.conclusions, only)]
 
     def to_dict(self) -> dict[str, Any]:
         """As its JSON has it."""
@@ -95,6 +98,7 @@ class Verdict:
             "version": VERSION,
             "disclaimer": DISCLAIMER,
             "outcome": str(self.outcome),
+            "answers": [self._conclusion(one) for one in self.conclusions],
             "input": dict(self.input),
             "limits": dict(self.limits),
             "person": None if self.person is None else dict(self.person),
@@ -103,28 +107,59 @@ class Verdict:
             "figures": [{**vars(one), "value": _finite(one.value)} for one in self.figures],
             "missing": [vars(one) for one in self.missing],
             "timelines": dict(self.timelines),
+            "moment": None if self.moment is None else dict(self.moment),
         }
 
-    def render(self) -> str:
-        """As text."""
+    def _conclusion(self, one: Conclusion) -> dict[str, Any]:
+        index = None if one.finding is None else self.findings.index(one.finding)
+        numbers = {"value": _finite(one.value), "limit": _finite(one.limit), "finding": index}
+        return {**vars(one), "reply": str(one.reply), **numbers}
+
+    def render(self, only: Collection[str] = (), *, full: bool = False) -> str:
+        """Return the text: the conclusions, then the worst findings.
+
+        Args:
+            only: questions that count; empty: those of `outcome`.
+            full: with all findings, figures, what is missing, and assumptions.
+        """
         name, begin, end = (self.input[key] for key in ("name", "begin", "end"))
-        lines = [f"{name}, {begin:.2f} to {end:.2f} s: {self.outcome}", f"  {DISCLAIMER}"]
-        for group, found in _grouped(self.findings).items():
-            lines += ["", f"{group}:"]
-            lines += [line for one in found[:SHOWN] for line in [f"- {one}", *_details(one)]]
-            if len(found) > SHOWN:
-                lines.append(f"- and {len(found) - SHOWN} more, which are no worse")
-        if self.figures:
-            lines += ["", "figures without a limit:", *_figures(self.figures)]
-        if self.missing:
-            lines += ["", "missing:", *(f"- {one}" for one in self.missing)]
-        if self.assumptions:
-            lines += ["", "assumptions:", *(f"- {one}" for one in self.assumptions)]
-        return "\n".join(lines) + "\n"
+        lines = [f"{name}, {begin:.2f} to {end:.2f} s: {outcome(self.conclusions, only)}", ""]
+        lines += [str(one) for one in self.conclusions if not only or one.question in only]
+        lines += ["", DISCLAIMER, ""]
+        groups = [GROUPS[one] for one in only if one in GROUPS] if only else list(GROUPS.values())
+        decide = ranked([one.finding for one in self.conclusions if one.finding is not None])
+        others = [one for one in self.findings if not any(one is known for known in decide)]
+        shown = [one for one in (*decide, *others) if one.group in groups]
+        return "\n".join(lines + (self._full(shown) if full else self._short(shown))) + "\n"
+
+    def _short(self, findings: Sequence[Finding]) -> list[str]:
+        lines: list[str] = []
+        for count, one in enumerate(findings):
+            remedy = f"  to know it: {one.remedy}"
+            more = [f"- {one}"] + ([remedy] if one.remedy and remedy not in lines else [])
+            if len(lines) + len(more) > SHOWN_LINES:
+                return [*lines, f"and {len(findings) - count} more findings, figures and assumptions: --all"]
+            lines += more
+        return [*lines, "figures, assumptions and what the findings stand on: --all"]
+
+    def _full(self, findings: Sequence[Finding]) -> list[str]:
+        lines: list[str] = []
+        for group, own in _grouped(findings).items():
+            lines += [f"{group}:", *(line for one in own[:SHOWN] for line in [f"- {one}", *_details(one)])]
+            lines += [f"- and {len(own) - SHOWN} more, which are no worse"] if len(own) > SHOWN else []
+            lines.append("")
+        parts: Mapping[str, Sequence[object]] = {
+            "figures without a limit": _figures(self.figures),
+            "missing": self.missing,
+            "assumptions": self.assumptions,
+        }
+        for title, content in parts.items():
+            lines += [f"{title}:", *(f"- {one}" for one in content), ""] if content else []
+        return lines
 
 
 def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """From the worst on: by outcome, then by the share of the limit."""
+    """Sort from the worst on: by outcome, then by the share of the limit."""
     return tuple(sorted(findings, key=lambda one: (ORDER.index(one.outcome), -(one.share or 0.0))))
 
 
@@ -184,6 +219,9 @@ def _finding(one: Finding) -> dict[str, Any]:
         "missing": list(one.missing),
         "notes": list(one.notes),
         "regions": list(one.regions),
+        "evidence": None if one.evidence is None else vars(one.evidence),
+        "remedy": one.remedy,
+        "person": one.person,
     }
 
 
@@ -201,9 +239,9 @@ def _figures(figures: Sequence[Figure]) -> list[str]:
         groups.setdefault(one.group, []).append(one)
     lines = []
     for group, found in groups.items():
-        lines += [f"- {one}" for one in found[:SHOWN_FIGURES]]
+        lines += [str(one) for one in found[:SHOWN_FIGURES]]
         if len(found) > SHOWN_FIGURES:
-            lines.append(f"- and {len(found) - SHOWN_FIGURES} more of {group}")
+            lines.append(f"and {len(found) - SHOWN_FIGURES} more of {group}")
     return lines
 
 
@@ -212,4 +250,5 @@ def _details(one: Finding) -> list[str]:
     lines = [f"values: {'; '.join(known)}"] if known else []
     lines += [f"from: {', '.join(one.signals)}"] if one.signals else []
     lines += [f"missing: {', '.join(one.missing)}"] if one.missing else []
+    lines += [f"to know it: {one.remedy}"] if one.remedy else []
     return [f"  {line}" for line in [*lines, *one.notes]]

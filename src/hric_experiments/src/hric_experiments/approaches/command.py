@@ -15,7 +15,8 @@ import numpy as np
 
 from hric_assessment.findings import DISCLAIMER
 from hric_assessment.findings import Outcome as Result
-from hric_assessment.verdict.result import EXIT_CODES, ORDER
+from hric_assessment.verdict.conclusions import ORDER
+from hric_assessment.verdict.result import EXIT_CODES
 from hric_control.errors import HricError
 from hric_control.parameters import whole
 from hric_experiments.analysis.contacts import CONTACT_AREA

@@ -155,6 +155,13 @@ class HumanSettings(Settings):
     watches: str = text("", text="link of the robot that he sees, for motions that react to it; empty: none")
     walk: WalkSettings | None = section(WalkSettings, None, text="where he walks; none: his root is fixed to the world")
     grips: Mapping[str, GripSettings] = mapping(section(GripSettings), {}, text="what is held, by name")
+    contact_area: float | None = number(
+        None,
+        above=0.0,
+        unit="m^2",
+        default_text="not known",
+        text="over which contacts act in the verdict, the smaller of the robot's and the body's",
+    )
     rate: float = number(200.0, above=0.0, maximum=1000.0, unit="Hz", text="of his topics")
     seed: int = whole(0, minimum=0, text="of all that varies")
 

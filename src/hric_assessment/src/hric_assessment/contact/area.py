@@ -1,0 +1,42 @@
+"""Check that an area of a contact can be one: most that cannot are mistakes of units.
+
+    check_area(2e-5, ["hand, fingers"])
+    check_area(0.2)                         # 2000 cm^2: HricError, which suggests 2e-5
+
+The ranges by region are in config/tables/contact_areas.yaml.
+"""
+
+from collections.abc import Iterable
+
+from hric_assessment.tables import area_table
+from hric_control.errors import HricError
+
+CM2 = 1e-4
+"""Square centimetre [m^2]."""
+
+
+def check_area(area: float, regions: Iterable[str] = (), name: str = "contact_area") -> None:
+    """Refuse an area over which no contact can act.
+
+    Args:
+        area: area of contact [m^2].
+        regions: regions of the body that were met; empty: any.
+        name: name of the option or key, for the message.
+
+    Raises:
+        HricError: the area is smaller than a point or larger than the smallest of the regions.
+    """
+    table = area_table()
+    known = {region: table.largest[region] for region in regions if region in table.largest}
+    if known:
+        region, largest = min(known.items(), key=lambda item: item[1])
+        of = f"what a contact with {region} can cover"
+    else:
+        largest, of = max(table.largest.values()), "what a contact with a body can cover"
+    smallest = table["smallest"]
+    if smallest <= area <= largest:
+        return
+    valid = f"valid: {smallest:g} to {largest:g} m^2 ({table.mark})"
+    meant = f"; did you mean {area:g} cm^2: {area * CM2:g}?" if smallest <= area * CM2 <= largest else ""
+    side = "larger" if area > largest else "smaller"
+    raise HricError(f"{name} is {area:g} m^2, which is {area / CM2:g} cm^2, {side} than {of}; {valid}{meant}")

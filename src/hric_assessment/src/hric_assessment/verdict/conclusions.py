@@ -1,0 +1,220 @@
+"""Conclusions of a verdict about five questions, which come before all its findings.
+
+contact   Did every contact stay within what the person bears?
+distance  Was the arm never nearer than the protective separation distance?
+posture   Is the score of every known arm within limits?
+effort    How much does it cost the person? A limit exists for lifts alone.
+task      Was the run completed?
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from hric_assessment.findings import Finding, Outcome
+from hric_assessment.tables import niosh_table, verdict_table
+from hric_human.participant.settings import HumanSettings
+
+if TYPE_CHECKING:
+    from hric_assessment.verdict.result import Figure, Missing
+
+CONTACT, DISTANCE, POSTURE, EFFORT, TASK = QUESTIONS = ("contact", "distance", "posture", "effort", "task")
+BY_DEFAULT = (CONTACT, DISTANCE, POSTURE)
+"""Questions that count unless the user names others: those about limits of a person."""
+GROUPS = {CONTACT: "contact", DISTANCE: "separation", POSTURE: "posture", EFFORT: "lift"}
+"""Group of findings that decides a question."""
+GIVES = {CONTACT: ("contact forces",), DISTANCE: ("distance", "capsules"), POSTURE: ("RULA",), EFFORT: ("strength",)}
+"""Words by which a missing signal says that it would decide a question."""
+AREA = "the contact's area"
+AREA_REMEDY = "--contact-area M2, or human.contact_area in the experiment"
+PARTS_REMEDY = "simulate more of the body: human.parts:="
+ORDER = (Outcome.ABOVE, Outcome.NOT_ASSESSABLE, Outcome.WARNING, Outcome.WITHIN)
+"""Outcomes from the worst on: what is not assessable may be above."""
+
+
+class Reply(StrEnum):
+    """Reply to a question. A warning is within limits, by a rule that the finding states."""
+
+    YES = "yes"
+    WARNING = "warning"
+    NO = "no"
+    UNKNOWN = "unknown"
+    NO_LIMIT = "no limit"
+
+
+REPLIES = {
+    Outcome.WITHIN: Reply.YES,
+    Outcome.WARNING: Reply.WARNING,
+    Outcome.ABOVE: Reply.NO,
+    Outcome.NOT_ASSESSABLE: Reply.UNKNOWN,
+}
+OUTCOMES = {reply: outcome for outcome, reply in REPLIES.items()} | {Reply.NO_LIMIT: Outcome.NOT_ASSESSABLE}
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """Reply to one question with the number that decides it.
+
+    Attributes:
+        question: one of QUESTIONS.
+        reply: yes only where the evidence carries it.
+        subject: what the number is of.
+        value, limit: number and its limit in `unit`; None: not known, or no limit exists.
+        reason: why, one sentence.
+        remedy: command, argument or topic that would make an unknown known.
+        person: namespace of the person with the worst finding; empty: there is one person only.
+        finding: the finding that decides; None: there is none.
+    """
+
+    question: str
+    reply: Reply
+    subject: str
+    value: float | None = None
+    limit: float | None = None
+    unit: str = ""
+    reason: str = ""
+    remedy: str = ""
+    person: str = ""
+    finding: Finding | None = None
+
+    @property
+    def number(self) -> str:
+        """Value and limit as text; empty: no value is known."""
+        if self.value is None:
+            return ""
+        if (self.limit, self.unit) == (100.0, "%"):
+            return f"{self.value:.3g} % of the limit"
+        unit, form = f" {self.unit}" if self.unit else "", ".3f" if self.unit == "m" else ".3g"
+        limit = "" if self.limit is None else f" (limit {self.limit:{form}}{unit})"
+        return f"{self.value:{form}}{unit}{limit}"
+
+    def __str__(self) -> str:
+        who = f"{self.person}: " if self.person else ""
+        text = ", ".join(filter(None, (self.number, f"{who}{self.subject}")))
+        return f"{self.question:<9} {self.reply:<9} {text}" + (f"; to know it: {self.remedy}" if self.remedy else "")
+
+
+def conclusions(
+    findings: Sequence[Finding], figures: "Sequence[Figure]", missing: "Sequence[Missing]", run: Mapping[str, Any]
+) -> tuple[Conclusion, ...]:
+    """Return the conclusions about all questions, each that of the person with the worst finding.
+
+    Args:
+        findings: all findings, from the worst on.
+        figures: numbers without a limit.
+        missing: signals that the recording does not have.
+        run: contents of run.yaml; empty without a run folder.
+    """
+    people = list(dict.fromkeys(finding.person for finding in findings if finding.person)) or [""]
+    result = []
+    for question in BY_DEFAULT:
+        each = [_of_person(question, findings, missing, person) for person in people]
+        result.append(min(each, key=lambda conclusion: ORDER.index(OUTCOMES[conclusion.reply])))
+    return (*result, _effort(findings, figures, missing), _task(run))
+
+
+def _of_person(question: str, findings: Sequence[Finding], missing: "Sequence[Missing]", person: str) -> Conclusion:
+    own = [one for one in findings if one.group == GROUPS[question] and one.person in ("", person)]
+    if question == POSTURE:
+        own = _posture(own)
+    if not own:
+        return Conclusion(question, Reply.UNKNOWN, "not recorded", remedy=_lacking(question, missing), person=person)
+    return _by(question, own[0])
+
+
+def _posture(findings: Sequence[Finding]) -> list[Finding]:
+    """Return those that decide: all of RULA, and REBA where it can be assessed. REBA needs legs that most recordings
+    lack; it is another method for the same question, so that not knowing it hides no score of RULA."""
+    rula = [one for one in findings if one.subject.startswith("RULA")]
+    return [one for one in findings if not rula or one in rula or one.outcome != Outcome.NOT_ASSESSABLE]
+
+
+def _by(question: str, finding: Finding) -> Conclusion:
+    value, limit, unit = _number(finding)
+    reply, why, remedy = REPLIES[finding.outcome], finding.reason, finding.remedy
+    return Conclusion(question, reply, finding.subject, value, limit, unit, why, remedy, finding.person, finding)
+
+
+def _number(finding: Finding) -> tuple[float | None, float | None, str]:
+    """Return (value, limit, unit) of a finding: a score, an index, a share of the limit, or a distance."""
+    values = finding.values
+    if (score := values.get("score that counts")) is not None:
+        return score, verdict_table()["rula_warning" if finding.subject.startswith("RULA") else "reba_warning"], ""
+    if (index := values.get("lifting index [1]")) is not None:
+        return index, niosh_table()["high"], ""
+    if finding.share is not None:
+        return 100.0 * finding.share, 100.0, "%"
+    if (distance := values.get("distance [m]")) is not None:
+        return distance, values.get("S_p [m]"), "m"
+    return None, None, ""
+
+
+def with_remedy(finding: Finding) -> Finding:
+    """Return a finding that is not assessable with what would make it so, by what it says is missing."""
+    if finding.outcome != Outcome.NOT_ASSESSABLE or finding.remedy or not finding.missing:
+        return finding
+    remedy = "" if finding.group == GROUPS[CONTACT] else f"record {', '.join(finding.missing)}"
+    if AREA in finding.missing:
+        remedy = AREA_REMEDY
+    elif any("angle" in name for name in finding.missing) and any("human/" in topic for topic in finding.signals):
+        remedy = PARTS_REMEDY + ("whole_body" if finding.subject.startswith("REBA") else "upper_body")
+    return replace(finding, remedy=remedy)
+
+
+def _lacking(question: str, missing: "Sequence[Missing]") -> str:
+    signals = [one.signal for one in missing if any(word in one.gives for word in GIVES[question])]
+    return f"record {'; '.join(signals)}" if signals else ""
+
+
+def _effort(findings: Sequence[Finding], figures: "Sequence[Figure]", missing: "Sequence[Missing]") -> Conclusion:
+    """Return the conclusion of the worst lift; without a lift the largest load, which has no limit."""
+    lifts = [one for one in findings if one.group == GROUPS[EFFORT]]
+    if lifts:
+        return _by(EFFORT, lifts[0])
+    for figure in figures:
+        if figure.group in ("strength", "muscles") and figure.value is not None:
+            return Conclusion(EFFORT, Reply.NO_LIMIT, figure.name, 100.0 * figure.value, None, "%", figure.note)
+    return Conclusion(EFFORT, Reply.UNKNOWN, "not recorded", remedy=_lacking(EFFORT, missing))
+
+
+def _task(run: Mapping[str, Any]) -> Conclusion:
+    if not run:
+        return Conclusion(
+            TASK, Reply.UNKNOWN, "no run.yaml", remedy="assess the run folder instead of the recording alone"
+        )
+    status = str(run.get("status", "not known"))
+    error = str(run.get("arm_error") or run.get("error") or "")
+    reply = Reply.YES if status == "completed" and not error else Reply.NO
+    subject = f"run {status}" + (f"; {error}" if error else "")
+    duration = (run.get("definition") or {}).get("duration")
+    return Conclusion(TASK, reply, subject, None if duration is None else float(duration), None, "s")
+
+
+def outcome(given: Sequence[Conclusion], only: Collection[str] = ()) -> Outcome:
+    """Return the worst outcome of the questions that count.
+
+    Args:
+        given: conclusions about all questions.
+        only: questions that count; empty: those about limits of a person, and effort where a lift is above its limit.
+    """
+    counted = [OUTCOMES[one.reply] for one in given if one.question in (only or BY_DEFAULT)]
+    if not only:
+        counted += [OUTCOMES[one.reply] for one in given if (one.question, one.reply) == (EFFORT, Reply.NO)]
+    return next((worst for worst in ORDER if worst in counted), Outcome.NOT_ASSESSABLE)
+
+
+def unknown_beforehand(section: Mapping[str, Any] | None) -> str:
+    """Return a line about what the verdict of a run will not know; empty: nothing, or nobody is simulated.
+
+    Args:
+        section: section `human` of the experiment; None: there is none.
+    """
+    if section is None:
+        return ""
+    human, lacks = HumanSettings.of(section, "human"), []
+    if human.contact_area is None:
+        lacks.append("contact, should one happen: its area is not stated (human.contact_area:=M2)")
+    if human.person.parts not in ("upper_body", "whole_body"):
+        lacks.append("posture: neck and trunk are not simulated (human.parts:=upper_body)")
+    return f"the verdict of this run will not know {'; '.join(lacks)}" if lacks else ""

@@ -1,0 +1,141 @@
+"""Worst moment of a recording: capsules of arm and person at one instant, as data and as a picture."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from hric_assessment.separation.capsules import Capsules, distances, of_body
+from hric_assessment.verdict.capsule_motion import CapsuleMotion, capsules_of
+from hric_assessment.verdict.conclusions import BY_DEFAULT, CONTACT, ORDER, OUTCOMES, POSTURE, Conclusion
+from hric_assessment.verdict.given import Given
+from hric_assessment.verdict.person import Person
+from hric_control import urdf
+from hric_control.geometry import FloatArray
+
+INSTANTS = 200
+"""Instants of a finding's window among which the nearest one is searched (project default)."""
+WIDTH, HIGHEST, HEAD, MARGIN = 420.0, 320.0, 20.0, 14.0
+"""Width and greatest height of the picture, height of its key, and its margin [units of the picture]."""
+TILT = np.radians(15.0)
+"""Elevation of the viewer above the horizontal [rad] (project default)."""
+ROBOT, PERSON, MARKS = "#8fa3b8", "#d9b48f", {"no": "#b3261e", "unknown": "#7a3fb0", "warning": "#d98324"}
+"""Colours; of what decides by the reply, green where it is yes."""
+
+
+def moment(given: Given, people: Sequence[Person], conclusions: Sequence[Conclusion]) -> dict[str, Any] | None:
+    """Return arm and person at the worst moment of the worst conclusion, as in the JSON; None: nobody's place is known.
+
+    Args:
+        given: the recording.
+        people: persons of the recording.
+        conclusions: about all questions.
+    """
+    shown = [one for one in conclusions if one.question in BY_DEFAULT and one.finding and one.finding.window]
+    if not shown or not people:
+        return None
+    conclusion = min(shown, key=lambda one: ORDER.index(OUTCOMES[one.reply]))
+    assert conclusion.finding is not None and conclusion.finding.window is not None
+    person = next((one for one in people if one.name == conclusion.person), people[0])
+    begin, end = np.clip(conclusion.finding.window, person.time[0], person.time[-1]).tolist()
+    time = np.linspace(begin, end, INSTANTS)
+    body, arm = of_body(person.body), Capsules((), np.empty((0, 2, 3)), np.empty(0))
+    root = None if person.root is None else person.root.transforms
+    q = np.nan_to_num(person.q)
+    ends = CapsuleMotion(urdf.read(person.body.urdf), body, person.names, person.time, q, root)(time)
+    log, at = given.recording.log, 0
+    marked: tuple[list[int], list[int]] = [], _of_arm(person, conclusion)
+    arm_ends = np.empty((len(time), 0, 2, 3))
+    if log is not None and given.description and root is not None:
+        tree = urdf.read(given.description)
+        arm, _ = capsules_of(tree, log.joint_names)
+        arm_ends = CapsuleMotion(tree, arm, log.joint_names, log.time, log.position)(time) if arm.links else arm_ends
+    if arm.links and conclusion.question != POSTURE:
+        gaps = distances(arm_ends, arm.radii, ends, body.radii)
+        gaps[:, :, ~_concerned(person, body, conclusion)] = np.inf
+        at, first, second = (int(k) for k in np.unravel_index(int(np.argmin(gaps)), gaps.shape))
+        marked = [first], [second]
+    return {
+        "time": float(time[at]),
+        "question": conclusion.question,
+        "reply": str(conclusion.reply),
+        "subject": conclusion.subject,
+        "arm": _listed(arm, arm_ends[at], marked[0]),
+        "person": _listed(body, ends[at], marked[1]),
+    }
+
+
+def _of_arm(person: Person, conclusion: Conclusion) -> list[int]:
+    """Return the capsules of the arm that a posture is of; of other findings none."""
+    side = next((side for side in person.sides if side in conclusion.subject), None)
+    arm = (f"{side}_upper_arm", f"{side}_forearm", f"{side}_hand")
+    return [k for k, name in enumerate(person.body.segments) if name in arm and conclusion.question == POSTURE]
+
+
+def _concerned(person: Person, body: Capsules, conclusion: Conclusion) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Return which capsules of the body have the regions of a contact; of other findings all."""
+    regions = conclusion.finding.regions if conclusion.question == CONTACT and conclusion.finding else ()
+    own = {link: {region.name for region in of_link} for link, of_link in person.body.regions.items()}
+    concerned = np.array([bool(own.get(link, set()) & set(regions)) for link in body.links])
+    return concerned if concerned.any() else np.ones(len(body.links), dtype=bool)
+
+
+def _listed(capsules: Capsules, ends: FloatArray, marked: Sequence[int]) -> list[dict[str, Any]]:
+    """Return capsules as the JSON has them; ends: in the world, shape (k, 2, 3) [m]; marked: those that decide."""
+    rows = zip(capsules.links, np.round(ends, 4).tolist(), np.round(capsules.radii, 4).tolist(), strict=True)
+    return [{"link": row[0], "ends": row[1], "radius": row[2], "decides": k in marked} for k, row in enumerate(rows)]
+
+
+def picture(scene: Mapping[str, Any]) -> str:
+    """Return an SVG of arm and person, across the line between them; scene: result of `moment`."""
+    arm, person = scene["arm"], scene["person"]
+    capsules = [*arm, *person]
+    flat = np.array([one["ends"] for one in capsules]) @ _view(arm, person).T
+    radii = np.array([one["radius"] for one in capsules])
+    low, high = ((flat[..., :2] + side * radii[:, None, None]) for side in (-1.0, 1.0))
+    left, bottom = low.min(axis=(0, 1))
+    right, top = high.max(axis=(0, 1))
+    scale = min((WIDTH - 2.0 * MARGIN) / (right - left), (HIGHEST - 2.0 * MARGIN) / (top - bottom))
+    height = HEAD + scale * (top - bottom) + 2.0 * MARGIN
+    flat[..., 0] = 0.5 * WIDTH + scale * (flat[..., 0] - 0.5 * (left + right))
+    flat[..., 1] = height - MARGIN - scale * (flat[..., 1] - bottom)
+    mark = MARKS.get(scene["reply"], "#2c8f52")
+    drawn = []
+    for k in np.argsort(flat[..., 2].mean(axis=1)):
+        fill = mark if capsules[k]["decides"] else ROBOT if k < len(arm) else PERSON
+        drawn.append(_capsule(flat[k], 2.0 * scale * radii[k], fill, capsules[k]["link"]))
+    key = [("robot", ROBOT), ("person", PERSON), (f"decides: {scene['reply']}", mark)][0 if arm else 1 :]
+    words = "".join(
+        f'<circle cx="{MARGIN + 90 * k:g}" cy="12" r="6" fill="{fill}"/>'
+        f'<text x="{MARGIN + 10 + 90 * k:g}" y="16" font-size="12" fill="currentColor">{escape(word)}</text>'
+        for k, (word, fill) in enumerate(key)
+    )
+    bar = 0.5 if scale < 0.5 * WIDTH else 0.1
+    label = f"arm and person at {scene['time']:.3f} s: {scene['subject']}"
+    return (
+        f'<svg class="moment" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:.0f}" role="img">'
+        f"<title>{escape(label)}</title>{''.join(drawn)}{words}"
+        f'<path d="M{WIDTH - MARGIN - bar * scale:.1f} 22h{bar * scale:.1f}" stroke="currentColor" stroke-width="2"/>'
+        f'<text x="{WIDTH - MARGIN:g}" y="16" font-size="12" text-anchor="end" fill="currentColor">{bar:g} m</text>'
+        "</svg>"
+    )
+
+
+def _view(arm: Sequence[Mapping[str, Any]], person: Sequence[Mapping[str, Any]]) -> FloatArray:
+    """Return right (from arm to person), up, and towards the viewer as rows, shape (3, 3)."""
+    middles = [np.mean([one["ends"] for one in model], axis=(0, 1))[:2] for model in (arm, person) if model]
+    between = middles[-1] - middles[0] if len(middles) == 2 else np.array([1.0, 0.0])
+    x, y = between / max(float(np.linalg.norm(between)), 1e-9)
+    right, viewer = np.array([x, y, 0.0]), np.array([np.cos(TILT) * y, -np.cos(TILT) * x, np.sin(TILT)])
+    return np.array([right, np.cross(viewer, right), viewer])
+
+
+def _capsule(ends: FloatArray, width: float, fill: str, link: str) -> str:
+    """Return a capsule with an outline; ends: shape (2, 3), width: [units of the picture]."""
+    (x1, y1), (x2, y2) = ends[:, :2]
+    line = f'd="M{x1:.1f} {y1:.1f}L{x2 + 0.01:.2f} {y2:.1f}" stroke-linecap="round" fill="none"'
+    return (
+        f'<g><title>{escape(link)}</title><path {line} stroke="#ffffff" stroke-width="{width + 2.0:.1f}"/>'
+        f'<path {line} stroke="{fill}" stroke-width="{width:.1f}"/></g>'
+    )
