@@ -13,6 +13,7 @@ import pytest
 from browser import Browser, installed
 
 from hric_assessment.findings import DISCLAIMER
+from hric_assessment.verdict.result import VERSION
 from hric_bags.run_folder import RunFolder
 from hric_control.errors import HricError
 from hric_experiments import cli, report_html
@@ -39,14 +40,34 @@ def finding(group: str, outcome: str, share: float | None = None, **more: Any) -
         "missing": [],
         "notes": ["a note"],
         "regions": [],
+        "evidence": None,
+        "remedy": "",
+        "person": "",
         **more,
     }
 
 
+def conclusion(question: str, reply: str, **more: Any) -> dict[str, Any]:
+    """An conclusion of a verdict.json."""
+    words = {"subject": f"{question} <of> somebody", "unit": "%", "reason": "a reason", "remedy": "", "person": ""}
+    return {"question": question, "reply": reply, "value": None, "limit": None, "finding": None, **words, **more}
+
+
+def capsule(link: str, x: float, *, decides: bool = False) -> dict[str, Any]:
+    return {"link": link, "ends": [[x, 0.0, 0.5], [x, 0.0, 0.9]], "radius": 0.05, "decides": decides}
+
+
 MADE: dict[str, Any] = {
-    "version": 1,
+    "version": VERSION,
     "disclaimer": DISCLAIMER,
     "outcome": "above limits",
+    "answers": [
+        conclusion("contact", "no", value=125.0, limit=100.0, finding=0, person="/hric/human2"),
+        conclusion("distance", "unknown", remedy="record the arm's motion (control_log)"),
+        conclusion("posture", "warning"),
+        conclusion("effort", "no limit", value=31.0),
+        conclusion("task", "yes"),
+    ],
     "input": {"name": "a", "kind": "run", "experiment": None, "begin": 0.0, "end": 2.0},
     "limits": {"title": "ISO/TS 15066", "edition": "2016"},
     "person": None,
@@ -70,6 +91,14 @@ MADE: dict[str, Any] = {
             "time": [0.0, 1.0, 2.0],
             "activation": [[0, None, 0.1], [0.2, 0.9, 1]],
         },
+    },
+    "moment": {
+        "time": 1.25,
+        "question": "contact",
+        "reply": "no",
+        "subject": "contact of the arm with <hand>",
+        "arm": [capsule("link0", 0.0), capsule("link7", 0.4, decides=True)],
+        "person": [capsule("r_wrist", 0.5, decides=True), capsule("torso", 1.0)],
     },
 }
 
@@ -105,12 +134,58 @@ def test_what_is_above_assessable_and_not_touched_differ_in_the_picture() -> Non
     assert "125 % of the limit" in text[HAND]
 
 
-def test_the_part_has_the_outcome_the_findings_and_the_disclaimer_above_and_beneath() -> None:
+def test_the_part_opens_with_five_answers_and_a_picture_and_folds_the_rest_away() -> None:
+    head, rest = verdict.part(MADE).split("<details>", 1)
+    replies = re.findall(r"<th scope=row>(\w+)</th><td><span class=\"reply \w+\">([\w ]+)</span>", head)
+    assert replies == [(one["question"], one["reply"]) for one in MADE["answers"]]
+    assert "<b>125 % of the limit</b> /hric/human2: " in head and "To know it: record the arm&#x27;s motion" in head
+    assert '<svg class="moment"' in head and 'data-time="1.25"' in head
+    assert "Findings" in rest and '<svg class="body"' in rest and '<svg class="strip"' in rest
+
+
+def test_the_disclaimer_stands_once_and_words_of_a_recording_are_escaped() -> None:
     text = verdict.part(MADE)
-    assert text.count(DISCLAIMER) == 2 and text.rstrip().endswith(f"<p class=disclaimer>{DISCLAIMER}</p>")
-    assert "contact <of>" not in text and "contact &lt;of&gt; somebody" in text
+    assert text.count(DISCLAIMER) == 1
+    assert "<of>" not in text and "contact &lt;of&gt; somebody" in text and "<hand>" not in text
     for words in ("125 %", "largest activation", "EMG", "a note", "a body of the middle", "ISO/TS 15066 (2016)"):
         assert words in text
+
+
+def test_a_verdict_whose_places_are_not_known_has_no_picture_of_the_worst_moment() -> None:
+    assert 'svg class="moment"' not in verdict.part(MADE | {"moment": None})
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "expected"),
+    [(0.0, 3.99, [0, 1, 2, 3]), (0.2, 18.3, [5, 10, 15]), (1.0, 1.05, [1.0, 1.01, 1.02, 1.03, 1.04, 1.05])],
+)
+def test_times_along_an_axis_are_round(begin: float, end: float, expected: list[float]) -> None:
+    assert verdict.Axis(begin, end).ticks == pytest.approx(expected)
+
+
+def test_each_strip_has_a_key_of_its_colours() -> None:
+    strips = re.findall(r"<figure class=along>.*?</figure>", verdict.part(MADE), re.DOTALL)
+    findings, rula, activation = strips
+    assert all(word in findings for word in verdict.KINDS)
+    assert all(f"up to {highest}<" in rula for highest in verdict.LEVELS["RULA"])
+    assert "0 (light) to 1 (dark)" in activation
+
+
+def test_a_low_score_of_an_arm_whose_angles_are_not_all_known_is_not_green() -> None:
+    lacking = finding("posture", "not assessable", subject="RULA of the right arm")
+    text = verdict.part(MADE | {"findings": [lacking]})
+    assert re.findall(r'<rect class="jump (\w+)"[^>]*data-time="[\d.]+"', text.split('data-strip="RULA"')[1])[:3] == [
+        "unknown",
+        "level3",
+        "level4",
+    ]
+
+
+def test_an_arm_that_the_body_does_not_have_has_no_colour() -> None:
+    text = picture(MADE["findings"], ["right"])
+    right, left = f'<path d="{PAIRS[ARM]}"/>', f'<path d="{PAIRS[ARM]}" {body_picture.MIRRORED}/>'
+    assert f'<g fill="{colour(0.5)}">{right}</g>' in text
+    assert text.count(left) == 1 and f'<g class="lacks" fill="none">{left}</g>' in text
 
 
 def test_stretches_of_scores_begin_where_their_level_does() -> None:
@@ -148,15 +223,31 @@ def test_a_run_with_a_person_gets_a_verdict_with_its_page(run: RunFolder) -> Non
     found = json.loads((run.path / "verdict.json").read_text())
     page = (run.path / report_html.NAME).read_text()
     assert page.index('id="what-it-would-have-meant"') < page.index('id="what-was-found"')
-    assert f'class="outcome {verdict.KINDS[found["outcome"]]}"' in page and DISCLAIMER in page
+    assert page.count("<th scope=row>") == len(found["answers"]) and page.count(DISCLAIMER) == 1
 
 
-def test_a_verdict_that_is_there_is_shown_as_it_is(run: RunFolder, tmp_path: Path) -> None:
+def test_a_verdict_of_this_run_that_is_there_is_shown_as_it_is(run: RunFolder, tmp_path: Path) -> None:
     folder = RunFolder(tmp_path / "copy")
     folder.path.mkdir()
     folder.write(run.read())
-    (folder.path / "verdict.json").write_text(json.dumps(MADE))
-    assert verdict.verdict_of(folder) == MADE
+    made = MADE | {"input": MADE["input"] | {"name": "copy"}}
+    (folder.path / "verdict.json").write_text(json.dumps(made))
+    assert verdict.verdict_of(folder) == made
+
+
+@pytest.mark.parametrize(
+    "changes", [{"version": VERSION - 1}, {"input": MADE["input"]}, {"input": MADE["input"] | {"kind": "bag"}}]
+)
+def test_a_verdict_of_an_older_version_or_another_recording_is_made_anew(
+    run: RunFolder, tmp_path: Path, changes: dict[str, Any]
+) -> None:
+    folder = RunFolder(tmp_path / run.path.name)
+    shutil.copytree(run.path, folder.path)
+    own = MADE | {"input": MADE["input"] | {"name": run.path.name}}
+    (folder.path / "verdict.json").write_text(json.dumps(own | changes))
+    made = verdict.verdict_of(folder)
+    assert made is not None and made["version"] == VERSION and made["input"]["name"] == run.path.name
+    assert made["findings"] != MADE["findings"]
 
 
 def test_a_run_without_a_person_has_none(tmp_path: Path) -> None:
@@ -180,7 +271,7 @@ def test_a_bag_alone_gets_a_page_with_its_verdict_and_a_replay(
     printed, page = capsys.readouterr().out, (tmp_path / "alone_report.html").read_text()
     found = json.loads((tmp_path / "verdict.json").read_text())
     assert f"verdict: {found['outcome']}" in printed and "alone_report.html" in printed and DISCLAIMER in printed
-    assert f'class="outcome {verdict.KINDS[found["outcome"]]}"' in page and DISCLAIMER in page
+    assert page.count("<th scope=row>") == len(found["answers"]) and page.count(DISCLAIMER) == 1
     arm, person = robots_of(page)
     assert arm["columns"] == 7 and arm["motion"] is None
     assert person["columns"] == len(settings_body(run).joints) and person["motion"] is None
@@ -223,6 +314,7 @@ def test_the_page_says_nothing_on_the_console_and_asks_for_nothing(opened: Brows
 
 @in_a_browser
 def test_a_click_on_an_episode_sets_the_time_of_the_replay(opened: Browser) -> None:
+    opened.evaluate("document.querySelector('#what-it-would-have-meant details').open = true")
     times = opened.evaluate("[...document.querySelectorAll('rect.jump')].map((one) => Number(one.dataset.time))")
     assert len(times) > 3 and max(times) > 0.5
     for index, time in enumerate(times):

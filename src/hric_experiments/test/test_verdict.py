@@ -1,6 +1,7 @@
 """The verdict of runs: findings from the worst on, in JSON that keeps its schema, and the exit code."""
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,10 +10,13 @@ import numpy as np
 import pytest
 
 from hric_assessment.findings import DISCLAIMER, Finding, Outcome
-from hric_assessment.verdict import Verdict, command, result
+from hric_assessment.verdict import command, result
+from hric_bags.run_folder import RunFolder
 from hric_experiments import cli
 
 SCHEMA = Path(__file__).parents[2] / "hric_assessment" / "config" / "verdict.schema.json"
+
+NO_AREA = ("human.contact_area:=null", "--quiet")
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +24,7 @@ def contact(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The arm meets a forearm."""
     root = tmp_path_factory.mktemp("runs")
     assert (
-        cli.main(["run", "contact", "simulator:=mujoco", "duration:=2", "--quiet", "--no-figures", "--runs", str(root)])
+        cli.main(["run", "contact", "simulator:=mujoco", "duration:=2", *NO_AREA, "--no-figures", "--runs", str(root)])
         == 0
     )
     yield (root / "latest").resolve()
@@ -30,26 +34,23 @@ def finding(outcome: Outcome, share: float | None = None) -> Finding:
     return Finding("something", outcome, "a reason", "a table", share, group="contact")
 
 
-def verdict(*findings: Finding) -> Verdict:
-    about = {"name": "a", "kind": "bag", "experiment": None, "begin": 0.0, "end": 1.0}
-    return Verdict(about, {"title": "a", "edition": "b"}, None, (), result.ranked(findings))
-
-
 def test_a_run_leaves_a_verdict_that_keeps_its_schema(contact: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code = command.main([str(contact), "--contact-area", "1e-4"])
     found = json.loads((contact / "verdict.json").read_text())
     jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text())).validate(found)
     text = capsys.readouterr().out
     assert code == 4  # the trunk is not simulated, so a low posture score may be higher
-    assert text.count(DISCLAIMER) == len(found["findings"]) + 1
+    assert text.count(DISCLAIMER) == 1
     blows = [one for one in found["findings"] if one["group"] == "contact"]
-    assert blows and all(one["outcome"] == "within limits" for one in blows)
+    blows.sort(key=lambda one: one["window"])
+    assert blows[0]["outcome"] == "within limits"
+    assert blows[-1]["outcome"] == "not assessable"  # the robot still touches when the run ends
     assert blows[0]["values"]["transient mean pressure [Pa]"] == pytest.approx(
         blows[0]["values"]["transient peak [N]"] / 1e-4
     )
     assert {one["signal"].split(" (")[0] for one in found["missing"]} == {
-        "activation of his muscles",
-        "what his hands hold, and with which force",
+        "activation of the muscles",
+        "what the hands hold, and with which force",
         "joints of the legs",
     }
 
@@ -60,22 +61,24 @@ def test_without_an_area_no_contact_is_within_limits(contact: Path) -> None:
     assert {one["outcome"] for one in found["findings"] if one["group"] == "contact"} == {"not assessable"}
 
 
-@pytest.mark.parametrize(
-    ("outcomes", "expected", "code"),
-    [
-        ((Outcome.WITHIN,), Outcome.WITHIN, 0),
-        ((Outcome.WITHIN, Outcome.WARNING), Outcome.WARNING, 0),
-        ((Outcome.WARNING, Outcome.NOT_ASSESSABLE, Outcome.WITHIN), Outcome.NOT_ASSESSABLE, 4),
-        ((Outcome.NOT_ASSESSABLE, Outcome.ABOVE, Outcome.WITHIN), Outcome.ABOVE, 1),
-        ((), Outcome.NOT_ASSESSABLE, 4),
-    ],
-)
-def test_the_worst_finding_is_the_outcome_and_the_exit_code(
-    outcomes: tuple[Outcome, ...], expected: Outcome, code: int
+def test_an_area_that_the_experiment_states_counts_and_is_among_the_assumptions(contact: Path, tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "stated")
+    shutil.copytree(contact, folder.path)
+    run = folder.read()
+    folder.write(
+        run | {"definition": run["definition"] | {"human": run["definition"]["human"] | {"contact_area": 1e-4}}}
+    )
+    command.main([str(folder.path), "--only", "contact"])
+    found = json.loads((folder.path / "verdict.json").read_text())
+    assert all(one["values"]["contact area [m^2]"] == 1e-4 for one in found["findings"] if one["group"] == "contact")
+    assert any("1 cm^2, as the experiment states" in one for one in found["assumptions"])
+
+
+def test_a_run_says_before_it_starts_what_its_verdict_will_not_know(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = verdict(*map(finding, outcomes))
-    assert (found.outcome, found.exit_code) == (expected, code)
-    assert not outcomes or found.findings[0].outcome == expected
+    cli.main(["run", "contact", "simulator:=mujoco", "duration:=0.6", "--no-figures", "--runs", str(tmp_path)])
+    assert "the verdict of this run will not know posture" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -52,8 +52,11 @@ def run(arguments: Sequence[str]) -> int:
             f"{given.experiment} is no study, so it has no form {given.form[0]}; studies: {', '.join(study.names())}"
         )
     definition = experiment.load(given.experiment, given.overrides)
+    from hric_assessment.verdict.conclusions import unknown_beforehand
     from hric_experiments.headless import runner as headless  # slow to load, which a mistake need not wait for
 
+    if not given.quiet and (lacking := unknown_beforehand(definition.human)):
+        print(lacking, file=sys.stderr)
     result = headless.run(
         definition,
         given.overrides,
@@ -203,10 +206,10 @@ def report(arguments: Sequence[str]) -> int:
     with contextlib.closing(Steps(STEPS + FIGURE_STEPS * (not given.no_figures))) as step:
         found = analyse(folder, figures=not given.no_figures, step=step)
     print(f"{found['report']}\nrun folder: {folder.path}")
-    from hric_experiments.report_html.verdict import verdict_of
+    from hric_experiments.report_html.verdict import summary, verdict_of
 
     if (verdict := verdict_of(folder)) is not None:
-        print(f"verdict: {verdict['outcome']} (verdict.json). {verdict['disclaimer']}")
+        print(summary(verdict))
     if given.html:
         _html(folder)
     return 0
@@ -216,11 +219,11 @@ def _report_recording(path: Path, html: bool) -> int:
     """Of a bag or a c3d file."""
     from hric_assessment.verdict import opened
     from hric_experiments.report_html import recording_page
-    from hric_experiments.report_html.verdict import verdict_beside
+    from hric_experiments.report_html.verdict import summary, verdict_beside
 
     given = opened(str(path))
     verdict = verdict_beside(given)
-    print(f"verdict: {verdict['outcome']} (verdict.json). {verdict['disclaimer']}")
+    print(summary(verdict))
     if html:
         print(f"page: {recording_page.write(given, verdict, path.with_name(f'{path.stem}_report.html'))}")
     return 0

@@ -13,6 +13,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 from controller_manager_msgs.srv import ListControllers
+from hric_assessment.verdict.conclusions import unknown_beforehand
 from hric_bags.run_folder import RunFolder
 from hric_bags.text import Steps
 from hric_control.errors import FailureError
@@ -79,6 +80,8 @@ class LiveExperiment:
         Raises:
             HricError: not ready in time, the robot went away, or the bag cannot be used.
         """
+        if self._settings.record and (lacking := unknown_beforehand(self.experiment.human)):
+            rospy.loginfo("%s", lacking)
         self._wait_ready()
         rospy.loginfo(
             "experiment %s: %d setpoints, %g s", self.experiment.name, len(self._publishers), self.experiment.duration

@@ -59,7 +59,10 @@ def of_run(
     if pairs:
         strongest = max(pairs, key=lambda one: one["peak_force"])
         pair = f"{strongest['body_a']} on {strongest['body_b']}, the strongest contact ({strongest['kind']})"
-        found.append(Finding("Contact force", scaled(strongest["peak_force"], "N"), pair))
+        bodies = {strongest[key].removeprefix("human::") for key in ("body_a", "body_b")}
+        blows = [one for one in (metrics.get("human") or {}).get("contacts", ()) if one["transient"]]
+        if not any(bodies == {one["link"], one["other"]} for one in blows):  # which have a name of their own
+            found.append(Finding("Contact force", scaled(strongest["peak_force"], "N"), pair))
     if metrics["stability"]["verdict"] == stability.STABLE:
         found.append(Finding("Stability", stability.STABLE, "no joint chatters and nothing diverged", GOOD))
     return found

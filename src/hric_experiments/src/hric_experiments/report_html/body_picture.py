@@ -28,14 +28,19 @@ PAIRS: Mapping[str, str] = {
     "lower leg": "M73 286 h22 l-3 72 h-15 z",
     "foot, toes, ankle": "M77 361 h15 l2 12 h-28 q0 -8 11 -12 z",
 }
-"""Of regions with two sides: that on the left of the picture."""
+"""Paths of regions with two sides: the right one of the person, on the left of the picture."""
+OF_ARMS = ("upper arm, elbow", "lower arm, wrist", "hand, fingers")
+"""Regions that a body without that arm does not have."""
+SIDES = ("right", "left")
 MIRRORED = 'transform="translate(200 0) scale(-1 1)"'
 
 
-def _drawn(region: str) -> str:
+def _drawn(region: str, sides: Sequence[str]) -> str:
+    """Return the paths of a region on some sides of the body."""
     if region in SHAPES:
         return f'<path d="{SHAPES[region]}"/>'
-    return f'<path d="{PAIRS[region]}"/><path d="{PAIRS[region]}" {MIRRORED}/>'
+    both = {"right": f'<path d="{PAIRS[region]}"/>', "left": f'<path d="{PAIRS[region]}" {MIRRORED}/>'}
+    return "".join(path for side, path in both.items() if side in sides)
 
 
 @dataclass(frozen=True)
@@ -83,9 +88,14 @@ def colour(share: float) -> str:
     return "#" + "".join(f"{x:02x}" for x in SCALE[-1][1])
 
 
-def picture(findings: Sequence[Mapping[str, Any]]) -> str:
-    """SVG with its legend. A region that nothing touched is empty, one whose contacts could not all be assessed is
-    hatched, one that is above its limit has a thick outline."""
+def picture(findings: Sequence[Mapping[str, Any]], arms: Sequence[str] = ()) -> str:
+    """Return an SVG with its legend: a region that nothing touched is empty, one whose contacts could not all be
+    assessed is hatched, one that is above its limit has a thick outline.
+
+    Args:
+        findings: of a verdict, from the worst on.
+        arms: sides of the arms that the body has; empty: both. The arm that it lacks is drawn faintly, without colour.
+    """
     met = touched(findings)
     parts = []
     for region in (*SHAPES, *PAIRS):
@@ -99,10 +109,13 @@ def picture(findings: Sequence[Mapping[str, Any]]) -> str:
             fill = colour(1.0 if one.share is None and above else one.share or 0.0)
             look = f'fill="{fill}"' + (' class="above"' if above else "")
             jump = "" if one.time is None else f' class="jump" tabindex="0" role="button" data-time="{one.time:.9g}"'
-        drawn = _drawn(region)
+        own = arms if arms and region in OF_ARMS else SIDES
+        drawn = _drawn(region, own)
+        lacks = "" if region in SHAPES else _drawn(region, [side for side in SIDES if side not in own])
         hatched = f'<g class="hatched">{drawn}</g>' if one is not None and not one.assessable else ""
         parts.append(
             f'<g data-region="{escape(region)}"{jump}><title>{escape(said)}</title><g {look}>{drawn}</g>{hatched}</g>'
+            + (f'<g class="lacks" fill="none">{lacks}</g>' if lacks else "")
         )
     stops = "".join(f'<stop offset="{share:g}" stop-color="{colour(share)}"/>' for share, _ in SCALE)
     defined = (

@@ -11,7 +11,6 @@ from hric_experiments.report import headline, human_figures, run_figures, safety
 from hric_experiments.report_html import beside, moving, supervisor, tables, verdict
 from hric_experiments.report_html.page import Page, replay_rate
 from hric_experiments.report_html.run_data import RunData
-from hric_experiments.report_html.scene import Robot
 
 
 def build(data: RunData) -> Page:
@@ -41,10 +40,6 @@ def build(data: RunData) -> Page:
         supervisor=supervisor.part(data.safety),
         name=data.folder.path.name,
     )
-
-
-def _robots(data: RunData, rate: float, notes: list[str]) -> list[Robot]:
-    return [moving.robot(data, rate, notes), *beside.human(data, rate), *beside.objects(data)]
 
 
 def verdicts(run: Mapping[str, Any], values: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -2,9 +2,7 @@
 
 from collections.abc import Sequence
 
-from hric_assessment.findings import DISCLAIMER
 from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
-from hric_experiments.report_html.tables import escape
 from hric_experiments.report_html.verdict import Axis
 
 LOOKS = {SLOWED: "level2", STOPPED: "level3"}
@@ -13,7 +11,7 @@ VIOLATION = "above"
 
 
 def part(record: SafetyRecord | None) -> str:
-    """HTML; empty without a supervisor."""
+    """Return the HTML; empty without a supervisor. The disclaimer is part of the verdict."""
     if record is None:
         return ""
     axis = Axis(float(record.time[0]), float(record.time[-1]))
@@ -28,7 +26,7 @@ def part(record: SafetyRecord | None) -> str:
         f"<figcaption>Slowed (yellow) and stopped (orange){red}; a click shows the time in the replay</figcaption>"
     )
     strip = axis.picture("supervisor", labels, "".join(bars))
-    return f"<figure class=along>{caption}{strip}</figure><p class=disclaimer>{escape(DISCLAIMER)}</p>"
+    return f"<figure class=along>{caption}{strip}</figure>"
 
 
 def _said(what: str, begin: float, end: float) -> str:
