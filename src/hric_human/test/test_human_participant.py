@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from hric_control.errors import HricError, ParameterError
 from hric_control.geometry import homogeneous
 from hric_control.geometry.transforms import rotation_from_quaternion
 from hric_control.local.node import LocalNode
-from hric_control.plant import Articulated
+from hric_control.plant import Articulated, Contact
 from hric_control.robot_app import RobotApp
 from hric_human.body import Subject, describe
 from hric_human.control import HumanControl
@@ -265,6 +266,32 @@ def test_what_touches_him_is_published_by_region_until_it_has_parted(lab: Any, p
     assert seen.begin_speed == pytest.approx(9.81 * (seen.begin - 1e-3), rel=1e-3)
     p, now, n = seen.begin_point, seen.point, seen.normal
     assert [now.x, now.y, now.z] == pytest.approx([p.x, p.y, p.z], abs=5e-3) and n.z < -0.99
+
+
+def swapped(contact: Contact) -> Contact:
+    """Name the two bodies the other way round: the same force of the same contact."""
+    x, y, z = contact.normal
+    return replace(contact, body_a=contact.body_b, body_b=contact.body_a, normal=(-x, -y, -z))
+
+
+@pytest.mark.parametrize("names", ["as the engine has them", "the other way round"])
+def test_the_force_of_a_ball_from_above_is_felt_downwards_whichever_body_an_engine_names_first(
+    lab: Any, monkeypatch: pytest.MonkeyPatch, names: str
+) -> None:
+    there, felt = lab(control=moves([0.0, *ASIDE])), list[Any]()
+    plant, update = there.app.hw.plant, HumanControl.update
+    if names == "the other way round":
+        contacts = plant.contacts
+        monkeypatch.setattr(plant, "contacts", lambda: [swapped(contact) for contact in contacts()])
+    monkeypatch.setattr(HumanControl, "update", lambda *args: felt.append(args[4]) or update(*args))
+    T_world_wrist = plant.link_state("human::r_wrist")[0]
+    person = HumanControl(describe(Subject(code="P50M", mass=78.2, height=1.759, sex="male")), {}, 0).person
+    p_world_hand = (T_world_wrist @ [*person.hand.p_link_hand, 1.0])[:3]
+    plant.spawn("ball", BALL, homogeneous(np.eye(3), np.add(p_world_hand, [0.0, 0.0, 0.12])))
+    there.app.run(0.3)
+    forces = np.array([force for force in felt if any(force)])
+    assert len(forces) > 5
+    assert forces[:, 2].max() < 0.0
 
 
 def heard_of_muscles(there: Lab) -> dict[str, list[Any]]:

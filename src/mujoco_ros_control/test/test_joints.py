@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from rigid_body_oracle import Oracle
+from two_link import two_link_urdf
 
 from hric_control.plant import Load, Mode
 
@@ -56,6 +57,15 @@ def test_drives_arrive_within_their_limits(make_plant, panda_urdf, mode):
         goal = np.add(READY, 0.05)
         run(plant, goal, 200)
         assert np.abs(np.subtract(plant.engine_state()[0], goal)).max() < 1e-9
+
+
+def test_a_position_drive_goes_to_a_far_target_at_the_speed_limit_of_its_joint(make_plant):
+    urdf = two_link_urdf(limit='lower="-2" upper="2" effort="50000" velocity="0.5"')
+    plant = make_plant(urdf, ["joint1", "joint2"], q=[0.0, 0.0])
+    plant.set_modes([Mode.POSITION] * 2)
+    for _ in range(100):
+        run(plant, [1.0, -1.0], 1)
+        assert plant.engine_state()[1] == pytest.approx([0.5, -0.5], abs=1e-9)
 
 
 def test_a_drive_takes_no_more_than_its_effort(make_plant, panda_urdf):

@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from small_robots import BODY, joint, link, one_joint, robot
 
 from hric_control.errors import DescriptionError
+from hric_control.geometry import MassProperties
 from urdf_to_osim import Options, cli, convert, prove, write
+from urdf_to_osim.inertia import repaired
 from urdf_to_osim.prepare import invented_joints
 
 
@@ -93,3 +96,9 @@ def test_what_is_left_of_a_zero_is_no_inertia() -> None:
     with pytest.raises(DescriptionError, match=r"it has 1\.0 kg but no inertia"):
         convert(one_joint(child=rest))
     assert "it got the inertia of a ball of water" in convert(one_joint(child=rest), Options(inertia="repair")).notes[0]
+
+
+def test_a_litre_of_water_as_a_ball_has_two_fifths_of_its_mass_times_its_radius_squared() -> None:
+    mended, note = repaired(MassProperties(1.0, np.zeros(3), np.zeros((3, 3))))
+    assert mended.inertia == pytest.approx(1.5393e-3 * np.eye(3), rel=1e-4)  # radius 62.035 mm
+    assert note == "it got the inertia of a ball of water, 0.062 m"
