@@ -1,0 +1,51 @@
+"""Recorded runs, damaged in one thing at a time: no verdict becomes better, and what was touched is named."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import pytest
+from mutation_law import Recorded, Tally, tally
+from recorded_runs import benchmark, of_benchmark, shipped
+
+from hric_assessment.verdict.choices import Choices
+
+FAST = "parameters.joint_pd_controller.profile.velocity:=2.0"
+SHORT = "duration:=1.8"
+TIP = 1e-5
+"""Area of contact over which the pressure of a soft touch is above its limit [m^2]."""
+RUNS: dict[str, Callable[[], Recorded]] = {
+    "contact on MuJoCo": partial(shipped, "contact", "simulator:=mujoco", SHORT),
+    "contact on PyBullet": partial(shipped, "contact", "simulator:=pybullet", SHORT, FAST, area=TIP),
+    "contact on OpenSim": partial(shipped, "contact", "simulator:=opensim", SHORT, FAST),
+    "clamped": partial(of_benchmark, "contact", "stiff", "p95", 1, area=TIP),
+    "hand guidance": partial(of_benchmark, "hand_guidance", "supervised", "p05", 0),
+    "co-transport": partial(of_benchmark, "co_transport", "compliant", "p50", 2),
+    "handover": partial(of_benchmark, "handover", "stiff", "p95", 3),
+    "shared workspace": partial(of_benchmark, "shared_workspace", "stiff", "p50", 0),
+    "shared workspace, supervised": partial(of_benchmark, "shared_workspace", "supervised", "p05", 1),
+}
+"""With those of known_bags, a dozen recordings."""
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_no_mutation_of_a_run_improves_its_verdict_and_what_it_touched_is_named(name: str) -> None:
+    found = tally(RUNS[name]())
+    print(found)
+    assert not found.faults, "\n".join(found.faults)
+
+
+@pytest.mark.slow
+def test_no_mutation_of_any_run_of_the_benchmark_improves_its_verdict(
+    figure: Callable[[str, float, str], None],
+) -> None:
+    found = Tally()
+    for number, recorded in enumerate(benchmark()):
+        area = TIP if number % 2 else recorded.choices.contact_area
+        own = tally(replace(recorded, choices=Choices(contact_area=area)), seed=number, everything=True)
+        print(f"{number + 1}: {recorded.name}: {own}", flush=True)
+        found.add_all(own)
+    print(found)
+    figure("mutations of the benchmark's runs", found.count, "1")
+    figure("of these named, or refused with the reason", found.named + found.refused, "1")
+    assert not found.faults, "\n".join(found.faults)
