@@ -227,6 +227,7 @@ about_part() {
     pictures) echo " that draw pictures (0.6 GB)" ;;
     search) echo " that search worst cases (40 MB)" ;;
     cluster) echo " of sweeps on a cluster (45 MB)" ;;
+    mutation) echo " that find what no test notices (45 MB)" ;;
   esac
 }
 

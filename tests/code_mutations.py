@@ -1,0 +1,170 @@
+"""Change one operator, number or argument after the other, and find the changes that no test notices.
+
+    scripts/mutate [--only PATTERN...] [--again]
+
+mutmut makes the mutants, in a copy of the packages below build/mutate; the workspace is not touched. What was tried is
+kept: an interrupted run goes on, and a later one tries the mutants of functions that were changed, and with --again
+those that survived. Texts are not mutated, nor are properties and other functions with decorators, nor constants.
+
+Survivors stand in docs/mutations.md, each with the reason why it is no hole in the tests. One that stands nowhere is
+printed with its line, and the exit code is 1; so it is where a part has more survivors than ALLOWED.
+"""
+
+import argparse
+import os
+import re
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "build" / "mutate"
+LINK = "workspace"
+"""Beside the mutants, so that tests have names below the folder in which pytest runs."""
+PAGE = ROOT / "docs" / "mutations.md"
+PARTS = {
+    "contact": "hric_assessment/contact",
+    "ergonomics": "hric_assessment/ergonomics",
+    "separation": "hric_assessment/separation",
+    "statistics": "hric_experiments/sweep/statistics",
+}
+"""Parts that are mutated, as folders of packages."""
+TESTS = {
+    "hric_assessment": ("test_",),
+    "hric_experiments": ("test_impact", "test_sweep_rare_events", "test_sweep_sensitivity", "test_sweep_weights"),
+}
+"""Beginnings of the names of test files, by package."""
+LEFT_OUT = ("test_bag_mutations.py", "test_assessment_cost.py")
+"""Of these: what runs hundreds of verdicts notices most mutants, but says little of where the fault is."""
+ALLOWED = 0.1
+"""Share of the mutants of a part that may survive [1]."""
+KILLED, SURVIVED, UNSEEN, LATE = "killed", "survived", "no tests", "timeout"
+ROW = re.compile(r"^\| `([^`]+)` \| `(.*?)` \| `(.*?)` \| (.+) \|$", re.MULTILINE)
+"""A survivor on the page: function, line before, line after, reason."""
+
+
+@dataclass
+class Part:
+    """Count of a part's mutants by what became of them, and the names of those that were not noticed."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    survivors: list[str] = field(default_factory=list)
+
+    @property
+    def share(self) -> float:
+        """Share of the mutants that survived [1]."""
+        return len(self.survivors) / max(self.counts.total(), 1)
+
+
+def settings() -> str:
+    """Return the configuration of mutmut and pytest, for the folder in which both run."""
+    files = [
+        path
+        for package, names in TESTS.items()
+        for path in sorted((ROOT / "src" / package / "test").glob("test_*.py"))
+        if path.name.startswith(names) and path.name not in LEFT_OUT and "mark.alone" not in path.read_text()
+    ]
+    arguments = ["--deselect=workspace/src/hric_assessment/test/test_contact_findings.py::test_a_finding_names_its_table_window_and_marks_and_says_what_it_is_not", "-c", str(ROOT / "pyproject.toml"), f"--confcutdir={FOLDER}/mutants", "-m", "not slow and not live"]
+    lines = {
+        "source_paths": [f"src/{package}" for package in TESTS],
+        "only_mutate": [f"src/{part}/*" for part in PARTS.values()],
+        "pytest_add_cli_args": arguments,
+        "pytest_add_cli_args_test_selection": [f"{LINK}/{path.relative_to(ROOT)}" for path in files],
+    }
+    return "[tool.mutmut]\n" + "".join(f"{key} = {value!r}\n" for key, value in lines.items())
+
+
+def prepare() -> None:
+    """Make the folder in which mutmut runs: links to the packages, and its settings."""
+    for package in TESTS:
+        for link, target in (("src", f"src/{package}"), ("share", "")):  # code, and where it looks for config
+            (FOLDER / link).mkdir(parents=True, exist_ok=True)
+            if not (FOLDER / link / package).exists():
+                (FOLDER / link / package).symlink_to(ROOT / "src" / package / target)
+    (FOLDER / "mutants").mkdir(exist_ok=True)
+    if not (FOLDER / "mutants" / LINK).exists():
+        (FOLDER / "mutants" / LINK).symlink_to(ROOT)
+    (FOLDER / "pyproject.toml").write_text(settings())
+
+
+def results(names: Sequence[str] = ()) -> dict[str, Part]:
+    """Return what became of the mutants, by part; names: patterns of mutants, empty: all."""
+    from mutmut.__main__ import collect_source_file_mutation_data
+    from mutmut.stats import status_by_exit_code
+
+    parts = {name: Part() for name in PARTS}
+    mutants, _ = collect_source_file_mutation_data(mutant_names=tuple(names))
+    for data, mutant, code in mutants:
+        folder = str(data.path.parent).removeprefix("src/")
+        part = parts[next(name for name, own in PARTS.items() if folder == own)]
+        status = status_by_exit_code[code]
+        part.counts[status] += 1
+        if status in (SURVIVED, UNSEEN):
+            part.survivors.append(mutant)
+    return parts
+
+
+def change(mutant: str) -> tuple[str, str, str]:
+    """Return (function, line before, line after) of a mutant."""
+    from mutmut.mutation.diff_apply import find_mutant, get_diff_for_mutant
+
+    diff = get_diff_for_mutant(mutant, path=find_mutant(mutant).path).splitlines()
+    before, after = (
+        " ".join(line[1:].strip() for line in diff if line.startswith(sign) and not line.startswith(sign * 3))
+        for sign in "-+"
+    )
+    module, _, function = mutant.partition("__mutmut_")[0].rpartition(".")
+    return f"{module}.{re.sub('^xǁ|^x_', '', function).replace('ǁ', '.')}", before, after
+
+
+def explained() -> set[tuple[str, str, str]]:
+    """Return the survivors of the page."""
+    return {(row[1], row[2], row[3]) for row in ROW.finditer(PAGE.read_text().replace("\\|", "|"))}
+
+
+def report(parts: dict[str, Part]) -> int:
+    """Print the table, and each survivor that is not on the page; returns the exit code."""
+    known, failed = explained(), False
+    print("| part | mutants | noticed | not noticed | share |\n|---|---|---|---|---|")
+    for name, part in parts.items():
+        noticed = part.counts.total() - len(part.survivors)
+        print(f"| {name} | {part.counts.total()} | {noticed} | {len(part.survivors)} | {100.0 * part.share:.1f} % |")
+        failed |= part.share > ALLOWED
+    for part in parts.values():
+        for mutant in part.survivors:
+            if (found := change(mutant)) not in known:
+                failed = True
+                print(f"{mutant}\n| `{found[0]}` | `{found[1]}` | `{found[2]}` | |")
+    return int(failed)
+
+
+def run(given: argparse.Namespace) -> int:
+    """Try the mutants that were not tried yet, and report."""
+    prepare()
+    os.chdir(FOLDER)
+    import libcst
+    from mutmut import __main__ as mutmut
+    from mutmut.mutation import mutators
+
+    operators: Any = mutators.mutation_operators
+    operators.remove((libcst.BaseString, mutators.operator_string))
+    if not given.report:
+        again = [mutant for part in results().values() for mutant in part.survivors] if given.again else []
+        mutmut._run((*given.only, *again), 1)
+    return report(results(given.only))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command; returns the exit code."""
+    parser = argparse.ArgumentParser("scripts/mutate", description=__doc__.split("\n")[0])
+    parser.add_argument("--only", nargs="+", default=[], metavar="PATTERN", help="mutants, such as '*separation*'")
+    parser.add_argument("--again", action="store_true", help="try those that survived once more")
+    parser.add_argument("--report", action="store_true", help="try nothing, print what is known")
+    return run(parser.parse_args(list(arguments)))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
