@@ -138,6 +138,15 @@ def test_holders_beyond_those_that_are_told_apart_only_make_the_robot_slower():
         assert scale.target == 0.2 and scale.holder == OTHERS
 
 
+def test_requests_without_a_name_never_replace_a_slower_one():
+    scale = SpeedScale()
+    for k, requests in enumerate(([0.3, 0.9], [0.6], [UNLIMITED.scale])):
+        for requested in requests:
+            scale.request(Request(requested), OTHERS)
+        values(scale, 1, k * DT)
+        assert scale.target == 0.3
+
+
 def test_a_clock_that_is_set_back_makes_no_lease_longer():
     scale = SpeedScale()
     scale.request(Request(1.0, valid_for=0.1), "a")

@@ -60,9 +60,14 @@ class Request(NamedTuple):
 UNLIMITED = Request()
 """Request that limits nothing and never ends: it gives a lease back."""
 MAX_HOLDERS = 16
-"""Holders that are told apart (project default, unconfirmed). All others share the lease `OTHERS`, in which each only
-makes the robot slower."""
+"""Holders that are told apart (project default, unconfirmed). All others, and those without a name, share the lease
+`OTHERS`, in which each only makes the robot slower."""
 OTHERS = "others"
+
+
+def _smaller(before: Request | None, request: Request) -> Request:
+    """Return the smaller of each limit."""
+    return request if before is None else Request(*map(min, before, request))
 
 
 class _Lease(NamedTuple):
@@ -103,7 +108,8 @@ class SpeedScale:
 
     def request(self, request: Request, holder: str = "") -> None:
         """Replace what this holder requested before. Raises CommandError."""
-        self._pending[holder] = request.check()
+        request.check()
+        self._pending[holder] = _smaller(self._pending.get(holder), request) if holder == OTHERS else request
         self.active = True
 
     def advance(self, time: float, period: float) -> None:
@@ -122,12 +128,13 @@ class SpeedScale:
         leases = self._leases
         while self._pending:
             holder, request = self._pending.popitem()  # at once, whoever requests meanwhile
-            if request == UNLIMITED:
+            if holder not in leases and len(leases) >= MAX_HOLDERS:
+                holder = OTHERS
+            if holder == OTHERS:
+                request = _smaller(leases[OTHERS].request if OTHERS in leases else None, request)
+            elif request == UNLIMITED:
                 leases.pop(holder, None)
                 continue
-            if holder not in leases and len(leases) >= MAX_HOLDERS:
-                before = leases[OTHERS].request if OTHERS in leases else request
-                holder, request = OTHERS, Request(*map(min, before, request))
             leases[holder] = _Lease(request, time + request.valid_for)
         if time < self._now:  # the clock was set back: nobody's lease became longer
             for holder, (request, expires) in leases.items():

@@ -7,7 +7,7 @@ from typing import Any
 from hric_control import realtime
 from hric_control.node import Node, publisher_of
 from hric_control.robot_time import stamps
-from hric_control.speed_scale import Request, SpeedScale
+from hric_control.speed_scale import OTHERS, Request, SpeedScale
 from hric_msgs.msg import SpeedScale as SpeedScaleMessage
 from hric_msgs.msg import SpeedScaleState
 
@@ -33,7 +33,7 @@ class SpeedScaleTopics:
         """Refuse a request that cannot be, with the topic's name; the publisher's last one stays, until it expires."""
         valid_for = message.valid_for or math.inf
         request = Request(message.scale, message.stiffness, message.force, valid_for)
-        self._scale.request(request, publisher_of(message))
+        self._scale.request(request, publisher_of(message) or OTHERS)
         self._request.set(message.header.stamp)
 
     def advance(self, time: float, period: float) -> None:
