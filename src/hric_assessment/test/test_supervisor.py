@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pinocchio
@@ -401,3 +403,9 @@ def test_one_fault_that_lasts_is_one_event():
     for _ in range(100):
         cell.decide(None)
     assert cell.events().count("fault") == 1
+
+
+def test_the_supervisor_loads_no_opensim():
+    program = "import sys, hric_assessment.supervisor.app, hric_assessment.contact.impact\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert not {"opensim", "urdf_to_osim"} & set(done.stdout.split())
