@@ -74,3 +74,8 @@ def test_four_repeats_within_seconds_are_four_in_their_minute() -> None:
     use = repeats(TIME, burst, TEN)
     assert use[TIME < 60.0].max() == 4.0
     assert not use[TIME > 70.0].any()
+
+
+def test_a_jump_of_the_stamps_by_a_year_takes_no_memory() -> None:
+    jumped = TIME + np.where(TIME > 70.0, 3e7, 0.0)
+    assert (held(jumped, wave(0.0, 0.0), TEN, 60.0) > 60.0).all()

@@ -67,8 +67,9 @@ def _moves(signal: list[float], amplitude: float) -> list[int]:
 
 def _blocks(time: FloatArray, signals: FloatArray) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], FloatArray]:
     """Return the block of each sample, (n,), and the mean of each signal over each block, bridged, (b, k)."""
+    time = np.cumsum(np.minimum(np.diff(time, prepend=time[0]), MINUTE))  # so that a jump of the stamps takes no memory
     signals = signals[:, np.isfinite(signals).any(axis=0)]
-    block = np.floor((time - time[0]) / BLOCK + 1e-6).astype(np.int64)
+    block = np.floor(time / BLOCK + 1e-6).astype(np.int64)
     means = np.empty((int(block[-1]) + 1, signals.shape[1]))
     for column, signal in enumerate(signals.T):
         known = np.isfinite(signal)

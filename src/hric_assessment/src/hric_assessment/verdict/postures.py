@@ -58,6 +58,11 @@ class Scored:
     vertical: bool
     evidence: Evidence
 
+    @property
+    def lacks_root(self) -> bool:
+        """True if the inclination of the trunk alone is not known, its angles to the pelvis are."""
+        return not self.vertical and INCLINATION[0] not in self.unknown
+
     def lasting(self, curve: str) -> int:
         """Return the score of a curve of `scores` that counts."""
         return lasting(self.time, getattr(self.scores, curve), verdict_table()["lasting"])
@@ -150,100 +155,99 @@ def _periods(time: FloatArray) -> FloatArray:
     return np.gradient(time) if len(time) > 1 else np.zeros(len(time))
 
 
-def posture_finding(one: Scored, person: Person) -> Finding:
+def posture_finding(arm: Scored, person: Person) -> Finding:
     """Return the finding of the scores of one arm."""
-    outcome, reason = _judged(one, verdict_table())
-    lacks_root = not one.vertical and INCLINATION[0] not in one.unknown
-    remedies = [RECORD_JOINTS] * bool(one.unknown) + [RECORD_ROOT] * lacks_root
-    if one.evidence.shortfall:
-        remedies.append(f"record the joint states all the time, without gaps above {one.evidence.max_gap:g} s")
+    outcome, reason = _judged(arm, verdict_table())
+    remedies = [RECORD_JOINTS] * bool(arm.unknown) + [RECORD_ROOT] * arm.lacks_root
+    if arm.evidence.shortfall:
+        remedies.append(f"record the joint states all the time, without gaps above {arm.evidence.max_gap:g} s")
     return Finding(
-        f"{one.scores.table.title} of the {one.side} arm",
+        f"{arm.scores.table.title} of the {arm.side} arm",
         outcome,
         reason,
-        one.scores.method,
+        arm.scores.method,
         None,
-        _values(one),
-        _longest(one),
+        _values(arm),
+        _longest(arm),
         person.signals,
-        (*(f"the angle {name}" for name in one.unknown), *["inclination of the trunk"] * lacks_root),
-        _notes(one, verdict_table()),
+        (*(f"the angle {name}" for name in arm.unknown), *["inclination of the trunk"] * arm.lacks_root),
+        _notes(arm, verdict_table()),
         GROUP,
-        evidence=one.evidence,
+        evidence=arm.evidence,
         remedy="; ".join(remedies) if outcome == Outcome.NOT_ASSESSABLE else "",
     )
 
 
-def _judged(one: Scored, table: VerdictTable) -> tuple[Outcome, str]:
-    name = one.scores.table.title.lower()
+def _judged(arm: Scored, table: VerdictTable) -> tuple[Outcome, str]:
+    name = arm.scores.table.title.lower()
     within, warning = (table.values[f"{name}_{level}"] for level in ("within", "warning"))
 
     def graded(score: int) -> Outcome:
         return Outcome.ABOVE if score > warning.value else Outcome.WARNING if score > within.value else Outcome.WITHIN
 
-    better, counts, worst = one.lasting("lowest"), one.lasting("highest"), one.worst_lasting
+    better, counts, worst = arm.lasting("lowest"), arm.lasting("highest"), arm.worst_lasting
     band = "" if better == counts else f"{better} to "
-    reason = f"score {band}{counts}: {one.scores.table.level(counts)}"
+    reason = f"score {band}{counts}: {arm.scores.table.level(counts)}"
     if band:
-        reason += f", decided by {', '.join(one.scores.uncertain(_first(one)))}"
+        reason += f", decided by {', '.join(arm.scores.uncertain(_first(arm)))}"
     reason += f"; up to {within.value:g} is within limits, up to {warning.value:g} a warning ({table.mark_of(within)})"
     outcome = graded(counts)
     if outcome == Outcome.ABOVE or graded(worst) == outcome:
         return outcome, reason
-    lacks = f"{', '.join(one.unknown)} not known; " if one.unknown else ""
-    lacks += "" if one.vertical else "inclination of the trunk not known; "
-    lacks += f"the posture is {one.evidence.shortfall}" if one.evidence.shortfall else ""
-    return Outcome.NOT_ASSESSABLE, f"{reason}; it can be up to {worst}: {lacks.removesuffix('; ')}"
+    names = ", ".join([*arm.unknown, *["inclination of the trunk"] * arm.lacks_root])
+    lacks = [f"{names} not known"] * bool(names)
+    lacks += [f"the posture is {arm.evidence.shortfall}"] * bool(arm.evidence.shortfall)
+    return Outcome.NOT_ASSESSABLE, f"{reason}; it can be up to {worst}: {'; '.join(lacks)}"
 
 
-def _notes(one: Scored, table: VerdictTable) -> tuple[str, ...]:
-    scale = one.scores.table
-    trunk = "to the vertical" if one.vertical else "to the pelvis, whose inclination is not known"
+def _notes(arm: Scored, table: VerdictTable) -> tuple[str, ...]:
+    scale = arm.scores.table
+    trunk = "to the vertical" if arm.vertical else "to the pelvis, whose inclination is not known"
     static = f"range of angles up to {table['held']:g} deg for more than {scale.static_time:g} s"
-    if one.evidence.asked <= scale.static_time:
-        static += f": not judged beyond this recording of {one.evidence.asked:.1f} s, and 1 more where it goes on"
+    if arm.evidence.asked <= scale.static_time:
+        static += f": not judged beyond this recording of {arm.evidence.asked:.1f} s, and 1 more where it goes on"
     chosen = (f"{name} {threshold.value:g} deg" for name, threshold in scale.chosen.items())
     return (
         f"counts: the highest score that is reached for {table['lasting']:g} s, all stretches together "
         f"({table.mark_of(table.lasting)}); at its first instant: "
-        f"{'; '.join(one.scores.reasons(_first(one))) or 'nothing adds to it'}",
+        f"{'; '.join(arm.scores.reasons(_first(arm))) or 'nothing adds to it'}",
         f"angles are rounded to {table['angle']:g} deg ({table.mark_of(table.angle)}): no body is known better",
         f"inclination of the trunk: {trunk}; of the neck: to the trunk",
         f"static use: {static}; repeated use: there and back by more than {table['held']:g} deg, in any minute "
         f"({table.mark_of(table.held)})",
         f"thresholds chosen here: {'; '.join(chosen)}",
-        f"assumed: {'; '.join(one.scores.assumptions)}",
+        f"assumed: {'; '.join(arm.scores.assumptions)}",
     )
 
 
-def _values(one: Scored) -> dict[str, float | None]:
-    period, score = _periods(one.time), one.scores.score
+def _values(arm: Scored) -> dict[str, float | None]:
+    period, score = _periods(arm.time), arm.scores.score
     total = max(float(period.sum()), 1e-12)
-    bounds = [0, *(int(highest) for highest in one.scores.table.levels)]
+    bounds = [0, *(int(highest) for highest in arm.scores.table.levels)]
     shares = {
         f"share of time at {low + 1} to {high} [1]": float(period @ ((score > low) & (score <= high))) / total
         for low, high in pairwise(bounds)
     }
     return {
-        "score that counts": float(one.lasting("highest")),
-        "score that counts, better end": float(one.lasting("lowest")),
-        "score that counts, unknown at its worst": float(one.worst_lasting),
+        "score that counts": float(arm.lasting("highest")),
+        "score that counts, better end": float(arm.lasting("lowest")),
+        "score that counts, unknown at its worst": float(arm.worst_lasting),
         "largest score": float(score.max()),
         "mean score": float((score * period).sum() / total),
-        "score that counts, chosen thresholds 5 deg smaller": float(one.lasting("stricter")),
-        "score that counts, chosen thresholds 5 deg larger": float(one.lasting("looser")),
+        "score that counts, chosen thresholds 5 deg smaller": float(arm.lasting("stricter")),
+        "score that counts, chosen thresholds 5 deg larger": float(arm.lasting("looser")),
         **shares,
     }
 
 
-def _first(one: Scored) -> int:
+def _first(arm: Scored) -> int:
     """Return the index of the first instant with the score that counts."""
-    return int(np.argmax(one.scores.highest >= one.lasting("highest")))
+    return int(np.argmax(arm.scores.highest >= arm.lasting("highest")))
 
 
-def _longest(one: Scored) -> tuple[float, float]:
+def _longest(arm: Scored) -> tuple[float, float]:
     """Return the longest stretch with the score that counts, or a higher one [s]."""
-    rows = np.flatnonzero(one.scores.highest >= one.lasting("highest"))
+    rows = np.flatnonzero(arm.scores.highest >= arm.lasting("highest"))
     groups = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    group = max(groups, key=lambda rows: one.time[rows[-1]] - one.time[rows[0]])
-    return float(one.time[group[0]]), float(one.time[group[-1]])
+    group = max(groups, key=lambda rows: arm.time[rows[-1]] - arm.time[rows[0]])
+    return float(arm.time[group[0]]), float(arm.time[group[-1]])
