@@ -1,4 +1,4 @@
-"""The load of a person's muscles over a recorded motion, with what his grips do to his hands."""
+"""Load of a person's muscles over a recorded motion, with the forces of grips on the hands."""
 
 from collections.abc import Iterable, Sequence
 
@@ -15,22 +15,22 @@ from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.muscle_set import MuscleSet
 
 OWN = "human::"
-"""In front of the names of his links."""
+"""Prefix of the names of the person's links."""
 
 
 def grip_loads(grips: Iterable[GripRecord], time: FloatArray) -> list[Load]:
-    """What grips do to his links; nothing before their first message and after their last.
+    """Return the loads of grips on the person's links; nothing before their first message and after their last.
 
     Args:
-        grips: of a run.
+        grips: grips of a run.
         time: shape (n,) [s].
     """
-    found = []
+    loads = []
     for grip in grips:
         for body, sign in ((grip.holder, 1.0), (grip.held, -1.0)):
             if body.startswith(OWN):
-                found.append(_load(grip, body.removeprefix(OWN), sign, time))
-    return found
+                loads.append(_load(grip, body.removeprefix(OWN), sign, time))
+    return loads
 
 
 def _load(grip: GripRecord, link: str, sign: float, time: FloatArray) -> Load:
@@ -43,11 +43,11 @@ def _load(grip: GripRecord, link: str, sign: float, time: FloatArray) -> Load:
 def motion_of(
     record: HumanRecord, joints: Sequence[str], still: Pose, cutoff: float, rate: float = RATE
 ) -> tuple[Motion, Pose | RootMotion]:
-    """The smooth motion of joints, and that of the root link, or its pose where it is at rest.
+    """Return the smooth motion of joints, and that of the root link, or its pose where it is at rest.
 
     Args:
-        record: of a run, or a part of it.
-        joints: names, of all joints of a body.
+        record: record of a run, or a part of it.
+        joints: names of all joints of a body.
         still: pose of its root link in the world, where the record has none.
         cutoff, rate: see `smoothed`.
 
@@ -73,15 +73,15 @@ def load_of(
     strength: float = 1.0,
     gravity: Vector = GRAVITY,
 ) -> MuscleLoad:
-    """Of a motion of all joints of a body.
+    """Return the load of the muscles in a motion of all joints of a body.
 
     Args:
-        body: his.
-        anatomy: of his muscles.
-        root: T_world_root of his root link, at rest; or its motion at the instants of the other one.
-        motion: of his joints.
-        loads: on his links.
-        strength: factor of that of his muscles.
+        body: body of the person.
+        anatomy: anatomy of the muscles.
+        root: T_world_root of the root link, at rest; or its motion at the instants of `motion`.
+        motion: motion of the joints.
+        loads: loads on the links.
+        strength: factor of the strength of the muscles [1].
         gravity: in the world [m/s^2].
     """
     still, moved = (root, None) if isinstance(root, Pose) else (Pose(), root)

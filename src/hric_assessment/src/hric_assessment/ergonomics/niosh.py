@@ -21,7 +21,7 @@ from hric_assessment.tables import UNITS, NioshTable, niosh_table
 from hric_control.errors import HricError
 
 PHASES = ("pick-up", "put-down")
-"""What may be rated."""
+"""Ends of a lift that may be rated."""
 POSITIONS = ("standing",)
 HOUR = 3600.0
 
@@ -31,17 +31,17 @@ class Lift:
     """One end of a lift: its origin, or its destination.
 
     Attributes:
-        phase: of PHASES.
+        phase: one of PHASES.
         load: mass that the person carries, of a shared load the measured share [kg].
-        horizontal: of the hands from the middle of the ankles [m].
-        vertical: of the hands above the floor [m].
-        distance: by which the load travels up or down [m].
-        asymmetry: of the load out of the sagittal plane [rad].
+        horizontal: distance of the hands from the middle of the ankles [m].
+        vertical: height of the hands above the floor [m].
+        distance: travel of the load up or down [m].
+        asymmetry: angle of the load out of the sagittal plane [rad].
         frequency: lifts per minute [1/min].
-        duration: of the work [s].
-        coupling: of the hands with the load: good, fair, poor.
-        hands: that lift.
-        position: of the person, standing.
+        duration: duration of the work [s].
+        coupling: coupling of the hands with the load: good, fair, poor.
+        hands: number of hands that lift.
+        position: position of the person, one of POSITIONS.
         stable: the load does not shift, as liquids do.
         speed: largest, vertical [m/s]; None: not known, taken as within the scope.
     """
@@ -62,7 +62,7 @@ class Lift:
 
 
 class Multipliers(NamedTuple):
-    """Of the load constant [1]."""
+    """Multipliers of the load constant [1]."""
 
     horizontal: float
     vertical: float
@@ -80,8 +80,8 @@ class Rated:
         multipliers: at full precision.
         limit: recommended weight limit [kg].
         index: lifting index [1]; infinite where the limit is 0.
-        level: of the index, in words.
-        rounded_limit, rounded_index: of multipliers rounded to two decimals, as the manual's worksheets have them.
+        level: level of the index, in words.
+        rounded_limit, rounded_index: limit and index by multipliers of two decimals, as in the manual's worksheets.
         assumptions: a sentence for what was not known.
     """
 
@@ -95,7 +95,7 @@ class Rated:
 
 
 def rate(lift: Lift, table: NioshTable | None = None) -> Rated:
-    """A lift within the scope of the equation.
+    """Return the rating of a lift within the scope of the equation.
 
     Args:
         lift: one end of it.
@@ -133,7 +133,7 @@ def _index(load: float, limit: float) -> float:
 
 
 def multipliers_of(lift: Lift, table: NioshTable) -> Multipliers:
-    """All six; lengths in cm, as the table has them."""
+    """Return the six multipliers of a lift."""
     h, v, d = (length / UNITS["length"] for length in (lift.horizontal, lift.vertical, lift.distance))
     low = v < table["vertical"]
     degrees = math.degrees(lift.asymmetry)
@@ -149,13 +149,13 @@ def multipliers_of(lift: Lift, table: NioshTable) -> Multipliers:
 
 
 def frequency_multiplier(frequency: float, duration: float, low: bool, table: NioshTable) -> float:
-    """FM, by straight lines between the rows of the table.
+    """Return FM [1], by straight lines between the rows of the table.
 
     Args:
         frequency: [1/min].
-        duration: of the work [s].
+        duration: duration of the work [s].
         low: the hands are lower than where couplings and frequencies change.
-        table: of the values.
+        table: table of the values.
     """
     rows = np.array(table.frequencies)
     column = 1 + 2 * int(np.searchsorted(table.durations, duration / HOUR)) + (0 if low else 1)

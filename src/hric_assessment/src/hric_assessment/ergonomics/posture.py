@@ -24,16 +24,16 @@ class Posture:
         upper_arm_flexion: elevation of the upper arm from hanging along the trunk; negative: behind the trunk.
         upper_arm_abduction: outward, out of the sagittal plane of the trunk.
         upper_arm_rotation: about its own axis, internal +.
-        shoulder_elevation: of the shoulder girdle.
+        shoulder_elevation: elevation of the shoulder girdle.
         elbow_flexion: 0 straight.
-        forearm_inward: of the forearm to the sagittal plane, + towards the midline.
+        forearm_inward: angle of the forearm to the sagittal plane, + towards the midline.
         wrist_flexion: + towards the palm.
         wrist_deviation: + to the little finger.
         pronation: from mid-position.
         neck_flexion, neck_bend, neck_twist: to the trunk; forward, to the right, to the left +.
         trunk_flexion, trunk_bend: to the vertical (see `to_vertical`); likewise.
         trunk_twist: to the pelvis.
-        knee_flexion: of the knee that is bent more.
+        knee_flexion: flexion of the knee that is bent more.
         arm_supported: the arm rests on something, or the person leans.
         trunk_supported: sits with a well supported trunk.
         unbalanced: is on one leg, or the legs are not well supported.
@@ -73,7 +73,7 @@ class Task:
         held: time for which the posture of the arm is held [s].
         repeats: repeats of the arm's action [1/min].
         rest_held, rest_repeats: likewise of neck and trunk; None: as the arm.
-        coupling: of the hand with the load, one of the table's names (REBA).
+        coupling: coupling of the hand with the load, one of the table's names (REBA).
         rapid: the posture changes rapidly and far, or the base is unstable (REBA).
     """
 
@@ -237,7 +237,7 @@ def to_vertical(R_world_root: FloatArray, flexion: FloatArray, bend: FloatArray)
 
     Args:
         R_world_root: orientation of the root link (x forward, y left, z up), shape (n, 3, 3).
-        flexion, bend: of the trunk to the pelvis, forward and to the right +, shape (n,) [rad].
+        flexion, bend: angles of the trunk to the pelvis, forward and to the right +, shape (n,) [rad].
     """
     a_root = np.array([np.sin(flexion) * np.cos(bend), -np.sin(bend), np.cos(flexion) * np.cos(bend)]).T
     x, y, up = np.einsum("nij,nj->ni", R_world_root, a_root).T

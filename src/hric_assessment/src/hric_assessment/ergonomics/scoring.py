@@ -23,7 +23,7 @@ class Step:
     """One addition to a score.
 
     Attributes:
-        part: of the body, or of the method.
+        part: part of the body, or of the method.
         points: shape (n,).
         reasons: sentences, one of which holds at each instant.
         case: index of it, shape (n,).
@@ -58,7 +58,7 @@ class Scores:
         lowest, highest: smallest and largest score with each angle within its spread, shape (n,).
         lowest_steps: additions that `lowest` is made of.
         stricter, looser: the score with all chosen thresholds smaller, and larger, by VARIATION, shape (n,).
-        assumptions: what stood in for what is not known. The angles are those that score least, so that the score can
+        assumptions: stand-ins for what is not known. The angles are those that score least, so that the score can
             only be higher; support of arm or trunk that is not known would lower it.
     """
 
@@ -221,21 +221,21 @@ def _ranges(bounds: Sequence[float]) -> list[str]:
 
 
 def needed(table: PostureTable) -> list[str]:
-    """Fields of a posture that the parts of a table need."""
-    found: dict[str, None] = {}
+    """Return the fields of a posture that the parts of a table need."""
+    names: dict[str, None] = {}
     for part in table.parts.values():
         for band in part.bands:
-            found |= dict.fromkeys(filter(None, (band.angle, band.unless)))
+            names |= dict.fromkeys(filter(None, (band.angle, band.unless)))
         for adder in part.add:
-            found |= dict.fromkeys(filter(None, (one.flag or one.angle for one in adder.any)))
-    return list(found)
+            names |= dict.fromkeys(filter(None, (condition.flag or condition.angle for condition in adder.any)))
+    return list(names)
 
 
 def cells(rows: Mapping[str, Sequence[int]], row: IntArray, column: IntArray) -> IntArray:
-    """Of a table, shape (n,).
+    """Return cells of a table, shape (n,).
 
     Args:
-        rows: of the table, in order.
+        rows: rows of the table, in order.
         row, column: counted from 1 on, shape (n,); beyond the last the last counts.
     """
     table = np.array(list(rows.values()), np.int64)
@@ -243,9 +243,9 @@ def cells(rows: Mapping[str, Sequence[int]], row: IntArray, column: IntArray) ->
 
 
 def index(scores: Sequence[IntArray], sizes: Sequence[int]) -> IntArray:
-    """Running number from 1 on of scores counted from 1 on, the last the fastest, shape (n,); as tables of several
-    scores in a row have them."""
-    found = np.zeros_like(scores[0])
+    """Return the running number from 1 on of scores counted from 1 on, the last the fastest, shape (n,); as tables of
+    several scores in a row have them."""
+    number = np.zeros_like(scores[0])
     for score, size in zip(scores, sizes, strict=True):
-        found = found * size + score - 1
-    return found + 1
+        number = number * size + score - 1
+    return number + 1

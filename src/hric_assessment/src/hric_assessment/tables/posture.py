@@ -88,7 +88,7 @@ class Part(Settings):
 
 @dataclass(frozen=True)
 class PostureTable(Table):
-    """What RULA and REBA have in common.
+    """Table of RULA or REBA.
 
     Attributes:
         levels: name of each level by its highest score, as text.

@@ -14,16 +14,16 @@ from hric_control.geometry import FloatArray
 
 @dataclass(frozen=True)
 class Braking:
-    """How the arm stops.
+    """Braking of the arm.
 
     Attributes:
-        stops: by speed and load; None: nothing is known of its braking.
+        stops: stops by speed and load; None: nothing is known of its braking.
     """
 
     stops: StopTable | None = None
 
     def text(self, load: float) -> str:
-        """The assumption, or the source; load: that the arm carries [kg]."""
+        """Return the assumption, or the source; load: load of the arm [kg]."""
         rules = verdict_table()
         reaction, time = f"{rules['reaction_time']:g} s", f"{rules['stopping_time']:g} s"
         if self.stops is None:
@@ -37,7 +37,7 @@ class Braking:
         )
 
     def stop(self, speed: FloatArray, load: float) -> Stop:
-        """From speeds of the arm, shape (n,) [m/s], with a load [kg].
+        """Return the stop from speeds of the arm, shape (n,) [m/s], with a load [kg].
 
         Raises:
             NotAssessableError: faster, or with more load, than any stop that is known.
@@ -50,11 +50,11 @@ class Braking:
 
 @dataclass(frozen=True)
 class Choices:
-    """What the user of the verdict chooses.
+    """Choices of the user of a verdict.
 
     Attributes:
-        limits: of contacts.
-        braking: of the arm.
+        limits: limits of contacts.
+        braking: braking of the arm.
         contact_area: area over which contacts act, the smaller of the robot's and the body's [m^2]; None: not known.
             Where a contact has an area of its own in the recording, the smaller of the two counts.
         rula_table: version of RULA's table A, one of `hric_assessment.ergonomics.rula.VERSIONS`.
