@@ -134,6 +134,12 @@ def test_effort_without_a_lift_is_a_number_without_a_limit() -> None:
     assert (effort.reply, effort.value, effort.limit, effort.unit) == (Reply.NO_LIMIT, pytest.approx(31.0), None, "%")
 
 
+def test_a_lift_that_no_table_rates_leaves_the_effort_unknown_with_the_load_that_is_known() -> None:
+    figure = Figure("strength", "largest torque of elbow over its strength", 0.31, "1")
+    effort = conclusions([with_remedy(finding("lift", UNKNOWN))], (figure,), (), DONE)[3]
+    assert (effort.reply, effort.value, bool(effort.remedy)) == (Reply.UNKNOWN, pytest.approx(31.0), True)
+
+
 @pytest.mark.parametrize(
     ("run", "reply"),
     [
@@ -173,6 +179,12 @@ def test_an_unknown_answer_says_what_would_make_it_known() -> None:
     assert "--contact-area" in str(given["contact"]) and "human.parts:=upper_body" in str(given["posture"])
     nothing = conclusions((), (), (Missing("contacts (hric/human/contacts)", "contact forces to hold"),), {})
     assert "record contacts (hric/human/contacts)" in str(nothing[0])
+
+
+@pytest.mark.parametrize("what", [CONTACT, DISTANCE, RULA, "lift"])
+def test_no_finding_that_is_not_assessable_is_without_a_remedy(what: str) -> None:
+    assert with_remedy(finding(what, UNKNOWN)).remedy
+    assert "penalty" in with_remedy(finding(what, UNKNOWN, missing=("a force of penalty contact",))).remedy
 
 
 def test_a_remedy_of_the_finding_itself_stays() -> None:

@@ -26,9 +26,11 @@ GROUPS = {CONTACT: "contact", DISTANCE: "separation", POSTURE: "posture", EFFORT
 """Group of findings that decides a question."""
 GIVES = {CONTACT: ("contact forces",), DISTANCE: ("distance", "capsules"), POSTURE: ("RULA",), EFFORT: ("strength",)}
 """Words by which a missing signal says that it would decide a question."""
-AREA = "the contact's area"
+AREA, PENALTY = "the contact's area", "a force of penalty contact"
 AREA_REMEDY = "--contact-area M2, or human.contact_area in the experiment"
+PENALTY_REMEDY = "give one of the two bodies a spring: contact: penalty of the object, or surfaces of the robot"
 PARTS_REMEDY = "simulate more of the body: human.parts:="
+SEE = "see the reason of the finding"
 ORDER = (Outcome.ABOVE, Outcome.NOT_ASSESSABLE, Outcome.WARNING, Outcome.WITHIN)
 """Outcomes from the worst on: what is not assessable may be above."""
 
@@ -152,11 +154,13 @@ def _number(finding: Finding) -> tuple[float | None, float | None, str]:
 
 def with_remedy(finding: Finding) -> Finding:
     """Return a finding that is not assessable with what would make it so, by what it says is missing."""
-    if finding.outcome != Outcome.NOT_ASSESSABLE or finding.remedy or not finding.missing:
+    if finding.outcome != Outcome.NOT_ASSESSABLE or finding.remedy:
         return finding
-    remedy = "" if finding.group == GROUPS[CONTACT] else f"record {', '.join(finding.missing)}"
+    remedy = SEE
     if AREA in finding.missing:
         remedy = AREA_REMEDY
+    elif PENALTY in finding.missing:
+        remedy = PENALTY_REMEDY
     elif any("angle" in name for name in finding.missing) and any("human/" in topic for topic in finding.signals):
         remedy = PARTS_REMEDY + ("whole_body" if finding.subject.startswith("REBA") else "upper_body")
     return replace(finding, remedy=remedy)
@@ -168,13 +172,18 @@ def _lacking(question: str, missing: "Sequence[Missing]") -> str:
 
 
 def _effort(findings: Sequence[Finding], figures: "Sequence[Figure]", missing: "Sequence[Missing]") -> Conclusion:
-    """Return the conclusion of the worst lift; without a lift the largest load, which has no limit."""
+    """Return the conclusion of the worst lift; where no lift is rated the largest load, which has no limit."""
     lifts = [one for one in findings if one.group == GROUPS[EFFORT]]
-    if lifts:
+    if lifts and lifts[0].outcome != Outcome.NOT_ASSESSABLE:
         return _by(EFFORT, lifts[0])
-    for figure in figures:
-        if figure.group in ("strength", "muscles") and figure.value is not None:
-            return Conclusion(EFFORT, Reply.NO_LIMIT, figure.name, 100.0 * figure.value, None, "%", figure.note)
+    load = next((one for one in figures if one.group in ("strength", "muscles") and one.value is not None), None)
+    value = None if load is None else 100.0 * (load.value or 0.0)
+    if lifts:
+        subject = f"{'no load is known' if load is None else load.name}; {lifts[0].subject} is not rated"
+        person, why, remedy = lifts[0].person, lifts[0].reason, lifts[0].remedy
+        return Conclusion(EFFORT, Reply.UNKNOWN, subject, value, None, "%", why, remedy, person, lifts[0])
+    if load is not None:
+        return Conclusion(EFFORT, Reply.NO_LIMIT, load.name, value, None, "%", load.note)
     return Conclusion(EFFORT, Reply.UNKNOWN, "not recorded", remedy=_lacking(EFFORT, missing))
 
 
