@@ -8,7 +8,7 @@ import numpy as np
 
 from hric_assessment.separation.capsules import Capsules, distances, of_body
 from hric_assessment.verdict.capsule_motion import CapsuleMotion, capsules_of
-from hric_assessment.verdict.conclusions import BY_DEFAULT, CONTACT, ORDER, OUTCOMES, POSTURE, Conclusion
+from hric_assessment.verdict.conclusions import BY_DEFAULT, CONTACT, ORDER, OUTCOMES, POSTURE, Conclusion, Reply
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
 from hric_control import urdf
@@ -25,7 +25,9 @@ ROBOT, PERSON, MARKS = "#8fa3b8", "#d9b48f", {"no": "#b3261e", "unknown": "#7a3f
 
 
 def moment(given: Given, people: Sequence[Person], conclusions: Sequence[Conclusion]) -> dict[str, Any] | None:
-    """Return arm and person at the worst moment of the worst conclusion, as in the JSON; None: nobody's place is known.
+    """Return arm and person at the worst moment, as in the JSON; None: nobody's place is known.
+
+    It is that of what is above its limit, else of the worst contact or the distance, else of the posture.
 
     Args:
         given: the recording.
@@ -33,9 +35,10 @@ def moment(given: Given, people: Sequence[Person], conclusions: Sequence[Conclus
         conclusions: about all questions.
     """
     shown = [one for one in conclusions if one.question in BY_DEFAULT and one.finding and one.finding.window]
+    shown = [one for one in shown if one.question != CONTACT or (one.finding and one.finding.regions)]
     if not shown or not people:
         return None
-    conclusion = min(shown, key=lambda one: ORDER.index(OUTCOMES[one.reply]))
+    conclusion = min(shown, key=lambda one: (one.reply != Reply.NO, one.question == POSTURE, _severity(one)))
     assert conclusion.finding is not None and conclusion.finding.window is not None
     person = next((one for one in people if one.name == conclusion.person), people[0])
     begin, end = np.clip(conclusion.finding.window, person.time[0], person.time[-1]).tolist()
@@ -64,6 +67,11 @@ def moment(given: Given, people: Sequence[Person], conclusions: Sequence[Conclus
         "arm": _listed(arm, arm_ends[at], marked[0]),
         "person": _listed(body, ends[at], marked[1]),
     }
+
+
+def _severity(conclusion: Conclusion) -> int:
+    """Return the place of a reply among all, from the worst on."""
+    return ORDER.index(OUTCOMES[conclusion.reply])
 
 
 def _of_arm(person: Person, conclusion: Conclusion) -> list[int]:
