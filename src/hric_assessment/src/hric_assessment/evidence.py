@@ -29,7 +29,7 @@ class Evidence:
     """How much of a window is known.
 
     Attributes:
-        asked: length of the window [s].
+        requested: length of the window [s].
         known: known part of it [s].
         rate: finite samples per known second [Hz].
         longest_gap: longest time without a finite sample, ends of the window included [s].
@@ -38,7 +38,7 @@ class Evidence:
         arm_motion: share of the arm's time in motion that is known [1]; None: the finding does not need it.
     """
 
-    asked: float
+    requested: float
     known: float
     rate: float
     longest_gap: float
@@ -59,13 +59,13 @@ class Evidence:
         begin, end = window
         gaps = unknown(time, finite, window, max_gap)
         inside = (time >= begin) & (time <= end)
-        asked = max(end - begin, 0.0)
-        known = asked - sum(b - a for a, b in gaps)
+        requested = max(end - begin, 0.0)
+        known = requested - sum(b - a for a, b in gaps)
         samples = int((inside & finite).sum())
         edges = np.concatenate([[begin], time[inside & finite], [end]])
-        longest = float(np.diff(edges).max()) if samples or asked > 0.0 else 0.0
+        longest = float(np.diff(edges).max()) if samples or requested > 0.0 else 0.0
         rate = samples / known if known > 0.0 else 0.0
-        return cls(asked, known, rate, longest, int((inside & ~finite).sum()), max_gap)
+        return cls(requested, known, rate, longest, int((inside & ~finite).sum()), max_gap)
 
     @property
     def complete(self) -> bool:
@@ -79,7 +79,9 @@ class Evidence:
             return ""
         clauses = []
         if self.longest_gap > self.max_gap + JITTER:
-            clauses.append(f"known for {self.known:.2f} of {self.asked:.2f} s, longest gap {self.longest_gap:.2f} s")
+            clauses.append(
+                f"known for {self.known:.2f} of {self.requested:.2f} s, longest gap {self.longest_gap:.2f} s"
+            )
         if self.not_finite:
             clauses.append(f"{self.not_finite} samples not finite")
         if self.arm_motion is not None and self.arm_motion < 1.0:

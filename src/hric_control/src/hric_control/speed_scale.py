@@ -60,7 +60,7 @@ class Request(NamedTuple):
 UNLIMITED = Request()
 """Request that limits nothing and never ends: it gives a lease back."""
 MAX_HOLDERS = 16
-"""Holders that are told apart (project default, unconfirmed). All others, and those without a name, share the lease
+"""Holders with a lease each (project default, unconfirmed). All others, and those without a name, share the lease
 `OTHERS`, in which each only makes the robot slower."""
 OTHERS = "others"
 

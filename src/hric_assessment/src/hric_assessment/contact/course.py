@@ -53,7 +53,7 @@ class Meeting:
 
 
 def end_of(contact: RegionForce) -> float:
-    """Return when a contact ended, or was last heard of, robot time [s]."""
+    """Return when a contact ended, or the time of its last message, robot time [s]."""
     duration = contact.duration if np.isfinite(contact.duration) else 0.0
     return float(max([contact.begin + duration, *contact.course.time[np.isfinite(contact.course.time)][-1:]]))
 
@@ -157,6 +157,8 @@ def _doubts(
         found.append("its messages are not of the time that begin and duration state")
     if _flat(contact, time[1:], force[1:]):  # without the begin, which has no message
         found.append(f"the force has a flat top at {force.max():.1f} N, as of a sensor at its range")
+    if contact.interrupted:
+        found.append("messages in between have neither the contact nor its end, as those of a second publisher")
     end = end_of(contact)
     if not contact.ended and recorded_until - end > verdict_table()["max_gap"]:
         found.append(f"its end is not recorded: the last message of it is of {end:.3f} s")

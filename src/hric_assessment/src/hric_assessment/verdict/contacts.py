@@ -39,9 +39,9 @@ def contact_findings(given: Given, choices: Choices) -> list[Finding]:
     """Return the findings of all contacts of each person; where nothing is recorded of them, one that says so."""
     humans = given.recording.humans
     findings = [finding for record in humans.values() for finding in _of_person(given, record, choices)]
-    seen_by_cameras = (given.definition.get("mocap") or {}).get("human")
+    on_camera = (given.definition.get("mocap") or {}).get("human")
     for topic in given.recording.people:
-        if not (humans and seen_by_cameras):  # else it is the simulated person once more
+        if not (humans and on_camera):  # else it is the simulated person once more
             findings.append(_not_recorded(given, choices, topic.rpartition("/")[0]))
     return findings or [_not_recorded(given, choices, "")]
 
@@ -162,7 +162,7 @@ class _Judge:
         where, notes = self._where(meeting.contacts)
         try:
             approach, form, doubts = self._expected.approach(meeting, where, self._simulated)
-        except HricError:  # a region that does not exist is told below
+        except HricError:  # _assessed names a region that does not exist
             approach, form, doubts = None, None, []
         unknown = Unknown((*meeting.doubts, *doubts), meeting.unknown_peak)
         finding = self._assessed(meeting, where, meeting.window, unknown, approach)

@@ -7,7 +7,7 @@ import numpy as np
 
 from hric_assessment.ergonomics import use
 from hric_assessment.ergonomics.posture import ANGLES, MIDDLE, SAME, Posture, Task, of_joints, to_vertical
-from hric_assessment.evidence import unknown
+from hric_assessment.evidence import finite_rows, unknown
 from hric_assessment.tables import PostureTable, verdict_table
 from hric_assessment.verdict.person import Person
 from hric_bags.records.human_record import HumanRecord
@@ -90,14 +90,21 @@ def spread_of(person: Person, side: str) -> dict[str, float]:
 
 
 def _load(person: Person, record: HumanRecord | None, side: str) -> FloatArray | None:
-    """Return the force on a hand over g at the instants of the joint states, shape (n,) [kg]; None: not recorded."""
-    segment = person.body.segments.get(f"{side}_hand")
-    if record is None or segment is None or not record.grips:
+    """Return the force on a hand over g at the instants of the joint states, NaN where a grip is not recorded, shape
+    (n,) [kg]; None: nobody says that the person holds anything."""
+    segment, settings = person.body.segments.get(f"{side}_hand"), person.settings
+    grips, expected = {} if record is None else record.grips, () if settings is None else settings.grips
+    if segment is None or not (grips or expected):
         return None
-    total = np.zeros(len(person.time))
-    for grip in record.grips.values():
-        for body in (grip.holder, grip.held):
-            if body.rpartition("::")[2] == segment.link:
-                force = np.linalg.norm(grip.force, axis=1)
-                total += np.interp(person.time, grip.time, force, 0.0, 0.0) / float(np.linalg.norm(GRAVITY))
+    total, time = np.zeros(len(person.time)), person.time
+    if set(expected) - set(grips):
+        total += np.nan
+    for grip in grips.values():
+        if segment.link not in (grip.holder.rpartition("::")[2], grip.held.rpartition("::")[2]):
+            continue
+        force = np.linalg.norm(grip.force, axis=1)
+        total += np.interp(time, grip.time, force, 0.0, 0.0) / float(np.linalg.norm(GRAVITY))
+        window, max_gap = (float(time[0]), float(time[-1])), verdict_table()["max_gap"]
+        for begin, end in unknown(grip.time, finite_rows(grip.force), window, max_gap):
+            total[(time > begin) & (time < end)] = np.nan
     return total

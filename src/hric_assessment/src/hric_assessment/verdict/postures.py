@@ -70,7 +70,7 @@ class Scored:
     @property
     def worst_lasting(self) -> int:
         """Score that counts with the highest score there is at times that are not known, too."""
-        seconds = verdict_table()["lasting"] - (self.evidence.asked - self.evidence.known)
+        seconds = verdict_table()["lasting"] - (self.evidence.requested - self.evidence.known)
         return lasting(self.time, self.worst, seconds) if seconds > 0.0 else int(list(self.scores.table.levels)[-1])
 
     def timeline(self) -> dict[str, Any]:
@@ -204,8 +204,8 @@ def _notes(arm: Scored, table: VerdictTable) -> tuple[str, ...]:
     scale = arm.scores.table
     trunk = "to the vertical" if arm.vertical else "to the pelvis, whose inclination is not known"
     static = f"range of angles up to {table['held']:g} deg for more than {scale.static_time:g} s"
-    if arm.evidence.asked <= scale.static_time:
-        static += f": not judged beyond this recording of {arm.evidence.asked:.1f} s, and 1 more where it goes on"
+    if arm.evidence.requested <= scale.static_time:
+        static += f": not judged beyond this recording of {arm.evidence.requested:.1f} s, and 1 more where it goes on"
     chosen = (f"{name} {threshold.value:g} deg" for name, threshold in scale.chosen.items())
     return (
         f"counts: the highest score that is reached for {table['lasting']:g} s, all stretches together "

@@ -1,6 +1,5 @@
 """The finding of separation: distance of a person from the arm, and the distance that the arm needed to stop."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,7 @@ from hric_assessment.evidence import BoolArray, Evidence, finite_rows, unknown
 from hric_assessment.findings import Finding, NotAssessableError, Outcome
 from hric_assessment.separation.capsules import of_body
 from hric_assessment.separation.minima import Separation, separation
-from hric_assessment.separation.protective import Terms, person_speed, protective_distance
+from hric_assessment.separation.protective import Stop, Terms, person_speed, protective_distance
 from hric_assessment.tables import separation_table, verdict_table
 from hric_assessment.verdict.capsule_motion import CapsuleMotion, capsules_of, speeds
 from hric_assessment.verdict.choices import Choices
@@ -44,6 +43,7 @@ class Separated:
         sampled: whether arm and person were recorded at each instant, shape (n,).
         evidence: of the arm's log, with the share of its motion in which the person is known.
         relied: nothing but the distance protected the person.
+        shapeless: links of the arm whose shapes are meshes, which the distances do not have.
         name: namespace of the person.
     """
 
@@ -58,6 +58,7 @@ class Separated:
     sampled: BoolArray
     evidence: Evidence
     relied: bool
+    shapeless: tuple[str, ...]
     name: str
 
     @property
@@ -107,20 +108,10 @@ def separated(given: Given, person: Person, choices: Choices) -> Separated | Non
         raise NotAssessableError("arm and person were not recorded at the same time")
     found = separation(float(begin), float(end), arm, robot.radii, bodies, body.radii)
     speed = speeds(arm, found.time)
-    uncertainty = person.uncertainty
     load = float((given.definition.get("robot") or {}).get("load", {}).get("mass", 0.0))
-    stop = choices.braking.stop(speed, load)
-    human = person_speed(speed, stop, 0.0, uncertainty, 0.0)
-    terms = protective_distance(speed, human, stop, 0.0, uncertainty, 0.0)
-    notes = _notes(person, choices.braking.text(load), left_out, unknown_share)
-    held = person.record is not None and any(grip.closed.any() for grip in person.record.grips.values())
-    relied = not held and (person.record is None or person.record.stream is None)
-    if not relied:
-        why = "a hand held the robot or what it holds" if held else "contacts are assessed by their force"
-        notes.append(f"the distance was not what protected the person: {why}; below it is a warning (chosen here)")
-    signals = ("/control_log", *person.signals)
-    sampled = _sampled(log, person, found.time)
-    evidence = _evidence(given, log, person, arm)
+    human, terms = _protective(speed, choices.braking.stop(speed, load), person.uncertainty)
+    notes = _notes(person, choices.braking.text(load), unknown_share)
+    relied = _relied(person, notes)
     return Separated(
         found,
         speed,
@@ -129,12 +120,29 @@ def separated(given: Given, person: Person, choices: Choices) -> Separated | Non
         robot.links,
         body.links,
         tuple(notes),
-        signals,
-        sampled,
-        evidence,
+        ("/control_log", *person.signals),
+        _sampled(log, person, found.time),
+        _evidence(given, log, person, arm),
         relied,
+        tuple(dict.fromkeys(left_out)),
         person.name,
     )
+
+
+def _relied(person: Person, notes: list[str]) -> bool:
+    """True if nothing but the distance protected the person; adds a note where something else did."""
+    held = person.record is not None and any(grip.closed.any() for grip in person.record.grips.values())
+    if not held and (person.record is None or person.record.stream is None):
+        return True
+    why = "a hand held the robot or what it holds" if held else "contacts are assessed by their force"
+    notes.append(f"the distance was not what protected the person: {why}; below it is a warning (chosen here)")
+    return False
+
+
+def _protective(speed: FloatArray, stop: Stop, uncertainty: float) -> tuple[FloatArray, Terms]:
+    """Return v_h [m/s] and the terms of S_p for speeds of the arm [m/s] and the uncertainty of the person [m]."""
+    human = person_speed(speed, stop, 0.0, uncertainty, 0.0)
+    return human, protective_distance(speed, human, stop, 0.0, uncertainty, 0.0)
 
 
 def _sampled(log: ControlRecord, person: Person, time: FloatArray) -> BoolArray:
@@ -187,7 +195,7 @@ def filled(q: FloatArray) -> tuple[FloatArray, float]:
     return filled, float(lost.any(axis=1).mean())
 
 
-def _notes(person: Person, braking: str, left_out: Sequence[str], unknown: float) -> list[str]:
+def _notes(person: Person, braking: str, unknown_share: float) -> list[str]:
     table, rules = separation_table(), verdict_table()
     notes = [
         f"v_r: of the fastest point of the arm, whatever its direction; v_h: {table['walking_speed']:g} m/s, up to "
@@ -197,11 +205,10 @@ def _notes(person: Person, braking: str, left_out: Sequence[str], unknown: float
         "the arm's joints are measured",
         f"an arm that is slower than {rules['moving']:g} m/s stands ({rules.mark_of(rules.moving)})",
     ]
-    if left_out:
-        notes.append(f"not in it, since they are meshes: {', '.join(dict.fromkeys(left_out))}")
-    if unknown:
+    if unknown_share:
         notes.append(
-            f"some joints of the person are not known for {100.0 * unknown:.1f} % of the time, and interpolated there"
+            f"some joints of the person are not known for {100.0 * unknown_share:.1f} % of the time, where they are "
+            "interpolated"
         )
     return notes
 
@@ -217,7 +224,6 @@ def separation_finding(one: Separated) -> Finding:
     found, protective, table = one.found, one.protective, separation_table()
     violations = found.violations(protective)
     ratio = np.where(found.distance > TOUCHING, protective / np.maximum(found.distance, TOUCHING), np.nan)
-    remedy = ""
     if violations:
         worst = min(violations, key=lambda violation: violation.margin)
         at = int(np.searchsorted(found.time, worst.time))
@@ -233,10 +239,9 @@ def separation_finding(one: Separated) -> Finding:
         window = float(found.time[0]), float(found.time[-1])
         reason = f"never nearer than S_p while the arm moves; nearest {found.distance[at]:.3f} m"
         outcome = Outcome.WITHIN
-    if outcome != Outcome.ABOVE and not one.evidence.complete:
-        outcome = Outcome.NOT_ASSESSABLE
-        reason = f"the arm's motion or the person is not known for all of the time: {one.evidence.shortfall}; {reason}"
-        remedy = f"record {' and '.join(one.signals)} for all of the run"
+    why, remedy = _unproven(one)
+    if outcome != Outcome.ABOVE and why:
+        outcome, reason = Outcome.NOT_ASSESSABLE, f"{why}; {reason}"
     link = f"{one.person[found.person[at]]} from {one.arm[found.arm[at]]}"
     return Finding(
         f"distance of {link}",
@@ -251,9 +256,20 @@ def separation_finding(one: Separated) -> Finding:
         one.notes,
         GROUP,
         evidence=one.evidence,
-        remedy=remedy,
+        remedy=remedy if outcome == Outcome.NOT_ASSESSABLE else "",
         person=one.name,
     )
+
+
+def _unproven(one: Separated) -> tuple[str, str]:
+    """Return why a distance is not known to be large enough, and the remedy; both empty: it is known."""
+    if not one.evidence.complete:
+        why = f"the arm's motion or the person is not known for all of the time: {one.evidence.shortfall}"
+        return why, f"record {' and '.join(one.signals)} for all of the run"
+    if one.shapeless:
+        why = f"the distance of {', '.join(one.shapeless)} is not known, whose shapes are meshes"
+        return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
+    return "", ""
 
 
 def _values(one: Separated, at: int) -> dict[str, float | None]:

@@ -1,4 +1,4 @@
-"""What a simulated person did in a run, from the topics in its bag; several are told apart by namespace. No ROS."""
+"""What a simulated person did in a run, from the topics in its bag; each has a namespace of their own. No ROS."""
 
 from array import array
 from collections.abc import Callable, Iterable

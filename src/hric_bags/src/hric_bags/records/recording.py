@@ -52,6 +52,8 @@ STEP = 1e-3
 SWITCHES, BACK = 3, 0.25
 """Jumps away and back that a tracker may make, and the share of the jump [1] within which it is back; more of them are
 two persons (project defaults, unconfirmed)."""
+MANY_PAIRS = 20
+"""Pairs of stamps from which on they are no jitter (project default, unconfirmed)."""
 ONE_EACH = "two persons in one namespace cannot be told apart; valid: a namespace for each, such as hric/human2"
 JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
 """Names of the joints of a body of `hric_human`."""
@@ -171,9 +173,24 @@ def refuse_shared_namespaces(reader: Bag) -> None:
             if list(before.name) != list(message.name):
                 at = seconds(message.header.stamp)
                 raise BagError(f"{topic}: the joints differ from one message to the next at {at:.3f} s; {ONE_EACH}")
-        if (switches := _switches(messages)) > SWITCHES:
-            text = f"{topic}: {switches} of {len(messages)} poses are those of somebody else than before and after"
-            raise BagError(f"{text}; {ONE_EACH}")
+        if why := _interleaved(messages):
+            raise BagError(f"{topic}: {why}; {ONE_EACH}")
+
+
+def _interleaved(messages: Sequence[Any]) -> str:
+    """Return why messages are those of two publishers in turns; empty: they are not."""
+    numbers = np.array([message.header.seq for message in messages], dtype=np.int64)
+    repeats = int((np.diff(numbers) <= 0).sum()) if numbers.any() else 0
+    if repeats > SWITCHES:
+        return f"{repeats} of {len(messages)} messages have a sequence number that was there before"
+    if (switches := _switches(messages)) > SWITCHES:
+        return f"{switches} of {len(messages)} poses are those of somebody else than before and after"
+    steps = np.diff([seconds(message.header.stamp) for message in messages])
+    pairs = steps[: len(steps) // 2 * 2].reshape(-1, 2)
+    for first, second in (pairs.T, pairs.T[::-1]):
+        if len(pairs) > MANY_PAIRS and (first < 0.5 * second).all():
+            return f"the stamps of {len(messages)} messages come in pairs"
+    return ""
 
 
 def _switches(messages: Sequence[Any]) -> int:
@@ -374,8 +391,9 @@ class _ThinLog:
             self._values[name].frombytes(rows[chosen].tobytes())
         effort = [kind == "effort" for kind in message.command_interface]
         self._values["by_effort"].frombytes(np.tile(np.array(effort, dtype=float), (chosen.sum(), 1)).tobytes())
-        self._stamps.append(SimpleNamespace(header=message.header, time=time[:1].copy()))
-        self._message = message
+        if np.isfinite(time[:1]).all():
+            self._stamps.append(SimpleNamespace(header=message.header, time=time[:1].copy()))
+            self._message = message
 
     @property
     def robot_time(self) -> RobotTime | None:
@@ -387,7 +405,7 @@ class _ThinLog:
         if self._message is None:
             return None
         n, names = len(self._time), tuple(self._message.joint_names)
-        arrays = {name: np.array(values).reshape(n, -1) for name, values in self._values.items()}
+        arrays = {name: np.array(values).reshape(n, len(names)) for name, values in self._values.items()}
         by_effort = arrays.pop("by_effort") > 0.0
         kinds = tuple(self._message.command_interface)
         return ControlRecord(

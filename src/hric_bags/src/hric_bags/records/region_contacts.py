@@ -81,6 +81,7 @@ class RegionForce:
         dominant: True if the messages say that it is on the side of the dominant hand.
         area: smallest area of contact in its messages [m^2]; None: not known.
         ended: True if a message says that the bodies parted.
+        interrupted: True if a message between two of it has neither the contact nor its end.
     """
 
     regions: tuple[str, ...]
@@ -99,6 +100,7 @@ class RegionForce:
     dominant: bool = False
     area: float | None = None
     ended: bool = True
+    interrupted: bool = False
 
     @property
     def end(self) -> float:
@@ -143,12 +145,14 @@ class ContactStream:
 
 @dataclass
 class _Contact:
-    """Messages of one contact: the last of them, and the rows of its course."""
+    """Messages of one contact: the last of them, its index among all messages, and the rows of its course."""
 
     last: Any
     rows: "array[float]" = field(default_factory=lambda: array("d"))
     area: float = math.inf
     ended: bool = False
+    index: int = -1
+    interrupted: bool = False
 
 
 class RegionMessages:
@@ -156,7 +160,7 @@ class RegionMessages:
 
     def __init__(self) -> None:
         self._stamps = array("d")
-        self._seen, self._numbers, self._silent = array("d"), array("q"), 0
+        self._all_stamps, self._numbers, self._silent = array("d"), array("q"), 0
         self._contacts: dict[tuple[str, str, float], _Contact] = {}
         self._links: dict[str, tuple[tuple[str, ...], array[float]]] = {}
         self._order: list[_Contact] = []
@@ -165,12 +169,12 @@ class RegionMessages:
         """Count a message, read or not; raw: serialised."""
         number, seconds, nanoseconds = (int.from_bytes(raw[k : k + 4], "little") for k in (0, 4, 8))
         self._numbers.append(number)
-        self._seen.append(seconds + 1e-9 * nanoseconds)
+        self._all_stamps.append(seconds + 1e-9 * nanoseconds)
         self._silent += raw[-8:] == bytes(8) and len(raw) == 24 + int.from_bytes(raw[12:16], "little")
 
     def stream(self, robot_time: Callable[[float], float]) -> ContactStream:
         """Return which messages were recorded."""
-        time, numbers = times(self._seen, robot_time), np.array(self._numbers)
+        time, numbers = times(self._all_stamps, robot_time), np.array(self._numbers)
         lost = np.flatnonzero(np.diff(numbers) > 1)
         return ContactStream(time, self._silent, tuple((float(time[k]), float(time[k + 1])) for k in lost))
 
@@ -179,19 +183,20 @@ class RegionMessages:
         index = len(self._stamps)
         self._stamps.append(stamp)
         for contact in message.touching:
-            self._note(contact, stamp)
+            self._note(contact, stamp, index)
             self._strongest(contact, index, math.nan, contact.force)
         for contact in message.ended:
-            known = self._note(contact, contact.begin + contact.duration)
+            known = self._note(contact, contact.begin + contact.duration, index)
             if not known.ended:
                 known.ended = True
                 self._order.append(known)
             if contact.kind == "penalty":
                 self._strongest(contact, index, contact.peak_time, contact.peak)
 
-    def _note(self, contact: Any, stamp: float) -> _Contact:
+    def _note(self, contact: Any, stamp: float, index: int) -> _Contact:
         known = self._contacts.setdefault((contact.link, contact.other, round(contact.begin, 6)), _Contact(contact))
-        known.last = contact
+        known.interrupted |= bool(known.rows) and index > known.index + 1
+        known.last, known.index = contact, index
         row = (contact.force, contact.peak, contact.peak_time, contact.duration)
         known.rows.extend((stamp, *row, *xyz(contact.point), *xyz(contact.normal)))
         if contact.area > 0.0:
@@ -253,6 +258,7 @@ class RegionMessages:
             bool(last.dominant),
             contact.area if math.isfinite(contact.area) else None,
             contact.ended,
+            contact.interrupted,
         )
 
 

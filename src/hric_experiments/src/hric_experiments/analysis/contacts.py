@@ -36,7 +36,7 @@ def findings(given: Given) -> list[Finding]:
 def counted_share(finding: Finding) -> float:
     """Return the share of the limit by which runs are counted and compared [1].
 
-    It is at most 1 only where the finding is within limits (or a warning), and infinite where no number says how far
+    It is at most 1 only where the finding is within limits (or a warning), and infinite where nothing says how far
     above it is: a contact that is not permitted at all, or one that is not assessable.
     """
     share = math.inf if finding.share is None else finding.share

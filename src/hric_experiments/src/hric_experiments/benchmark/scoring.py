@@ -34,7 +34,7 @@ class Cell:
 
     Attributes:
         runs: how many.
-        above: with a finding beyond its limit, or one that no number proves to be within (an infinite share).
+        above: with a finding beyond its limit, or one that nothing proves to be within (an infinite share).
         unknown: of which a finding is not known, because the run failed.
         incomplete: whose task was not completed: the run failed, a score of the task is not known or beyond its limit.
         failures: reasons, and how often.

@@ -94,7 +94,7 @@ class Topics:
         self, time: float, epoch: float, present: Iterable[RegionContact], ended: Iterable[RegionContact]
     ) -> None:
         """Publish the contacts of a cycle and those that ended since the last message; while nothing touches, an empty
-        message at least every SILENCE seconds: a reader can tell "nothing touched" from "not recorded".
+        message at least every SILENCE seconds: it distinguishes "nothing touched" from "not recorded".
 
         Args:
             time: of the stamp [s].
