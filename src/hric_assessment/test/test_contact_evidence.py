@@ -151,6 +151,12 @@ def test_of_a_recorded_and_a_stated_area_the_smaller_counts_and_both_are_named(t
     assert "contact area: 2e-05 m^2 recorded, 0.0004 m^2 stated; the smaller counts" in both.notes
 
 
+def test_a_recorded_area_that_no_hand_has_is_not_used(tmp_path: Path) -> None:
+    finding = only(tmp_path, lambda bag: bag.contact(half_sine(200.0), 1.0, 1.02, area=0.2), area=None)
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and finding.values["contact area [m^2]"] is None
+    assert any("not used: the recorded contact area is 0.2 m^2" in note for note in finding.notes)
+
+
 @pytest.mark.parametrize(("dominant", "limit"), [(True, 200.0), (False, 190.0)])
 def test_the_dominant_hand_bears_more_where_body_and_message_agree_that_it_is(
     tmp_path: Path, dominant: bool, limit: float

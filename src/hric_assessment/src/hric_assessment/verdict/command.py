@@ -20,7 +20,7 @@ from hric_assessment.verdict.moment import picture
 from hric_assessment.verdict.result import Verdict
 from hric_bags import files
 from hric_bags.run_folder import runs_root
-from hric_control.errors import HricError
+from hric_control.errors import MISTAKE, HricError
 
 FILE = "verdict.json"
 SEVERITY = (0, 4, 1)
@@ -38,7 +38,8 @@ def run(arguments: Sequence[str]) -> int:
     """
     try:
         return main(arguments)
-    except HricError:
+    except HricError as error:
+        error.exit_code = MISTAKE  # whatever failed: 1 is "above limits"
         raise
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hric_assessment.contact import course
+from hric_assessment.contact.area import check_area
 from hric_assessment.contact.assess import Approach, Unknown, Where, assess
 from hric_assessment.contact.course import Meeting
 from hric_assessment.contact.episodes import PENALTY
@@ -194,12 +195,20 @@ class _Judge:
 
     def _where(self, contacts: Sequence[RegionForce]) -> tuple[Where, list[str]]:
         """Return the place, and notes on what the recording and the user state of it."""
-        first, notes = contacts[0], list[str]()
+        first, notes, areas = contacts[0], list[str](), dict[str, float]()
+        names = tuple(dict.fromkeys(name for one in contacts for name in one.regions))
         recorded = min((one.area for one in contacts if one.area is not None), default=None)
-        stated = self._choices.contact_area
-        area = min((one for one in (recorded, stated) if one is not None), default=None)
-        if recorded is not None and stated is not None:
-            notes.append(f"contact area: {recorded:g} m^2 recorded, {stated:g} m^2 stated; the smaller counts")
+        for source, value in (("recorded", recorded), ("stated", self._choices.contact_area)):
+            if value is not None:
+                try:
+                    check_area(value, names, f"the {source} contact area")
+                    areas[source] = value
+                except HricError as error:
+                    notes.append(f"not used: {error}")
+        area = min(areas.values(), default=None)
+        if len(areas) > 1:
+            both = f"{areas['recorded']:g} m^2 recorded, {areas['stated']:g} m^2 stated"
+            notes.append(f"contact area: {both}; the smaller counts")
         regions = () if self._body is None else self._body.regions.get(first.link, ())
         sides = {region.dominant for region in regions}
         dominant = sides.pop() if len(sides) == 1 else None
@@ -207,7 +216,6 @@ class _Judge:
             notes.append("the body and the message differ on the side of the dominant hand: the lower limit counts")
             dominant = None
         others = " and ".join(dict.fromkeys(one.other for one in contacts))
-        names = tuple(dict.fromkeys(name for one in contacts for name in one.regions))
         return Where(names, others, first.kind, None, dominant, area), notes
 
 
