@@ -92,7 +92,7 @@ def test_a_mesh_without_a_capsule_is_refused_by_name():
     urdf = panda_description.load(arm_id="panda", meshes=False)
     link = '<link name="extra"><collision><geometry><mesh filename="x.stl"/></geometry></collision></link>'
     joint = '<joint name="j" type="fixed"><parent link="panda_link8"/><child link="extra"/></joint></robot>'
-    with pytest.raises(HricError, match=r"extra.*has no capsule"):
+    with pytest.raises(HricError, match=r"has no capsule: extra of panda"):
         ArmShape(urdf.replace("</robot>", link + joint), JOINTS)
 
 

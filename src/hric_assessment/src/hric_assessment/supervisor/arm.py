@@ -6,11 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_assessment.separation.capsules import Capsules
+from hric_assessment.separation.links import capsules_of, poses
 from hric_control.errors import DescriptionError
 from hric_control.geometry import FloatArray
-from hric_control.geometry.transforms import rotation_about
-from hric_control.urdf import Joint, Shape, join_capsules, read
+from hric_control.urdf import read
 from hric_control.urdf.mass_matrix import mass_matrix, point_jacobian
 
 STEP = 1e-3
@@ -80,32 +79,27 @@ class ArmShape:
                 f"{', '.join(name for name, joint in self.tree.joints.items() if joint.type != 'fixed')}"
             )
         fixed = self.tree.rigid_groups()
-        moving = [link for link in self.tree.links.values() if fixed[link.name][0] != self.tree.root]
-        found = [(link.name, *_capsule(shape)) for link in moving for shape in join_capsules(link.collisions)]
-        if not found:
+        moving = [name for name in self.tree.links if fixed[name][0] != self.tree.root]
+        self.capsules, left_out = capsules_of(self.tree, moving)
+        if left_out:
+            raise DescriptionError(
+                f"a <mesh> has no capsule: {', '.join(left_out)} of {self.tree.name}; valid: capsules, cylinders, "
+                "spheres, boxes"
+            )
+        if not self.capsules.links:
             raise DescriptionError(f"no moving link of {self.tree.name} has a collision shape")
-        links, ends, radii = zip(*found, strict=True)
-        self.capsules = Capsules(links, np.array(ends), np.array(radii))
-        self._steps = [
-            (joint, self.joints.index(joint.name) if joint.name in self.joints else -1)
-            for joint in self.tree.joints.values()
-        ]
 
     def poses(self, q: FloatArray) -> dict[str, FloatArray]:
-        """T_world_link of all links for n rows of joint positions, shape (n, 4, 4) each; q: shape (n, j)."""
-        T = {self.tree.root: np.broadcast_to(np.eye(4), (len(q), 4, 4))}
-        for joint, column in self._steps:
-            T_world_joint = T[joint.parent] @ joint.T_parent_joint
-            T[joint.child] = T_world_joint if column < 0 else T_world_joint @ _motion(joint, q[:, column])
-        return T
+        """Return T_world_link of all links for n rows of joint positions, shape (n, 4, 4) each; q: shape (n, j)."""
+        return poses(self.tree, self.joints, q)
 
     def ends(self, q: FloatArray) -> FloatArray:
-        """Ends of the capsules, shape (n, k, 2, 3) [m]; q: shape (n, j)."""
+        """Return the ends of the capsules, shape (n, k, 2, 3) [m]; q: shape (n, j)."""
         T = self.poses(q)
         return self.capsules.placed(np.stack([T[link] for link in self.capsules.links], axis=1))
 
     def at(self, state: ArmState) -> Placed:
-        """The capsules now, and how fast they move."""
+        """Return the capsules now, and how fast they move."""
         now, ahead = self.ends(np.array([state.q, state.q + STEP * state.dq]))
         return Placed(now, (ahead - now) / STEP, self.capsules.radii, self.capsules.links)
 
@@ -140,30 +134,3 @@ class ArmShape:
             for link in self.tree.links.values()
             if link.mass is not None and fixed[link.name][0] != self.tree.root
         )
-
-
-def _motion(joint: Joint, q: FloatArray) -> FloatArray:
-    """Of the child of a joint, shape (n, 4, 4)."""
-    T = np.tile(np.eye(4), (len(q), 1, 1))
-    if joint.type == "prismatic":
-        T[:, :3, 3] = q[:, None] * joint.axis
-    else:
-        T[:, :3, :3] = [rotation_about(joint.axis, angle) for angle in q.tolist()]
-    return T
-
-
-def _capsule(shape: Shape) -> tuple[FloatArray, float]:
-    """(ends, radius) of a capsule that holds a shape [m]."""
-    T = shape.T_link_shape
-    if shape.kind == "sphere":
-        return np.array([T[:3, 3], T[:3, 3]]), shape.size[0]
-    if shape.kind in ("capsule", "cylinder"):
-        radius, length = shape.size
-        step = 0.5 * length * T[:3, 2]
-        return np.array([T[:3, 3] - step, T[:3, 3] + step]), radius
-    if shape.kind == "box":
-        longest = int(np.argmax(shape.size))
-        step = 0.5 * shape.size[longest] * T[:3, longest]
-        across = [size for axis, size in enumerate(shape.size) if axis != longest]
-        return np.array([T[:3, 3] - step, T[:3, 3] + step]), 0.5 * math.hypot(*across)
-    raise DescriptionError(f"{shape.where}: a <mesh> has no capsule; valid: capsules, cylinders, spheres, boxes")

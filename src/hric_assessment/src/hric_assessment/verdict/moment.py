@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from hric_assessment.separation.capsules import Capsules, distances, of_body
-from hric_assessment.verdict.capsule_motion import CapsuleMotion, capsules_of
+from hric_assessment.separation.links import CapsuleMotion, capsules_of, moved_by
 from hric_assessment.verdict.conclusions import BY_DEFAULT, CONTACT, ORDER, OUTCOMES, POSTURE, Conclusion, Reply
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
@@ -52,7 +52,7 @@ def moment(given: Given, people: Sequence[Person], conclusions: Sequence[Conclus
     arm_ends = np.empty((len(time), 0, 2, 3))
     if log is not None and given.description and root is not None:
         tree = urdf.read(given.description)
-        arm, _ = capsules_of(tree, log.joint_names)
+        arm, _ = capsules_of(tree, moved_by(tree, log.joint_names))
         arm_ends = CapsuleMotion(tree, arm, log.joint_names, log.time, log.position)(time) if arm.links else arm_ends
     if arm.links and conclusion.question != POSTURE:
         gaps = distances(arm_ends, arm.radii, ends, body.radii)

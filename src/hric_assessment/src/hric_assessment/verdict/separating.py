@@ -8,10 +8,10 @@ import numpy as np
 from hric_assessment.evidence import BoolArray, Evidence, finite_rows, unknown
 from hric_assessment.findings import Finding, NotAssessableError, Outcome
 from hric_assessment.separation.capsules import of_body
+from hric_assessment.separation.links import CapsuleMotion, capsules_of, moved_by, speeds
 from hric_assessment.separation.minima import Separation, separation
 from hric_assessment.separation.protective import Stop, Terms, person_speed, protective_distance
 from hric_assessment.tables import separation_table, verdict_table
-from hric_assessment.verdict.capsule_motion import CapsuleMotion, capsules_of, speeds
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.person import Person
@@ -96,7 +96,7 @@ def separated(given: Given, person: Person, choices: Choices) -> Separated | Non
     if not np.isfinite(person.uncertainty):
         raise NotAssessableError("how far the markers are from those of the body is not known")
     tree = urdf.read(given.description)
-    robot, left_out = capsules_of(tree, log.joint_names)
+    robot, left_out = capsules_of(tree, moved_by(tree, log.joint_names))
     if not len(robot.radii):
         return None
     arm = CapsuleMotion(tree, robot, log.joint_names, log.time, log.position)

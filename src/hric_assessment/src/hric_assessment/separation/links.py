@@ -1,6 +1,6 @@
-"""The capsules of an arm and of a person over a recording."""
+"""Capsules of a description, where its links are, and how both move over a recording."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 import numpy as np
 
@@ -14,34 +14,31 @@ Poses = Callable[[FloatArray], FloatArray]
 """Times, shape (n,) [s] -> poses in the world, shape (n, 4, 4)."""
 
 
-def capsules_of(tree: urdf.Robot, moved_by: Sequence[str]) -> tuple[Capsules, list[str]]:
-    """Those of the collision shapes of all links that some joints move, and the links that have other shapes.
+def capsules_of(tree: urdf.Robot, links: Iterable[str]) -> tuple[Capsules, list[str]]:
+    """Return the capsules of the collision shapes of some links, and the links that have meshes among them.
 
     A cylinder becomes the capsule around it, a box the smallest one along its longest edge that holds it; a mesh is
     left out.
-
-    Args:
-        tree: of the arm.
-        moved_by: names of joints.
     """
-    links, ends, radii, left_out = [], [], [], []
-    for name in _behind(tree, moved_by):
+    names, ends, radii, left_out = [], [], [], []
+    for name in links:
         for shape in join_capsules(tree.links[name].collisions):
-            found = _capsule(shape)
-            if found is None:
+            capsule = _capsule(shape)
+            if capsule is None:
                 left_out.append(name)
                 continue
-            along, radius = found
+            along, radius = capsule
             middle, z = shape.T_link_shape[:3, 3], shape.T_link_shape[:3, :3] @ along
-            links.append(name)
+            names.append(name)
             ends.append([middle - z, middle + z])
             radii.append(radius)
-    return Capsules(tuple(links), np.array(ends).reshape(-1, 2, 3), np.array(radii)), left_out
+    return Capsules(tuple(names), np.array(ends).reshape(-1, 2, 3), np.array(radii)), left_out
 
 
-def _behind(tree: urdf.Robot, joints: Sequence[str]) -> list[str]:
+def moved_by(tree: urdf.Robot, joints: Collection[str]) -> list[str]:
+    """Return the links that some joints move, from the root outwards."""
     moved: set[str] = set()
-    for joint in tree.joints.values():  # from the root outwards
+    for joint in tree.joints.values():
         if joint.name in joints or joint.parent in moved:
             moved.add(joint.child)
     return [name for name in tree.links if name in moved]
@@ -59,6 +56,36 @@ def _capsule(shape: Shape) -> tuple[FloatArray, float] | None:
     longest = int(np.argmax(shape.size))
     others = np.delete(np.array(shape.size), longest)
     return 0.5 * shape.size[longest] * np.eye(3)[longest], 0.5 * float(np.linalg.norm(others))
+
+
+def poses(
+    tree: urdf.Robot, joints: Sequence[str], q: FloatArray, T_world_root: FloatArray | None = None
+) -> dict[str, FloatArray]:
+    """Return T_world_link of all links, shape (n, 4, 4) each.
+
+    Args:
+        tree: the description.
+        joints: names of the columns of q; all others are at zero.
+        q: shape (n, j) [rad or m].
+        T_world_root: shape (n, 4, 4); None: the root is the world.
+    """
+    columns = {name: column for column, name in enumerate(joints)}
+    T = {tree.root: np.broadcast_to(np.eye(4), (len(q), 4, 4)) if T_world_root is None else T_world_root}
+    for joint in tree.joints.values():
+        T_world_joint, column = T[joint.parent] @ joint.T_parent_joint, columns.get(joint.name)
+        T[joint.child] = T_world_joint if column is None else T_world_joint @ _motion(joint, q[:, column])
+    return T
+
+
+def _motion(joint: urdf.Joint, q: FloatArray) -> FloatArray:
+    """Poses of the child in the joint's frame, shape (n, 4, 4): Rodrigues' formula."""
+    T = np.tile(np.eye(4), (len(q), 1, 1))
+    if joint.type == "prismatic":
+        T[:, :3, 3] = q[:, None] * joint.axis
+        return T
+    K = skew(joint.axis)
+    T[:, :3, :3] += np.sin(q)[:, None, None] * K + (1.0 - np.cos(q))[:, None, None] * (K @ K)
+    return T
 
 
 class CapsuleMotion:
@@ -82,35 +109,18 @@ class CapsuleMotion:
         q: FloatArray,
         root: Poses | None = None,
     ) -> None:
-        self._tree, self._capsules, self._time, self._q = tree, capsules, time, q
-        self._columns = {name: column for column, name in enumerate(joints)}
-        self._root = root or (lambda time: np.tile(np.eye(4), (len(time), 1, 1)))
+        self._tree, self._capsules, self._joints = tree, capsules, joints
+        self._time, self._q, self._root = time, q, root
 
     def __call__(self, time: FloatArray) -> FloatArray:
-        """In the world, shape (n, k, 2, 3) [m]; time: shape (n,) [s]."""
-        T = {self._tree.root: self._root(time)}
-        for joint in self._tree.joints.values():
-            placed = T[joint.parent] @ joint.T_parent_joint
-            column = self._columns.get(joint.name)
-            if column is not None:
-                placed = placed @ _motion(joint, np.interp(time, self._time, self._q[:, column]))
-            T[joint.child] = placed
+        """Return the ends in the world, shape (n, k, 2, 3) [m]; time: shape (n,) [s]."""
+        q = np.array([np.interp(time, self._time, column) for column in self._q.T]).T.reshape(len(time), -1)
+        T = poses(self._tree, self._joints, q, None if self._root is None else self._root(time))
         return self._capsules.placed(np.stack([T[link] for link in self._capsules.links], axis=1))
 
 
-def _motion(joint: urdf.Joint, q: FloatArray) -> FloatArray:
-    """Poses of the child in the joint's frame, shape (n, 4, 4): Rodrigues' formula."""
-    T = np.tile(np.eye(4), (len(q), 1, 1))
-    if joint.type == "prismatic":
-        T[:, :3, 3] = q[:, None] * joint.axis
-        return T
-    K = skew(joint.axis)
-    T[:, :3, :3] += np.sin(q)[:, None, None] * K + (1.0 - np.cos(q))[:, None, None] * (K @ K)
-    return T
-
-
 def speeds(ends: Callable[[FloatArray], FloatArray], time: FloatArray, block: int = 2000) -> FloatArray:
-    """Of the fastest end of any capsule, shape (n,) [m/s]: differences over a millisecond to either side.
+    """Return the speed of the fastest end of any capsule, by differences over 1 ms to either side, shape (n,) [m/s].
 
     Args:
         ends: of the capsules.
