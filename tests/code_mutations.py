@@ -67,14 +67,7 @@ def settings() -> str:
         for path in sorted((ROOT / "src" / package / "test").glob("test_*.py"))
         if path.name.startswith(names) and path.name not in LEFT_OUT and "mark.alone" not in path.read_text()
     ]
-    arguments = [
-        "--deselect=workspace/src/hric_assessment/test/test_contact_findings.py::test_a_finding_names_its_table_window_and_marks_and_says_what_it_is_not",
-        "-c",
-        str(ROOT / "pyproject.toml"),
-        f"--confcutdir={FOLDER}/mutants",
-        "-m",
-        "not slow and not live",
-    ]
+    arguments = ["-c", str(ROOT / "pyproject.toml"), f"--confcutdir={FOLDER}/mutants", "-m", "not slow and not live"]
     lines = {
         "source_paths": [f"src/{package}" for package in TESTS],
         "only_mutate": [f"src/{part}/*" for part in PARTS.values()],

@@ -102,11 +102,14 @@ class RawBag(MemoryBag):
         """Return a bag in which messages are changed; edit: changes a message; share: of the messages, at random."""
         draw = random.Random(seed).random
         return self.with_rows(
-            self._edited(row, edit) if row[0].topic in topics and draw() < share else row for row in self._messages
+            self.changed(row, edit) if row[0].topic in topics and draw() < share else row for row in self._messages
         )
 
-    def _edited(self, row: Row, edit: Callable[[Any], None]) -> Row:
+    def changed(self, row: Row, edit: Callable[[Any], None] | None) -> Row:
+        """Return a row with its message changed; edit: None: not at all."""
         connection, time, raw = row
+        if edit is None:
+            return row
         message = self.deserialize(raw, connection.msgtype)
         edit(message)
         return connection, time, bytes(self.typestore.serialize_ros1(message, connection.msgtype))
@@ -176,7 +179,7 @@ def _people(bag: RawBag, many: Sequence[str], kinds: Mapping[str, str]) -> Itera
         beside = f"a calm second person beside {name}"
         yield Mutation("second person", beside, (f"{name}2",), partial(_second, name, own))
         for mixed in {own, tuple(topic for topic in own if kinds[topic] == STATES and topic in many)} - {()}:
-            text = f"messages of a calm second person on {', '.join(mixed)}"
+            text = f"messages of somebody else on {', '.join(mixed)}"
             yield Mutation("two publishers", text, mixed, partial(_interleaved, mixed))
     for topic in named:
         yield Mutation("swap", f"left and right of {topic}", (topic,), partial(_swapped, (topic,)))
@@ -395,36 +398,40 @@ def _calm_contacts(message: Any) -> None:
     message.touching, message.ended = [], []
 
 
+def _bent(message: Any) -> None:
+    message.position = message.position + 1.0
+
+
 CALM: dict[str, Callable[[Any], None]] = {
     STATES: _set(0.0, "position", "velocity", "effort"),
     TORQUES: _set(0.0, "torque", "strength_share"),
     CONTACTS: _calm_contacts,
 }
 """Messages of a person who hangs the arms and whom nothing touches."""
+OTHER = {**CALM, STATES: _bent}
+"""Messages of a person whom nothing touches, in another posture than the first: two who hold the same one, or nearly,
+are one for any reader."""
 LATER = 2_500_000
 """After a message that of the second publisher [ns]."""
-
-
-def _calm(bag: RawBag, row: Row, connection: Connection, later: int = 0) -> Row:
-    def edit(message: Any) -> None:
-        CALM.get(connection.msgtype, lambda _: None)(message)
-        _shifted(1e-9 * later, message)
-
-    _, time, raw = bag._edited(row, edit)
-    return connection, time + later, raw
 
 
 def _second(name: str, topics: Sequence[str], bag: RawBag) -> RawBag:
     """The topics of a person again, below another name."""
     own = {c.topic: c for c in bag.connections if c.topic in topics}
     other = {topic: replace(c, topic=f"{name}2{topic.removeprefix(name)}") for topic, c in own.items()}
-    added = [_calm(bag, row, other[row[0].topic]) for row in bag.rows if row[0].topic in other]
+    rows = [bag.changed(row, CALM.get(row[0].msgtype)) for row in bag.rows if row[0].topic in other]
+    added = [(other[connection.topic], time, raw) for connection, time, raw in rows]
     return bag.with_rows([*bag.rows, *added], [*bag.connections, *other.values()])
 
 
 def _interleaved(topics: Sequence[str], bag: RawBag) -> RawBag:
     """Messages of somebody else on the same topics."""
-    return bag.with_rows([*bag.rows, *(_calm(bag, row, row[0], LATER) for row in bag.rows if row[0].topic in topics)])
+
+    def other(row: Row) -> Row:
+        connection, time, raw = bag.changed(row, OTHER.get(row[0].msgtype))
+        return bag.changed((connection, time + LATER, raw), partial(_shifted, 1e-9 * LATER))
+
+    return bag.with_rows([*bag.rows, *(other(row) for row in bag.rows if row[0].topic in topics)])
 
 
 def _other_side(name: str) -> str:

@@ -42,7 +42,7 @@ WORDS = {
     "joint_states": ("joint", "angle", "posture"),
     "joint_torque": ("torque",),
     "root": ("root", "where the person", "person", "human_base"),
-    "grip": ("grip", "hand"),
+    "grip": ("grip", "hand", "load"),
     "control_log": ("arm", "robot"),
     "robot_description": ("description",),
     "tf_static": ("transform", "where the person"),
@@ -52,6 +52,10 @@ WORDS = {
 }
 """Words by which a sentence names a topic, by the last part of its name; of another one: that part."""
 
+SIDES = ("left", "right", "[lr]_")
+"""Words by which a sentence names a side."""
+SEVERAL = ("human2", "person2", "two ", "several", "second", "publisher")
+"""Words by which a sentence says that there is somebody else."""
 ALSO = {"separation": ("/robot_description", "/tf_static"), "posture": ("/tf_static",)}
 """Topics that findings of a group need beside their signals."""
 
@@ -258,8 +262,10 @@ def named(base: Judged, damaged: Judged, mutation: Mutation) -> bool:
 
 def _named(mutation: Mutation, sentences: Iterable[str]) -> bool:
     words = [word for topic in mutation.topics for word in _words(topic)]
+    if mutation.kind == "swap":
+        words += SIDES
     if mutation.kind in ("second person", "two publishers"):
-        words = ["human2", "person2", "two ", "several", "second", "publisher"]
+        words = list(SEVERAL)
     return any(re.search(rf"\b{word}", sentence) for sentence in sentences for word in words)
 
 
