@@ -152,7 +152,7 @@ def mutations(bag: RawBag, windows: Mapping[str, Window], seed: int = 0, everyth
     for number, topic in enumerate(many):
         found += _losses(topic, windows, seed + number, everything)
         found += [shift(topic, by, both) for by in (SHIFTS if everything else SHIFTS[:1]) for both in (False, True)]
-        found += [nan(topic, field, seed) for field in NAN.get(kinds[topic], {})]
+        found += [nan(topic, field, share, seed) for field in NAN.get(kinds[topic], {}) for share in (1.0, 0.5)]
         if kinds[topic] in SIGN:
             found.append(Mutation("sign", f"sign of {topic}", (topic,), partial(_edit, topic, SIGN[kinds[topic]])))
         if kinds[topic] == CONTACTS:
@@ -311,14 +311,14 @@ NAN: dict[str, dict[str, Callable[[Any], None]]] = {
 """Edits by type of message, and the name of what is no number any more."""
 
 
-def nan(topic: str, field: str, seed: int) -> Mutation:
-    """Make a field NaN in half of the messages, at random: an end or a peak among them stays in some runs."""
+def nan(topic: str, field: str, share: float, seed: int) -> Mutation:
+    """Make a field NaN in a share of the messages, at random."""
 
     def apply(bag: RawBag) -> RawBag:
         kind = next(c.msgtype for c in bag.connections if c.topic == topic)
-        return bag.edited((topic,), NAN[kind][field], 1.0 if seed % 2 == 0 else 0.5, seed)
+        return bag.edited((topic,), NAN[kind][field], share, seed)
 
-    return Mutation("nan", f"NaN as {field} of {topic}", (topic,), apply)
+    return Mutation("nan", f"NaN as {field} of {100.0 * share:g} % of {topic}", (topic,), apply)
 
 
 def _negative(*fields: str) -> Callable[[Any], None]:

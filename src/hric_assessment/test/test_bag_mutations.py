@@ -120,7 +120,7 @@ def test_a_loss_leaves_so_many_messages_of_its_topic_and_all_of_the_others(
 @pytest.mark.parametrize(
     ("mutation", "holds"),
     [
-        (nan(CONTACTS, "force", 0), lambda contact: math.isnan(contact.force) and contact.peak >= 0.0),
+        (nan(CONTACTS, "force", 1.0, 0), lambda contact: math.isnan(contact.force) and contact.peak >= 0.0),
         (clip(CONTACTS, 0.6), lambda contact: max(contact.force, contact.peak) <= 210.0 + 1e-9),
     ],
     ids=str,

@@ -18,11 +18,11 @@ RUNS: dict[str, Callable[[], Recorded]] = {
     "contact on MuJoCo": partial(shipped, "contact", "simulator:=mujoco", SHORT),
     "contact on PyBullet": partial(shipped, "contact", "simulator:=pybullet", SHORT, FAST, area=TIP),
     "contact on OpenSim": partial(shipped, "contact", "simulator:=opensim", SHORT, FAST),
-    "clamped": partial(of_benchmark, "contact", "stiff", "p95", 1, area=TIP),
+    "clamped": partial(of_benchmark, "contact", "supervised", "p05", 3, area=TIP),
     "hand guidance": partial(of_benchmark, "hand_guidance", "supervised", "p05", 0),
     "co-transport": partial(of_benchmark, "co_transport", "compliant", "p50", 2),
     "handover": partial(of_benchmark, "handover", "stiff", "p95", 3),
-    "shared workspace": partial(of_benchmark, "shared_workspace", "stiff", "p50", 0),
+    "shared workspace": partial(of_benchmark, "shared_workspace", "compliant", "p95", 2),
     "shared workspace, supervised": partial(of_benchmark, "shared_workspace", "supervised", "p05", 1),
 }
 """With those of known_bags, a dozen recordings."""
