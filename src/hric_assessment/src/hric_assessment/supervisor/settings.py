@@ -69,7 +69,12 @@ class SupervisorSettings(Settings):
     )
     hold: float = number(0.3, minimum=0.0, unit="s", text="for which that must last")
     max_age: float = number(
-        0.1, above=0.0, maximum=5.0, unit="s", text="of what is known of person or arm; what is older stops the arm"
+        0.08,
+        above=0.0,
+        maximum=5.0,
+        unit="s",
+        text="of what is known of person or arm; what is older stops the arm. With two periods of decisions it is within "
+        "`reaction_time`, so that a person who vanishes stops the arm in time",
     )
     person_max_speed: float = number(
         10.0,
