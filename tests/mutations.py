@@ -1,4 +1,4 @@
-"""Break ten named things one at a time, and show which test notices.
+"""Break named things one at a time, and show which test notices.
 
     python3 tests/mutations.py [NAME...]     # all, or those; the table of docs/mutations.md
 
@@ -117,6 +117,55 @@ MUTATIONS = {
         "np.abs(banded)",
         "banded",
         "envelope or emg",
+    ),
+    "peak": Mutation(
+        "the peak of a contact between two messages does not count",
+        "hric_assessment",
+        "force = np.concatenate([course.force, course.reached[rose], [touch]])",
+        "force = np.concatenate([course.force, 0.0 * course.reached[rose], [touch]])",
+        "peak_between_two_messages",
+    ),
+    "guided_speed": Mutation(
+        "guidance speeds an arm up that is slower than it permits",
+        "hric_assessment",
+        "share = min(1.0, own.guided_speed / self._speed)",
+        "share = own.guided_speed / self._speed",
+        "supervisor",
+    ),
+    "felt": Mutation(
+        "a hand that an engine names second feels the force of the other body",
+        "hric_human",
+        "else -contact.force",
+        "else contact.force",
+        "felt",
+    ),
+    "freedom": Mutation(
+        "Student's distribution has a degree of freedom too many",
+        "hric_experiments",
+        "max(size - 1.0, 1.0)",
+        "max(size, 1.0)",
+        "rare_events",
+    ),
+    "lags": Mutation(
+        "correlations of a chain all have the same weight",
+        "hric_experiments",
+        "(1.0 - k / length) * (float(np.mean",
+        "(float(np.mean",
+        "rare_events",
+    ),
+    "drive_speed": Mutation(
+        "a position drive knows no largest speed",
+        "mujoco_ros_control",
+        "value = min(max((value - self.q[i]) / step, -limit), limit)",
+        "value = (value - self.q[i]) / step",
+        "position_drive",
+    ),
+    "ball_of_water": Mutation(
+        "the inertia of a body that a repair invents is half as large again",
+        "urdf_to_osim",
+        "0.4 * body.mass * radius**2",
+        "0.6 * body.mass * radius**2",
+        "repair",
     ),
 }
 
