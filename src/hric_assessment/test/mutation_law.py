@@ -26,7 +26,7 @@ from bag_mutations import CONTACTS, Mutation, RawBag, Window, mutations
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.tables import episode_table
-from hric_assessment.verdict.assess import assess
+from hric_assessment.verdict.assess import judge
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.result import Verdict
@@ -150,7 +150,7 @@ def judged(recorded: Recorded) -> Judged:
         description = recorded.description or taken.description
         kind = "run" if recorded.run else "bag"
         given = Given(recorded.name, kind, Path(), taken, recorded.run, description)
-        return Judged(recorded, assess(given, recorded.choices), offset=offset)
+        return Judged(recorded, judge(given, recorded.choices), offset=offset)
     except HricError as error:
         return Judged(recorded, None, str(error))
     except Exception as error:

@@ -123,7 +123,7 @@ def test_a_loss_leaves_so_many_messages_of_its_topic_and_all_of_the_others(
         (nan(CONTACTS, "force", 1.0, 0), lambda contact: math.isnan(contact.force) and contact.peak >= 0.0),
         (clip(CONTACTS, 0.6), lambda contact: max(contact.force, contact.peak) <= 210.0 + 1e-9),
     ],
-    ids=str,
+    ids=["NaN", "clip"],
 )
 def test_a_field_is_changed_in_every_message(
     mutation: Mutation, holds: Callable[[Any], bool], recordings: dict[str, Recorded]

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from hric_assessment.tables import episode_table
+from hric_assessment.tables import episode_table, verdict_table
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.region_contacts import RegionForce
 from hric_control import urdf
-from hric_control.errors import HricError
+from hric_control.errors import HricError, check_known
 from hric_control.geometry import homogeneous
 from hric_control.geometry.transforms import inverse, rotation_from_quaternion
 from hric_control.plant import Surface
@@ -208,7 +208,8 @@ class Beside:
         human: the record of the human.
 
     Raises:
-        HricError: a description, a world file or a parameter that cannot be used any more.
+        HricError: a description, a world file or a parameter that cannot be used any more, joints of another body, or
+            nobody recorded where a walking person was.
     """
 
     def __init__(self, run: Mapping[str, Any], description: str, log: ControlRecord, human: HumanRecord) -> None:
@@ -219,10 +220,13 @@ class Beside:
         self._log, self._record = log, human
         settings = HumanSettings.of(definition["human"], "human")
         body = describe(settings.person)
+        check_known("joint", human.joints, body.joints, "the body of the run")
+        if settings.walk is not None and human.root is None:
+            raise HricError(f"where the walking person was is not recorded: {human.name}/root")
         root = settings.root(body)
         T_world_root = homogeneous(rotation_from_quaternion(root.orientation), root.position)
         described, joints, self._human_q = body.urdf, human.joints, human.position
-        if settings.walk is not None and human.root is not None:  # he gives way along the joints that carry him, too
+        if settings.walk is not None and human.root is not None:  # the joints that carry the person give way, too
             described, joints = Walk(settings.walk, body, settings.heading).urdf, (*JOINTS, *human.joints)
             walked = human.root.at(human.time)[:, :2] - np.array(root.position[:2])
             self._human_q = np.hstack([walked, human.position])
@@ -241,11 +245,12 @@ class Beside:
         return Impact(met, self.transient(met), self._press(met, met.other.rpartition("::")[2]))
 
     def _ours(self, met: RegionForce) -> bool:
-        """Whether it has a force, and is one with the robot."""
-        return met.kind == "penalty" and met.other.rpartition("::")[0] == self._name
+        """True if a contact has a force, and is one of the person with the robot."""
+        other, _, link = met.other.rpartition("::")
+        return met.kind == "penalty" and other == self._name and met.link in self._skin and link in self._hull
 
     def transient(self, met: RegionForce) -> Transient | None:
-        """The closed form; None: see `Impact`."""
+        """Return the closed form; None: see `Impact`, or arm or person were not recorded then."""
         if not self._ours(met):
             return None
         link = met.other.rpartition("::")[2]
@@ -253,6 +258,8 @@ class Beside:
         if law is None or law[1] or met.point is None or met.normal is None or speed <= 0.0:
             return None
         log, record = self._log, self._record
+        if not (_recorded(met.begin, log.time) and _recorded(met.begin, record.time)):
+            return None
         q_robot, q_human = _at(met.begin, log.time, log.position), _at(met.begin, record.time, self._human_q)
         robot_mass = self._robot.reflected_mass(q_robot, link, met.point, met.normal)
         human_mass = self._human.reflected_mass(q_human, met.link, met.point, met.normal)
@@ -275,6 +282,11 @@ class Beside:
             self._robot.balanced(q[i], link, course.point[k], course.normal[k], tau[i]) for i, k in enumerate(chosen)
         ]
         return Press(time, course.force[chosen], np.array(balanced))
+
+
+def _recorded(time: float, times: FloatArray) -> bool:
+    """True if a sample lies near enough to a time [s]; times: shape (n,) [s]."""
+    return bool(np.abs(times - time).min(initial=np.inf) <= verdict_table()["max_gap"])
 
 
 def _at(time: float | FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:

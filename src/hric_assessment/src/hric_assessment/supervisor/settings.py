@@ -73,8 +73,8 @@ class SupervisorSettings(Settings):
         above=0.0,
         maximum=5.0,
         unit="s",
-        text="of what is known of person or arm; what is older stops the arm. With two periods of decisions it is within "
-        "`reaction_time`, so that a person who vanishes stops the arm in time",
+        text="of what is known of person or arm; what is older stops the arm. With two periods of decisions it is "
+        "within `reaction_time`, so that a person who vanishes stops the arm in time",
     )
     person_max_speed: float = number(
         10.0,

@@ -1,6 +1,5 @@
 """From a recording to its verdict."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,6 +26,22 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
         given: the recording.
         choices: limits, braking, area of contacts; None: the defaults.
     """
+    verdict, people = judge(given, choices), people_of(given)
+    each = [loads(given, person) for person in people] or [loads(given, None)]
+    activation = next((curves for one in each if (curves := one.timeline()) is not None), None)
+    return _concluded(
+        replace(
+            verdict,
+            figures=(*_figures(each, people), *verdict.figures),
+            timelines={**verdict.timelines, "activation": activation},
+        ),
+        given,
+    )
+
+
+def judge(given: Given, choices: Choices | None = None) -> Verdict:
+    """Return a verdict without the figures of joints and muscles, which take most of the time and decide nothing;
+    arguments as of `assess`."""
     choices = (choices or Choices()).stated(given.definition)
     people, found = people_of(given), given.recording
     findings = contact_findings(given, choices)
@@ -41,33 +56,26 @@ def assess(given: Given, choices: Choices | None = None) -> Verdict:
         findings = [replace(finding, person="") for finding in findings]  # there is nobody to confuse the person with
     nearest = min(distances, key=lambda one: one.margin, default=None)
     timelines["separation"] = None if nearest is None else nearest.timeline()
-    each = [loads(given, person) for person in people] or [loads(given, None)]
-    timelines["activation"] = next((curves for one in each if (curves := one.timeline()) is not None), None)
-    figures = (*_figures(each, people), *interaction(given), *productivity(nearest, found.safety))
     table, first = choices.limits.table, people[0] if people else None
+    about = {"name": given.name, "kind": given.kind, "experiment": given.run.get("experiment")}
     verdict = Verdict(
-        {
-            "name": given.name,
-            "kind": given.kind,
-            "experiment": given.run.get("experiment"),
-            "begin": found.begin,
-            "end": found.end,
-        },
+        {**about, "begin": found.begin, "end": found.end},
         {"title": table.title, "edition": table.edition},
         None if first is None else first.about(),
         (*dict.fromkeys(line for person in people for line in person.assumptions), *choices.assumptions),
         ranked([with_remedy(finding) for finding in findings]),
-        figures,
+        (*interaction(given), *productivity(nearest, found.safety)),
         tuple(missing(given, first)),
         timelines,
     )
-    return _concluded(verdict, given, people)
+    drawn = _concluded(verdict, given)
+    return replace(drawn, moment=moment(given, people, drawn.conclusions))
 
 
-def _concluded(verdict: Verdict, given: Given, people: Sequence[Person]) -> Verdict:
-    """Return a copy with its conclusions and the worst moment."""
+def _concluded(verdict: Verdict, given: Given) -> Verdict:
+    """Return a copy with its conclusions."""
     drawn = conclusions(verdict.findings, verdict.figures, verdict.missing, given.run)
-    return replace(verdict, conclusions=drawn, moment=moment(given, people, drawn))
+    return replace(verdict, conclusions=drawn)
 
 
 def _separation(given: Given, person: Person, choices: Choices, distances: list[Separated]) -> list[Finding]:

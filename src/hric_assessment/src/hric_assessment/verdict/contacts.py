@@ -93,9 +93,10 @@ def _evidence(given: Given, record: HumanRecord, stream: ContactStream) -> tuple
     """
     window = given.recording.begin, given.recording.end
     times, log = [stream.time], given.recording.log
-    if stream.silent <= 1 and record.meetings:
+    silence = stream.silent > 1 or bool(given.definition.get("human"))
+    if not silence and record.meetings:
         times += [record.time, *([] if log is None else [log.time])]
-    elif stream.silent <= 1:
+    elif not silence:
         times = []
     time = np.unique(np.concatenate([np.zeros(0), *times]))
     evidence = Evidence.of(time, np.isfinite(time), window, verdict_table()["max_gap"])
@@ -275,6 +276,8 @@ class Expected:
             if contact.speed is None or not contact.speed > 0.0:
                 continue
             form = None if self._beside is None else self._beside.transient(contact)
+            if form is not None and not np.isfinite(form.peak):
+                form = None  # the arm's motion is not known then
             if (limit := self._lowest(form, where)) is not None:
                 label = f"{limit.region}, {'robot of unknown mass' if form is None else 'heavier of both masses'}"
                 found.append((Approach(contact.speed, float(limit.transient), label, form is not None), form))

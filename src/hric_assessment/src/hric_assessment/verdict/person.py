@@ -96,8 +96,9 @@ def _simulated(given: Given, record: HumanRecord) -> Person:
         settings = HumanSettings.of(section, "human")
     body = describe(settings.person)
     root = record.root
-    if root is None and (where := settings.root(body) if section is not None else _placed(given)) is not None:
-        root = RootRecord.still(where)
+    if root is None and settings.walk is None:
+        where = settings.root(body) if section is not None else _placed(given)
+        root = None if where is None else RootRecord.still(where)
     own = tuple(f"{record.name}/{end}" for end in ("joint_states", "joint_torque", "root"))
     return Person(
         "simulated human",

@@ -5,7 +5,7 @@ warning, only where it would be so with all angles and times that are not known 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -117,10 +117,22 @@ def _scored(
         return reba.score(posture, task, spread=spread)
 
     spread = spread_of(person, side)
-    scores, open_ended = score(spread), (*unknown, *(() if vertical else INCLINATION))
-    worst = score(spread | dict.fromkeys(open_ended, np.inf)).highest if open_ended else scores.highest
+    scores, open_ended = _bridged(score(spread), known), (*unknown, *(() if vertical else INCLINATION))
+    worst = _bridged(score(spread | dict.fromkeys(open_ended, np.inf)), known).highest if open_ended else scores.highest
     evidence = Evidence.of(person.time, known, window, verdict_table()["max_gap"])
     return Scored(side, person.time, scores, worst, tuple(unknown), vertical, evidence)
+
+
+def _bridged(scores: Scores, known: BoolArray) -> Scores:
+    """Return the scores where an instant that is not known has the higher one of the known instants beside it."""
+    rows = np.flatnonzero(known)
+    if known.all() or not len(rows):
+        return scores
+    after = np.searchsorted(rows, np.arange(len(known))).clip(max=len(rows) - 1)
+    before, after = rows[(np.searchsorted(rows, np.arange(len(known)), side="right") - 1).clip(min=0)], rows[after]
+    curves = {name: getattr(scores, name) for name in (*CURVES, "lowest", "highest")}
+    bridged = {name: np.maximum(curve, np.maximum(curve[before], curve[after])) for name, curve in curves.items()}
+    return replace(scores, **{name: np.where(known, curves[name], curve) for name, curve in bridged.items()})
 
 
 def _known(posture: Posture, table: PostureTable, count: int) -> tuple[list[str], BoolArray]:

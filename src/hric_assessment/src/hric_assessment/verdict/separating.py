@@ -44,6 +44,7 @@ class Separated:
         evidence: of the arm's log, with the share of its motion in which the person is known.
         relied: nothing but the distance protected the person.
         shapeless: links of the arm whose shapes are meshes, which the distances do not have.
+        unmeasured: joints of the body whose angles are never known, and taken as zero.
         name: namespace of the person.
     """
 
@@ -59,6 +60,7 @@ class Separated:
     evidence: Evidence
     relied: bool
     shapeless: tuple[str, ...]
+    unmeasured: tuple[str, ...]
     name: str
 
     @property
@@ -125,6 +127,7 @@ def separated(given: Given, person: Person, choices: Choices) -> Separated | Non
         _evidence(given, log, person, arm),
         relied,
         tuple(dict.fromkeys(left_out)),
+        tuple(joint for joint in person.body.joints if joint not in person.names),
         person.name,
     )
 
@@ -266,6 +269,9 @@ def _unproven(one: Separated) -> tuple[str, str]:
     if not one.evidence.complete:
         why = f"the arm's motion or the person is not known for all of the time: {one.evidence.shortfall}"
         return why, f"record {' and '.join(one.signals)} for all of the run"
+    if one.unmeasured:
+        why = f"the angles of {', '.join(one.unmeasured)} are not known, and taken as zero"
+        return why, f"record all joints of the body in {one.signals[-1]}"
     if one.shapeless:
         why = f"the distance of {', '.join(one.shapeless)} is not known, whose shapes are meshes"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
