@@ -14,6 +14,7 @@ from hric_bags.records.human_record import HumanRecord
 from hric_control.geometry import FloatArray, Pose
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.marked_body import MarkedBody
+from hric_human.participant.settings import HAND
 
 COVERAGE = 3.0
 """Half-width of the interval of an angle over its standard deviation [1] (project default, unconfirmed): it leaves out
@@ -93,12 +94,15 @@ def _load(person: Person, record: HumanRecord | None, side: str) -> FloatArray |
     """Return the force on a hand over g at the instants of the joint states, NaN where a grip is not recorded, shape
     (n,) [kg]; None: nobody says that the person holds anything."""
     segment, settings = person.body.segments.get(f"{side}_hand"), person.settings
-    grips, expected = {} if record is None else record.grips, () if settings is None else settings.grips
+    grips, expected = {} if record is None else record.grips, {} if settings is None else settings.grips
     if segment is None or not (grips or expected):
         return None
     total, time = np.zeros(len(person.time)), person.time
-    if set(expected) - set(grips):
-        total += np.nan
+    dominant = person.body.segments.get(f"{person.body.subject.dominant_hand}_hand", segment).link
+    for name, held in expected.items():
+        holder = grips[name].holder.rpartition("::")[2] if name in grips else ""
+        if not holder or (held.holder == HAND and holder != dominant):
+            total += np.nan  # not recorded, or with another hand than that of the experiment
     for grip in grips.values():
         if segment.link not in (grip.holder.rpartition("::")[2], grip.held.rpartition("::")[2]):
             continue
