@@ -69,8 +69,11 @@ class RawBag(MemoryBag):
             own = made[id(connection)]
             own.msgcount += 1
             self._messages.append((own, time, raw))
+        self._first, self._deserialized = like is None, dict[tuple[str, bytes], Any]()
         if like is not None:
             self.typestore = like.typestore
+        if isinstance(like, RawBag):
+            self._deserialized = like._deserialized
 
     @classmethod
     def of(cls, path: Path) -> "RawBag":
@@ -80,6 +83,14 @@ class RawBag(MemoryBag):
                 id(c): Connection(c.id, c.topic, c.msgtype, str(c.msgdef.data), c.digest) for c in reader.connections
             }
             return cls([(made[id(c)], time, bytes(raw)) for c, time, raw in reader.messages()], made.values())
+
+    def deserialize(self, raw: bytes, kind: str) -> Any:
+        """Return a message; those of the undamaged bag are made once, and nobody may change them."""
+        if (message := self._deserialized.get((kind, raw))) is None:
+            message = super().deserialize(raw, kind)
+            if self._first:
+                self._deserialized[kind, raw] = message
+        return message
 
     @property
     def rows(self) -> Sequence[Row]:
@@ -110,7 +121,7 @@ class RawBag(MemoryBag):
         connection, time, raw = row
         if edit is None:
             return row
-        message = self.deserialize(raw, connection.msgtype)
+        message = super().deserialize(raw, connection.msgtype)
         edit(message)
         return connection, time, bytes(self.typestore.serialize_ros1(message, connection.msgtype))
 
@@ -135,36 +146,34 @@ class Mutation:
         return self.name
 
 
-def mutations(bag: RawBag, windows: Mapping[str, Window], seed: int = 0, everything: bool = False) -> list[Mutation]:
+def mutations(bag: RawBag, windows: Mapping[str, Window], seed: int = 0) -> list[Mutation]:
     """Return the mutations of a bag.
 
     Args:
         bag: what is damaged.
         windows: times of the findings, by a name of each; in these, messages are lost.
-        seed: of what is random.
-        everything: also those that differ from another one in a number only, and of topics that no verdict reads.
+        seed: of what is random, and which of the rates, shares, levels and shifts are taken.
     """
     counts = {c.topic: c.msgcount for c in bag.connections if c.msgcount}
     read = [topic for topic in counts if topic.startswith(READ)]
     many = [topic for topic in read if counts[topic] >= MANY and not topic.endswith("/events")]
     kinds = {c.topic: c.msgtype for c in bag.connections}
-    found = [strip(topic) for topic in (counts if everything else read)]
+    found = [strip(topic) for topic in read]
     for number, topic in enumerate(many):
-        found += _losses(topic, windows, seed + number, everything)
-        found += [shift(topic, by, both) for by in (SHIFTS if everything else SHIFTS[:1]) for both in (False, True)]
+        found += _losses(topic, windows, seed + number)
+        found += [shift(topic, by, both) for by in (SHIFTS[seed % len(SHIFTS)],) for both in (False, True)]
         found += [nan(topic, field, share, seed) for field in NAN.get(kinds[topic], {}) for share in (1.0, 0.5)]
         if kinds[topic] in SIGN:
             found.append(Mutation("sign", f"sign of {topic}", (topic,), partial(_edit, topic, SIGN[kinds[topic]])))
         if kinds[topic] == CONTACTS:
-            found += [clip(topic, level) for level in (CLIPPED if everything else CLIPPED[1:2])]
+            found.append(clip(topic, CLIPPED[(seed + 1) % len(CLIPPED)]))
     return found + list(_people(bag, many, kinds))
 
 
-def _losses(topic: str, windows: Mapping[str, Window], seed: int, everything: bool) -> Iterator[Mutation]:
-    for share in LOST if everything else LOST[1:2]:
-        yield drop(topic, share, seed)
-    for rate in RATES if everything else RATES[1::2]:
-        yield throttle(topic, rate)
+def _losses(topic: str, windows: Mapping[str, Window], seed: int) -> Iterator[Mutation]:
+    yield drop(topic, LOST[(seed + 1) % len(LOST)], seed)
+    for at in (1, 3):
+        yield throttle(topic, RATES[(seed + at) % len(RATES)])
     for name, window in windows.items():
         yield lose(topic, name, window)
     for part in ("first", "last"):

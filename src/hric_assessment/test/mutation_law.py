@@ -205,15 +205,15 @@ class Tally:
         self.faults += other.faults
 
 
-def tally(recorded: Recorded, seed: int = 0, everything: bool = False) -> Tally:
-    """Damage a recording in all ways; arguments as of `mutations`.
+def tally(recorded: Recorded, seed: int = 0) -> Tally:
+    """Damage a recording in all ways; seed: as of `mutations`.
 
     Raises:
         AssertionError: nothing can be said of the recording itself.
     """
     base, found = judged(recorded), Tally()
     assert base.verdict is not None, f"{recorded.name}: {base.refusal}{base.crash}"
-    for mutation in mutations(recorded.bag, base.windows, seed, everything):
+    for mutation in mutations(recorded.bag, base.windows, seed):
         found.add(base, mutation)
     return found
 
