@@ -69,15 +69,15 @@ def test_an_upright_person_is_within_limits() -> None:
 
 def test_a_trunk_of_unknown_inclination_is_never_upright() -> None:
     finding = findings(person({}))["RULA right"]
-    assert (counts(finding), finding.outcome) == (1.0, Outcome.NOT_ASSESSABLE)
-    assert "inclination of the trunk not known" in finding.reason
+    assert (counts(finding), finding.outcome) == (1.0, Outcome.WARNING)  # with the trunk at its worst, too
+    assert "it can be up to 5: inclination of the trunk not known" in finding.reason
     assert finding.remedy.startswith("record where the root link of the body is")
     assert finding.missing == ("inclination of the trunk",)
 
 
 def test_a_trunk_is_known_where_its_root_is() -> None:
     root = leaning(0.0)
-    known = replace(root, time=np.arange(0.0, 2.0, 0.02), pose=np.tile(root.pose, (100, 1)))
+    known = replace(root, time=np.arange(0.0, 2.0, 0.02), pose=np.tile(root.pose, (100, 1)), fixed=False)
     finding = findings(person({}, root=known))["RULA right"]
     assert finding.outcome == Outcome.NOT_ASSESSABLE
     assert finding.evidence is not None and finding.evidence.known == pytest.approx(1.98)

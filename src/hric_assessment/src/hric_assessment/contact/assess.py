@@ -181,7 +181,7 @@ def _judged(
     approach: Approach | None,
 ) -> tuple[Outcome, str, list[Share]]:
     shares = _shares(episode, where, limit) if episode and limit and where.kind == PENALTY else []
-    if approach is not None and approach.exact and where.kind == PENALTY:
+    if approach is not None and where.kind == PENALTY and (approach.exact or approach.speed <= approach.permitted):
         shares.append(approach.share)
     if any(region in NOT_PERMITTED for region in where.regions):
         known = "" if len(where.regions) == 1 else ", and which of these was met is not known"

@@ -1,11 +1,12 @@
 """The force on one region over time, from the contacts that were recorded, and what is not known of it.
 
-    for met in meetings(contacts, period):
+    for met in meetings(contacts, source_period=1e-3, recorded_until=9.0):
         met.episode, met.contacts, met.doubts, met.unknown_peak
 
-Contacts of several links of one model with one link of the person are added where they overlap in time. The begin and
-the duration that the messages state count, not the instants of the messages: a clamp whose messages are throttled or
-lost is one clamp. A force that is NaN, negative or infinite is no force.
+Contacts of several links of one model with one region of a person are added where they overlap in time; of several
+models the larger force counts, since a wall behind the person presses back. The begin and the duration that the
+messages state count, not the instants of the messages: a clamp whose messages are throttled or lost is one clamp. A
+force that is NaN, negative or infinite is no force.
 """
 
 from collections.abc import Sequence
@@ -25,9 +26,12 @@ SAME_INSTANT = 1e-4
 default)."""
 CLOCKS = 0.02
 """Largest difference between the stamp of a message and the begin and duration that it states [s] (project default)."""
-FLAT, SLOPE = 3, 0.01
+FLAT, SLOPE, QUANTA = 3, 0.01, 3.0
 """Equal largest samples in a row that are a flat top, where the force comes to them or leaves them by more than this
-share of it per sample [1]: a sensor at its range; a force that settles comes to rest slowly (project defaults)."""
+share of it per sample [1], and by more than so many of its smallest steps: a sensor at its range. A force that settles
+comes to rest slowly, and that of a coarse sensor step by step (project defaults)."""
+OFF_BEAT = 2
+"""Instants of a contact between its messages that show that its source is faster than they are (project default)."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +71,8 @@ def meetings(
     """Cut penalty contacts into episodes.
 
     Args:
-        contacts: of one link of a person with the links of one other model.
-        source_period: time between two evaluations of the force, see `period_of` [s].
+        contacts: of one region of a person.
+        source_period: time between two evaluations of the force [s]; infinite: only the messages tell.
         recorded_until: robot time of the last message of the topic [s].
         table: by default the one that comes with the package.
     """
@@ -83,44 +87,61 @@ def meetings(
     return [_meeting(group, source_period, recorded_until, table) for group in groups]
 
 
-def period_of(contacts: Sequence[RegionForce]) -> float:
-    """Return the time between two evaluations of the force by its source [s]; infinite: nothing says it.
+def resolved(contact: RegionForce, period: float) -> bool:
+    """True if the source of a contact evaluates its force at least once in a period [s].
 
-    It is the shortest time between any two instants that the messages of a contact name: stamps, begin, end, and times
-    of peaks. A source that evaluates 1000 times a second and publishes 200 messages names instants 1 ms apart.
+    Its messages come so often; or OFF_BEAT of the instants that they state, begin, end and times of peaks, are between
+    messages, and all instants are whole periods apart: a source that evaluates 1000 times a second and publishes 200
+    messages.
     """
-    found = np.inf
-    for contact in contacts:
-        course = contact.course
-        instants = np.concatenate([[contact.begin, end_of(contact)], course.time, course.reached_time])
-        steps = np.diff(np.unique(instants[np.isfinite(instants)]))
-        found = min(found, steps[steps > SAME_INSTANT].min(initial=np.inf))
-    return float(found)
+    course, limit = contact.course, period * (1.0 + RATE_TOLERANCE)
+    time = np.unique(course.time[np.isfinite(course.time)])
+    if not len(time):
+        return False
+    if len(time) > 1 and float(np.median(np.diff(time))) <= limit:
+        return True
+    stated = np.concatenate([[contact.begin, end_of(contact)], course.reached_time])
+    stated = np.unique(stated[np.isfinite(stated)])
+    off_beat = stated[np.abs(stated[:, None] - time).min(axis=1) > SAME_INSTANT]
+    steps = (np.concatenate([time, off_beat]) - time[0]) / period
+    return len(off_beat) >= OFF_BEAT and bool((np.abs(steps - np.round(steps)) * period <= SAME_INSTANT).all())
 
 
 def _meeting(contacts: list[RegionForce], source_period: float, recorded_until: float, table: EpisodeTable) -> Meeting:
     courses = [_samples(contact) for contact in contacts]
     doubts = dict.fromkeys(
         doubt
-        for contact, (time, force, usable) in zip(contacts, courses, strict=True)
-        for doubt in _doubts(contact, time, force, usable, recorded_until)
+        for contact, (time, force, _) in zip(contacts, courses, strict=True)
+        for doubt in _doubts(contact, time, force, recorded_until)
     )
     lasted = max(map(end_of, contacts)) - contacts[0].begin
     if not all(contact.ended for contact in contacts) and lasted <= table["transient_time"] + STAMP:
         doubts["it had not ended when the recording did"] = None
-    if source_period > (1.0 + RATE_TOLERANCE) / table["rate"]:
-        rate = "an unknown number of" if not np.isfinite(source_period) else f"{1.0 / source_period:.0f}"
-        doubts[f"a blow needs {table['rate']:g} samples a second, and its source has {rate}"] = None
-    known = [(time[usable], force[usable]) for time, force, usable in courses if usable.sum() > 1]
-    if not known:  # but for the begin, which is no force
+    needed = 1.0 / table["rate"]
+    if source_period > needed * (1.0 + RATE_TOLERANCE) and not all(resolved(one, needed) for one in contacts):
+        doubts[f"a blow needs {table['rate']:g} samples a second, and its messages do not show that it has them"] = None
+    models: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
+    for contact, (time, force, usable) in zip(contacts, courses, strict=True):
+        if _usable(contact).any():
+            models.setdefault(contact.other.rpartition("::")[0], []).append((time[usable], force[usable]))
+    known = [pair for pairs in models.values() for pair in pairs]
+    if not known:
         return Meeting(None, tuple(contacts), tuple(doubts), None)
     times = np.unique(np.concatenate([time for time, _ in known]))
-    total = np.sum([np.interp(times, time, force, left=0.0, right=0.0) for time, force in known], axis=0)
-    episode = cut(times, total, table, 1.0 / source_period)
+    total = np.max(
+        [sum(np.interp(times, *pair, left=0.0, right=0.0) for pair in own) for own in models.values()], axis=0
+    )
+    rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    episode = cut(times, total, table, rate if not np.isfinite(source_period) else 1.0 / source_period)
     impulse = sum(contact.impulse or 0.0 for contact in contacts)
     whole = Stretch(episode.whole.begin, episode.whole.end, episode.whole.peak, episode.whole.peak_time, impulse)
     episode = Episode(whole, episode.transient, episode.quasi_static, None, episode.rate, episode.notes)
     return Meeting(episode, tuple(contacts), tuple(doubts), _unknown_peak(contacts, courses, episode, table))
+
+
+def _usable(contact: RegionForce) -> BoolArray:
+    """Which messages of a contact have a force, shape (n,)."""
+    return np.isfinite(contact.course.force) & (contact.course.force >= 0.0)
 
 
 def _samples(contact: RegionForce) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -140,17 +161,11 @@ def _samples(contact: RegionForce) -> tuple[FloatArray, FloatArray, BoolArray]:
     return time[first], force[first], usable[first]
 
 
-def _doubts(
-    contact: RegionForce,
-    time: FloatArray,
-    force: FloatArray,
-    usable: BoolArray,
-    recorded_until: float,
-) -> list[str]:
+def _doubts(contact: RegionForce, time: FloatArray, force: FloatArray, recorded_until: float) -> list[str]:
     """Why one contact cannot be called harmless."""
     course, found = contact.course, list[str]()
-    bad = ~(np.isfinite(course.force) & (course.force >= 0.0) & np.isfinite(course.reached) & (course.reached >= 0.0))
-    if bad.any() or usable.sum() < 2:
+    bad = ~(_usable(contact) & np.isfinite(course.reached) & (course.reached >= 0.0))
+    if bad.any():
         found.append(f"{int(bad.sum())} of {len(bad)} forces are not numbers or below 0")
     stated = contact.begin + course.since_begin
     if not (np.abs(course.time - stated) <= CLOCKS).all() or not contact.duration >= 0.0:
@@ -174,11 +189,13 @@ def _flat(contact: RegionForce, time: FloatArray, force: FloatArray) -> bool:
     at_top = np.concatenate([[False], force == force.max(), [False]])
     edges = np.flatnonzero(np.diff(at_top))
     padded = np.concatenate([[0.0, 0.0], force, [0.0, 0.0]])  # a contact begins and ends without force
+    steps = np.abs(np.diff(force))
+    steep = max(SLOPE * force.max(), QUANTA * steps[steps > 0.0].min(initial=np.inf)) if (steps > 0.0).any() else np.inf
     for first, end in zip(edges[::2], edges[1::2], strict=True):  # rows of `force`, end exclusive
         enough = end - first >= FLAT or (end - first >= 2 and between[first:end].any())
         rise = padded[first + 1] - padded[first] if first > 0 else 0.0
         fall = padded[end + 2] - padded[end + 3] if end < len(force) else 0.0
-        if enough and max(rise, fall) > SLOPE * force.max():
+        if enough and max(rise, fall) > steep:
             return True
     return False
 

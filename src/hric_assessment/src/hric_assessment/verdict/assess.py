@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from hric_assessment.findings import Finding, NotAssessableError
+from hric_assessment.findings import Finding
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.conclusions import conclusions, with_remedy
 from hric_assessment.verdict.contacts import contact_findings
@@ -17,6 +17,7 @@ from hric_assessment.verdict.person import Person, people_of
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_assessment.verdict.result import Figure, Verdict, ranked
 from hric_assessment.verdict.separating import Separated, not_separated, separated, separation_finding
+from hric_control.errors import HricError
 
 
 def assess(given: Given, choices: Choices | None = None) -> Verdict:
@@ -69,7 +70,10 @@ def judge(given: Given, choices: Choices | None = None) -> Verdict:
         timelines,
     )
     drawn = _concluded(verdict, given)
-    return replace(drawn, moment=moment(given, people, drawn.conclusions))
+    try:
+        return replace(drawn, moment=moment(given, people, drawn.conclusions))
+    except HricError:  # what cannot be drawn is among the findings
+        return drawn
 
 
 def _concluded(verdict: Verdict, given: Given) -> Verdict:
@@ -82,7 +86,7 @@ def _separation(given: Given, person: Person, choices: Choices, distances: list[
     """Return the finding of the distance of a person, and add the curve to `distances`."""
     try:
         apart = separated(given, person, choices)
-    except NotAssessableError as error:
+    except HricError as error:  # a description or a root that cannot be used hides no contact
         return [not_separated(str(error), person.name)]
     if apart is None:
         return []

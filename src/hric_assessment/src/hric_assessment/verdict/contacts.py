@@ -74,11 +74,11 @@ def _of_person(given: Given, record: HumanRecord, choices: Choices) -> list[Find
         return [_not_recorded(given, choices, record.name)]
     judge = _Judge(given, record, choices)
     evidence, lost = _evidence(given, record, record.stream)
-    pairs: dict[tuple[str, str], list[RegionForce]] = {}
+    regions: dict[tuple[tuple[str, ...], str], list[RegionForce]] = {}
     for contact in record.meetings:
-        # Links of one model press together; a wall behind the person presses back, and is no further load.
-        pairs.setdefault((contact.link, contact.other.rpartition("::")[0]), []).append(contact)
-    findings = [finding for contacts in pairs.values() for finding in judge.of_pair(contacts)]
+        side = contact.link[:2] if contact.link.startswith(("r_", "l_")) else ""
+        regions.setdefault((tuple(sorted(contact.regions)) or (contact.link,), side), []).append(contact)
+    findings = [finding for contacts in regions.values() for finding in judge.of_region(contacts)]
     findings = [replace(finding, evidence=evidence) for finding in findings]
     if not findings or lost:
         findings.append(_rest(given, record, evidence, lost, bool(findings), choices))
@@ -136,11 +136,10 @@ class _Judge:
         self._body = body_of(given, record)
         self._expected = Expected(given, record, choices)
         self._simulated = bool(given.definition.get("human"))
-        stated = float(given.plant.get("time_step", SPEED_STEP)) if self._simulated else np.inf
-        self._period = min(stated, course.period_of(record.meetings))
+        self._period = float(given.plant.get("time_step", SPEED_STEP)) if self._simulated else np.inf
 
-    def of_pair(self, contacts: Sequence[RegionForce]) -> list[Finding]:
-        """Return the findings of one link of the person with the links of one other model."""
+    def of_region(self, contacts: Sequence[RegionForce]) -> list[Finding]:
+        """Return the findings of one region of the person, on one side of the body."""
         others: dict[str, list[RegionForce]] = {}
         for contact in contacts:
             if contact.kind != PENALTY:
@@ -166,7 +165,8 @@ class _Judge:
             approach, form, doubts = self._expected.approach(meeting, where, self._simulated)
         except HricError:  # _assessed names a region that does not exist
             approach, form, doubts = None, None, []
-        unknown = Unknown((*meeting.doubts, *doubts), meeting.unknown_peak)
+        refused = [note for note in notes if note.startswith("the recorded contact area")]
+        unknown = Unknown((*meeting.doubts, *doubts, *refused), meeting.unknown_peak)
         finding = self._assessed(meeting, where, meeting.window, unknown, approach)
         values, more, missing = self._expected.beside(form, where)
         return replace(
@@ -205,7 +205,7 @@ class _Judge:
                     check_area(value, names, f"the {source} contact area")
                     areas[source] = value
                 except HricError as error:
-                    notes.append(f"not used: {error}")
+                    notes.append(str(error))
         area = min(areas.values(), default=None)
         if len(areas) > 1:
             both = f"{areas['recorded']:g} m^2 recorded, {areas['stated']:g} m^2 stated"
@@ -213,7 +213,7 @@ class _Judge:
         regions = () if self._body is None else self._body.regions.get(first.link, ())
         sides = {region.dominant for region in regions}
         dominant = sides.pop() if len(sides) == 1 else None
-        if dominant is not None and any(one.dominant != dominant for one in contacts):
+        if dominant is not None and any(one.dominant is not dominant for one in contacts):
             notes.append("the body and the message differ on the side of the dominant hand: the lower limit counts")
             dominant = None
         others = " and ".join(dict.fromkeys(one.other for one in contacts))
@@ -271,6 +271,8 @@ class Expected:
         unknown = [one for one in meeting.contacts if one.speed is None or not np.isfinite(one.speed)]
         placed = any(one.point is not None for one in unknown)
         doubts = ["the speed at which they met is not known"] if unknown and (simulated or placed) else []
+        if any(one.speed is not None and one.speed < 0.0 for one in meeting.contacts):
+            doubts.append("they met while they moved apart, by the speed that is recorded")
         found = []
         for contact in meeting.contacts:
             if contact.speed is None or not contact.speed > 0.0:

@@ -97,7 +97,7 @@ def _simulated(given: Given, record: HumanRecord) -> Person:
     body = describe(settings.person)
     root = record.root
     if root is None and settings.walk is None:
-        where = settings.root(body) if section is not None else _placed(given)
+        where = settings.root(body) if section is not None else _placed(given, record.name)
         root = None if where is None else RootRecord.still(where)
     own = tuple(f"{record.name}/{end}" for end in ("joint_states", "joint_torque", "root"))
     return Person(
@@ -116,12 +116,14 @@ def _simulated(given: Given, record: HumanRecord) -> Person:
     )
 
 
-def _placed(given: Given) -> Pose | None:
-    """Return the pose of a root link that a static transform places in the world."""
-    for (parent, child), pose in given.recording.static.items():
-        if child.endswith(ROOT_FRAME) and parent == "world":
-            return pose
-    return None
+def _placed(given: Given, name: str) -> Pose | None:
+    """Return the pose of a root link that a static transform places in the world; name: namespace of the person.
+
+    The frame is `human_base` below the name of the person; without a name it is that of `human`, or of the only one.
+    """
+    frames = [f"{name.rpartition('/')[2]}/{ROOT_FRAME}"]
+    frames += [ROOT_FRAME] if name.endswith("/human") or len(given.recording.humans) == 1 else []
+    return next((pose for frame in frames if (pose := given.recording.static.get(("world", frame)))), None)
 
 
 def _other(given: Given, topic: str) -> Person:

@@ -40,8 +40,8 @@ def _inclined(person: Person, angles: Mapping[str, FloatArray]) -> dict[str, Flo
         return {}
     R_world_root = root.transforms(person.time)[:, :3, :3]
     inclined = np.array(to_vertical(R_world_root, angles["trunk_flexion"], angles["trunk_bend"]))
-    window = (float(person.time[0]), float(person.time[-1])) if len(root.time) > 1 else (0.0, 0.0)
-    for begin, end in unknown(root.time, np.ones(len(root.time), np.bool_), window, max_gap):
+    window = (0.0, 0.0) if root.fixed else (float(person.time[0]), float(person.time[-1]))
+    for begin, end in unknown(root.time, finite_rows(root.pose), window, max_gap):
         inclined[:, (person.time > begin) & (person.time < end)] = np.nan
     return {"trunk_flexion": inclined[0], "trunk_bend": inclined[1]} if np.isfinite(inclined).any() else {}
 

@@ -36,6 +36,10 @@ RECORD_ROOT = (
 )
 
 
+AT_WORST = "it can be up to"
+"""Words of a reason that say what the score is with all that is not known at its worst."""
+
+
 @dataclass(frozen=True)
 class Scored:
     """Scores of one arm over time.
@@ -186,7 +190,7 @@ def posture_finding(arm: Scored, person: Person) -> Finding:
         _notes(arm, verdict_table()),
         GROUP,
         evidence=arm.evidence,
-        remedy="; ".join(remedies) if outcome == Outcome.NOT_ASSESSABLE else "",
+        remedy="; ".join(remedies) if AT_WORST in reason else "",
     )
 
 
@@ -206,10 +210,11 @@ def _judged(arm: Scored, table: VerdictTable) -> tuple[Outcome, str]:
     outcome = graded(counts)
     if outcome == Outcome.ABOVE or graded(worst) == outcome:
         return outcome, reason
+    outcome = Outcome.NOT_ASSESSABLE if graded(worst) == Outcome.ABOVE else Outcome.WARNING
     names = ", ".join([*arm.unknown, *["inclination of the trunk"] * arm.lacks_root])
     lacks = [f"{names} not known"] * bool(names)
     lacks += [f"the posture is {arm.evidence.shortfall}"] * bool(arm.evidence.shortfall)
-    return Outcome.NOT_ASSESSABLE, f"{reason}; it can be up to {worst}: {'; '.join(lacks)}"
+    return outcome, f"{reason}; {AT_WORST} {worst}: {'; '.join(lacks)}"
 
 
 def _notes(arm: Scored, table: VerdictTable) -> tuple[str, ...]:

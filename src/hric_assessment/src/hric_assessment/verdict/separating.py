@@ -164,7 +164,7 @@ def _gaps(
     root, longest = person.root, verdict_table()["max_gap"]
     gaps = [*unknown(log.time, finite_rows(log.position), window, longest)]
     gaps += unknown(person.time, seen, window, longest)
-    if root is not None and len(root.time) > 1:
+    if root is not None and not root.fixed:
         gaps += unknown(root.time, finite_rows(root.pose), window, longest)
     return gaps
 

@@ -16,12 +16,11 @@ from hric_bags.records.region_contacts import (
     CONTACTS_TYPE,
     ContactRecord,
     ContactStream,
-    Pressing,
     RegionForce,
     RegionMessages,
 )
 from hric_bags.records.root_record import RootRecord
-from hric_bags.records.rows import Rows, Thinning, seven, stamp_of, times, xyz
+from hric_bags.records.rows import Rows, Thinning, seven, times, xyz
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE, ROOT_TYPE = "hric_msgs/msg/HumanEvent", "geometry_msgs/msg/PoseStamped"
@@ -125,10 +124,21 @@ def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord |
 
 
 def human_names(connections: Iterable[Any]) -> list[str]:
-    """Return the namespaces of the simulated persons of a bag, in order."""
-    kinds = (TORQUE_TYPE, CONTACTS_TYPE, GRIP_TYPE)
-    topics = {c.topic for c in connections if c.msgtype in kinds and REAL not in c.topic}
-    return sorted({topic.rpartition("/")[0] for topic in topics})
+    """Return the namespaces of the persons of a bag of whom torques, grips or contacts were recorded, simulated ones
+    first; of contacts whose topic has another name than `contacts` that topic."""
+    names = set[str]()
+    for connection in connections:
+        name, _, end = connection.topic.rpartition("/")
+        if connection.msgtype == CONTACTS_TYPE:
+            names.add(name if end == "contacts" else connection.topic)
+        elif connection.msgtype in (TORQUE_TYPE, GRIP_TYPE) and REAL not in connection.topic:
+            names.add(name)
+    return sorted(names, key=lambda name: (_is_real(name), name))
+
+
+def _is_real(name: str) -> bool:
+    """True for the namespace of a real person, whose motion is read elsewhere."""
+    return REAL in f"{name}/"
 
 
 class HumanMessages:
@@ -136,21 +146,22 @@ class HumanMessages:
 
     Args:
         name: namespace of the person.
-        rate: highest rate of what is kept of joint states, torques, root, each grip and contacts that last [Hz]; None:
-            all. All else is kept.
+        rate: highest rate of what is kept of joint states, torques, root and each grip [Hz]; None: all. All else is
+            kept.
     """
 
     def __init__(self, name: str, rate: float | None = None) -> None:
         self.name = name
         self._states, self._torques, self._roots = (f"{name}/{end}" for end in ("joint_states", "joint_torque", "root"))
-        self._others = {f"{name}/{end}" for end in ("grip", "events", "contacts")}
+        if _is_real(name):
+            self._states = self._torques = self._roots = ""
+        self._others = {f"{name}/{end}" for end in ("grip", "events", "contacts")} | {name}
         self._thin = None if rate is None else Thinning(rate)
         self._position, self._torque = Rows("position"), Rows("torque", "strength_share")
         self._root_stamps, self._root = array("d"), array("d")
         self._grips: dict[str, _Grips] = {}
         self._events: list[tuple[float, Any]] = []
         self._contacts: RegionMessages | None = None
-        self._pressing = Pressing()
 
     def wants(self, connection: Any) -> bool:
         """True if a connection belongs to this person."""
@@ -170,10 +181,8 @@ class HumanMessages:
 
     def due(self, connection: Any, raw: bytes) -> bool:
         """True if a message is needed at this rate; raw: serialised."""
-        if self._thin is None or connection.msgtype == EVENT_TYPE:
+        if self._thin is None or connection.msgtype in (EVENT_TYPE, CONTACTS_TYPE):
             return True
-        if connection.msgtype == CONTACTS_TYPE:
-            return self._pressing.due(stamp_of(raw), raw, self._thin.period)
         name = _second_text(raw) if connection.msgtype == GRIP_TYPE else b""
         return self._thin.due((connection.topic, name), raw)
 

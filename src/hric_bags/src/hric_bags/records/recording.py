@@ -42,6 +42,9 @@ ACTIVATION_TYPE, STATIC_TYPE = "hric_msgs/msg/MuscleActivation", "tf2_msgs/msg/T
 REACTIONS_TYPE = "hric_msgs/msg/JointReactions"
 TEXT_TYPE = "std_msgs/msg/String"
 _THINNED = (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, REACTIONS_TYPE, STATE_TYPE)
+SLACK = 1.0
+"""Time for which a bag may begin before, and end after, the samples of arm and persons [s]: recorders are started first
+and stopped last (project default)."""
 HEAD = 200
 """Messages of a person's joint states that are looked at for a second person (project default)."""
 FASTEST_JOINT = 150.0
@@ -104,8 +107,8 @@ class Recording:
     Attributes:
         topics: message counts.
         kinds: of messages.
-        begin, end: robot time of the first and the last sample of arm or persons, of the first and the last message
-            where there is none [s].
+        begin, end: robot time of the first and the last sample of arm or persons, or of a message of any topic that is
+            more than SLACK beyond them [s].
         robot_time: from stamps.
         log: of the arm; None: the bag has none.
         humans: simulated persons by namespace.
@@ -169,10 +172,10 @@ def refuse_shared_namespaces(reader: Bag) -> None:
         nodes = {name for c in connections if (name := getattr(getattr(c, "ext", None), "callerid", None))}
         if len(nodes) > 1:
             raise BagError(f"{topic}: two publishers, {' and '.join(sorted(nodes))}; {ONE_EACH}")
-        for before, message in pairwise(messages):
-            if list(before.name) != list(message.name):
-                at = seconds(message.header.stamp)
-                raise BagError(f"{topic}: the joints differ from one message to the next at {at:.3f} s; {ONE_EACH}")
+        changes = [after for before, after in pairwise(messages) if list(before.name) != list(after.name)]
+        if len(changes) > SWITCHES:
+            at = seconds(changes[0].header.stamp)
+            raise BagError(f"{topic}: the joints differ from one message to the next at {at:.3f} s; {ONE_EACH}")
         if why := _interleaved(messages):
             raise BagError(f"{topic}: {why}; {ONE_EACH}")
 
@@ -280,7 +283,14 @@ class _Taken:
             named.add(message, message.name, message.position)
 
     def recording(self, reader: Bag) -> Recording:
-        """All that was taken."""
+        """Return all that was taken.
+
+        Raises:
+            BagError: two control logs.
+        """
+        logs = sorted({c.topic for c in reader.connections if c.msgtype == LOG_TYPE and c.msgcount})
+        if len(logs) > 1:
+            raise BagError(f"two control logs, {' and '.join(logs)}; valid: the bag of one arm")
         topics = {topic: info.msgcount for topic, info in reader.topics.items()}
         count = reader.message_count
         first, last = (1e-9 * reader.start_time, 1e-9 * reader.end_time) if count else (0.0, 0.0)
@@ -297,7 +307,8 @@ class _Taken:
         streams = [time for time in (*streams, *([] if log is None else [log.time])) if len(time)]
         begin, end = robot_time(first), robot_time(last)
         if streams:
-            begin, end = min(time[0] for time in streams), max(time[-1] for time in streams)
+            begin = min(begin + SLACK, *(time[0] for time in streams))
+            end = max(end - SLACK, *(time[-1] for time in streams))
         return Recording(
             topics,
             frozenset(connection.msgtype for connection in reader.connections),

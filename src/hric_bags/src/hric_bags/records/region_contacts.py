@@ -13,10 +13,6 @@ from hric_bags.records.rows import times, xyz
 from hric_control.geometry import Vector
 
 CONTACTS_TYPE = "hric_msgs/msg/RegionContacts"
-NONE_ENDED = bytes(4)
-"""At the end of a serialised RegionContacts in which nothing has ended."""
-BLOW = 600_000_000
-"""Contacts that last longer are no blow any more [ns]."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +74,8 @@ class RegionForce:
             3 floats each [m]; None: not known.
         speed: along the normal at which they met [m/s]; None: rigid, or not known.
         course: one row for each message that has the contact.
-        dominant: True if the messages say that it is on the side of the dominant hand.
-        area: smallest area of contact in its messages [m^2]; None: not known.
+        dominant: True if the messages say that it is on the side of the dominant hand; None: they differ.
+        area: smallest area of contact in its messages [m^2], as recorded; None: some message does not say it.
         ended: True if a message says that the bodies parted.
         interrupted: True if a message between two of it has neither the contact nor its end.
     """
@@ -97,7 +93,7 @@ class RegionForce:
     normal: Vector | None
     speed: float | None
     course: Course
-    dominant: bool = False
+    dominant: bool | None = False
     area: float | None = None
     ended: bool = True
     interrupted: bool = False
@@ -106,26 +102,6 @@ class RegionForce:
     def end(self) -> float:
         """Robot time [s]."""
         return self.begin + self.duration
-
-
-class Pressing:
-    """Finds messages of contacts that go on: as many as in the one before, none ended, for longer than a blow."""
-
-    def __init__(self) -> None:
-        self._shape: tuple[int, bytes] = 0, b""
-        self._since = self._last = 0
-
-    def due(self, stamp: int, raw: bytes, period: int) -> bool:
-        """Whether one is needed; period: shortest between two of contacts that go on [ns]."""
-        frame = int.from_bytes(raw[12:16], "little")
-        shape = len(raw), bytes(raw[16 + frame : 20 + frame])  # how many touch
-        if shape != self._shape or raw[-4:] != NONE_ENDED:
-            self._shape, self._since, self._last = shape, stamp, stamp
-            return True
-        if stamp - self._since > BLOW and stamp - self._last < period:
-            return False
-        self._last = stamp
-        return True
 
 
 @dataclass(frozen=True)
@@ -149,6 +125,9 @@ class _Contact:
 
     last: Any
     rows: "array[float]" = field(default_factory=lambda: array("d"))
+    regions: dict[str, None] = field(default_factory=dict)
+    sides: set[bool] = field(default_factory=set)
+    kinds: set[str] = field(default_factory=set)
     area: float = math.inf
     ended: bool = False
     index: int = -1
@@ -194,13 +173,16 @@ class RegionMessages:
                 self._strongest(contact, index, contact.peak_time, contact.peak)
 
     def _note(self, contact: Any, stamp: float, index: int) -> _Contact:
-        known = self._contacts.setdefault((contact.link, contact.other, round(contact.begin, 6)), _Contact(contact))
+        begin = round(contact.begin, 6) if math.isfinite(contact.begin) else math.inf
+        known = self._contacts.setdefault((contact.link, contact.other, begin), _Contact(contact))
         known.interrupted |= bool(known.rows) and index > known.index + 1
         known.last, known.index = contact, index
         row = (contact.force, contact.peak, contact.peak_time, contact.duration)
         known.rows.extend((stamp, *row, *xyz(contact.point), *xyz(contact.normal)))
-        if contact.area > 0.0:
-            known.area = min(known.area, contact.area)
+        known.regions |= dict.fromkeys(contact.regions)
+        known.sides.add(bool(contact.dominant))
+        known.kinds.add(contact.kind)
+        known.area = math.nan if math.isnan(contact.area + known.area) else min(contact.area, known.area)
         return known
 
     def _strongest(self, one: Any, index: int, stamp: float, force: float) -> None:
@@ -231,7 +213,8 @@ class RegionMessages:
 
     def _meeting(self, contact: _Contact, robot_time: Callable[[float], float]) -> RegionForce:
         last, rows = contact.last, np.array(contact.rows).reshape(-1, 11)
-        known = last.kind == "penalty"
+        kind = last.kind if len(contact.kinds) == 1 else " and ".join(sorted(contact.kinds))
+        known = kind == "penalty"
         course = Course(
             times(rows[:, 0], robot_time),
             rows[:, 1],
@@ -241,13 +224,14 @@ class RegionMessages:
             rows[:, 5:8],
             rows[:, 8:],
         )
+        stated = math.isfinite(last.begin)  # else the contact begins with its first message, and lasts for how long?
         return RegionForce(
-            tuple(last.regions),
+            tuple(contact.regions),
             last.link,
             last.other,
-            last.kind,
-            robot_time(last.begin),
-            float(last.duration),
+            kind,
+            robot_time(last.begin) if stated else float(course.time[0]),
+            float(last.duration) if stated else math.nan,
             float(last.peak) if known else None,
             robot_time(last.peak_time) if known else None,
             float(last.impulse) if known else None,
@@ -255,8 +239,8 @@ class RegionMessages:
             _known(last.begin_normal),
             None if math.isnan(last.begin_speed) else float(last.begin_speed),
             course,
-            bool(last.dominant),
-            contact.area if math.isfinite(contact.area) else None,
+            contact.sides.copy().pop() if len(contact.sides) == 1 else None,
+            None if math.isnan(contact.area) or contact.area == math.inf else float(contact.area),
             contact.ended,
             contact.interrupted,
         )

@@ -15,15 +15,17 @@ class RootRecord:
     Attributes:
         time: robot time, rising, shape (n,) [s].
         pose: position and unit quaternion x y z w, shape (n, 7) [m].
+        fixed: True if the body does not move, so that one pose is all.
     """
 
     time: FloatArray
     pose: FloatArray
+    fixed: bool = False
 
     @classmethod
     def still(cls, T_world_root: Pose) -> "RootRecord":
-        """Of one that does not move."""
-        return cls(np.zeros(1), np.array([[*T_world_root.position, *T_world_root.orientation]]))
+        """Return the record of a body that does not move."""
+        return cls(np.zeros(1), np.array([[*T_world_root.position, *T_world_root.orientation]]), fixed=True)
 
     def at(self, time: FloatArray) -> FloatArray:
         """Position and unit quaternion on straight lines between the samples, held before the first and after the last,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_bags.reader import BagError, FloatArray
+from hric_bags.reader import FloatArray
 from hric_control.geometry import Vector
 
 
@@ -68,24 +68,14 @@ class Rows:
         self.last: Any = None
 
     def add(self, stamp: float, message: Any) -> None:
-        """Take one; stamp: of its header [s].
-
-        Raises:
-            BagError: other names than in the message before, or not one value for each.
-        """
-        if self.last is not None and list(message.name) != list(self.last.name):
-            raise BagError(
-                f"the joints of a person differ from one message to the next at {stamp:.3f} s: "
-                f"{', '.join(message.name)}; valid: {', '.join(self.last.name)}"
-            )
+        """Take one; stamp: of its header [s]. A message of other joints, or without a value for each, is left out."""
+        rows = {name: np.asarray(getattr(message, name), dtype=float) for name in self._values}
+        names = message.name if self.last is None else self.last.name
+        if list(message.name) != list(names) or any(len(row) != len(names) for row in rows.values()):
+            return
         self._stamps.append(stamp)
         for name, values in self._values.items():
-            row = np.asarray(getattr(message, name), dtype=float)
-            if len(row) != len(message.name):
-                raise BagError(
-                    f"{len(row)} values of {name} at {stamp:.3f} s; valid: one for each of {len(message.name)}"
-                )
-            values.frombytes(row.tobytes())
+            values.frombytes(rows[name].tobytes())
         self.last = message
 
     def columns(self, robot_time: Callable[[float], float]) -> list[FloatArray]:

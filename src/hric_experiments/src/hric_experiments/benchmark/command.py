@@ -154,7 +154,7 @@ def _run(
     cells = scoring.cells(benchmark, todo, responses)
     found = results.make(benchmark, content, controllers, cells, code)
     found["runs"] = results.run_rows(todo, responses)
-    files.write_json(folder / results.NAME, found)
+    files.write_json(folder / results.NAME, results.finite(found))
     page.write(folder, found)
     return folder, found
 

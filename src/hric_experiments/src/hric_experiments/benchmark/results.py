@@ -23,6 +23,8 @@ from hric_experiments.benchmark.scoring import RULE, Cell, category_ranks, sprea
 
 VERSION = 1
 NAME = "results.json"
+INFINITE = "infinite"
+"""An infinite value in a results file."""
 
 
 def make(
@@ -157,7 +159,25 @@ def read(path: Path) -> dict[str, Any]:
         raise HricError(f"{path} is not JSON: {error}") from error
     if not isinstance(found, dict) or found.get("version") != VERSION or "standings" not in found:
         raise HricError(f"{path} is no results file of this version; valid: {NAME} in the folder of a benchmark")
-    return found
+    return dict(_restored(found))
+
+
+def finite(value: Any) -> Any:
+    """Return results as JSON has them, which knows no infinity."""
+    if isinstance(value, float) and math.isinf(value):
+        return INFINITE
+    if isinstance(value, Mapping):
+        return {key: finite(item) for key, item in value.items()}
+    return [finite(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _restored(value: Any) -> Any:
+    """Return results from what `finite` made of them."""
+    if isinstance(value, dict):
+        return {key: _restored(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_restored(item) for item in value]
+    return math.inf if value == INFINITE else value
 
 
 def compare(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> list[str]:
