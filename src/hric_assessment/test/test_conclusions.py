@@ -252,7 +252,7 @@ def test_one_question_alone_has_an_exit_code_of_its_own(bags: Path) -> None:
     assert command.main([bag, *area]) == 4  # nobody knows where the arm was
     assert command.main([bag, *area, "--only", "contact"]) == 0
     assert command.main([bag, "--only", "contact"]) == 4
-    assert command.main([bag, *area, "--only", "contact", "distance"]) == 4
+    assert command.main([bag, *area, "--only", "contact,distance"]) == 4
 
 
 def test_an_area_larger_than_the_hand_that_was_met_leaves_no_verdict(bags: Path) -> None:

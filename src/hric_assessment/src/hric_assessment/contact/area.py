@@ -6,6 +6,7 @@
 The ranges by region are in config/tables/contact_areas.yaml.
 """
 
+import math
 from collections.abc import Iterable
 
 from hric_assessment.tables import area_table
@@ -37,6 +38,8 @@ def check_area(area: float, regions: Iterable[str] = (), name: str = "contact_ar
     if smallest <= area <= largest:
         return
     valid = f"valid: {smallest:g} to {largest:g} m^2 ({table.mark})"
+    if not math.isfinite(area) or area <= 0.0:
+        raise HricError(f"{name} is {area:g} m^2; {valid}")
     meant = f"; did you mean {area:g} cm^2: {area * CM2:g}?" if smallest <= area * CM2 <= largest else ""
     side = "larger" if area > largest else "smaller"
     raise HricError(f"{name} is {area:g} m^2, which is {area / CM2:g} cm^2, {side} than {of}; {valid}{meant}")

@@ -72,7 +72,7 @@ def meetings(
 
     Args:
         contacts: of one region of a person.
-        source_period: time between two evaluations of the force [s]; infinite: only the messages tell.
+        source_period: time between two evaluations of the force [s]; infinite: not known.
         recorded_until: robot time of the last message of the topic [s].
         table: by default the one that comes with the package.
     """
@@ -165,6 +165,10 @@ def _doubts(contact: RegionForce, time: FloatArray, force: FloatArray, recorded_
     """Why one contact cannot be called harmless."""
     course, found = contact.course, list[str]()
     bad = ~(_usable(contact) & np.isfinite(course.reached) & (course.reached >= 0.0))
+    if (course.force > course.reached * (1.0 + RATE_TOLERANCE)).any():
+        found.append("a force is above the peak that its message states")
+    if contact.impulse is not None and not contact.impulse >= 0.0:
+        found.append("its impulse is not a number or below 0")
     if bad.any():
         found.append(f"{int(bad.sum())} of {len(bad)} forces are not numbers or below 0")
     stated = contact.begin + course.since_begin
@@ -190,7 +194,9 @@ def _flat(contact: RegionForce, time: FloatArray, force: FloatArray) -> bool:
     edges = np.flatnonzero(np.diff(at_top))
     padded = np.concatenate([[0.0, 0.0], force, [0.0, 0.0]])  # a contact begins and ends without force
     steps = np.abs(np.diff(force))
-    steep = max(SLOPE * force.max(), QUANTA * steps[steps > 0.0].min(initial=np.inf)) if (steps > 0.0).any() else np.inf
+    quantum = float(steps[steps > 0.0].min(initial=np.inf))
+    coarse = np.isfinite(quantum) and bool((np.abs(force / quantum - np.round(force / quantum)) < 1e-6).all())
+    steep = max(SLOPE * force.max(), QUANTA * quantum if coarse else 0.0)
     for first, end in zip(edges[::2], edges[1::2], strict=True):  # rows of `force`, end exclusive
         enough = end - first >= FLAT or (end - first >= 2 and between[first:end].any())
         rise = padded[first + 1] - padded[first] if first > 0 else 0.0

@@ -91,7 +91,6 @@ class VerdictTable(ValueTable):
     reba_warning: Value = section(Value)
     lasting: Value = section(Value)
     angle: Value = section(Value)
-    known: Value = section(Value)
     max_gap: Value = section(Value)
     held: Value = section(Value)
     lift: Value = section(Value)

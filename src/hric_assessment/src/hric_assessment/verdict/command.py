@@ -20,7 +20,7 @@ from hric_assessment.verdict.moment import picture
 from hric_assessment.verdict.result import Verdict
 from hric_bags import files
 from hric_bags.run_folder import runs_root
-from hric_control.errors import MISTAKE, HricError
+from hric_control.errors import MISTAKE, HricError, check_known
 
 FILE = "verdict.json"
 SEVERITY = (0, 4, 1)
@@ -65,13 +65,14 @@ def main(arguments: Sequence[str]) -> int:
         check_area(options.contact_area, name=AREA_OPTION)
     choices = Choices(Limits.named(limits), Braking(stops), options.contact_area, options.rula_table)
     verdicts = [_assessed(name, root, choices) for name in (options.recording, *options.compare)]
+    only = [question for part in options.only for question in part]
     if options.compare:
-        print(compared(verdicts))
+        print(compared(verdicts, only))
     else:
-        print(verdicts[0].render(options.only, full=options.all), end="")
+        print(verdicts[0].render(only, full=options.all), end="")
     if options.picture is not None:
         _draw(verdicts[0], options.picture)
-    return max((one.exit_code(options.only) for one in verdicts), key=SEVERITY.index)
+    return max((one.exit_code(only) for one in verdicts), key=SEVERITY.index)
 
 
 def _assessed(name: str, root: Path, choices: Choices) -> Verdict:
@@ -98,6 +99,12 @@ def _write(path: Path, write: Callable[[Path], None]) -> None:
         raise HricError(f"cannot write {path.name} in {path.parent}: {error.strerror or error}") from error
 
 
+def _questions(text: str) -> list[str]:
+    """Return the questions of an option."""
+    check_known("question", names := text.split(","), QUESTIONS, "--only")
+    return names
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "rosrun hric_assessment assess",
@@ -116,11 +123,10 @@ def _parser() -> argparse.ArgumentParser:
     _add_choices(parser)
     parser.add_argument(
         "--only",
-        action="extend",
-        nargs="+",
-        choices=QUESTIONS,
+        action="append",
+        type=_questions,
         default=[],
-        metavar="QUESTION",
+        metavar="QUESTION[,QUESTION]",
         help=f"judge these questions alone, with their exit code: {', '.join(QUESTIONS)}; default: contact, distance "
         "and posture, and a lift above its limit",
     )

@@ -1,19 +1,24 @@
 """Verdicts of several recordings side by side."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from hric_assessment.findings import DISCLAIMER, Finding
-from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, GROUPS
+from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, GROUPS, outcome
 from hric_assessment.verdict.result import Verdict
 from hric_bags import text
 
 NONE = "-"
 
 
-def compared(verdicts: Sequence[Verdict]) -> str:
-    """Return a table: a row for each question, for the worst finding of each subject, and for each figure."""
+def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
+    """Return a table: a row for each question, for the worst finding of each subject, and for each figure.
+
+    Args:
+        verdicts: to compare.
+        only: questions that count; empty: those of a verdict.
+    """
     cells = [["", *(str(one.input["name"]) for one in verdicts)]]
-    cells.append(["outcome", *(str(one.outcome) for one in verdicts)])
+    cells.append(["outcome", *(str(outcome(one.conclusions, only)) for one in verdicts)])
     for conclusions in zip(*(verdict.conclusions for verdict in verdicts), strict=True):
         replies = [f"{one.reply}{f': {one.number}' if one.number else ''}" for one in conclusions]
         cells.append([conclusions[0].question, *replies])

@@ -24,7 +24,12 @@ BY_DEFAULT = (CONTACT, DISTANCE, POSTURE)
 """Questions that count unless the user names others: those about limits of a person."""
 GROUPS = {CONTACT: "contact", DISTANCE: "separation", POSTURE: "posture", EFFORT: "lift"}
 """Group of findings that decides a question."""
-GIVES = {CONTACT: ("contact forces",), DISTANCE: ("distance", "capsules"), POSTURE: ("RULA",), EFFORT: ("strength",)}
+GIVES = {
+    CONTACT: ("contact forces",),
+    DISTANCE: ("distance", "capsules"),
+    POSTURE: ("RULA, REBA, the distance",),
+    EFFORT: ("strength",),
+}
 """Words by which a missing signal says that it would decide a question."""
 AREA, PENALTY = "the contact's area", "a force of penalty contact"
 AREA_REMEDY = "--contact-area M2, or human.contact_area in the experiment"
@@ -87,6 +92,8 @@ class Conclusion:
             return ""
         if (self.limit, self.unit) == (100.0, "%"):
             return f"{self.value:.3g} % of the limit"
+        if self.question == POSTURE and self.limit is not None:
+            return f"score {self.value:g} (above limits beyond {self.limit:g})"
         unit, form = f" {self.unit}" if self.unit else "", ".3f" if self.unit == "m" else ".3g"
         limit = "" if self.limit is None else f" (limit {self.limit:{form}}{unit})"
         return f"{self.value:{form}}{unit}{limit}"

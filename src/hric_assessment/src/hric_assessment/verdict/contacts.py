@@ -28,6 +28,7 @@ from hric_control.errors import HricError
 
 GROUP = "contact"
 TOPIC = "hric/human/contacts"
+OTHER_REGION = "the region is not one of the link's"
 ALL = "contacts"
 """Subject of a finding about all contacts of a person."""
 UNBOUNDED = 1e12
@@ -165,12 +166,17 @@ class _Judge:
             approach, form, doubts = self._expected.approach(meeting, where, self._simulated)
         except HricError:  # _assessed names a region that does not exist
             approach, form, doubts = None, None, []
-        refused = [note for note in notes if note.startswith("the recorded contact area")]
+        refused = [note for note in notes if note.startswith(("the recorded contact area", OTHER_REGION))]
         unknown = Unknown((*meeting.doubts, *doubts, *refused), meeting.unknown_peak)
         finding = self._assessed(meeting, where, meeting.window, unknown, approach)
         values, more, missing = self._expected.beside(form, where)
+        remedy = finding.remedy
+        if finding.outcome == Outcome.NOT_ASSESSABLE and unknown.doubts:
+            topic = f"{self._record.name}/contacts"
+            remedy = f"record every message of {topic} until the bodies part, of forces evaluated 1000 times a second"
         return replace(
             finding,
+            remedy=remedy,
             values={**finding.values, **values},
             notes=(*finding.notes, *notes, *more),
             missing=(*finding.missing, *missing),
@@ -212,6 +218,9 @@ class _Judge:
             notes.append(f"contact area: {both}; the smaller counts")
         regions = () if self._body is None else self._body.regions.get(first.link, ())
         sides = {region.dominant for region in regions}
+        own = {region.name for region in regions}
+        if own and names and not own & set(names):
+            notes.append(f"{OTHER_REGION}: {first.link} belongs to {' or '.join(sorted(own))}")
         dominant = sides.pop() if len(sides) == 1 else None
         if dominant is not None and any(one.dominant is not dominant for one in contacts):
             notes.append("the body and the message differ on the side of the dominant hand: the lower limit counts")

@@ -47,6 +47,8 @@ def moment(given: Given, people: Sequence[Person], conclusions: Sequence[Conclus
     root = None if person.root is None else person.root.transforms
     q = np.nan_to_num(person.q)
     ends = CapsuleMotion(urdf.read(person.body.urdf), body, person.names, person.time, q, root)(time)
+    if not np.isfinite(ends).all():
+        return None
     log, at = given.recording.log, 0
     marked: tuple[list[int], list[int]] = [], _of_arm(person, conclusion)
     arm_ends = np.empty((len(time), 0, 2, 3))

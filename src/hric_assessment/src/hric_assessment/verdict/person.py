@@ -16,6 +16,8 @@ from hric_human.participant.settings import HumanSettings
 from hric_perception.person.settings import PersonSettings
 
 ROOT_FRAME = "human_base"
+BEYOND = np.radians(30.0)
+"""Angle beyond the range of a joint from which on it is not known [rad] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,14 @@ def people_of(given: Given) -> list[Person]:
     return people + [_other(given, topic) for topic in given.recording.people]
 
 
+def known_angles(body: Body, names: tuple[str, ...], q: FloatArray) -> FloatArray:
+    """Return angles with NaN where a joint is farther out of its range than BEYOND, shape (n, j) [rad]."""
+    ranges = [body.joints[name].range if name in body.joints else (-np.inf, np.inf) for name in names]
+    lower, upper = np.array(ranges).reshape(-1, 2).T
+    with np.errstate(invalid="ignore"):
+        return np.where((q >= lower - BEYOND) & (q <= upper + BEYOND), q, np.nan)
+
+
 def body_of(given: Given, record: HumanRecord) -> Body | None:
     """Return the body of a simulated person; None: neither the run nor joint states say whose it is."""
     section = given.definition.get("human")
@@ -105,7 +115,7 @@ def _simulated(given: Given, record: HumanRecord) -> Person:
         body,
         record.joints,
         record.time,
-        record.position,
+        known_angles(body, record.joints, record.position),
         root,
         root,
         tuple(topic for topic in given.recording.topics if topic in own),
@@ -151,7 +161,7 @@ def _other(given: Given, topic: str) -> Person:
         body,
         states.names,
         states.time,
-        states.values,
+        known_angles(body, states.names, states.values),
         None if frame is None else attitude,
         attitude,
         signals,

@@ -268,10 +268,11 @@ def _unproven(one: Separated) -> tuple[str, str]:
     """Return why a distance is not known to be large enough, and the remedy; both empty: it is known."""
     if not one.evidence.complete:
         why = f"the arm's motion or the person is not known for all of the time: {one.evidence.shortfall}"
-        return why, f"record {' and '.join(one.signals)} for all of the run"
+        topics = [topic for topic in one.signals if not topic.endswith("joint_torque")]
+        return why, f"record {' and '.join(topics)} for all of the run"
     if one.unmeasured:
         why = f"the angles of {', '.join(one.unmeasured)} are not known, and taken as zero"
-        return why, f"record all joints of the body in {one.signals[-1]}"
+        return why, f"record all joints of the body in {one.name}/joint_states"
     if one.shapeless:
         why = f"the distance of {', '.join(one.shapeless)} is not known, whose shapes are meshes"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"

@@ -203,8 +203,9 @@ def _switches(messages: Sequence[Any]) -> int:
         if not len(before.position) == len(message.position) == len(after.position) > 0:
             continue  # refused where it is read
         step = max(seconds(message.header.stamp) - seconds(before.header.stamp), STEP)
-        away = np.max(np.abs(message.position - before.position))
-        back = np.max(np.abs(after.position - before.position))
+        with np.errstate(invalid="ignore"):
+            away = np.max(np.abs(message.position - before.position))
+            back = np.max(np.abs(after.position - before.position))
         count += bool(away > FASTEST_JOINT * step and back < BACK * away)
     return count
 

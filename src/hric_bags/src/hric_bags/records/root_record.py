@@ -35,7 +35,8 @@ class RootRecord:
         smooth = np.vstack([q[:1], q[1:] * flips[:, None]])  # the same rotations, and a smooth curve
         columns = np.hstack([self.pose[:, :3], smooth])
         found = np.array([np.interp(time, self.time, column) for column in columns.T]).T
-        found[:, 3:] /= np.linalg.norm(found[:, 3:], axis=1, keepdims=True)
+        norm = np.linalg.norm(found[:, 3:], axis=1, keepdims=True)
+        found[:, 3:] /= np.where(norm > 0.0, norm, np.nan)
         return found
 
     def transforms(self, time: FloatArray) -> FloatArray:
