@@ -194,7 +194,7 @@ def _flat(contact: RegionForce, time: FloatArray, force: FloatArray) -> bool:
     edges = np.flatnonzero(np.diff(at_top))
     padded = np.concatenate([[0.0, 0.0], force, [0.0, 0.0]])  # a contact begins and ends without force
     steps = np.abs(np.diff(force))
-    quantum = float(steps[steps > 0.0].min(initial=np.inf))
+    quantum = float(steps[steps > 1e-9 * force.max()].min(initial=np.inf))
     coarse = np.isfinite(quantum) and bool((np.abs(force / quantum - np.round(force / quantum)) < 1e-6).all())
     steep = max(SLOPE * force.max(), QUANTA * quantum if coarse else 0.0)
     for first, end in zip(edges[::2], edges[1::2], strict=True):  # rows of `force`, end exclusive

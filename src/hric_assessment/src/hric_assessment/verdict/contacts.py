@@ -280,18 +280,17 @@ class Expected:
         unknown = [one for one in meeting.contacts if one.speed is None or not np.isfinite(one.speed)]
         placed = any(one.point is not None for one in unknown)
         doubts = ["the speed at which they met is not known"] if unknown and (simulated or placed) else []
-        if any(one.speed is not None and one.speed < 0.0 for one in meeting.contacts):
-            doubts.append("they met while they moved apart, by the speed that is recorded")
         found = []
         for contact in meeting.contacts:
-            if contact.speed is None or not contact.speed > 0.0:
+            speed = 0.0 if contact.speed is None else abs(contact.speed)  # of a touch while they part, too
+            if not speed > 0.0:
                 continue
             form = None if self._beside is None else self._beside.transient(contact)
             if form is not None and not np.isfinite(form.peak):
                 form = None  # the arm's motion is not known then
             if (limit := self._lowest(form, where)) is not None:
                 label = f"{limit.region}, {'robot of unknown mass' if form is None else 'heavier of both masses'}"
-                found.append((Approach(contact.speed, float(limit.transient), label, form is not None), form))
+                found.append((Approach(speed, float(limit.transient), label, form is not None), form))
         worst = max(found, key=lambda pair: pair[0].speed / max(pair[0].permitted, 1e-9), default=(None, None))
         return worst[0], worst[1], doubts
 
