@@ -79,6 +79,22 @@ def test_contacts_that_part_for_no_more_than_a_tenth_of_a_second_are_one(parted:
     assert len(episodes(TIME, force)) == count
 
 
+def test_each_episode_is_from_its_own_first_touch_to_its_last() -> None:
+    spans = [(0.2, 0.21), (0.5, 0.52), (0.9, 1.0)]
+    found = episodes(TIME, sum(step(begin, end, 10.0) for begin, end in spans))  # type: ignore[arg-type]
+    assert [(one.whole.begin, one.whole.end) for one in found] == [
+        pytest.approx((begin, end - 1e-3)) for begin, end in spans
+    ]
+
+
+@pytest.mark.parametrize(("time", "rate"), [([0.0], 0.0), ([0.0, 0.01], 100.0)])
+def test_a_touch_of_one_sample_has_no_rate_and_one_of_two_has_that_of_their_step(
+    time: list[float], rate: float
+) -> None:
+    (found,) = episodes(np.array(time), np.full(len(time), 5.0))
+    assert (found.whole.peak, found.rate) == (5.0, pytest.approx(rate))
+
+
 def test_a_clamp_that_rattles_becomes_quasi_static() -> None:
     force = np.where((TIME % 0.05) < 0.02, 50.0, 0.0)
     found = one(force)
@@ -118,12 +134,17 @@ def test_a_force_that_is_not_of_a_spring_is_refused(kind: str, why: str) -> None
     [
         (TIME, TIME[:-1], r"force has the shape \(1999,\); valid: that of time, \(2000,\)"),
         (np.array([0.0, 1.0]), np.array([0.0, math.nan]), "force is not finite at 1.000 s"),
-        (np.array([0.0, 0.0]), np.array([0.0, 0.0]), "time does not ascend after 0.000 s"),
+        (np.array([0.0, 0.5, 0.5]), np.zeros(3), "time does not ascend after 0.500 s"),
     ],
 )
 def test_wrong_arrays_are_refused(time: np.ndarray, force: np.ndarray, message: str) -> None:
     with pytest.raises(HricError, match=message):
         episodes(time, force)
+
+
+def test_a_speed_of_another_shape_is_refused() -> None:
+    with pytest.raises(HricError, match=r"closing has the shape \(1999,\); valid: that of time, \(2000,\)"):
+        episodes(TIME, pulse(0.2, 0.02, 100.0), TIME[1:])
 
 
 @pytest.mark.parametrize(
@@ -273,6 +294,10 @@ def test_a_force_that_is_not_known_is_not_assessable() -> None:
 def test_a_contact_of_a_simulated_body_says_where_it_is() -> None:
     met = RegionContact("r_wrist", (Region(HAND[0], True),), ROBOT, "penalty", 0.0, 0.1)
     assert Where.of(met) == Where(HAND, ROBOT, "penalty", None, True, None)
+    on_pad = RegionContact("r_wrist", (Region(HAND[0], True),), ROBOT, "penalty", 0.0, 0.1, area=LARGE)
+    assert Where.of(on_pad).contact_area == LARGE
+    both = RegionContact("x", (Region(HAND[0], True), Region("lower arm, wrist", False)), ROBOT, "penalty", 0.0, 0.1)
+    assert Where.of(both).dominant is None
     middle = RegionContact("torso", (Region("chest", None), Region("abdomen", None)), ROBOT, "rigid", 0.0, 0.1)
     assert Where.of(middle) == Where(("chest", "abdomen"), ROBOT, "rigid", None, None, None)
 

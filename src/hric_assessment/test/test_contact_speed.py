@@ -6,7 +6,7 @@ import pytest
 from hric_assessment.contact.limits import NOT_PERMITTED, Limits
 from hric_assessment.contact.speed import both_masses, half_mass, permitted_regions, reduced_mass, speed_limit
 from hric_assessment.findings import NotAssessableError
-from hric_assessment.tables import FOOT
+from hric_assessment.tables import FOOT, LimitTable
 from hric_control.errors import HricError
 from hric_human.body.regions import REGION_MODELS
 
@@ -34,9 +34,41 @@ def test_two_masses_on_the_spring_reach_the_limit_at_that_speed() -> None:
     assert peak == pytest.approx(280.0, rel=1e-4)
 
 
+def own(force_factor: float, pressures: list[dict[str, object]]) -> Limits:
+    """A table of 140 N for the hand, with pressures of its own."""
+    rows = {"forces": [{"region": HAND, "quasi_static": 140}], "pressures": pressures}
+    about = {"title": "own", "edition": "1", "sources": {}, "force_factor": force_factor}
+    return Limits(LimitTable.of({**about, **rows}, "own.yaml:"))
+
+
+@pytest.mark.parametrize(
+    ("area", "held", "transient", "by_pressure"),
+    [(0.9e-4, 90.0, 270.0, True), (1e-4, 100.0, 280.0, True), (1.5e-4, 140.0, 280.0, False)],
+)
+def test_force_and_pressure_each_limit_what_lasts_and_what_does_not(
+    area: float, held: float, transient: float, by_pressure: bool
+) -> None:
+    """Held 140 N or 100 N/cm^2, for a moment 280 N or 300 N/cm^2."""
+    found = speed_limit(own(2.0, [{"region": HAND, "quasi_static": 100, "transient": 300}]), HAND, 4.0, area)
+    assert (found.force_quasi_static, found.force_transient) == (pytest.approx(held), pytest.approx(transient))
+    assert (found.by_pressure, found.region) == (by_pressure, HAND)
+
+
+def test_a_pressure_may_limit_the_moment_alone() -> None:
+    """Held 140 N or 100 N/cm^2, for a moment 280 N or 110 N/cm^2, on 1.5 cm^2."""
+    found = speed_limit(own(2.0, [{"region": HAND, "quasi_static": 100, "transient": 110}]), HAND, 4.0, 1.5e-4)
+    assert (found.force_quasi_static, found.force_transient) == (140.0, pytest.approx(165.0))
+    assert found.by_pressure
+
+
+def test_no_speed_is_permitted_where_a_touch_may_have_no_pressure() -> None:
+    found = speed_limit(own(2.0, [{"region": HAND, "quasi_static": 100, "transient": "none"}]), HAND, 4.0, 1e-4)
+    assert (found.force_transient, float(found.transient), found.force_quasi_static) == (None, 0.0, pytest.approx(100.0))
+
+
 def test_the_area_limits_the_speed_where_its_pressure_is_the_lower_limit() -> None:
     large, small = speed_limit(ISO, HAND, 4.0, 1e-3), speed_limit(ISO, HAND, 4.0, 0.5e-4)
-    assert (large.by_pressure, small.by_pressure) == (False, True)
+    assert (large.by_pressure, small.by_pressure, speed_limit(ISO, HAND, 4.0).by_pressure) == (False, True, False)
     assert large.transient == speed_limit(ISO, HAND, 4.0).transient
     # The back of the other hand bears least: 190 N/cm^2.
     assert (small.force_transient, small.force_quasi_static) == (pytest.approx(190.0), pytest.approx(95.0))
@@ -58,6 +90,14 @@ def test_no_speed_is_permitted_towards_head_or_face(region: str, limits: Limits)
     assert found.force_transient is None
 
 
+@pytest.mark.parametrize("region", ["skull, forehead", "face"])
+@pytest.mark.parametrize("limits", [ISO, BGIA], ids=["iso", "bgia"])
+def test_a_large_area_permits_no_speed_towards_head_or_face_either(region: str, limits: Limits) -> None:
+    over_area = speed_limit(limits, region, 2.0, 1.0)
+    assert (over_area.force_transient, over_area.by_pressure) == (None, False)
+    assert over_area.force_quasi_static == speed_limit(limits, region, 2.0).force_quasi_static
+
+
 def test_of_areas_with_forces_of_their_own_the_one_that_permits_least_counts() -> None:
     found = speed_limit(BGIA, "neck", 4.0)
     mu = 1.0 / (1.0 / 1.2 + 1.0 / 4.0)
@@ -70,6 +110,11 @@ def test_a_link_that_cannot_give_way_leaves_the_mass_of_the_body_alone() -> None
     found = speed_limit(ISO, HAND, np.inf)
     assert float(found.mass) == REGION_MODELS[HAND].mass
     assert float(found.transient) < float(speed_limit(ISO, HAND, 1e3).transient)
+
+
+def test_an_area_that_cannot_be_is_refused() -> None:
+    with pytest.raises(HricError, match=r"contact_area is 0.0; valid: a finite number above 0 \[m\^2\]"):
+        speed_limit(ISO, HAND, 4.0, 0.0)
 
 
 @pytest.mark.parametrize("mass", [0.0, -1.0, np.nan])
@@ -98,10 +143,19 @@ def test_both_masses_say_where_the_standards_estimate_is_unsafe() -> None:
     assert (found.standard.transient > found.reflected.transient).tolist() == [False, False, True]
 
 
+def test_both_speeds_are_those_over_the_area_and_the_payload_counts_with_the_standards_mass() -> None:
+    loaded = both_masses(ISO, HAND, 4.0, 16.06, 1.5, 0.5e-4)
+    mass = 1.0 / (1.0 / 0.6 + 1.0 / 9.53)
+    assert float(loaded.standard.transient) == pytest.approx(190.0 / np.sqrt(mass * 75e3))
+    assert float(loaded.reflected.transient) == float(speed_limit(ISO, HAND, 4.0, 0.5e-4).transient)
+
+
 def test_a_region_that_the_table_or_the_body_model_does_not_have_has_no_speed() -> None:
     with pytest.raises(NotAssessableError, match="no speed for 'foot, toes, ankle' by ISO/TS 15066"):
         speed_limit(ISO, FOOT, 4.0)
-    with pytest.raises(HricError, match="no region 'hand'"):
+    with pytest.raises(NotAssessableError, match="no speed for 'foot, toes, ankle' by BG/BGIA"):
+        speed_limit(BGIA, FOOT, 4.0)
+    with pytest.raises(HricError, match="no region 'hand' in ISO/TS 15066 or BG/BGIA"):
         speed_limit(ISO, "hand", 4.0)
     with pytest.raises(HricError, match=r"robot_mass is 0.0; valid: a number above 0 \[kg\]"):
         speed_limit(ISO, HAND, 0.0)

@@ -100,6 +100,14 @@ def test_a_limit_of_nothing_gives_an_infinite_index() -> None:
     assert rate(replace(BEST, horizontal=0.7)).index == math.inf
 
 
+def test_a_limit_below_a_kilogram_gives_the_ratio_as_any_other() -> None:
+    """The lift that is the hardest of those that may be done: all multipliers at their last row."""
+    turned = math.radians(135.0)
+    found = rate(replace(BEST, load=2.0, horizontal=0.63, vertical=1.75, distance=1.75, asymmetry=turned, frequency=15.0))
+    limit = 23.0 * (25.0 / 63.0) * 0.7 * (0.82 + 4.5 / 175.0) * 0.568 * 0.28
+    assert (found.limit, found.index) == (pytest.approx(limit), pytest.approx(2.0 / limit)) and limit < 1.0
+
+
 # Public code has these errors.
 
 
@@ -138,6 +146,19 @@ def test_all_reasons_for_a_refusal_come_at_once() -> None:
 def test_a_speed_within_the_scope_is_rated_and_an_unknown_one_is_said(speed: float) -> None:
     assert rate(replace(BEST, speed=speed)).assumptions == ()
     assert rate(BEST).assumptions == ("speed is not known: taken as up to 0.76 m/s",)
+
+
+def test_the_rounded_index_is_the_load_over_the_rounded_limit() -> None:
+    found = rate(PICK)
+    assert found.rounded_index == pytest.approx(PICK.load / found.rounded_limit)
+    assert found.rounded_index != found.index
+
+
+@pytest.mark.parametrize("value", [-0.1, math.inf, math.nan])
+@pytest.mark.parametrize("name", ["load", "horizontal", "vertical", "distance", "asymmetry", "frequency", "duration"])
+def test_a_length_or_load_that_no_lift_has_is_refused_by_name(name: str, value: float) -> None:
+    with pytest.raises(HricError, match=f"{name} of a lift is {value}; valid: a finite number of 0 or more"):
+        rate(replace(BEST, **{name: value}))
 
 
 def test_values_that_no_lift_has_are_refused() -> None:

@@ -9,7 +9,7 @@ from bodies import Posed, body
 from scipy.optimize import minimize
 
 from hric_assessment.separation.capsules import Capsules, distances, of_body, segment_distance
-from hric_assessment.separation.minima import separation
+from hric_assessment.separation.minima import Separation, separation
 from hric_assessment.separation.protective import Stop, intrusion, person_speed, protective_distance
 from hric_control.errors import HricError
 
@@ -199,10 +199,40 @@ def test_a_minimum_between_two_instants_is_met_within_a_millisecond(at: float) -
     assert found.closest == found.minima[0] and len(found.minima) == 1
 
 
+@pytest.mark.parametrize("at", [5.0042, 6.9958])
+def test_a_minimum_beside_an_end_of_a_run_is_met_within_a_millisecond(at: float) -> None:
+    found = separation(5.0, 7.0, still, STILL.radii, passing(2.0, 0.2, at), STILL.radii)
+    assert found.closest.time == pytest.approx(at, abs=5.1e-4)
+    assert (found.time[0], found.time[-1]) == (5.0, 7.0)
+
+
+@pytest.mark.parametrize("at", [4.0, 8.0])
+def test_of_who_goes_away_or_comes_all_the_time_an_end_is_nearest_and_nothing_is_asked_beyond(at: float) -> None:
+    found = separation(5.0, 7.0, still, STILL.radii, passing(2.0, 0.2, at), STILL.radii)
+    assert [one.time for one in found.minima] == [5.0 if at < 5.0 else 7.0]
+    assert (found.time[0], found.time[-1]) == (5.0, 7.0)
+
+
+@pytest.mark.parametrize(("then", "minima"), [(1.0, 1), (-1.0, 1)], ids=["and goes", "and comes nearer"])
+def test_who_waits_while_near_has_one_minimum_or_none_if_they_come_nearer_later(then: float, minima: int) -> None:
+    def person(t: np.ndarray) -> np.ndarray:
+        apart = 0.5 + np.maximum(0.5 - t, 0.0) + then * np.maximum(t - 1.5, 0.0) * 0.5
+        return still(t) + apart[:, None, None, None] * np.array([1.0, 0.0, 0.0])
+
+    found = separation(0.0, 2.0, still, STILL.radii, person, STILL.radii)
+    assert len(found.minima) == minima
+    assert found.closest.distance == pytest.approx(0.4 if then > 0.0 else 0.15)
+
+
+def test_half_a_millisecond_has_a_separation() -> None:
+    found = separation(0.0, 5e-4, still, STILL.radii, passing(0.0, 0.5, 0.0), STILL.radii)
+    assert (found.time.tolist(), found.closest.distance) == ([0.0, 5e-4], pytest.approx(0.4))
+
+
 def test_instants_are_a_hundredth_apart_and_a_thousandth_around_a_minimum() -> None:
-    found = separation(0.0, 2.0, still, STILL.radii, passing(2.0, 0.2, 1.0), STILL.radii)
+    found = separation(5.0, 7.0, still, STILL.radii, passing(2.0, 0.2, 6.0), STILL.radii)
     steps = np.diff(found.time)
-    near = np.abs(found.time[:-1] - 1.0) < 9e-3
+    near = np.abs(found.time[:-1] - 6.0) < 9e-3
     np.testing.assert_allclose(steps[near], 1e-3, rtol=1e-6)
     assert steps.max() == pytest.approx(1e-2)
     assert len(found.time) == 201 + 18
@@ -239,6 +269,12 @@ def test_violations_are_where_the_separation_is_below_the_protective_distance() 
     assert (one.time, one.margin) == pytest.approx((1.0, -0.1))
     assert found.violations(0.05) == []
     assert len(found.violations(np.where(found.time < 1.0, 0.2, 0.05))) == 1
+
+
+def test_a_violation_ends_where_the_protective_distance_is_reached() -> None:
+    distance, none = np.array([0.3, 0.1, 0.2, 0.1, 0.1, 0.3]), np.zeros(6, np.int64)
+    found = Separation(np.arange(6.0), distance, none, none, ())
+    assert [(one.begin, one.end) for one in found.violations(0.2)] == [(1.0, 1.0), (3.0, 4.0)]
 
 
 def test_a_place_that_is_not_finite_is_refused_with_its_time() -> None:

@@ -76,10 +76,19 @@ def test_a_stop_goes_into_the_protective_distance_with_the_time_of_perception() 
     assert tuple(map(float, terms)) == pytest.approx((1.6 * (0.1 + 0.2), 1.0 * 0.1, 0.08, 0.0, 0.0, 0.0))
 
 
-@pytest.mark.parametrize(("speed", "load", "said"), [(1.1, 0.0, "up to 1 m/s with 0 kg"), (0.1, 3.1, "up to 3 kg")])
+def test_no_instants_have_no_stops() -> None:
+    stop = table().stop(np.array([]))
+    assert np.shape(stop.time) == np.shape(stop.distance) == (0,)
+
+
+def test_without_perception_the_reaction_is_the_arm_s_own() -> None:
+    assert table(reaction_time=0.02).stop(0.5).reaction_time == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(("speed", "load", "said"), [(3.0, 0.0, "up to 2 m/s with 0 kg"), (0.1, 3.1, "up to 3 kg")])
 def test_nothing_is_extrapolated(speed: float, load: float, said: str) -> None:
     with pytest.raises(NotAssessableError, match=said):
-        table().stop(np.array([0.0, speed]), load)
+        table((*ROWS, Row(2.0, 0.0, 0.5))).stop(np.array([0.0, speed]), load)
 
 
 @pytest.mark.parametrize("given", [{"speed": -0.1}, {"speed": np.nan}, {"speed": 0.1, "load": -1.0}])
@@ -91,9 +100,19 @@ def test_a_speed_or_load_that_cannot_be_is_refused(given: dict[str, float]) -> N
 def test_a_table_comes_back_from_its_file(tmp_path: Path) -> None:
     path = tmp_path / "own.yaml"
     for kind in (MEASUREMENT, SIMULATION):
-        path.write_text(stopping.as_yaml(table((*ROWS, Row(2.0, 1.0, 0.5)), kind)))
+        text = stopping.as_yaml(table((*ROWS, Row(2.0, 1.0, 0.5)), kind))
+        path.write_text(text)
         assert stopping.load(path) == table((*ROWS, Row(2.0, 1.0, 0.5)), kind)
         assert (stopping.NOT_A_BRAKE in path.read_text()) == (kind == SIMULATION)
+
+
+def test_a_file_has_its_keys_in_the_order_of_the_manual_and_each_text_on_a_line_as_it_is() -> None:
+    made = StopTable(
+        title="größter Arm", kind=MEASUREMENT, source="a word " * 30, reaction_time=0.02, stops=(Row(0.5, 0.0, 0.1),)
+    )
+    lines = stopping.as_yaml(made).splitlines()
+    assert [line.partition(":")[0] for line in lines[1:-1]] == ["title", "kind", "source", "reaction_time", "stops"]
+    assert lines[1] == "title: größter Arm" and lines[3].count("a word") == 30
 
 
 def test_a_table_of_a_simulation_says_so_wherever_it_is_named() -> None:
@@ -114,7 +133,13 @@ def test_a_wrong_file_gets_one_error_with_all_its_mistakes(tmp_path: Path) -> No
 
 @pytest.mark.parametrize(
     ("rows", "said"),
-    [("[]", "one row or more"), ("[{speed: 1, time: 1}, {speed: 1, load: 0, time: 2}]", "each pair once")],
+    [
+        ("[]", r"own.yaml: stops is \[\]; valid: one row or more"),
+        (
+            "[{speed: 1, load: 2, time: 1}, {speed: 1, load: 2, time: 2}]",
+            r"own.yaml: stops\[1\] is '1 m/s with 2 kg'; valid: each pair once",
+        ),
+    ],
 )
 def test_rows_that_are_missing_or_twice_are_refused(rows: str, said: str, tmp_path: Path) -> None:
     path = tmp_path / "own.yaml"

@@ -99,7 +99,7 @@ class Limits:
         Raises:
             HricError: no such region.
         """
-        limit = self.at(regions) if regions else None
+        limit = self.at(regions)
         return 0.0 if limit is None or not limit.permitted else limit.force.quasi_static
 
     def at(self, regions: Sequence[str], area: str | None = None, dominant: bool | None = None) -> Limit | None:
