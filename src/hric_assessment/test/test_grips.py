@@ -39,6 +39,14 @@ def test_force_and_work_of_a_grip_are_those_of_its_closed_form() -> None:
     assert found.work_absolute == pytest.approx(0.6 * 8.0 * (0.5 + 0.25), rel=5e-3)
 
 
+def test_a_grip_is_closed_for_its_share_of_the_messages() -> None:
+    rows = slice(0, 5)
+    closed = np.array([False, True, True, True, False])
+    few = {name: getattr(grip(), name)[rows] for name in ("force", "torque", "point")}
+    found = effort(replace(grip(), time=np.arange(5.0, 10.0), closed=closed, **few))
+    assert found is not None and found.closed == pytest.approx(0.6 * 4.0)
+
+
 def test_a_grip_that_never_closed_has_no_effort() -> None:
     assert effort(replace(grip(), closed=np.zeros(len(TIME), np.bool_))) is None
 
