@@ -34,7 +34,13 @@ PARTS = {
 """Parts that are mutated, as folders of packages."""
 TESTS = {
     "hric_assessment": ("test_",),
-    "hric_experiments": ("test_impact", "test_sweep_rare_events", "test_sweep_samplers", "test_sweep_sensitivity", "test_sweep_weights"),
+    "hric_experiments": (
+        "test_impact",
+        "test_sweep_rare_events",
+        "test_sweep_samplers",
+        "test_sweep_sensitivity",
+        "test_sweep_weights",
+    ),
 }
 """Beginnings of the names of test files, by package."""
 LEFT_OUT = ("test_bag_mutations.py", "test_assessment_cost.py")

@@ -231,6 +231,32 @@ def test_an_area_that_was_meant_in_square_centimetres_is_refused_with_both_value
         check_area(0.2, ["hand, fingers"])
 
 
+@pytest.mark.parametrize("area", [1e-6, 0.02])
+def test_the_smallest_and_the_largest_area_of_a_region_are_areas_of_it(area: float) -> None:
+    check_area(area, ["hand, fingers"])
+
+
+@pytest.mark.parametrize(
+    ("area", "told"),
+    [
+        (
+            0.5,
+            "side is 0.5 m^2, which is 5000 cm^2, larger than what a contact with hand, fingers can cover; "
+            "valid: 1e-06 to 0.02 m^2 (chosen here); did you mean 0.5 cm^2: 5e-05?",
+        ),
+        (
+            5e-7,
+            "side is 5e-07 m^2, which is 0.005 cm^2, smaller than what a contact with hand, fingers can cover; "
+            "valid: 1e-06 to 0.02 m^2 (chosen here)",
+        ),
+    ],
+)
+def test_an_area_is_refused_with_its_side_and_a_suggestion_that_is_an_area(area: float, told: str) -> None:
+    with pytest.raises(HricError) as caught:
+        check_area(area, ["hand, fingers", "chest"], "side")
+    assert str(caught.value) == told
+
+
 def test_an_area_must_fit_the_smallest_region_that_was_met() -> None:
     check_area(0.05, ["chest"])
     with pytest.raises(HricError, match="hand, fingers"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies import body
 
-from hric_assessment.contact.assess import FORCE_ONLY, Where, assess
+from hric_assessment.contact.assess import FORCE_ONLY, Approach, Unknown, Where, assess
 from hric_assessment.contact.episodes import Episode, episodes
 from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.speed import speed_limit
@@ -220,6 +220,38 @@ def test_a_contact_with_the_head_of_a_simulated_body_is_above_limits() -> None:
 
 def test_a_neck_alone_may_be_touched() -> None:
     assert assess(hit(100.0), where(NECK, contact_area=LARGE), ISO).outcome == Outcome.WITHIN
+
+
+@pytest.mark.parametrize(
+    ("unknown", "area", "outcome"),
+    [(140.0, LARGE, Outcome.WITHIN), (140.1, LARGE, Outcome.NOT_ASSESSABLE), (95.1, 0.5e-4, Outcome.NOT_ASSESSABLE)],
+)
+def test_a_held_force_that_is_unknown_is_bounded_by_the_limits_of_force_and_pressure(
+    unknown: float, area: float, outcome: Outcome
+) -> None:
+    """A hand bears 140 N, and 190 N/cm^2 of which 0.5 cm^2 makes 95 N."""
+    finding = assess(hit(50.0), where(contact_area=area), ISO, unknown=Unknown(peak=unknown))
+    assert finding.outcome == outcome
+    told = f"the force is not known for a part of the time, and may have been {unknown:.1f} N there; "
+    assert finding.reason.startswith(told) == (outcome == Outcome.NOT_ASSESSABLE)
+
+
+@pytest.mark.parametrize(("speed", "outcome"), [(1.0, Outcome.WITHIN), (1.01, Outcome.NOT_ASSESSABLE)])
+def test_a_speed_that_an_unknown_mass_may_not_permit_is_not_proven(speed: float, outcome: Outcome) -> None:
+    approach = Approach(speed, 1.0, "an infinite mass", exact=False)
+    finding = assess(hit(50.0), where(contact_area=LARGE), ISO, approach=approach)
+    assert (finding.outcome, finding.share) == (outcome, pytest.approx(50.0 / 280.0))
+    told = "speed of approach 1.010 of 1.000 m/s (an infinite mass), and the robot's mass there is not known"
+    assert finding.reason.startswith(told) == (outcome == Outcome.NOT_ASSESSABLE)
+
+
+@pytest.mark.parametrize(("speed", "outcome"), [(1.0, Outcome.WITHIN), (1.01, Outcome.ABOVE)])
+def test_a_speed_above_what_a_known_mass_permits_is_above(speed: float, outcome: Outcome) -> None:
+    approach = Approach(speed, 1.0, "4 kg", exact=True)
+    finding = assess(hit(50.0), where(contact_area=LARGE), ISO, approach=approach)
+    assert (finding.outcome, finding.share) == (outcome, pytest.approx(speed))
+    rigid = assess(None, where(kind="rigid"), ISO, approach=approach)
+    assert (rigid.outcome, rigid.share) == (Outcome.NOT_ASSESSABLE, None)
 
 
 def test_which_of_several_regions_was_met_is_not_known_and_the_lowest_limit_counts() -> None:

@@ -63,7 +63,11 @@ def test_a_pressure_may_limit_the_moment_alone() -> None:
 
 def test_no_speed_is_permitted_where_a_touch_may_have_no_pressure() -> None:
     found = speed_limit(own(2.0, [{"region": HAND, "quasi_static": 100, "transient": "none"}]), HAND, 4.0, 1e-4)
-    assert (found.force_transient, float(found.transient), found.force_quasi_static) == (None, 0.0, pytest.approx(100.0))
+    assert (found.force_transient, float(found.transient), found.force_quasi_static) == (
+        None,
+        0.0,
+        pytest.approx(100.0),
+    )
 
 
 def test_the_area_limits_the_speed_where_its_pressure_is_the_lower_limit() -> None:

@@ -103,7 +103,9 @@ def test_a_limit_of_nothing_gives_an_infinite_index() -> None:
 def test_a_limit_below_a_kilogram_gives_the_ratio_as_any_other() -> None:
     """The lift that is the hardest of those that may be done: all multipliers at their last row."""
     turned = math.radians(135.0)
-    found = rate(replace(BEST, load=2.0, horizontal=0.63, vertical=1.75, distance=1.75, asymmetry=turned, frequency=15.0))
+    found = rate(
+        replace(BEST, load=2.0, horizontal=0.63, vertical=1.75, distance=1.75, asymmetry=turned, frequency=15.0)
+    )
     limit = 23.0 * (25.0 / 63.0) * 0.7 * (0.82 + 4.5 / 175.0) * 0.568 * 0.28
     assert (found.limit, found.index) == (pytest.approx(limit), pytest.approx(2.0 / limit)) and limit < 1.0
 

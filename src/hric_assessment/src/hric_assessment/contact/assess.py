@@ -215,9 +215,9 @@ def _unproven(
         return f"{limits.table.title} has no {' and no '.join(limit.missing)}"
     if where.contact_area is None:
         return f"{FORCE_ONLY}: the contact's area is not known"
-    if unknown.peak is not None:
-        if max(share.ratio for share in _of_pair(0.0, unknown.peak, where.contact_area, limit)) > 1.0:
-            return f"the force is not known for a part of the time, and may have been {unknown.peak:.1f} N there"
+    peak = unknown.peak
+    if peak is not None and max(share.ratio for share in _of_pair(0.0, peak, where.contact_area, limit)) > 1.0:
+        return f"the force is not known for a part of the time, and may have been {peak:.1f} N there"
     if approach is not None and approach.speed > approach.permitted:
         return f"{approach.share}, and the robot's mass there is not known"
     return ""

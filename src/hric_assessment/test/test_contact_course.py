@@ -1,0 +1,311 @@
+"""The force of contacts over time from their messages, and what is not known of it; forces that are sums of steps."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hric_assessment.contact.course import Meeting, end_of, meetings, period_of
+from hric_bags.records.region_contacts import Course, RegionForce
+
+PERIOD = 1e-3
+"""Of the source [s]."""
+
+
+def contact(
+    force: Any, begin: float = 1.0, duration: float = 0.2, step: float = 0.01, course: Any = None, **changes: Any
+) -> RegionForce:
+    """A contact with a message every `step`, from one step after its begin to its end.
+
+    Args:
+        force: at the messages, a number or one for each [N].
+        course: changes of the course.
+    """
+    since = step * np.arange(1, round(duration / step) + 1)
+    level = np.broadcast_to(np.asarray(force, float), since.shape).copy()
+    reached = np.fmax.accumulate(level) if len(level) else level
+    first = np.searchsorted(reached, reached) if len(level) else np.empty(0, int)
+    where, time = np.zeros((len(since), 3)), begin + since
+    made = Course(time, level, reached, time[first % max(len(time), 1)], since, where, where)
+    about: dict[str, Any] = {"regions": ("hand, fingers",), "link": "r_wrist", "other": "panda::panda_hand"}
+    about |= {"kind": "penalty", "begin": begin, "duration": duration, "peak": None, "peak_time": None}
+    about |= {"impulse": 1.0, "point": None, "normal": None, "speed": None, "ended": True}
+    return RegionForce(**{**about, "course": replace(made, **(course or {})), **changes})
+
+
+def only(*contacts: RegionForce, period: float = PERIOD, until: float = 9.0) -> Meeting:
+    (meeting,) = meetings(contacts, period, until)
+    return meeting
+
+
+def sine(peak: float, count: int = 20) -> np.ndarray:
+    return peak * np.sin(math.pi * np.arange(1, count + 1) / (count + 1))
+
+
+# -- when --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "end"),
+    [
+        ({}, 1.2),
+        ({"duration": 0.5}, 1.5),
+        ({"duration": math.nan}, 1.2),
+        ({"duration": 0.1}, 1.2),
+        ({"course": {"time": np.full(20, math.nan)}}, 1.2),
+        ({"duration": math.nan, "course": {"time": np.full(20, math.nan)}}, 1.0),
+    ],
+)
+def test_a_contact_ends_when_it_says_or_with_its_last_message(changes: dict[str, Any], end: float) -> None:
+    made = contact(5.0, course=changes.pop("course", None))
+    assert end_of(replace(made, **changes)) == pytest.approx(end)
+
+
+@pytest.mark.parametrize(("pause", "count"), [(0.1, 1), (0.101, 2)])
+def test_contacts_no_farther_apart_than_the_gap_are_one_whatever_their_order(pause: float, count: int) -> None:
+    first, second = contact(5.0), contact(7.0, begin=1.2 + pause)
+    found = meetings([second, first], PERIOD, 9.0)
+    assert len(found) == count
+    assert found[0].window == pytest.approx((1.0, 1.4 + pause if count == 1 else 1.2))
+    assert found[-1].contacts[-1] is second
+
+
+def test_a_short_contact_within_a_long_one_does_not_end_it() -> None:
+    long, short, last = contact(5.0, duration=2.0), contact(5.0, begin=1.5), contact(5.0, begin=2.9)
+    assert only(long, short, last).contacts == (long, short, last)
+
+
+def test_a_contact_that_does_not_say_when_it_began_is_one_of_its_own() -> None:
+    assert len(meetings([contact(5.0), contact(5.0, begin=math.nan)], PERIOD, 9.0)) == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "period"),
+    [
+        ({}, 0.01),
+        ({"begin": 1.007}, 0.003),
+        ({"duration": 0.2006}, 0.0006),
+        ({"course": {"reached_time": np.full(20, 1.0325)}}, 0.0025),
+        ({"course": {"reached_time": np.full(20, 1.03005)}}, 0.00995),
+        ({"course": {"reached_time": np.full(20, math.nan)}}, 0.01),
+    ],
+)
+def test_the_period_of_a_source_is_the_shortest_step_between_instants_that_it_names(
+    changes: dict[str, Any], period: float
+) -> None:
+    made = contact(5.0, course=changes.pop("course", None))
+    assert period_of([replace(made, **changes)]) == pytest.approx(period)
+
+
+def test_the_period_is_the_shortest_of_all_contacts_and_infinite_without_any() -> None:
+    assert period_of([contact(5.0), contact(5.0, step=0.004), contact(5.0)]) == pytest.approx(0.004)
+    assert period_of([]) == math.inf
+
+
+# -- force -------------------------------------------------------------------------------------------------------------
+
+
+def test_forces_of_two_links_are_added_while_both_press_and_at_no_other_time() -> None:
+    """100 N from 1.0 s to 1.2 s, 60 N from 1.15 s to 2.0 s: 160 N for a moment, then held 60 N."""
+    episode = only(contact(100.0), contact(60.0, begin=1.15, duration=0.85, other="panda::panda_leftfinger")).episode
+    assert episode is not None and episode.quasi_static is not None
+    assert (episode.transient.peak, episode.quasi_static.peak) == (pytest.approx(160.0), pytest.approx(60.0))
+    assert (episode.whole.begin, episode.whole.end) == (1.0, pytest.approx(2.0))
+
+
+def test_a_link_that_comes_later_presses_with_nothing_before() -> None:
+    later = contact(60.0, begin=1.6, duration=0.4, other="panda::panda_leftfinger")
+    episode = only(contact(100.0, duration=1.0), later).episode
+    assert episode is not None and episode.quasi_static is not None
+    assert (episode.transient.peak, episode.quasi_static.peak) == (100.0, pytest.approx(160.0))
+
+
+def test_the_impulse_is_the_sum_of_those_that_the_messages_state() -> None:
+    episode = only(contact(5.0, impulse=0.4), contact(5.0, begin=1.1, impulse=0.7), contact(5.0, impulse=None)).episode
+    assert episode is not None and episode.whole.impulse == pytest.approx(1.1)
+
+
+def test_one_message_gives_the_force_and_none_gives_nothing() -> None:
+    single = only(contact(30.0, duration=0.01)).episode
+    assert single is not None and (single.whole.peak, single.whole.peak_time) == (30.0, pytest.approx(1.01))
+    assert only(contact(30.0, duration=0.01)).doubts == ()
+    assert only(contact(math.nan)).episode is None
+
+
+def test_an_episode_has_the_rate_of_its_source() -> None:
+    episode = only(contact(5.0)).episode
+    assert episode is not None and episode.rate == pytest.approx(1000.0)
+
+
+@pytest.mark.parametrize(
+    ("stated", "at"),
+    [(1.033, 1.033), (math.nan, 1.04), (1.3, 1.04), (0.5, 1.0)],
+    ids=["between", "unknown", "later than its message", "before the begin"],
+)
+def test_a_peak_counts_when_it_is_stated_to_have_been_from_the_begin_to_its_message(stated: float, at: float) -> None:
+    made = contact(sine(50.0))
+    reached, times = made.course.reached.copy(), made.course.reached_time.copy()
+    reached[3:], times[3:] = 90.0, stated
+    episode = only(replace(made, course=replace(made.course, reached=reached, reached_time=times))).episode
+    assert episode is not None
+    assert (episode.whole.peak, episode.whole.peak_time) == (90.0, pytest.approx(at))
+
+
+def test_a_newton_before_the_first_message_counts() -> None:
+    episode = only(contact(0.5, duration=0.01, course={"reached": np.array([1.0])})).episode
+    assert episode is not None and episode.whole.peak == 1.0
+
+
+def test_a_contact_without_force_for_a_while_is_known_to_have_none() -> None:
+    meeting = only(contact(np.repeat([50.0, 0.0], 100), duration=2.0))
+    assert (meeting.doubts, meeting.unknown_peak) == ((), None)
+
+
+@pytest.mark.parametrize("bad", [math.nan, -5.0, math.inf])
+def test_a_force_that_is_none_is_left_out_and_counted(bad: float) -> None:
+    force = sine(50.0)
+    force[[4, 5]] = bad
+    reached = np.maximum.accumulate(sine(50.0))
+    meeting = only(contact(force, course={"reached": reached}))
+    assert meeting.episode is not None and meeting.episode.whole.peak == pytest.approx(max(sine(50.0)))
+    assert meeting.doubts == ("2 of 20 forces are not numbers or below 0",)
+
+
+def test_peaks_that_are_none_are_counted_too() -> None:
+    reached = np.maximum.accumulate(sine(50.0))
+    reached[:3] = [math.nan, -1.0, math.inf]
+    assert only(contact(sine(50.0), course={"reached": reached})).doubts == (
+        "3 of 20 forces are not numbers or below 0",
+    )
+
+
+# -- what is not known -------------------------------------------------------------------------------------------------
+
+
+def test_of_a_contact_that_is_recorded_from_its_begin_to_its_end_nothing_is_unknown() -> None:
+    meeting = only(contact(sine(50.0)))
+    assert (meeting.doubts, meeting.unknown_peak) == ((), None)
+
+
+@pytest.mark.parametrize(("duration", "told"), [(0.3, True), (0.5, True), (0.51, False)])
+def test_a_blow_that_had_not_ended_may_have_become_harder(duration: float, told: bool) -> None:
+    going_on = contact(sine(50.0, round(100 * duration)), duration=duration, ended=False)
+    assert only(going_on, until=1.0 + duration).doubts == (("it had not ended when the recording did",) if told else ())
+    over = contact(1.0, duration=duration, other="panda::panda_leftfinger")
+    assert bool(only(over, going_on, until=1.0 + duration).doubts) == told
+
+
+@pytest.mark.parametrize(
+    ("period", "has"), [(1e-3, ""), (1.0005e-3, ""), (1.0 / 600.0, "600"), (math.inf, "an unknown number of")]
+)
+def test_a_source_slower_than_a_blow_needs_is_told_with_its_rate(period: float, has: str) -> None:
+    told = (f"a blow needs 1000 samples a second, and its source has {has}",) if has else ()
+    assert only(contact(sine(50.0)), period=period).doubts == told
+
+
+@pytest.mark.parametrize(
+    ("course", "duration", "told"),
+    [
+        ({"since_begin": 0.019 + 0.01 * np.arange(1, 21)}, 0.2, False),
+        ({"since_begin": 0.021 + 0.01 * np.arange(1, 21)}, 0.2, True),
+        ({"since_begin": -0.021 + 0.01 * np.arange(1, 21)}, 0.2, True),
+        ({"since_begin": np.append(0.01 * np.arange(1, 20), math.nan)}, 0.2, True),
+        ({}, -0.1, True),
+        ({}, math.nan, True),
+        ({}, 0.0, False),
+    ],
+)
+def test_messages_of_another_time_than_they_state_are_told(course: dict[str, Any], duration: float, told: bool) -> None:
+    found = only(replace(contact(sine(50.0), course=course), duration=duration)).doubts
+    assert found == (("its messages are not of the time that begin and duration state",) if told else ())
+
+
+@pytest.mark.parametrize(("after", "told"), [(0.09, False), (0.11, True)])
+def test_an_end_that_ought_to_have_been_recorded_is_told(after: float, told: bool) -> None:
+    pressing = contact(np.linspace(5.0, 9.0, 100), duration=1.0, ended=False)
+    assert only(pressing, until=2.0 + after).doubts == (
+        ("its end is not recorded: the last message of it is of 2.000 s",) if told else ()
+    )
+
+
+def test_messages_of_a_second_publisher_are_told() -> None:
+    words = "messages in between have neither the contact nor its end, as those of a second publisher"
+    assert only(contact(sine(50.0), interrupted=True)).doubts == (words,)
+
+
+def test_a_doubt_of_two_links_is_told_once() -> None:
+    both = [contact(sine(50.0), interrupted=True, other=f"panda::{link}") for link in ("panda_hand", "panda_link7")]
+    assert len(only(*both).doubts) == 1
+
+
+FLAT = [10.0, 60.0, 60.0, 60.0, 20.0]
+
+
+@pytest.mark.parametrize(
+    ("force", "flat"),
+    [
+        (FLAT, True),
+        ([60.0, 60.0, 60.0, 20.0, 10.0], True),
+        ([10.0, 20.0, 60.0, 60.0, 60.0], True),
+        ([10.0, 60.0, 60.0, 30.0, 20.0], False),
+        ([60.0, 60.0, 20.0, 60.0, 60.0], False),
+        ([10.0, 60.0, 59.999, 60.0, 20.0], False),
+        ([59.3, 59.8, 60.0, 60.0, 60.0, 59.8, 59.3], False),
+        ([58.3, 59.0, 60.0, 60.0, 60.0, 59.9, 59.8], True),
+        ([59.8, 59.9, 60.0, 60.0, 60.0, 59.0, 58.3], True),
+        ([60.0, 60.0, 20.0, 60.0, 60.0, 60.0, 20.0], True),
+        ([60.0, 60.0, 60.0, 60.0, 60.0], False),
+        ([60.0, 60.0, 60.0, 60.0, 20.0], True),
+        ([20.0, 60.0, 60.0, 60.0, 60.0], True),
+        ([10.0, 60.0, 60.0, 60.0, math.nan, 20.0], True),
+    ],
+)
+def test_a_largest_force_that_is_held_to_the_last_bit_between_steep_sides_is_a_flat_top(
+    force: list[float], flat: bool
+) -> None:
+    """Steep: between the two messages before or behind, by more than a hundredth of it; a contact begins and ends
+    without force."""
+    found = only(contact(np.array(force), duration=0.01 * len(force))).doubts
+    told = [one for one in found if one == "the force has a flat top at 60.0 N, as of a sensor at its range"]
+    assert bool(told) == (flat and all(map(math.isfinite, force)))
+
+
+@pytest.mark.parametrize(("stated", "flat"), [(1.017, True), (1.02, False)])
+def test_two_equal_forces_are_a_flat_top_if_one_is_a_peak_between_messages(stated: float, flat: bool) -> None:
+    made = contact(np.array([10.0, 60.0, 20.0]), duration=0.03)
+    times = made.course.reached_time.copy()
+    times[1:] = stated
+    assert bool(only(replace(made, course=replace(made.course, reached_time=times))).doubts) == flat
+
+
+def lost(begin: float, end: float, force: float = 80.0, **changes: Any) -> RegionForce:
+    """A contact of 2 s that rises slowly to a force, whose messages of some time are lost."""
+    made = contact(np.linspace(0.9, 1.0, 200) * force, duration=2.0, **changes)
+    kept = (made.course.time <= begin + 1e-9) | (made.course.time >= end - 1e-9)
+    fields = {name: values[kept] for name, values in vars(made.course).items()}
+    return replace(made, course=Course(**fields))
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "unknown"), [(2.0, 2.1, False), (2.0, 2.12, True), (1.1, 1.4, False), (1.3, 1.7, True)]
+)
+def test_a_held_force_is_unknown_where_messages_are_farther_apart_than_may_be_bridged(
+    begin: float, end: float, unknown: bool
+) -> None:
+    assert only(lost(begin, end)).unknown_peak == (pytest.approx(80.0) if unknown else None)
+
+
+def test_a_held_force_that_is_unknown_is_at_most_the_sum_of_what_all_links_reached() -> None:
+    first, second = lost(2.0, 2.5), contact(30.0, duration=2.0, other="panda::panda_leftfinger")
+    for pair in ((first, second), (second, first)):
+        assert only(*pair).unknown_peak == pytest.approx(110.0)
+
+
+def test_a_peak_that_is_no_number_bounds_nothing() -> None:
+    some = lost(2.0, 2.5)
+    reached = some.course.reached.copy()
+    reached[-1] = math.nan
+    bound = only(replace(some, course=replace(some.course, reached=reached))).unknown_peak
+    assert bound == pytest.approx(max(reached[:-1]))
