@@ -187,6 +187,8 @@ def test_the_measured_peak_is_the_first_and_a_later_one_does_not_count() -> None
     assert Impact(contact, form, None).peak == 80.0
     assert Impact(replace(contact, course=replace(course, time=BEGIN + 0.01 * time)), form, None).peak == 300.0
     assert Impact(contact, None, None).peak is None
+    silent = replace(contact, peak=None, course=replace(course, time=BEGIN + 0.01 * time))
+    assert Impact(silent, form, None).values()["transient"] is None
 
 
 def test_the_first_message_is_as_late_as_the_half_sine_needs_for_its_force() -> None:

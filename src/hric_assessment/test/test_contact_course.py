@@ -35,6 +35,12 @@ def contact(
     return RegionForce(**{**about, "course": replace(made, **(course or {})), **changes})
 
 
+def changed(changes: dict[str, Any]) -> RegionForce:
+    """A contact of 0.2 s whose messages are as if nothing had changed but the course."""
+    made = contact(5.0, course=changes.get("course"))
+    return replace(made, **{name: value for name, value in changes.items() if name != "course"})
+
+
 def only(*contacts: RegionForce, period: float = PERIOD, until: float = 9.0) -> Meeting:
     (meeting,) = meetings(contacts, period, until)
     return meeting
@@ -59,8 +65,7 @@ def sine(peak: float, count: int = 20) -> np.ndarray:
     ],
 )
 def test_a_contact_ends_when_it_says_or_with_its_last_message(changes: dict[str, Any], end: float) -> None:
-    made = contact(5.0, course=changes.pop("course", None))
-    assert end_of(replace(made, **changes)) == pytest.approx(end)
+    assert end_of(changed(changes)) == pytest.approx(end)
 
 
 @pytest.mark.parametrize(("pause", "count"), [(0.1, 1), (0.101, 2)])
@@ -95,8 +100,7 @@ def test_a_contact_that_does_not_say_when_it_began_is_one_of_its_own() -> None:
 def test_the_period_of_a_source_is_the_shortest_step_between_instants_that_it_names(
     changes: dict[str, Any], period: float
 ) -> None:
-    made = contact(5.0, course=changes.pop("course", None))
-    assert period_of([replace(made, **changes)]) == pytest.approx(period)
+    assert period_of([changed(changes)]) == pytest.approx(period)
 
 
 def test_the_period_is_the_shortest_of_all_contacts_and_infinite_without_any() -> None:

@@ -151,6 +151,8 @@ def test_both_speeds_are_those_over_the_area_and_the_payload_counts_with_the_sta
     loaded = both_masses(ISO, HAND, 4.0, 16.06, 1.5, 0.5e-4)
     mass = 1.0 / (1.0 / 0.6 + 1.0 / 9.53)
     assert float(loaded.standard.transient) == pytest.approx(190.0 / np.sqrt(mass * 75e3))
+    unloaded = both_masses(ISO, HAND, 4.0, 16.06)
+    assert float(unloaded.standard.mass) == pytest.approx(1.0 / (1.0 / 0.6 + 1.0 / 8.03))
     assert float(loaded.reflected.transient) == float(speed_limit(ISO, HAND, 4.0, 0.5e-4).transient)
 
 

@@ -98,6 +98,10 @@ def test_the_closed_form_is_what_two_masses_do_on_a_spring() -> None:
     assert form.human_mass * x[3, -1] == pytest.approx(form.impulse, rel=1e-6)
 
 
+def test_the_closed_form_has_no_force_before_the_touch_and_after_the_parting() -> None:
+    assert FORM.force(np.array([-0.5, -1e-3, 1.001, 1.5]) * FORM.duration).tolist() == [0.0] * 4
+
+
 def test_a_link_that_no_joint_moves_has_an_infinite_reflected_mass() -> None:
     mechanism, _, _ = arm()
     assert mechanism.reflected_mass(np.zeros(7), "panda_link0", (0.0, 0.0, 0.1), (1.0, 0.0, 0.0)) == np.inf

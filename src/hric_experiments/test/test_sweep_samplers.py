@@ -165,9 +165,10 @@ def test_with_none_exceeded_the_upper_limit_is_about_three_by_the_runs() -> None
 
 
 def test_an_interval_of_counts_is_refused_for_weighted_runs() -> None:
-    assert clopper_pearson(1, 3, weights=np.ones(3)) == clopper_pearson(1, 3)
-    with pytest.raises(HricError, match="unweighted"):
-        clopper_pearson(1, 3, weights=np.array([1.0, 0.2, 1.0]))
+    for interval in (clopper_pearson, clopper_pearson_upper, clopper_pearson_lower):
+        assert interval(1, 3, weights=np.ones(3)) == interval(1, 3)
+        with pytest.raises(HricError, match="unweighted"):
+            interval(1, 3, weights=np.array([1.0, 0.2, 1.0]))
 
 
 def test_the_effective_size_is_the_count_of_equal_weights_and_less_of_unequal_ones() -> None:

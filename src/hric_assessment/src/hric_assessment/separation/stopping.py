@@ -119,7 +119,7 @@ class StopTable(Settings):
         enough = rows[:, 1] >= load
         speeds = np.unique(rows[enough, 0])
         above = enough[None] & (rows[None, :, 0] >= speeds[:, None])
-        best = np.min(np.where(above[..., None], worst[None], np.inf), axis=1, initial=np.inf)
+        best = np.min(np.where(above[..., None], worst[None], np.inf), axis=1)
         return speeds, best[:, 0], best[:, 1]
 
 
