@@ -98,6 +98,51 @@ def test_a_person_who_walks_gives_way_but_not_with_more_than_all_of_them() -> No
     assert form is not None and BODY.segments["pelvis"].mass.mass < form.human_mass < 1.02 * BODY.total_mass
 
 
+def wrist(turn: float, shift: tuple[float, float], q: np.ndarray, **known: Any) -> float:
+    """Mass of the right wrist [kg] of a person who is turned about z by an angle [rad] and stands elsewhere [m]."""
+    at, along = np.array([0.25, -0.2]), np.array([0.6, 0.8])
+    R = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    human = {"parts": "upper_body", "heading": turn, "position": list(shift)}
+    run = RUN | {"definition": RUN["definition"] | {"human": human | known.pop("settings", {})}}
+    contact = met(link="r_wrist", point=(*(R @ at + shift), 0.1), normal=(*(R @ along), 0.0))
+    form = beside(contact, run, position=q, **known).transient
+    assert form is not None
+    return form.human_mass
+
+
+def angles(value: float) -> np.ndarray:
+    return np.full((300, len(BODY.joints)), value)
+
+
+def test_the_mass_of_a_wrist_does_not_depend_on_where_the_person_stands_and_looks() -> None:
+    arm = sum(BODY.segments[f"right_{name}"].mass.mass for name in ("upper_arm", "forearm", "hand"))
+    mass = wrist(0.0, (0.0, 0.0), angles(0.3))
+    assert 0.0 < mass < arm
+    assert wrist(1.1, (2.0, -1.0), angles(0.3)) == pytest.approx(mass)
+    assert wrist(0.0, (0.0, 0.0), angles(0.5)) != pytest.approx(mass, rel=0.01)
+
+
+def test_the_mass_is_that_of_the_joints_when_they_met() -> None:
+    rising = np.outer(np.arange(300) * 0.02, np.full(len(BODY.joints), 0.3))  # 0.3 rad at 1 s
+    assert wrist(0.0, (0.0, 0.0), rising) == pytest.approx(wrist(0.0, (0.0, 0.0), angles(0.3)))
+
+
+def test_who_walked_by_a_metre_and_is_met_a_metre_farther_gives_way_alike() -> None:
+    settings = {"walk": {"points": [[0, 0, 0]]}}
+    found = []
+    for here in ((0.0, 0.0), (1.0, -0.5)):
+        stood = HumanSettings.of({"parts": "upper_body", "position": [0.0, 0.0]}, "human").root(BODY).position
+        pose = np.tile([stood[0] + here[0], stood[1] + here[1], stood[2], 0.0, 0.0, 0.0, 1.0], (2, 1))
+        root = RootRecord(np.array([0.0, 6.0]), pose)
+        away = (*np.add((0.25, -0.2), here), 0.1)
+        human = {"parts": "upper_body", "heading": 0.0, "position": [0.0, 0.0]} | settings
+        run = RUN | {"definition": RUN["definition"] | {"human": human}}
+        form = beside(met(link="r_wrist", point=away), run, position=angles(0.3), root=root).transient
+        assert form is not None
+        found.append(form.human_mass)
+    assert found[0] == pytest.approx(found[1])
+
+
 def test_a_person_who_walks_and_was_nowhere_has_no_closed_form() -> None:
     assert beside(met(), walking()[0]).transient is None
 
@@ -125,6 +170,7 @@ def test_there_is_no_closed_form_of_what_is_not_known(changes: dict[str, Any]) -
 def test_there_is_no_closed_form_without_a_record_of_arm_and_person_at_the_time() -> None:
     late = log(0.5)
     assert beside(met(), robot=late).transient is None
+    assert beside(met(), time=np.empty(0), position=np.zeros((0, len(BODY.joints)))).transient is None
     times = np.array([0.0, 0.5])
     assert beside(met(), time=times, position=np.zeros((2, len(BODY.joints)))).transient is None
 
@@ -139,6 +185,12 @@ def test_what_damps_the_surfaces_has_no_closed_form_and_a_spring_of_the_robot_is
         return RUN | {"parameters": {"robot": {"plant": plant}}}
 
     assert beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4, "damping": 5.0})).transient is None
+    alike = with_surface({"contact": "penalty"})
+    alike["parameters"]["robot"]["plant"]["contact_stiffness"] = 1e4
+    assert (
+        beside(met(), alike).transient
+        == beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4})).transient
+    )
     form = beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4})).transient
     assert form is not None and form.stiffness == pytest.approx(1.0 / (1.0 / 1e4 + 1.0 / PELVIS))
 
@@ -151,7 +203,9 @@ def test_a_press_is_balanced_by_the_part_of_the_command_along_the_normal() -> No
     assert set(press.force) == {40.0}
 
 
-@pytest.mark.parametrize(("duration", "count", "lasts"), [(0.5, 51, True), (0.49, 51, False), (3.0, 29, False)])
+@pytest.mark.parametrize(
+    ("duration", "count", "lasts"), [(0.5, 51, True), (0.49, 51, False), (3.0, 30, True), (3.0, 29, False)]
+)
 def test_a_contact_of_half_a_second_is_a_press_if_it_has_ten_messages_a_second(
     duration: float, count: int, lasts: bool
 ) -> None:
@@ -163,7 +217,8 @@ def test_what_is_not_commanded_by_torque_or_does_not_carry_itself_has_no_press()
     mixed = log(by_effort=np.zeros((600, 3), np.bool_))
     bare = RUN | {"definition": RUN["definition"] | {"robot": {"hw": "hric_control/RobotHW"}}}
     assert [beside(met(1.0, 101), robot=one).press for one in (by_position, mixed)] == [None, None]
-    assert beside(met(1.0, 101), bare).press is None
+    unknown = RUN | {"definition": {"human": {"parts": "upper_body"}}}
+    assert [beside(met(1.0, 101), run).press for run in (bare, unknown)] == [None, None]
     assert beside(met(1.0, 101), robot=log(by_effort=np.ones((600, 3), np.bool_))).press is not None
 
 

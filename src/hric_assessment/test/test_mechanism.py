@@ -71,6 +71,15 @@ def test_the_reflected_mass_is_that_of_a_rigid_body_library(make: Any) -> None:
         assert mechanism.reflected_mass(q, link, point, n) == pytest.approx(expected, rel=1e-9)
 
 
+def test_joints_may_come_in_any_order() -> None:
+    mechanism, _, link = arm()
+    turned = Mechanism(mechanism.tree, mechanism.joints[::-1], [ROTOR] * 7)
+    q, point, normal = np.linspace(-1.0, 1.0, 7), (0.4, 0.1, 0.5), (0.6, 0.0, 0.8)
+    assert turned.reflected_mass(q[::-1], link, point, normal) == pytest.approx(
+        mechanism.reflected_mass(q, link, point, normal)
+    )
+
+
 def test_a_torque_that_presses_at_a_point_balances_the_force_it_was_made_of() -> None:
     mechanism, library, link = arm()
     q, p_link = np.array([0.3, -0.7, 0.2, -2.2, 0.1, 1.4, 0.5]), np.array([0.0, 0.02, 0.05])
