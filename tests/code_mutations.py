@@ -6,7 +6,7 @@ mutmut makes the mutants, in a copy of the packages below build/mutate; the work
 kept: an interrupted run goes on, and a later one tries the mutants of functions that were changed, and with --again
 those that survived. Texts are not mutated, nor are properties and other functions with decorators, nor constants.
 
-Survivors stand in docs/mutations.md, each with the reason why it is no hole in the tests. One that stands nowhere is
+Survivors stand in docs/mutations.md, below the reason why they are no holes in the tests. One that stands nowhere is
 printed with its line, and the exit code is 1; so it is where a part has more survivors than ALLOWED.
 """
 
@@ -48,8 +48,8 @@ ALLOWED = 0.1
 """Share of the mutants of a part that may survive [1]."""
 KILLED, SURVIVED, UNSEEN, UNTRIED = "killed", "survived", "no tests", "not checked"
 """Of the states that mutmut has. Any other: the tests took fifteen times as long, or the interpreter died."""
-ROW = re.compile(r"^\| `([^`]+)` \| `(.*?)` \| `(.*?)` \| (.+) \|$", re.MULTILINE)
-"""A survivor on the page: function, line before, line after, reason."""
+ROW = re.compile(r"^\| `([^`]+)` \| `(.*?)` \| `(.*?)` \|$", re.MULTILINE)
+"""A survivor on the page, below its reason: function, line before, line after."""
 
 
 @dataclass
@@ -156,7 +156,7 @@ def report(parts: dict[str, Part]) -> int:
         for mutant in part.survivors:
             if (found := change(mutant)) not in known:
                 failed = True
-                print(f"{mutant}\n| `{found[0]}` | `{found[1]}` | `{found[2]}` | |")
+                print(mutant, "| `{}` | `{}` | `{}` |".format(*(one.replace("|", "\\|") for one in found)), sep="\n")
     return int(failed)
 
 

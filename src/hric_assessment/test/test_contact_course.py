@@ -307,6 +307,13 @@ def test_a_held_force_that_is_unknown_is_at_most_the_sum_of_what_all_links_reach
         assert only(*pair).unknown_peak == pytest.approx(110.0)
 
 
+def test_a_link_of_which_no_peak_is_known_adds_nothing_to_the_bound_and_is_told() -> None:
+    blind = contact(0.0, duration=2.0, other="panda::panda_link7", course={"reached": np.full(200, math.nan)})
+    meeting = only(lost(2.0, 2.5), blind)
+    assert meeting.unknown_peak == pytest.approx(80.0)
+    assert meeting.doubts == ("200 of 200 forces are not numbers or below 0",)
+
+
 def test_a_peak_that_is_no_number_bounds_nothing() -> None:
     some = lost(2.0, 2.5)
     reached = some.course.reached.copy()

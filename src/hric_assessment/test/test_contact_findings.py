@@ -164,6 +164,12 @@ def test_a_long_contact_one_step_below_on_and_above_the_quasi_static_limit(level
     assert finding.share == pytest.approx(level / 140.0)
 
 
+def test_what_lasts_is_named_with_its_limit_and_what_does_not_has_no_held_time() -> None:
+    finding = assess(one(step(0.2, 1.5, 150.0)), where(contact_area=LARGE), ISO)
+    assert finding.reason == "quasi-static force 150.0 of 140.0 N (hand, fingers)"
+    assert assess(hit(50.0), where(contact_area=LARGE), ISO).values["quasi-static duration [s]"] == 0.0
+
+
 def test_the_pressure_counts_where_the_area_is_small() -> None:
     finding = assess(hit(100.0), where(contact_area=0.2e-4), ISO)
     assert finding.outcome == Outcome.ABOVE

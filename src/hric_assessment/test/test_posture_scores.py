@@ -347,6 +347,44 @@ def test_fields_of_different_lengths_are_refused_by_name() -> None:
         rula.score(Posture(upper_arm_flexion=np.zeros(3), elbow_flexion=np.zeros(2)))
 
 
+def test_a_field_of_two_dimensions_is_refused_by_name() -> None:
+    with pytest.raises(
+        HricError, match=r"elbow_flexion has the shape \(1, 3\); valid: one value, or \(3,\) as the others"
+    ):
+        rula.score(Posture(upper_arm_flexion=0.2, elbow_flexion=np.zeros((1, 3))))
+
+
+def test_neck_and_trunk_are_used_as_the_arm_where_nothing_else_is_known() -> None:
+    for task in (Task(held=61.0), Task(repeats=4.0), Task(held=61.0, rest_repeats=0.0)):
+        points = {step.part: step.points.tolist() for step in rula.score(Posture(), task).steps}
+        assert points["muscle use"] == points["muscle use, neck and trunk"] == [1]
+    alone = {
+        step.part: step.points.tolist() for step in rula.score(Posture(), Task(repeats=4.0, rest_repeats=0.0)).steps
+    }
+    assert (alone["muscle use"], alone["muscle use, neck and trunk"]) == ([1], [0])
+
+
+def test_a_posture_of_one_instant_with_a_value_for_each_instant_of_others_counts_at_all_of_them() -> None:
+    many = rula.score(Posture(upper_arm_flexion=np.radians([10.0, 50.0, 100.0]), neck_flexion=0.3), Task(load=3.0))
+    single = [
+        rula.score(Posture(upper_arm_flexion=math.radians(angle), neck_flexion=0.3), Task(load=3.0)).score[0]
+        for angle in (10.0, 50.0, 100.0)
+    ]
+    assert many.score.tolist() == single
+
+
+def test_what_is_not_known_is_said_with_its_stand_in_and_flags_as_not_so() -> None:
+    found = rula.score(
+        Posture(upper_arm_flexion=1.0, arm_supported=None), Task(load=None, held=np.array([1.0, math.nan]))
+    )
+    for line in (
+        "arm_supported is not known: taken as not so",
+        "load is not known: taken as 0",
+        "held is not known at 1 of 2 instants: taken as 0 there",
+    ):
+        assert line in found.assumptions
+
+
 def test_an_unknown_version_and_coupling_are_refused_with_the_valid_ones() -> None:
     with pytest.raises(HricError, match="no version of RULA's table A 'new'; valid: current, older"):
         rula.score(Posture(), version="new")
@@ -370,6 +408,45 @@ def test_the_angles_of_a_body_are_those_of_its_links(side: str) -> None:
     assert float(found.upper_arm_abduction[0]) == pytest.approx(math.asin(outward * arm[1] / np.linalg.norm(arm)))
     across = -outward * forearm[1] / np.linalg.norm(forearm)
     assert float(found.forearm_inward[0]) == pytest.approx(math.asin(across))
+
+
+ARM_JOINTS = ("el_flex", "wr_flex", "wr_dev", "pro_sup", "sh_rot")
+ARM_ANGLES = ("elbow_flexion", "wrist_flexion", "wrist_deviation", "pronation", "upper_arm_rotation")
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_angles_that_are_joints_are_those_of_the_side_and_of_the_middle(side: str) -> None:
+    middle = [f"{part}_{way}" for part in ("neck", "trunk") for way in ("flex", "bend", "rot")]
+    names = [f"{either}_{joint}" for either in ("left", "right") for joint in ARM_JOINTS] + middle
+    q = np.arange(1.0, 2 * len(names) + 1.0).reshape(len(names), 2).T
+    found, columns = of_joints(names, q, side), dict(zip(names, q.T.tolist(), strict=True))
+    assert [getattr(found, name).tolist() for name in ARM_ANGLES] == [columns[f"{side}_{name}"] for name in ARM_JOINTS]
+    ways = {"flex": "flexion", "bend": "bend", "rot": "twist"}
+    for name in middle:
+        part, way = name.split("_")
+        assert getattr(found, f"{part}_{ways[way]}").tolist() == columns[name]
+    assert found.upper_arm_flexion is found.upper_arm_abduction is found.forearm_inward is found.knee_flexion is None
+
+
+@pytest.mark.parametrize("lacks", ["sh_flex", "sh_abd", "sh_rot", "el_flex"])
+def test_an_angle_of_several_joints_is_not_known_without_one_of_them(lacks: str) -> None:
+    names = [f"right_{joint}" for joint in ("sh_flex", "sh_abd", "sh_rot", "el_flex") if joint != lacks]
+    found = of_joints(names, np.full((1, 3), 0.2), "right")
+    assert (found.upper_arm_flexion is None) == (found.upper_arm_abduction is None) == (lacks in ("sh_flex", "sh_abd"))
+    assert found.forearm_inward is None
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["right_knee_flex"], [0.2, 0.9]),
+        (["left_knee_flex"], [0.2, 0.9]),
+        (["left_knee_flex", "right_knee_flex"], [0.7, 0.9]),
+    ],
+)
+def test_the_knee_that_is_bent_more_counts(names: list[str], expected: list[float]) -> None:
+    q = np.array([[0.2, 0.7], [0.9, 0.1]])[:, : len(names)]
+    assert np.asarray(of_joints(names, q, "left").knee_flexion).tolist() == expected
 
 
 DIRECTIONS = [
