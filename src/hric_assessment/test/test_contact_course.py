@@ -62,6 +62,7 @@ def sine(peak: float, count: int = 20) -> np.ndarray:
         ({"duration": 0.1}, 1.2),
         ({"course": {"time": np.full(20, math.nan)}}, 1.2),
         ({"duration": math.nan, "course": {"time": np.full(20, math.nan)}}, 1.0),
+        ({"duration": math.nan, "course": {"time": np.append(1.05, np.full(19, math.nan))}}, 1.05),
     ],
 )
 def test_a_contact_ends_when_it_says_or_with_its_last_message(changes: dict[str, Any], end: float) -> None:
@@ -105,7 +106,7 @@ def test_the_period_of_a_source_is_the_shortest_step_between_instants_that_it_na
 
 def test_the_period_is_the_shortest_of_all_contacts_and_infinite_without_any() -> None:
     assert period_of([contact(5.0), contact(5.0, step=0.004), contact(5.0)]) == pytest.approx(0.004)
-    assert period_of([]) == math.inf
+    assert period_of([]) == period_of([contact(5.0, duration=0.0)]) == math.inf
 
 
 # -- force -------------------------------------------------------------------------------------------------------------
@@ -262,6 +263,8 @@ FLAT = [10.0, 60.0, 60.0, 60.0, 20.0]
         ([60.0, 60.0, 20.0, 60.0, 60.0, 60.0, 20.0], True),
         ([60.0, 60.0, 60.0, 60.0, 60.0], False),
         ([60.0, 60.0, 60.0, 60.0, 20.0], True),
+        ([1.2, 60.0, 60.0, 60.0, 59.9, 59.8], True),
+        ([59.8, 59.9, 60.0, 60.0, 60.0, 1.2], True),
         ([20.0, 60.0, 60.0, 60.0, 60.0], True),
         ([10.0, 60.0, 60.0, 60.0, math.nan, 20.0], True),
     ],
