@@ -509,6 +509,18 @@ def test_a_pelvis_that_leans_to_the_right_bends_the_trunk_to_the_right() -> None
     assert (np.degrees(forward[0]), np.degrees(bent[0])) == pytest.approx((0.0, 15.0))
 
 
+@pytest.mark.parametrize("lean", [-50.0, 20.0, 40.0])
+def test_forward_is_level_and_at_right_angles_to_the_left_of_a_pelvis_that_leans(lean: float) -> None:
+    root = Rotation.from_euler("ZXY", [35.0, lean, 10.0], degrees=True)
+    axis = root.apply(Rotation.from_euler("YX", [40.0, -15.0], degrees=True).apply([0.0, 0.0, 1.0]))
+    left = root.apply([0.0, 1.0, 0.0]) * [1.0, 1.0, 0.0]
+    left /= np.linalg.norm(left)
+    ahead = np.cross(left, [0.0, 0.0, 1.0])
+    forward, bend = to_vertical(root.as_matrix()[None], *np.radians([[40.0], [-15.0]]))
+    assert forward[0] == pytest.approx(math.atan2(axis @ ahead, axis[2]))
+    assert bend[0] == pytest.approx(-math.asin(axis @ left))
+
+
 def test_a_pelvis_on_its_side_has_no_forward() -> None:
     root = Rotation.from_euler("X", 80.0, degrees=True).as_matrix()[None]
     assert np.isnan(to_vertical(root, np.zeros(1), np.zeros(1))).all()

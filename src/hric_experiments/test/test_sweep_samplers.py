@@ -15,6 +15,7 @@ from hric_experiments.sweep.statistics.intervals import (
     clopper_pearson_lower,
     clopper_pearson_upper,
     effective_size,
+    log_interval,
 )
 from hric_experiments.sweep.variables import Variable
 
@@ -162,6 +163,21 @@ def test_ends_of_intervals_of_counts_are_quantiles_of_beta_distributions(exceede
 
 def test_with_none_exceeded_the_upper_limit_is_about_three_by_the_runs() -> None:
     assert clopper_pearson_upper(0, 1000) == pytest.approx(3.0 / 1000, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("exceeded", "runs", "level"), [(4, 3, 0.95), (-1, 3, 0.95), (0, 0, 0.95), (1, 3, 0.0), (1, 3, 1.0), (1, 3, 1.5)]
+)
+def test_counts_and_levels_that_cannot_be_have_no_interval(exceeded: int, runs: int, level: float) -> None:
+    told = f"{exceeded} of {runs} runs at level {level} have no interval; valid: 0 <= exceeded <= runs, 0 < level < 1"
+    with pytest.raises(HricError) as caught:
+        clopper_pearson(exceeded, runs, level)
+    assert str(caught.value) == told
+
+
+def test_no_interval_of_a_probability_ends_above_1() -> None:
+    found = log_interval(np.ones(4), 4)
+    assert found.low < 1.0 and found.high == 1.0
 
 
 def test_an_interval_of_counts_is_refused_for_weighted_runs() -> None:
