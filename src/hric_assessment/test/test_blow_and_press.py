@@ -143,6 +143,10 @@ def test_who_walked_by_a_metre_and_is_met_a_metre_farther_gives_way_alike() -> N
     assert found[0] == pytest.approx(found[1])
 
 
+def test_a_person_who_stands_gives_way_alike_whether_or_not_their_root_was_recorded() -> None:
+    assert beside(met(), root=walking()[1]).transient == beside(met()).transient
+
+
 def test_a_person_who_walks_and_was_nowhere_has_no_closed_form() -> None:
     assert beside(met(), walking()[0]).transient is None
 

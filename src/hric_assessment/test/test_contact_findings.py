@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies import body
 
-from hric_assessment.contact.assess import FORCE_ONLY, Approach, Unknown, Where, assess
+from hric_assessment.contact.assess import FORCE_ONLY, NO_AREA, Approach, Unknown, Where, assess
 from hric_assessment.contact.episodes import Episode, episodes
 from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.speed import speed_limit
@@ -162,6 +162,23 @@ def test_a_long_contact_one_step_below_on_and_above_the_quasi_static_limit(level
     finding = assess(one(step(0.2, 1.5, level)), where(contact_area=LARGE), ISO)
     assert finding.outcome == outcome
     assert finding.share == pytest.approx(level / 140.0)
+
+
+def test_a_finding_has_the_notes_of_its_episode_and_what_would_make_it_known() -> None:
+    episode = hit(50.0)
+    known, unknown = (assess(episode, where(contact_area=area), ISO) for area in (LARGE, None))
+    assert known.notes[: len(episode.notes)] == episode.notes and episode.notes[0].startswith("transient: the first")
+    assert (known.remedy, unknown.remedy) == ("", NO_AREA)
+
+
+def test_a_force_that_is_not_a_spring_s_has_no_notes_of_an_episode_and_is_missing() -> None:
+    rigid = assess(hit(50.0), where(kind="rigid"), ISO)
+    assert not any(note.startswith("transient") for note in rigid.notes)
+    assert rigid.missing[0] == assess(None, where(), ISO).missing[0] == "a force of penalty contact"
+
+
+def test_of_a_head_alone_it_is_known_what_was_met() -> None:
+    assert assess(hit(0.01), where(FACE), ISO).reason == "no contact with skull, forehead or face is within limits"
 
 
 def test_what_lasts_is_named_with_its_limit_and_what_does_not_has_no_held_time() -> None:

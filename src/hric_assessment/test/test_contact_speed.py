@@ -12,6 +12,8 @@ from hric_human.body.regions import REGION_MODELS
 
 ISO, BGIA = Limits.named("iso_ts_15066"), Limits.named("bgia2011")
 HAND = "hand, fingers"
+HANDS = (("dominant", 100), ("other", 200))
+"""Pressures that a table of one's own may have [N/cm^2]."""
 
 
 def test_a_hand_and_4_kg_have_the_noted_mass_speeds_and_energy() -> None:
@@ -68,6 +70,23 @@ def test_no_speed_is_permitted_where_a_touch_may_have_no_pressure() -> None:
         0.0,
         pytest.approx(100.0),
     )
+
+
+def test_of_a_hand_that_may_be_either_the_lower_limit_counts_whichever_it_is_of() -> None:
+    limits = own(2.0, [{"region": HAND, "hand": hand, "quasi_static": p, "transient": 2 * p} for hand, p in HANDS])
+    found = [limits.at((HAND,), dominant=side) for side in (None, True, False)]
+    assert [one.pressure.quasi_static for one in found if one and one.pressure] == [100e4, 100e4, 200e4]
+
+
+def test_a_table_without_pressures_has_limits_of_force() -> None:
+    limit = own(2.0, []).at((HAND,))
+    assert limit is not None and limit.pressure is None
+    assert (limit.force.quasi_static, limit.missing) == (140.0, (f"pressure of {HAND}",))
+
+
+def test_a_region_that_nobody_has_is_refused_with_those_of_the_standards() -> None:
+    with pytest.raises(HricError, match="no region 'hand' in ISO/TS 15066 or BG/BGIA"):
+        ISO.at(("hand",))
 
 
 def test_the_area_limits_the_speed_where_its_pressure_is_the_lower_limit() -> None:

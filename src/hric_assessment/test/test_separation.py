@@ -97,6 +97,24 @@ def test_a_negative_term_is_refused_by_name() -> None:
         protective_distance(1.0, 1.6, Stop(0.1, -0.1), **MARGINS)
 
 
+@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
+@pytest.mark.parametrize(
+    "name", ["robot_speed", "person_speed", "intrusion", "person_uncertainty", "robot_uncertainty"]
+)
+def test_a_speed_or_a_margin_that_cannot_be_is_refused_by_name(name: str, value: float) -> None:
+    with pytest.raises(HricError, match=f"{name} is {value}; valid: finite numbers of 0 or more"):
+        protective_distance(**{"robot_speed": 1.0, "person_speed": 1.6, "stop": Stop(0.1, 0.3), **MARGINS, name: value})
+
+
+@pytest.mark.parametrize(
+    ("stop", "name"),
+    [(Stop(-0.1, 0.3), "reaction_time"), (Stop(0.1, math.nan), "time"), (Stop(0.1, 0.3, -0.1), "distance")],
+)
+def test_a_stop_that_cannot_be_is_refused_by_name(stop: Stop, name: str) -> None:
+    with pytest.raises(HricError, match=f"stop.{name} is .*; valid: finite numbers of 0 or more"):
+        protective_distance(1.0, 1.6, stop, **MARGINS)
+
+
 def posed(p: np.ndarray, q: np.ndarray, radius: float) -> tuple[coal.Capsule, coal.Transform3s]:
     """A capsule of coal along a segment."""
     along = q - p
