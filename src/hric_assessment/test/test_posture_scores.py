@@ -354,6 +354,11 @@ def test_a_field_of_two_dimensions_is_refused_by_name() -> None:
         rula.score(Posture(upper_arm_flexion=0.2, elbow_flexion=np.zeros((1, 3))))
 
 
+def test_a_coupling_that_is_not_known_is_said_once() -> None:
+    found = reba_method.score(Posture(trunk_flexion=0.3), Task(load=6.0), spread={"trunk_flexion": 0.1})
+    assert found.assumptions.count("coupling is not known: taken as good") == 1
+
+
 def test_neck_and_trunk_are_used_as_the_arm_where_nothing_else_is_known() -> None:
     for task in (Task(held=61.0), Task(repeats=4.0), Task(held=61.0, rest_repeats=0.0)):
         points = {step.part: step.points.tolist() for step in rula.score(Posture(), task).steps}
@@ -434,6 +439,11 @@ def test_an_angle_of_several_joints_is_not_known_without_one_of_them(lacks: str)
     found = of_joints(names, np.full((1, 3), 0.2), "right")
     assert (found.upper_arm_flexion is None) == (found.upper_arm_abduction is None) == (lacks in ("sh_flex", "sh_abd"))
     assert found.forearm_inward is None
+
+
+def test_an_arm_without_rotation_or_elbow_has_an_elevation_and_no_forearm() -> None:
+    found = of_joints(["right_sh_flex", "right_sh_abd"], np.array([[0.2, 0.1]]), "right")
+    assert found.upper_arm_flexion is not None and found.forearm_inward is None
 
 
 @pytest.mark.parametrize(

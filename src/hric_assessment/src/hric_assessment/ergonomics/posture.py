@@ -206,7 +206,7 @@ def of_joints(names: Sequence[str], q: FloatArray, side: str) -> Posture:
     )
     if flexion is not None and abduction is not None:
         angles["upper_arm_flexion"] = upper_arm_elevation(flexion, abduction)
-        angles["upper_arm_abduction"] = np.arcsin(np.clip(np.sin(abduction), -1.0, 1.0))
+        angles["upper_arm_abduction"] = np.arcsin(np.sin(abduction))
         if rotation is not None and elbow is not None:
             angles["forearm_inward"] = forearm_inward(abduction, rotation, elbow)
     return Posture(**angles)
