@@ -131,11 +131,11 @@ def test_who_walked_by_a_metre_and_is_met_a_metre_farther_gives_way_alike() -> N
     settings = {"walk": {"points": [[0, 0, 0]]}}
     found = []
     for here in ((0.0, 0.0), (1.0, -0.5)):
-        stood = HumanSettings.of({"parts": "upper_body", "position": [0.0, 0.0]}, "human").root(BODY).position
+        stood = HumanSettings.of({"parts": "upper_body", "position": [0.4, 0.2]}, "human").root(BODY).position
         pose = np.tile([stood[0] + here[0], stood[1] + here[1], stood[2], 0.0, 0.0, 0.0, 1.0], (2, 1))
         root = RootRecord(np.array([0.0, 6.0]), pose)
-        away = (*np.add((0.25, -0.2), here), 0.1)
-        human = {"parts": "upper_body", "heading": 0.0, "position": [0.0, 0.0]} | settings
+        away = (*np.add((0.65, 0.0), here), 0.1)
+        human = {"parts": "upper_body", "heading": 0.0, "position": [0.4, 0.2]} | settings
         run = RUN | {"definition": RUN["definition"] | {"human": human}}
         form = beside(met(link="r_wrist", point=away), run, position=angles(0.3), root=root).transient
         assert form is not None
@@ -246,8 +246,18 @@ def test_the_measured_peak_is_the_first_and_a_later_one_does_not_count() -> None
     assert Impact(contact, form, None).peak == 80.0
     assert Impact(replace(contact, course=replace(course, time=BEGIN + 0.01 * time)), form, None).peak == 300.0
     assert Impact(contact, None, None).peak is None
-    silent = replace(contact, peak=None, course=replace(course, time=BEGIN + 0.01 * time))
-    assert Impact(silent, form, None).values()["transient"] is None
+
+
+def test_a_contact_that_ended_before_its_form_and_states_no_peak_is_not_compared() -> None:
+    assert Impact(met(1e-3, peak=None), Transient(0.5, 8.0, 8.0, 16e3), None).values()["transient"] is None
+
+
+def test_a_foot_has_no_spring() -> None:
+    whole = describe(HumanSettings.of({"parts": "whole_body"}, "human").person)
+    run = RUN | {"definition": RUN["definition"] | {"human": {"parts": "whole_body"}}}
+    q = np.zeros((300, len(whole.joints)))
+    found = beside(met(link="r_ankle", regions=()), run, joints=tuple(whole.joints), position=q)
+    assert found.transient is None
 
 
 def test_the_first_message_is_as_late_as_the_half_sine_needs_for_its_force() -> None:
