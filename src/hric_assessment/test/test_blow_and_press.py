@@ -127,20 +127,22 @@ def test_the_mass_is_that_of_the_joints_when_they_met() -> None:
     assert wrist(0.0, (0.0, 0.0), rising) == pytest.approx(wrist(0.0, (0.0, 0.0), angles(0.3)))
 
 
-def test_who_walked_by_a_metre_and_is_met_a_metre_farther_gives_way_alike() -> None:
-    settings = {"walk": {"points": [[0, 0, 0]]}}
-    found = []
-    for here in ((0.0, 0.0), (1.0, -0.5)):
-        stood = HumanSettings.of({"parts": "upper_body", "position": [0.4, 0.2]}, "human").root(BODY).position
-        pose = np.tile([stood[0] + here[0], stood[1] + here[1], stood[2], 0.0, 0.0, 0.0, 1.0], (2, 1))
-        root = RootRecord(np.array([0.0, 6.0]), pose)
-        away = (*np.add((0.65, 0.0), here), 0.1)
-        human = {"parts": "upper_body", "heading": 0.0, "position": [0.4, 0.2]} | settings
-        run = RUN | {"definition": RUN["definition"] | {"human": human}}
-        form = beside(met(link="r_wrist", point=away), run, position=angles(0.3), root=root).transient
-        assert form is not None
-        found.append(form.human_mass)
-    assert found[0] == pytest.approx(found[1])
+def walker(start: list[float], here: list[float]) -> float:
+    """Mass of the right wrist [kg] of a person who was spawned at a place [m], is at another now, and is met there."""
+    human = {"parts": "upper_body", "heading": 0.0, "position": start}
+    height = HumanSettings.of(human, "human").root(BODY).position[2]
+    root = RootRecord(np.array([0.0, 6.0]), np.tile([*here, height, 0.0, 0.0, 0.0, 1.0], (2, 1)))
+    run = RUN | {"definition": RUN["definition"] | {"human": human | {"walk": {"points": [[0, 0, 0]]}}}}
+    contact = met(link="r_wrist", point=(*np.add((0.25, -0.2), here), 0.1))
+    form = beside(contact, run, position=angles(0.3), root=root).transient
+    assert form is not None
+    return form.human_mass
+
+
+def test_who_walked_gives_way_alike_wherever_they_came_from_and_are() -> None:
+    mass = walker([0.0, 0.0], [0.0, 0.0])
+    assert walker([0.0, 0.0], [1.0, -0.5]) == pytest.approx(mass)
+    assert walker([0.4, 0.2], [1.0, -0.5]) == pytest.approx(mass)
 
 
 def test_a_person_who_stands_gives_way_alike_whether_or_not_their_root_was_recorded() -> None:
