@@ -1,5 +1,6 @@
 """Samplers with given points: where they are, what they refuse, and that the same seed gives the same points."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -180,11 +181,11 @@ def test_no_interval_of_a_probability_ends_above_1() -> None:
     assert found.low < 1.0 and found.high == 1.0
 
 
-def test_an_interval_of_counts_is_refused_for_weighted_runs() -> None:
-    for interval in (clopper_pearson, clopper_pearson_upper, clopper_pearson_lower):
-        assert interval(1, 3, weights=np.ones(3)) == interval(1, 3)
-        with pytest.raises(HricError, match="unweighted"):
-            interval(1, 3, weights=np.array([1.0, 0.2, 1.0]))
+@pytest.mark.parametrize("interval", [clopper_pearson, clopper_pearson_upper, clopper_pearson_lower])
+def test_an_interval_of_counts_is_refused_for_weighted_runs(interval: Callable[..., Any]) -> None:
+    assert interval(1, 3, weights=np.ones(3)) == interval(1, 3)
+    with pytest.raises(HricError, match="unweighted"):
+        interval(1, 3, weights=np.array([1.0, 0.2, 1.0]))
 
 
 def test_the_effective_size_is_the_count_of_equal_weights_and_less_of_unequal_ones() -> None:
