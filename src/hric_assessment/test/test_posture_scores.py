@@ -359,6 +359,44 @@ def test_a_coupling_that_is_not_known_is_said_once() -> None:
     assert found.assumptions.count("coupling is not known: taken as good") == 1
 
 
+def test_each_point_of_reba_beyond_the_posture_is_named() -> None:
+    task = Task(load=6.0, shock=True, coupling="poor", held=61.0, repeats=5.0, rapid=True)
+    reasons = reba_method.score(Posture(trunk_flexion=0.1, neck_flexion=0.1), task).reasons(0)
+    assert reasons[-6:] == [
+        "load +1: load with a shock",
+        "load +1: load of 5 to 10 kg",
+        "coupling +2: poor coupling",
+        "activity +1: held for more than 60 s",
+        "activity +1: more than 4 times a minute",
+        "activity +1: rapid large changes or an unstable base",
+    ]
+
+
+def test_each_point_of_rula_beyond_the_posture_is_named() -> None:
+    task = Task(load=11.0, shock=False, static=True, held=61.0, rest_held=0.0, repeats=0.0)
+    reasons = rula.score(Posture(trunk_flexion=0.0), task).reasons(0)
+    assert reasons[-2:] == [
+        "load +3: static or repeated load above 10 kg",
+        "muscle use +1: held for more than 60 s, or 4 times a minute or more",
+    ]
+    task = Task(load=1.0, shock=True, held=0.0, rest_held=61.0)
+    reasons = rula.score(Posture(trunk_flexion=0.0), task).reasons(0)
+    assert reasons[-2:] == [
+        "load +3: load with a shock",
+        "muscle use, neck and trunk +1: held for more than 60 s, or 4 times a minute or more",
+    ]
+
+
+def test_the_parts_of_a_score_have_its_tables_and_itself() -> None:
+    """REBA: table C and the activity are the score; RULA: by table C, which has no part of its own."""
+    posture = Posture(trunk_flexion=np.array([0.1, 1.0]), upper_arm_flexion=1.0)
+    reba = reba_method.score(posture, Task(load=6.0, rapid=True, held=61.0))
+    assert reba.parts["score"].tolist() == reba.score.tolist() == (reba.parts["table_c"] + 2).tolist()
+    found = rula.score(posture, Task(load=6.0))
+    assert found.parts["score"].tolist() == found.score.tolist()
+    assert {"table_a", "table_b"} < set(found.parts)
+
+
 def test_neck_and_trunk_are_used_as_the_arm_where_nothing_else_is_known() -> None:
     for task in (Task(held=61.0), Task(repeats=4.0), Task(held=61.0, rest_repeats=0.0)):
         points = {step.part: step.points.tolist() for step in rula.score(Posture(), task).steps}
