@@ -372,6 +372,14 @@ def test_each_point_of_reba_beyond_the_posture_is_named() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("method", "balance"), [("rula", "legs not balanced or not supported"), ("reba", "standing on one leg or unstable")]
+)
+def test_a_part_that_begins_with_a_point_says_so_before_what_is_added(method: str, balance: str) -> None:
+    reasons = [one for one in METHODS[method](Posture(unbalanced=True)).reasons(0) if one.startswith("legs")]
+    assert reasons == ["legs +1: to begin with", f"legs +1: {balance}"]
+
+
 def test_each_point_of_rula_beyond_the_posture_is_named() -> None:
     task = Task(load=11.0, shock=False, static=True, held=61.0, rest_held=0.0, repeats=0.0)
     reasons = rula.score(Posture(trunk_flexion=0.0), task).reasons(0)

@@ -123,3 +123,8 @@ def test_four_repeats_within_seconds_are_four_in_their_minute() -> None:
 def test_a_jump_of_the_stamps_by_a_year_takes_no_memory() -> None:
     jumped = TIME + np.where(TIME > 70.0, 3e7, 0.0)
     assert (held(jumped, wave(0.0, 0.0), TEN, 60.0) > 60.0).all()
+
+
+@pytest.mark.parametrize("step", [1.0, -1.0])
+def test_one_step_after_the_first_block_is_no_repeat(step: float) -> None:
+    assert not repeats(TIME, step * (TIME >= 0.2)[:, None], TEN).any()
