@@ -380,6 +380,11 @@ def test_a_part_that_begins_with_a_point_says_so_before_what_is_added(method: st
     assert reasons == ["legs +1: to begin with", f"legs +1: {balance}"]
 
 
+def test_a_point_that_one_of_several_angles_gives_is_named_without_an_angle() -> None:
+    reasons = reba_method.score(Posture(neck_twist=1.0)).reasons(0)
+    assert "neck +1: neck twisted or bent to the side" in reasons
+
+
 def test_each_point_of_rula_beyond_the_posture_is_named() -> None:
     task = Task(load=11.0, shock=False, static=True, held=61.0, rest_held=0.0, repeats=0.0)
     reasons = rula.score(Posture(trunk_flexion=0.0), task).reasons(0)
