@@ -385,6 +385,19 @@ def test_a_point_that_one_of_several_angles_gives_is_named_without_an_angle() ->
     assert "neck +1: neck twisted or bent to the side" in reasons
 
 
+@pytest.mark.parametrize("version", rula.VERSIONS)
+def test_rula_says_by_which_table_and_how_that_is_known(version: str) -> None:
+    table = rula_table()
+    mark = {"current": table.mark, "older": table.older_mark}[version]
+    assert table.mark != table.older_mark
+    assert rula.score(Posture(), version=version).method.endswith(f", table A {version} ({mark})")
+
+
+def test_the_best_posture_has_the_first_cells_of_rulas_tables() -> None:
+    parts = rula.score(Posture()).parts
+    assert (parts["table_a"].tolist(), parts["table_b"].tolist()) == ([1], [1])
+
+
 def test_each_point_of_rula_beyond_the_posture_is_named() -> None:
     task = Task(load=11.0, shock=False, static=True, held=61.0, rest_held=0.0, repeats=0.0)
     reasons = rula.score(Posture(trunk_flexion=0.0), task).reasons(0)
