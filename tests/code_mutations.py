@@ -125,12 +125,16 @@ def whole(parts: Iterable[Part]) -> Part:
 
 
 def change(mutant: str) -> tuple[str, str, str]:
-    """Return (function, line before, line after) of a mutant."""
+    """Return (function, line before, line after) of a mutant, without comments."""
     from mutmut.mutation.diff_apply import find_mutant, get_diff_for_mutant
 
     diff = get_diff_for_mutant(mutant, path=find_mutant(mutant).path).splitlines()
     before, after = (
-        " ".join(line[1:].strip() for line in diff if line.startswith(sign) and not line.startswith(sign * 3))
+        " ".join(
+            line[1:].split("  # ")[0].strip()
+            for line in diff
+            if line.startswith(sign) and not line.startswith(sign * 3)
+        )
         for sign in "-+"
     )
     module, _, function = mutant.partition("__mutmut_")[0].rpartition(".")
