@@ -612,6 +612,31 @@ def test_an_angle_near_a_threshold_gives_both_scores_and_is_named() -> None:
     assert found.uncertain(1) == []
 
 
+@pytest.mark.parametrize(("degrees", "lowest", "highest"), [(24.0, 2, 2), (22.0, 1, 2), (18.0, 1, 2), (16.0, 1, 1)])
+def test_a_point_of_an_angle_counts_where_a_half_width_to_either_side_says_so(
+    degrees: float, lowest: int, highest: int
+) -> None:
+    """An arm is abducted beyond 20 degrees; the angle is known to 3 degrees."""
+
+    def scored(angle: float, half: float = 0.0) -> Scores:
+        posture = Posture(upper_arm_abduction=math.radians(angle), upper_arm_flexion=1.0)
+        return rula.score(posture, Task(load=3.0), spread={"upper_arm_abduction": math.radians(half)})
+
+    found, either = scored(degrees, 3.0), [int(scored(angle).score[0]) for angle in (10.0, 30.0)]
+    assert either[0] < either[1]
+    assert (found.lowest[0], found.highest[0]) == (either[lowest - 1], either[highest - 1])
+
+
+def test_a_point_of_an_angle_is_named_with_its_half_width() -> None:
+    found = rula.score(Posture(shoulder_elevation=0.3), spread={"shoulder_elevation": math.radians(2.0)})
+    assert "upper arm +1: shoulder raised (17.2 +- 2.0 deg)" in found.reasons(0)
+
+
+def test_an_angle_that_may_be_any_scores_as_it_was_measured_beside_its_ends() -> None:
+    measured = rula.score(Posture(upper_arm_abduction=0.6), spread={"upper_arm_abduction": math.inf})
+    assert measured.parts["upper_arm"].tolist() == [2]
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_no_posture_within_an_interval_scores_outside_the_ends(method: str) -> None:
     random, half = np.random.default_rng(5), math.radians(8.0)
