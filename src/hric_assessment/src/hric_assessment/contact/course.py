@@ -98,11 +98,13 @@ def resolved(contact: RegionForce, period: float) -> bool:
     time = np.unique(course.time[np.isfinite(course.time)])
     if not len(time):
         return False
-    if len(time) > 1 and float(np.median(np.diff(time))) <= limit:
+    beat = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    if beat <= limit:
         return True
     stated = np.concatenate([[contact.begin, end_of(contact)], course.reached_time])
     stated = np.unique(stated[np.isfinite(stated)])
-    off_beat = stated[np.abs(stated[:, None] - time).min(axis=1) > SAME_INSTANT]
+    beats = (stated - time[0]) / beat if np.isfinite(beat) else np.where(stated == time[0], 0.0, 0.5)
+    off_beat = stated[np.abs(beats - np.round(beats)) * min(beat, 1.0) > SAME_INSTANT]
     steps = (np.concatenate([time, off_beat]) - time[0]) / period
     return len(off_beat) >= OFF_BEAT and bool((np.abs(steps - np.round(steps)) * period <= SAME_INSTANT).all())
 
@@ -122,7 +124,7 @@ def _meeting(contacts: list[RegionForce], source_period: float, recorded_until: 
         doubts[f"a blow needs {table['rate']:g} samples a second, and its messages do not show that it has them"] = None
     models: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
     for contact, (time, force, usable) in zip(contacts, courses, strict=True):
-        if _usable(contact).any():
+        if _usable(contact).any() and usable.any():
             models.setdefault(contact.other.rpartition("::")[0], []).append((time[usable], force[usable]))
     known = [pair for pairs in models.values() for pair in pairs]
     if not known:
