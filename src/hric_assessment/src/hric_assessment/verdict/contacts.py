@@ -33,6 +33,9 @@ ALL = "contacts"
 """Subject of a finding about all contacts of a person."""
 UNBOUNDED = 1e12
 """Mass of a robot of which nothing is known: so heavy that no mass is worse [kg]."""
+SILENT_GAP = 0.075
+"""Longest time between two messages of a simulated person's contacts [s]: one and a half of the 50 ms after which an
+empty one is due (`hric_human.participant.topics.SILENCE`)."""
 SPEED_STEP = 1e-3
 """Time step of a plant that does not state its own [s]: 1 kHz, as every run of this workspace has it."""
 
@@ -100,7 +103,10 @@ def _evidence(given: Given, record: HumanRecord, stream: ContactStream) -> tuple
     elif not silence:
         times = []
     time = np.unique(np.concatenate([np.zeros(0), *times]))
-    evidence = Evidence.of(time, np.isfinite(time), window, verdict_table()["max_gap"])
+    longest = (
+        min(verdict_table()["max_gap"], SILENT_GAP) if given.definition.get("human") else verdict_table()["max_gap"]
+    )
+    evidence = Evidence.of(time, np.isfinite(time), window, longest)
     if evidence.complete and not stream.lost:
         return evidence, ""
     if stream.lost:
