@@ -26,7 +26,7 @@ def finite_rows(values: FloatArray) -> BoolArray:
 
 @dataclass(frozen=True)
 class Evidence:
-    """How much of a window is known.
+    """Known part of a window.
 
     Attributes:
         requested: length of the window [s].
@@ -74,7 +74,7 @@ class Evidence:
 
     @property
     def shortfall(self) -> str:
-        """What is missing, one clause; empty if nothing is."""
+        """Missing part as one clause; empty if nothing is missing."""
         if self.complete:
             return ""
         clauses = []

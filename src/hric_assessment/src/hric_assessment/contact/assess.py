@@ -106,7 +106,7 @@ class Approach:
 
 @dataclass(frozen=True)
 class Unknown:
-    """What is not known of a contact.
+    """Unknowns of a contact.
 
     Attributes:
         doubts: clauses; each keeps a contact from being within limits.
@@ -206,7 +206,7 @@ def _unproven(
     unknown: Unknown,
     approach: Approach | None,
 ) -> str:
-    """Why a contact below its limits is not known to be within them; empty: it is."""
+    """Return why a contact below its limits is not proven to be within them; empty: it is."""
     if unknown.doubts:
         return "; ".join(unknown.doubts)
     if episode is None:

@@ -142,7 +142,7 @@ def _meeting(contacts: list[RegionForce], source_period: float, recorded_until: 
 
 
 def _usable(contact: RegionForce) -> BoolArray:
-    """Which messages of a contact have a force, shape (n,)."""
+    """Return which messages of a contact have a force, shape (n,)."""
     return np.isfinite(contact.course.force) & (contact.course.force >= 0.0)
 
 
@@ -164,7 +164,7 @@ def _samples(contact: RegionForce) -> tuple[FloatArray, FloatArray, BoolArray]:
 
 
 def _doubts(contact: RegionForce, time: FloatArray, force: FloatArray, recorded_until: float) -> list[str]:
-    """Why one contact cannot be called harmless."""
+    """Return the reasons that one contact cannot be called harmless."""
     course, found = contact.course, list[str]()
     bad = ~(_usable(contact) & np.isfinite(course.reached) & (course.reached >= 0.0))
     if (course.force > course.reached * (1.0 + RATE_TOLERANCE)).any():

@@ -1,4 +1,4 @@
-"""What is known of persons and arm, and whether it can be trusted: what cannot is named, and stops the arm."""
+"""Inputs about persons and arm, and whether they can be trusted: what cannot is named, and stops the arm."""
 
 from collections.abc import Collection, Sequence
 
@@ -10,7 +10,7 @@ from hric_assessment.supervisor.settings import HUMAN, SupervisorSettings
 from hric_assessment.supervisor.validity import PersonValidator
 
 AHEAD = 0.02
-"""By which a stamp may be ahead of the clock [s]: a clock is known by messages 10 ms apart (project default,
+"""Largest lead of a stamp over the clock [s]: a clock is known by messages 10 ms apart (project default,
 unconfirmed)."""
 PAUSE = 1.0
 """Longest time between two decisions; beyond it the clock has jumped [s] (project default, unconfirmed)."""

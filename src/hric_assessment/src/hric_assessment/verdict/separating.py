@@ -149,7 +149,7 @@ def _protective(speed: FloatArray, stop: Stop, uncertainty: float) -> tuple[Floa
 
 
 def _sampled(log: ControlRecord, person: Person, time: FloatArray) -> BoolArray:
-    """Whether arm and person were recorded at some instants, shape (n,)."""
+    """Return whether arm and person were recorded at some instants, shape (n,)."""
     window, sampled = (float(time[0]), float(time[-1])), np.ones(len(time), dtype=bool)
     for gap in _gaps(log, person, window, np.asarray(np.isfinite(person.q).any(axis=1))):
         sampled &= (time <= gap[0]) | (time >= gap[1])
