@@ -193,6 +193,14 @@ def test_a_run_goes_on_until_its_contact_has_parted_or_is_a_clamp():
     assert outcome.duration - first < LONGEST + 0.1
 
 
+def test_a_run_that_failed_counts_as_above_in_the_bound_and_is_named():
+    outcomes = [Outcome(seed, 1.0, 0.0, True) for seed in range(20)]
+    outcomes[7].failure = "the simulation diverged at 2.946 s: speed of panda_joint1 is nan rad/s, not finite"
+    text = command.report(outcomes)
+    assert "in 0 of 20, at most 21.6 % (one-sided 95 %)" in text  # of 1 in 20
+    assert "nothing is known (above in the bound): 1\n  seed 7: the simulation diverged at 2.946 s" in text
+
+
 def test_a_contact_that_is_not_assessable_is_counted_as_such_and_bounded_as_above():
     contact = ContactEvent(
         1.0, 1.1, "contact of a with b", "", "moving", 0.4, None, math.nan, Result.NOT_ASSESSABLE, math.inf, "no area"

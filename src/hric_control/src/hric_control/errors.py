@@ -19,6 +19,16 @@ class HricError(Exception):
 
     exit_code = MISTAKE
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Carry the message and the attributes to another process, whatever the constructor of a subclass takes."""
+        return _rebuilt, (type(self), self.args), self.__dict__
+
+
+def _rebuilt(kind: type[HricError], args: tuple[object, ...]) -> HricError:
+    error = kind.__new__(kind)
+    error.args = args
+    return error
+
 
 class FailureError(HricError):
     """What was requested correctly did not succeed: a robot, a master or a port is not there, a simulation diverged, a

@@ -37,7 +37,7 @@ def parser() -> argparse.ArgumentParser:
         "rosrun hric_experiments approaches",
         description="Approaches of a person to a working arm, drawn by seed, in the experiment shared_workspace: "
         "contacts above limits while the arm moves, and those with a standing arm. "
-        "Exit code 1: a contact with the moving arm was above limits; 4: one is not assessable.",
+        "Exit code 1: a contact with the moving arm was above limits; 4: one is not assessable, or a run failed.",
     )
     made.add_argument("--count", type=int, default=COUNT, help=f"how many (default: {COUNT})")
     made.add_argument("--quick", action="store_true", help=f"{QUICK} of them")
@@ -52,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command; return 1 if a contact with the moving arm was above limits, else 4 if one is not assessable."""
+    """Run the command; return 1 if a contact with the moving arm was above limits, else 4 if that is not known."""
     options = parser().parse_args(arguments)
     for name in ("count", "first", "jobs"):
         whole(minimum=0 if name == "first" else 1).checked(getattr(options, name), f"--{name}")
@@ -66,8 +66,10 @@ def main(arguments: Sequence[str]) -> int:
                 file.write(json.dumps(asdict(outcome)) + "\n")
     outcomes = [done[seed] for seed in range(options.first, options.first + count)]
     print(report(outcomes))
-    found = {contact.outcome for one in outcomes for contact in one.met(MOVING)}
-    return next((EXIT_CODES[outcome] for outcome in ORDER if outcome in found), 0)
+    results = {contact.outcome for outcome in outcomes for contact in outcome.met(MOVING)}
+    if any(outcome.failure for outcome in outcomes):
+        results.add(Result.NOT_ASSESSABLE)
+    return next((EXIT_CODES[result] for result in ORDER if result in results), 0)
 
 
 def _outcomes(seeds: Sequence[int], options: argparse.Namespace) -> Iterator[Outcome]:
@@ -129,7 +131,8 @@ def report(outcomes: Sequence[Outcome]) -> str:
     moving = [one.met(MOVING) for one in outcomes]
     standing = [one.met(STANDING_ARM, PUSHED) for one in outcomes]
     above = _runs(moving, Result.ABOVE)
-    unproven = sum(any(one.above or one.not_assessable for one in contacts) for contacts in moving)
+    failed = [outcome for outcome in outcomes if outcome.failure]
+    unproven = sum(any(one.above or one.not_assessable for one in contacts) for contacts in moving) + len(failed)
     bound = 100.0 * clopper_pearson_upper(unproven, count, CONFIDENCE)
     lines = [
         f"{count} approaches, seeds {outcomes[0].seed} to {outcomes[-1].seed}, at {min(speeds):.2f} to "
@@ -140,8 +143,8 @@ def report(outcomes: Sequence[Outcome]) -> str:
         f"contacts with a standing arm, by the person's own speed: {_counts(standing)}",
         f"area of a contact: {CONTACT_AREA:g} m^2 (project default); not assessable counts as above in the bound",
         f"decisions in which the arm moved nearer than the protective distance: {sum(o.violations for o in outcomes)}",
-        f"share of the time stopped {np.mean([one.stopped for one in outcomes]):.2f}, "
-        f"slowed {np.mean([one.slowed for one in outcomes]):.2f}",
+        f"share of the time stopped {np.mean([outcome.stopped for outcome in outcomes if not outcome.failure]):.2f}, "
+        f"slowed {np.mean([outcome.slowed for outcome in outcomes if not outcome.failure]):.2f}",
     ]
     hit = [str(one.seed) for one in outcomes if any(contact.above for contact in one.met(MOVING))]
     if hit:
@@ -149,6 +152,9 @@ def report(outcomes: Sequence[Outcome]) -> str:
         largest = max(filter(math.isfinite, shares), default=math.inf)
         lines.append(f"of those above limits: up to {largest:.1f} times the limit")
         lines.append("seeds: " + ", ".join(hit[:20]) + (", ..." if len(hit) > 20 else ""))
+    if failed:
+        lines.append(f"runs that failed, of whose contacts nothing is known (above in the bound): {len(failed)}")
+        lines += [f"  seed {outcome.seed}: {outcome.failure}" for outcome in failed]
     return "\n".join([*lines, DISCLAIMER])
 
 

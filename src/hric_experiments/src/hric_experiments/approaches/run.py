@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hric_assessment.contact.limits import PARTED
+from hric_control.errors import FailureError
 from hric_experiments.approaches.draw import LONGEST, Approach
 from hric_experiments.approaches.meetings import ContactEvent
 from hric_experiments.simulation import Simulation
@@ -30,6 +31,7 @@ class Outcome:
         stopped, slowed: shares of the time [1].
         contacts: in the order in which they began.
         error: why the arm ended its motion; empty: it did not.
+        failure: why the run was not finished, so that nothing is known of its contacts; empty: it was.
     """
 
     seed: int
@@ -43,6 +45,7 @@ class Outcome:
     slowed: float = 0.0
     contacts: list[ContactEvent] = field(default_factory=list)
     error: str = ""
+    failure: str = ""
 
     def met(self, *arm: str) -> list[ContactEvent]:
         """Return the contacts that began with the arm in one of some states."""
@@ -73,8 +76,15 @@ class Runner:
                 touched.append(simulation.time)
 
         simulation.node.subscribe("hric/human/contacts", RegionContacts, on_contacts)
-        while not _over(simulation.time, approach.duration, touched):
-            simulation.run(CHUNK)
+        try:
+            while not _over(simulation.time, approach.duration, touched):
+                simulation.run(CHUNK)
+        except FailureError as failure:  # the next approach gets a simulation of its own
+            self.close()
+            self._simulation = None
+            return Outcome(
+                approach.seed, approach.speed, approach.bearing, self._supervised, simulation.time, failure=str(failure)
+            )
         return self._outcome(approach, simulation, observed)
 
     def _begin(self, approach: Approach) -> Simulation:
