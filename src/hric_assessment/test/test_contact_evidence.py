@@ -5,8 +5,9 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
-from verdict_cases import AREA, WHOLE, Bag, half_sine, held
+from verdict_cases import AREA, RIGHT, WHOLE, Bag, half_sine, held
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import Choices, Verdict, assess, opened
@@ -354,3 +355,103 @@ def test_two_persons_in_one_namespace_are_refused_by_name(tmp_path: Path, names:
 
     with pytest.raises(HricError, match=r"/hric/human/joint_states: .* two persons in one namespace cannot be told"):
         verdict(tmp_path, make)
+
+
+def arm(bag: Bag, begin: float, end: float, q: float = 0.0, names: int = 7, prefix: str = "panda_joint") -> None:
+    """Joint states of an arm that stands."""
+    for at in np.arange(begin, end, 0.02):
+        values = {"name": [f"{prefix}{k + 1}" for k in range(names)], "position": np.full(names, q)}
+        values |= {"velocity": np.zeros(names), "effort": np.zeros(names)}
+        bag.put(at, "/joint_states", "sensor_msgs/msg/JointState", **values)
+
+
+def late_poses(bag: Bag) -> None:
+    bag.person(5.0, 5.5, WHOLE)
+    bag.person(5.013, 5.5, WHOLE, {"right_sh_flex": 170.0, "trunk_flex": 70.0})
+    bag.person(5.5, 8.0, WHOLE)
+
+
+def late_joints(bag: Bag) -> None:
+    bag.person(5.0, 8.0, WHOLE)
+    bag.person(7.0, 7.5, RIGHT)
+
+
+def late_stamps(bag: Bag) -> None:
+    bag.person(5.0, 8.0, WHOLE)
+    bag.person(7.004, 7.9, WHOLE)
+
+
+def late_node(bag: Bag) -> None:
+    bag.node = "/first"
+    bag.person(5.0, 8.0, WHOLE)
+    bag.node = "/second"
+    bag.person(7.01, 7.05, WHOLE)
+
+
+@pytest.mark.parametrize("make", [late_poses, late_joints, late_stamps, late_node])
+def test_a_second_person_who_comes_late_is_refused_by_name(tmp_path: Path, make: Make) -> None:
+    with pytest.raises(HricError, match=r"/hric/human/joint_states: .* two persons in one namespace cannot be told"):
+        verdict(tmp_path, lambda bag: (bag.person(0.0, 5.0, WHOLE), make(bag))[1])
+
+
+def test_sequence_numbers_of_two_persons_are_refused_wherever_they_begin(tmp_path: Path) -> None:
+    """Poses are equal and stamps even; the second one counts from 1 on."""
+    bag = Bag()
+    bag.person(0.0, 8.0, WHOLE)
+    bag.person(7.01, 7.4, WHOLE)
+    for at, *_, message in bag.rows:
+        message.header.seq = round(50.0 * at) if abs(50.0 * at - round(50.0 * at)) < 0.1 else round(50.0 * (at - 7.0))
+    with pytest.raises(HricError, match=r"sequence numbers that were there before, from 7\..*two persons in one name"):
+        assess(opened(str(bag.save(tmp_path / "case.bag", numbered=None))))
+
+
+def two_names(bag: Bag) -> None:
+    arm(bag, 5.0, 8.0)
+    arm(bag, 6.0, 8.0, prefix="left_joint")
+
+
+def two_arms(bag: Bag) -> None:
+    arm(bag, 5.0, 8.0)
+    arm(bag, 6.013, 8.0, q=1.0)
+
+
+def two_nodes(bag: Bag) -> None:
+    bag.node = "/left"
+    arm(bag, 5.0, 6.0)
+    bag.node = "/right"
+    arm(bag, 6.0, 6.1)
+
+
+@pytest.mark.parametrize("make", [two_names, two_arms, two_nodes])
+def test_two_arms_on_one_topic_are_refused_by_name(tmp_path: Path, make: Make) -> None:
+    with pytest.raises(HricError, match=r"/joint_states: .* two arms on one topic cannot be told apart; valid:"):
+        verdict(tmp_path, lambda bag: (arm(bag, 0.0, 5.0) if make is not two_nodes else None, make(bag))[1])
+
+
+def test_an_arm_and_its_gripper_share_a_topic(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        for bag.node, names, prefix in (("/arm", 7, "panda_joint"), ("/gripper", 2, "panda_finger_joint")):
+            arm(bag, 0.0, 3.0, names=names, prefix=prefix)
+        bag.node = ""
+        bag.silence(0.0, 3.0)
+
+    assert only(tmp_path, make).outcome == Outcome.WITHIN
+
+
+def test_a_joint_that_is_twice_in_a_message_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(HricError, match=r"/hric/human/joint_states: right_el_flex twice in one message; valid: each"):
+        verdict(tmp_path, lambda bag: bag.person(0.0, 1.0, [*WHOLE, "right_el_flex"]))
+
+
+def test_a_tracker_that_jumps_now_and_then_is_no_second_person(tmp_path: Path) -> None:
+    """Three spikes within four seconds, and three more later."""
+
+    def make(bag: Bag) -> None:
+        bag.person(0.0, 12.0, WHOLE)
+        bag.silence(0.0, 12.0)
+        states = [row[-1] for row in bag.rows if row[1].endswith("joint_states")]
+        for k in (20, 60, 100, 400, 440, 480):
+            states[k].position = states[k].position + 3.5
+
+    assert only(tmp_path, make).outcome == Outcome.WITHIN

@@ -44,30 +44,36 @@ class Bag:
     Attributes:
         rows: time [s], topic, kind and message.
         lost: whether a message of a time [s] and a topic is counted, and left out of the bag.
+        node: that publishes what is put from now on; empty: the bag does not say it.
     """
 
     rows: list[tuple[float, str, str, Any]] = field(default_factory=list)
     lost: Callable[[float, str], bool] = lambda at, topic: False
+    node: str = ""
+    nodes: dict[int, str] = field(default_factory=dict)
 
     def put(self, at: float, topic: str, kind: str, stamp: float | None = None, **values: Any) -> None:
         """Add a message; at: time of recording, stamp: that of its header where it is another [s]."""
         header = made_header(at if stamp is None else stamp)
         self.rows.append((at, topic, kind, STORE.types[kind](header=header, **values)))
+        self.nodes[id(self.rows[-1][-1])] = self.node
 
-    def save(self, path: Path, numbered: bool = False) -> Path:
-        """Write the bag; numbered: with sequence numbers from 1 on, else all are 0."""
+    def save(self, path: Path, numbered: bool | None = False) -> Path:
+        """Write the bag; numbered: with sequence numbers from 1 on, False: all are 0, None: as they are."""
         path.unlink(missing_ok=True)
-        counts: dict[str, int] = {}
+        counts: dict[tuple[str, str], int] = {}
         with Writer(path) as writer:
-            connections: dict[str, Any] = {}
+            connections: dict[tuple[str, str], Any] = {}
             for at, topic, kind, message in sorted(self.rows, key=lambda row: row[0]):
-                if topic not in connections:
-                    connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
-                counts[topic] = counts.get(topic, 0) + 1
-                message.header.seq = counts[topic] if numbered else 0
+                key = topic, self.nodes[id(message)]
+                if key not in connections:
+                    connections[key] = writer.add_connection(topic, kind, typestore=STORE, callerid=key[1] or None)
+                counts[key] = counts.get(key, 0) + 1
+                if numbered is not None:
+                    message.header.seq = counts[key] if numbered else 0
                 if self.lost(at, topic):
                     continue
-                writer.write(connections[topic], round(at * 1e9), STORE.serialize_ros1(message, kind))
+                writer.write(connections[key], round(at * 1e9), STORE.serialize_ros1(message, kind))
         return path
 
     def person(

@@ -5,7 +5,6 @@ import math
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,11 +26,10 @@ from hric_bags.reader import (
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord, human_names
+from hric_bags.records.one_publisher import JOINTS, JointStates, check_names, publishers
 from hric_bags.records.rows import Thinning, seven, times, xyz
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_control.geometry import Pose
-from hric_human.body.joints import joints
-from hric_human.body.subject import PARTS
 
 RATE = 100.0
 """Of what is kept of streams, at most [Hz]; project default."""
@@ -42,24 +40,13 @@ ACTIVATION_TYPE, STATIC_TYPE = "hric_msgs/msg/MuscleActivation", "tf2_msgs/msg/T
 REACTIONS_TYPE = "hric_msgs/msg/JointReactions"
 TEXT_TYPE = "std_msgs/msg/String"
 _THINNED = (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, REACTIONS_TYPE, STATE_TYPE)
+NAMES = {TORQUE_TYPE: "name", ACTIVATION_TYPE: "name", REACTIONS_TYPE: "joint_names", LOG_TYPE: "joint_names"}
+"""Fields of the names of joints and muscles; those of joint states are looked at in all messages."""
+ONE_PUBLISHER = (LOG_TYPE, TORQUE_TYPE, TRACKING_TYPE, ACTIVATION_TYPE)
+"""Kinds of messages that one node alone may publish on a topic."""
 SLACK = 1.0
 """Time for which a bag may begin before, and end after, the samples of arm and persons [s]: recorders are started first
 and stopped last (project default)."""
-HEAD = 200
-"""Messages of a person's joint states that are looked at for a second person (project default)."""
-FASTEST_JOINT = 150.0
-"""Fastest joint of a person [rad/s]: the shoulder of a baseball pitcher turns at about 7000 deg/s, 122 rad/s
-(unconfirmed)."""
-STEP = 1e-3
-"""Shortest time between two poses [s]: two stamps that are equal are no reason for an infinite speed."""
-SWITCHES, BACK = 3, 0.25
-"""Jumps away and back that a tracker may make, and the share of the jump [1] within which it is back; more of them are
-two persons (project defaults, unconfirmed)."""
-MANY_PAIRS = 20
-"""Pairs of stamps from which on they are no jitter (project default, unconfirmed)."""
-ONE_EACH = "two persons in one namespace cannot be told apart; valid: a namespace for each, such as hric/human2"
-JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
-"""Names of the joints of a body of `hric_human`."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +135,6 @@ def read(bag: Path | Bag) -> Recording:
         BagError: the bag is missing or damaged, or two persons share a namespace.
     """
     with opened(bag) as reader:
-        refuse_shared_namespaces(reader)
         seconds_long = 1e-9 * reader.duration if reader.message_count else 0.0
         taken = _Taken(reader, min(RATE, SAMPLES / max(seconds_long, 1.0)))
         for connection, _, raw in reader.chosen(taken.wants):
@@ -156,58 +142,6 @@ def read(bag: Path | Bag) -> Recording:
             if taken.due(connection, raw):
                 taken.add(connection.topic, connection.msgtype, reader.deserialize(raw, connection.msgtype))
         return taken.recording(reader)
-
-
-def refuse_shared_namespaces(reader: Bag) -> None:
-    """Raise BagError if the joint states of a person come from two publishers, or are those of two bodies in turns.
-
-    The first HEAD messages of each topic are looked at, all of them: what is thinned could show one of the two alone.
-    """
-    for topic in sorted({c.topic for c in reader.connections if c.msgtype == STATES_TYPE}):
-        connections = [c for c in reader.connections if c.topic == topic]
-        raws = islice(reader.messages(connections), HEAD)
-        messages = [reader.deserialize(raw, STATES_TYPE) for _, _, raw in raws]
-        if not messages or not JOINTS & set(messages[0].name):
-            continue  # of a robot
-        nodes = {name for c in connections if (name := getattr(getattr(c, "ext", None), "callerid", None))}
-        if len(nodes) > 1:
-            raise BagError(f"{topic}: two publishers, {' and '.join(sorted(nodes))}; {ONE_EACH}")
-        changes = [after for before, after in pairwise(messages) if list(before.name) != list(after.name)]
-        if len(changes) > SWITCHES:
-            at = seconds(changes[0].header.stamp)
-            raise BagError(f"{topic}: the joints differ from one message to the next at {at:.3f} s; {ONE_EACH}")
-        if why := _interleaved(messages):
-            raise BagError(f"{topic}: {why}; {ONE_EACH}")
-
-
-def _interleaved(messages: Sequence[Any]) -> str:
-    """Return why messages are those of two publishers in turns; empty: they are not."""
-    numbers = np.array([message.header.seq for message in messages], dtype=np.int64)
-    repeats = int((np.diff(numbers) <= 0).sum()) if numbers.any() else 0
-    if repeats > SWITCHES:
-        return f"{repeats} of {len(messages)} messages have a sequence number that was there before"
-    if (switches := _switches(messages)) > SWITCHES:
-        return f"{switches} of {len(messages)} poses are those of somebody else than before and after"
-    steps = np.diff([seconds(message.header.stamp) for message in messages])
-    pairs = steps[: len(steps) // 2 * 2].reshape(-1, 2)
-    for first, second in (pairs.T, pairs.T[::-1]):
-        if len(pairs) > MANY_PAIRS and (first < 0.5 * second).all():
-            return f"the stamps of {len(messages)} messages come in pairs"
-    return ""
-
-
-def _switches(messages: Sequence[Any]) -> int:
-    """Return how often a pose is farther from the one before than a person moves, and the next one is back there."""
-    count = 0
-    for before, message, after in zip(messages, messages[1:], messages[2:], strict=False):
-        if not len(before.position) == len(message.position) == len(after.position) > 0:
-            continue  # refused where it is read
-        step = max(seconds(message.header.stamp) - seconds(before.header.stamp), STEP)
-        with np.errstate(invalid="ignore"):
-            away = np.max(np.abs(message.position - before.position))
-            back = np.max(np.abs(after.position - before.position))
-        count += bool(away > FASTEST_JOINT * step and back < BACK * away)
-    return count
 
 
 class _Taken:
@@ -226,6 +160,7 @@ class _Taken:
         self._pairs: dict[tuple[str, str], PairForce] = {}
         self._static: dict[tuple[str, str], Pose] = {}
         self._safety = SafetyMessages()
+        self._states: dict[str, JointStates] = {}
         self.description = ""
 
     def wants(self, connection: Any) -> bool:
@@ -237,7 +172,9 @@ class _Taken:
         return str(connection.topic).endswith(("/robot_description", "/tf_static"))
 
     def note(self, connection: Any, raw: bytes) -> None:
-        """Count a message of a person, read or not."""
+        """Count a message of a person, read or not, and look for a second body on a topic of joint states."""
+        if connection.msgtype == STATES_TYPE:
+            self._states.setdefault(connection.topic, JointStates(connection.topic)).note(connection, raw)
         if connection.topic in self._topics:
             self._topics[connection.topic].note(connection, raw)
 
@@ -250,6 +187,8 @@ class _Taken:
         return connection.msgtype not in _THINNED or self._thin.due(connection.topic, raw)
 
     def add(self, topic: str, kind: str, message: Any) -> None:
+        if kind in NAMES:
+            check_names(topic, getattr(message, NAMES[kind]))
         if kind == LOG_TYPE:
             self._log.add(message)
         elif topic in self._topics:
@@ -287,9 +226,18 @@ class _Taken:
         """Return all that was taken.
 
         Raises:
-            BagError: two control logs.
+            BagError: two control logs, or two publishers of one.
         """
-        logs = sorted({c.topic for c in reader.connections if c.msgtype == LOG_TYPE and c.msgcount})
+        for states in self._states.values():
+            states.end()
+        by_topic: dict[str, list[Any]] = {}
+        for c in reader.connections:
+            if c.msgcount and c.msgtype in ONE_PUBLISHER:
+                by_topic.setdefault(c.topic, []).append(c)
+        for topic, connections in by_topic.items():
+            if len(nodes := publishers(connections)) > 1:
+                raise BagError(f"{topic}: two publishers, {' and '.join(nodes)}; valid: one, of one arm or one person")
+        logs = sorted(topic for topic, (first, *_) in by_topic.items() if first.msgtype == LOG_TYPE)
         if len(logs) > 1:
             raise BagError(f"two control logs, {' and '.join(logs)}; valid: the bag of one arm")
         topics = {topic: info.msgcount for topic, info in reader.topics.items()}
@@ -339,6 +287,8 @@ class _Named:
 
     def add(self, message: Any, of: Sequence[str], values: Sequence[float]) -> None:
         names = tuple(of)
+        if len(values) != len(names):
+            return  # known for none of them
         if not self._parts or self._parts[-1][0] != names:
             self._parts.append((names, array("d"), array("d")))
             for name in names:
@@ -394,6 +344,11 @@ class _ThinLog:
 
     def add(self, message: Any) -> None:
         time, joints = np.asarray(message.time, dtype=float), len(message.joint_names)
+        if self._message is not None and list(message.joint_names) != list(self._message.joint_names):
+            raise BagError(
+                f"the joints of the control log change at {time[0]:.3f} s, from {', '.join(self._message.joint_names)} "
+                f"to {', '.join(message.joint_names)}; valid: the bag of one arm"
+            )
         slots = np.floor(time * self._rate + 1e-6)
         chosen = (np.diff(slots, prepend=self._slot) > 0.0) & (time > self._last)
         self._slot, self._last = max(self._slot, slots[-1]), max(self._last, time[-1])

@@ -1,0 +1,181 @@
+"""Joint states of two bodies on one topic, found in the bytes of all messages: they cannot be told apart. No ROS."""
+
+from array import array
+from collections import deque
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from hric_bags.reader import BagError, FloatArray
+from hric_human.body.joints import joints
+from hric_human.body.subject import PARTS
+
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+WINDOW = 200
+"""Messages in a row that are looked at together (project default)."""
+BLOCK = 5 * WINDOW
+"""Messages of which copies are kept until they are looked at (project default)."""
+FASTEST_JOINT = 150.0
+"""Fastest joint of a person [rad/s]: the shoulder of a baseball pitcher turns at about 7000 deg/s, 122 rad/s
+(unconfirmed)."""
+FASTEST_AXIS = 20.0
+"""Fastest joint of an arm [rad/s]: above 720 deg/s, 12.6 rad/s, of the wrists of small industrial arms (unconfirmed)."""
+STEP = 1e-3
+"""Shortest time between two poses [s]: two stamps that are equal are no reason for an infinite speed."""
+SWITCHES, BACK = 3, 0.25
+"""Jumps away and back that one source may make within WINDOW messages, and the share of the jump [1] within which it is
+back (project defaults, unconfirmed)."""
+MANY_PAIRS = 20
+"""Pairs of stamps in a row from which on they are no jitter (project default, unconfirmed)."""
+ARM_JOINTS = 4
+"""Fewest joints of an arm; a gripper beside it on one topic has fewer (project default, unconfirmed)."""
+JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
+"""Names of the joints of a body of `hric_human`."""
+PERSONS = "two persons in one namespace cannot be told apart; valid: a namespace for each, such as hric/human2"
+ARMS = "two arms on one topic cannot be told apart; valid: a topic for each"
+
+
+def publishers(connections: Iterable[Any]) -> list[str]:
+    """Return the names of the nodes that published some connections, as far as the bag has them."""
+    return sorted({name for c in connections if (name := getattr(getattr(c, "ext", None), "callerid", None))})
+
+
+def check_names(topic: str, names: Iterable[str]) -> None:
+    """Raise BagError if a message of a topic has a name twice."""
+    counted = list(names)
+    if double := sorted({name for name in counted if counted.count(name) > 1}):
+        raise BagError(f"{topic}: {', '.join(double)} twice in one message; valid: each name once")
+
+
+class JointStates:
+    """Joint states of one topic as they come.
+
+    Args:
+        topic: absolute name.
+    """
+
+    def __init__(self, topic: str) -> None:
+        self._topic, self._count = topic, 0
+        self._bodies: dict[bytes, _Body] = {}
+        self._last = b""
+        self._changes: deque[int] = deque(maxlen=SWITCHES + 1)
+
+    def note(self, connection: Any, raw: bytes) -> None:
+        """Take one serialised message.
+
+        Raises:
+            BagError: the messages are those of two bodies, or a name is there twice.
+        """
+        begin = 16 + _integer(raw, 12)
+        if raw[begin : begin + len(self._last)] != self._last or not self._last:
+            self._change(_names(raw, begin))
+        body = self._bodies[self._last]
+        body.nodes[getattr(getattr(connection, "ext", None), "callerid", None) or ""] = None
+        if len(body.nodes) > 1 or body.add(raw, begin + len(self._last)):
+            self._check(body)
+        self._count += 1
+
+    def end(self) -> None:
+        """Look at the last messages; raises as `note`."""
+        for body in self._bodies.values():
+            self._check(body)
+
+    def _change(self, block: bytes) -> None:
+        """Go on with messages of other names; block: serialised names."""
+        if self._last:
+            self._changes.append(self._count)
+        self._last = block
+        if block not in self._bodies:
+            self._bodies[block] = body = _Body(block)
+            check_names(self._topic, body.names)
+        bodies = self._bodies.values()
+        if any(body.person for body in bodies):
+            if len(self._changes) > SWITCHES and self._changes[-1] - self._changes[0] < WINDOW:
+                raise BagError(f"{self._topic}: the joints differ from one message to the next; {PERSONS}")
+        else:
+            arms = [set(body.names) for body in bodies if len(body.names) >= ARM_JOINTS]
+            if any(not arms[0] & other for other in arms[1:]):
+                raise BagError(f"{self._topic}: messages of {min(arms[0])} and of other joints; {ARMS}")
+
+    def _check(self, body: "_Body") -> None:
+        persons = any(other.person for other in self._bodies.values())
+        nodes = {name for other in self._bodies.values() for name in other.nodes} if persons else body.nodes
+        named = sorted(name for name in nodes if name)
+        why = f"two publishers, {' and '.join(named)}" if len(named) > 1 else body.mixed()
+        if why:
+            raise BagError(f"{self._topic}: {why}; {PERSONS if persons else ARMS}")
+
+
+class _Body:
+    """Messages with one list of names; block: serialised names."""
+
+    def __init__(self, block: bytes) -> None:
+        self.names, at = list[str](), 4
+        while at < len(block):
+            end = at + 4 + _integer(block, at)
+            self.names.append(block[at + 4 : end].decode(errors="replace"))
+            at = end
+        self.person = bool(JOINTS & set(self.names))
+        self.nodes: dict[str, None] = {}
+        self._numbers, self._stamps, self._positions = array("q"), array("d"), array("d")
+
+    def add(self, raw: bytes, at: int) -> bool:
+        """Take a message whose positions begin at a byte; return True if it is time to look at what came."""
+        if _integer(raw, at) == len(self.names):  # else they are refused, or left out, where they are read
+            self._numbers.append(_integer(raw, 0))
+            self._stamps.append(_integer(raw, 4) + 1e-9 * _integer(raw, 8))
+            self._positions.frombytes(raw[at + 4 : at + 4 + 8 * len(self.names)])
+        return len(self._stamps) >= BLOCK
+
+    def mixed(self) -> str:
+        """Return why the messages are those of two publishers in turns, and keep the last WINDOW of them; empty: they
+        are not."""
+        numbers, stamps = np.array(self._numbers), np.array(self._stamps)
+        positions = np.array(self._positions).reshape(len(stamps), -1)
+        for values, width in ((self._numbers, 1), (self._stamps, 1), (self._positions, positions.shape[-1])):
+            del values[: max(len(stamps) - WINDOW, 0) * width]
+        if not len(stamps):
+            return ""
+        if numbers.any() and (at := _many(np.diff(numbers) <= 0)) is not None:
+            return f"sequence numbers that were there before, from {stamps[at]:.3f} s on"
+        if (at := _many(_away_and_back(stamps, positions, FASTEST_JOINT if self.person else FASTEST_AXIS))) is not None:
+            return f"poses that are those of somebody else than before and after, from {stamps[at]:.3f} s on"
+        steps = np.diff(stamps)
+        pairs = steps[:-1] < 0.5 * steps[1:]
+        for own in (pairs[::2], pairs[1::2]):
+            ends = np.flatnonzero(np.diff(np.concatenate([[False], own, [False]])))
+            if (ends[1::2] - ends[::2] > MANY_PAIRS).any():
+                return "stamps that come in pairs"
+        return ""
+
+
+def _away_and_back(stamps: FloatArray, positions: FloatArray, fastest: float) -> BoolArray:
+    """Return which poses are farther from the one before than the fastest joint [rad/s] moves, and the next one is back
+    there, shape (n - 2,)."""
+    if len(stamps) < 3 or not positions.size:
+        return np.zeros(0, dtype=bool)
+    steps = np.maximum(np.diff(stamps)[:-1], STEP)
+    with np.errstate(invalid="ignore"):
+        away = np.abs(positions[1:-1] - positions[:-2]).max(axis=1)
+        back = np.abs(positions[2:] - positions[:-2]).max(axis=1)
+        return np.asarray((away > fastest * steps) & (back < BACK * away))
+
+
+def _many(events: BoolArray) -> int | None:
+    """Return the index of the first of more than SWITCHES events within WINDOW; None: there are none."""
+    at = np.flatnonzero(events)
+    near = np.flatnonzero(at[SWITCHES:] - at[: max(len(at) - SWITCHES, 0)] < WINDOW)
+    return int(at[near[0]]) if len(near) else None
+
+
+def _integer(raw: bytes, at: int) -> int:
+    return int.from_bytes(raw[at : at + 4], "little")
+
+
+def _names(raw: bytes, begin: int) -> bytes:
+    """Return the serialised names of a message; begin: of them [byte]."""
+    at = begin + 4
+    for _ in range(_integer(raw, begin)):
+        at += 4 + _integer(raw, at)
+    return bytes(raw[begin:at])
