@@ -252,7 +252,8 @@ FLAT = [10.0, 60.0, 60.0, 60.0, 20.0]
         ([10.0, 20.0, 60.0, 60.0, 60.0], False),
         ([10.0, 60.0, 60.0, 30.0, 20.0], False),
         ([60.0, 60.0, 20.0, 60.0, 60.0], False),
-        ([10.0, 60.0, 59.999, 60.0, 20.0], False),
+        ([10.0, 60.0, 59.985, 60.0, 20.0], True),
+        ([10.03, 60.0, 59.9, 60.0, 20.0], False),
         ([59.3, 59.8, 60.0, 60.0, 60.0, 59.8, 59.3], False),
         ([58.3, 59.0, 60.0, 60.0, 60.0, 59.9, 59.8], True),
         ([59.8, 59.9, 60.0, 60.0, 60.0, 59.0, 58.3], True),
@@ -273,6 +274,41 @@ def test_a_largest_force_that_is_held_to_the_last_bit_between_steep_sides_is_a_f
     found = only(contact(np.array(force), duration=0.01 * len(force))).doubts
     told = [one for one in found if one == "the force has a flat top at 60.0 N, as of a sensor at its range"]
     assert bool(told) == (flat and all(map(math.isfinite, force)))
+
+
+def sampled(force: Any, count: int = 20) -> str:
+    """Doubts of a contact whose force is that of a function of the time of its messages, one each millisecond [s]."""
+    made = contact(force(0.001 * np.arange(1, count + 1)), duration=0.001 * count, step=0.001)
+    return "; ".join(only(made).doubts)
+
+
+@pytest.mark.parametrize(
+    ("top", "noise", "quantum"),
+    [(250.0, 0.005, 0.0), (250.0, 0.01, 0.0), (40.0, 0.01, 0.0), (250.0, 0.9, 1.0), (100.0, 2.0, 4.0), (60.0, 0.0, 0.5)],
+)
+@pytest.mark.parametrize("seed", range(5))
+def test_a_top_is_flat_with_the_noise_of_a_sensor_and_a_step_of_it(
+    top: float, noise: float, quantum: float, seed: int
+) -> None:
+    def force(time: Any) -> np.ndarray:
+        clipped = np.minimum(top, 2.0 * top * np.sin(math.pi * time / 0.021))
+        noisy = clipped - np.random.default_rng(seed).uniform(0.0, 2.0 * noise, len(time))
+        return np.maximum(noisy if not quantum else quantum * np.ceil(noisy / quantum), 0.0)
+
+    assert "flat top" in sampled(force)
+
+
+@pytest.mark.parametrize("peak", [0.5, 1.0, 2.0, 5.0, 20.0, 100.0, 250.0, 1000.0])
+@pytest.mark.parametrize("quantum", [0.0, 0.001, 0.02, 0.1, 1.0])
+def test_a_smooth_peak_of_any_size_length_and_resolution_is_not_flat(peak: float, quantum: float) -> None:
+    for length in (0.01, 0.021, 0.03, 0.05, 0.1, 0.3, 1.0):
+        for phase in (0.0, 0.25, 0.5, 0.75):
+
+            def force(time: Any, length: float = length, phase: float = phase) -> np.ndarray:
+                smooth = peak * np.sin(math.pi * np.clip((time - 0.001 * phase) / length, 0.0, 1.0))
+                return smooth if not quantum or quantum > 0.02 * peak else quantum * np.round(smooth / quantum)
+
+            assert "flat top" not in sampled(force, round(1000.0 * length)), (length, phase)
 
 
 @pytest.mark.parametrize(("stated", "flat"), [(1.017, True), (1.02, False)])

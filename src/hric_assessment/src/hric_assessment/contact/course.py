@@ -27,9 +27,13 @@ default)."""
 CLOCKS = 0.02
 """Largest difference between the stamp of a message and the begin and duration that it states [s] (project default)."""
 FLAT, SLOPE, QUANTA = 3, 0.01, 3.0
-"""Equal largest samples in a row that are a flat top, where the force comes to them or leaves them by more than this
-share of it per sample [1], and by more than so many of its smallest steps: a sensor at its range. A force that settles
-comes to rest slowly, and that of a coarse sensor step by step (project defaults)."""
+"""Largest samples in a row that are a flat top, where the force comes to them or leaves them by more than this share of
+it per sample [1], and by more than so many of its smallest steps: a sensor at its range. A force that settles comes to
+rest slowly, and that of a coarse sensor step by step (project defaults)."""
+NOISE, COARSEST, SMOOTHEST = 0.02, 0.05, 2.0
+"""Samples of a flat top differ by no more than noise of 0.01 N on either side [N], or one step of the sensor that is at
+most this share of the force [1]. The force comes to it so steeply that a smooth peak, a parabola, would differ by so
+many times more [1] (project defaults, unconfirmed)."""
 OFF_BEAT = 2
 """Instants of a contact between its messages that show that its source is faster than they are (project default)."""
 
@@ -187,23 +191,25 @@ def _doubts(contact: RegionForce, time: FloatArray, force: FloatArray, recorded_
 
 
 def _flat(contact: RegionForce, time: FloatArray, force: FloatArray) -> bool:
-    """True if the largest force is held to the last bit between steep sides: FLAT messages long, or from a message to a
-    peak that is stated for another instant."""
-    if not len(force) or not np.isfinite(force).all():
+    """True if the largest force is held, but for the noise of a sensor, between steep sides: FLAT messages long, or
+    from a message to a peak that is stated for another instant."""
+    if not len(force) or not np.isfinite(force).all() or not force.max() > 0.0:
         return False
     between = np.abs(time[:, None] - contact.course.time[None, :]).min(axis=1) > SAME_INSTANT
-    at_top = np.concatenate([[False], force == force.max(), [False]])
-    edges = np.flatnonzero(np.diff(at_top))
-    padded = np.concatenate([[0.0, 0.0], force, [0.0, 0.0]])  # a contact begins and ends without force
     steps = np.abs(np.diff(force))
     quantum = float(steps[steps > 1e-9 * force.max()].min(initial=np.inf))
     coarse = np.isfinite(quantum) and bool((np.abs(force / quantum - np.round(force / quantum)) < 1e-6).all())
-    steep = max(SLOPE * force.max(), QUANTA * quantum if coarse else 0.0)
+    noise = min(max(NOISE, quantum if coarse and quantum <= COARSEST * force.max() else 0.0), COARSEST * force.max())
+    at_top = np.concatenate([[False], force >= force.max() - noise * (1.0 + 1e-6), [False]])
+    edges = np.flatnonzero(np.diff(at_top))
+    padded = np.concatenate([[0.0, 0.0], force, [0.0, 0.0]])  # a contact begins and ends without force
     for first, end in zip(edges[::2], edges[1::2], strict=True):  # rows of `force`, end exclusive
         enough = end - first >= FLAT or (end - first >= 2 and between[first:end].any())
         rise = padded[first + 1] - padded[first] if first > 0 else 0.0
         fall = padded[end + 2] - padded[end + 3] if end < len(force) else 0.0
-        if enough and max(rise, fall) > steep:
+        half = 0.5 * (end - first - 1)  # of a parabola a k^2 that changes by a (2 k + 3) before its top
+        smooth = SMOOTHEST * np.ptp(force[first:end]) * (2.0 * half + 3.0) / max(half, 0.5) ** 2
+        if enough and max(rise, fall) > max(SLOPE * force.max(), QUANTA * quantum if coarse else 0.0, smooth):
             return True
     return False
 
