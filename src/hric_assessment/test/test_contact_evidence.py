@@ -135,6 +135,33 @@ def test_a_wall_behind_a_clamped_hand_is_no_further_load(tmp_path: Path) -> None
     assert only(tmp_path, make).share == pytest.approx(100.0 / 140.0)
 
 
+@pytest.mark.parametrize(("end", "share"), [(2.5, 200.0 / 140.0), (0.9, 100.0 / 140.0)], ids=["both", "one"])
+def test_links_with_a_message_each_are_added_while_both_last(tmp_path: Path, end: float, share: float) -> None:
+    """Two messages at one instant, each with one link; the second one lasts 0.4 s or as long as the first."""
+
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(100.0), 0.5, 2.5)
+        bag.contact(held(100.0), 0.5, end, other="panda::panda_leftfinger")
+
+    finding = only(tmp_path, make)
+    assert finding.share == pytest.approx(share)
+    assert finding.outcome == (Outcome.ABOVE if share > 1.0 else Outcome.WITHIN)
+
+
+def test_short_touches_of_a_second_link_are_added_to_the_first_which_lasts(tmp_path: Path) -> None:
+    """The finger touches for 0.2 ms at a time, between two messages of the hand."""
+
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(100.0), 0.5, 2.5)
+        for begin in np.arange(1.1, 2.4, 0.2):
+            bag.contact(held(100.0), begin + 2e-4, begin + 4e-4, rate=1e4, other="panda::panda_leftfinger")
+
+    finding = only(tmp_path, make)
+    assert finding.share == pytest.approx(200.0 / 140.0)
+
+
 def test_two_hands_that_are_pressed_at_once_are_not_added(tmp_path: Path) -> None:
     def make(bag: Bag) -> None:
         standing(bag)
@@ -455,3 +482,23 @@ def test_a_tracker_that_jumps_now_and_then_is_no_second_person(tmp_path: Path) -
             states[k].position = states[k].position + 3.5
 
     assert only(tmp_path, make).outcome == Outcome.WITHIN
+
+
+@pytest.mark.parametrize("recorded", [True, False], ids=["arm", "no arm"])
+def test_a_source_that_reports_contacts_alone_is_trusted_where_no_arm_is_recorded(
+    tmp_path: Path, recorded: bool
+) -> None:
+    """It may have died after its last message: nothing is known of what an arm did since."""
+
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(half_sine(100.0), 1.0, 1.02)
+        if recorded:
+            bag.control_log(0.0, 3.0)
+
+    made = verdict(tmp_path, make)
+    (conclusion,) = [one for one in made.conclusions if one.question == "contact"]
+    assert conclusion.reply == ("unknown" if recorded else "yes")
+    assert any("has no message while nothing touches" in line for line in made.assumptions) == (not recorded)
+    if recorded:
+        assert "its source sends no empty message" in conclusion.reason and "an empty one each 50 ms" in conclusion.remedy

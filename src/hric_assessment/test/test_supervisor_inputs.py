@@ -177,6 +177,30 @@ def test_of_an_arm_without_speeds_nothing_is_known():
     node = LocalNode({})
     arm, joints = ArmInput(node, "", ["a"]), node.advertise("joint_states", JointState)
     joints.publish(JointState(name=["a"], position=[0.0], velocity=[]))
-    assert arm.newest is None
+    assert arm.take() is None
     joints.publish(JointState(name=["a"], position=[0.0], velocity=[0.1]))
-    assert arm.newest is not None
+    assert arm.take() is not None
+
+
+def test_two_nodes_that_publish_one_arm_are_a_fault_that_names_both():
+    node = LocalNode({})
+    arm, own = ArmInput(node, "", ["a"]), node.advertise("joint_states", JointState)
+    gripper = node.child("gripper").advertise("/joint_states", JointState)
+    second = node.child("second").advertise("/joint_states", JointState)
+    own.publish(JointState(name=["a"], position=[0.0], velocity=[0.1]))
+    gripper.publish(JointState(name=["finger"], position=[0.0], velocity=[0.1]))
+    own.publish(JointState(name=["a", "finger"], position=[0.0, 0.0], velocity=[0.1, 0.0]))
+    assert not arm.take().fault
+    second.publish(JointState(name=["a"], position=[0.0], velocity=[0.0]))
+    fault = arm.take().fault
+    assert fault == "is doubled: / and /second both publish joint_states"
+    assert not arm.take().fault
+    own.publish(JointState(name=["a"], position=[0.0], velocity=[0.1]))
+    assert arm.take().fault == "is doubled: /second and / both publish joint_states"
+
+
+def test_an_arm_with_a_joint_twice_is_not_known():
+    node = LocalNode({})
+    arm, joints = ArmInput(node, "", ["a"]), node.advertise("joint_states", JointState)
+    joints.publish(JointState(name=["a", "a"], position=[0.0, 1.0], velocity=[0.1, 0.0]))
+    assert arm.take() is None

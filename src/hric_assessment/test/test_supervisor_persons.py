@@ -176,3 +176,12 @@ def test_whatever_is_known_a_decision_is_made():
             with np.errstate(all="ignore"):
                 decision = cell.decide(None if rng.random() < 0.1 else person, dq, q)
             assert 0.0 <= decision.scale <= 1.0
+
+
+def test_an_arm_that_two_nodes_publish_stands():
+    cell = Cell()
+    walk(cell, 3.0, 2.9)
+    cell.time = round(cell.time + PERIOD, 9)
+    arm = ArmState(cell.time, READY, STILL, "is doubled: /a and /b both publish joint_states")
+    decision = cell.supervisor.decide(cell.time, arm, ball(cell.time, 2.9))
+    assert decision.scale == 0.0 and decision.fault == "the arm is doubled: /a and /b both publish joint_states"

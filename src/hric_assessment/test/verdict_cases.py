@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 MESSAGES = Path(__file__).parents[2] / "hric_msgs" / "msg"
 STORE = get_typestore(Stores.ROS1_NOETIC)
-for _name in ("JointTorque", "RegionContact", "RegionContacts"):
+for _name in ("ControlLog", "JointTorque", "RegionContact", "RegionContacts"):
     STORE.register(get_types_from_msg((MESSAGES / f"{_name}.msg").read_text(), f"hric_msgs/msg/{_name}"))
 RIGHT = [f"right_{name}" for name in ("sh_flex", "sh_abd", "sh_rot", "el_flex", "pro_sup", "wr_flex", "wr_dev")]
 TRUNK = [f"{part}_{name}" for part in ("trunk", "neck") for name in ("flex", "bend", "rot")]
@@ -97,6 +97,16 @@ class Bag:
                 load = {"torque": zeros, "strength_share": zeros, "at_strength": zeros.astype(bool)}
                 load |= {"name": names, "clipped": zeros.astype(np.uint32)}
                 self.put(at, f"{name}/joint_torque", "hric_msgs/msg/JointTorque", **load)
+
+    def control_log(self, begin: float, end: float) -> None:
+        """Log of an arm that stands, 20 cycles in each message."""
+        zeros = np.zeros(140)
+        about = {"joint_names": [f"panda_joint{k + 1}" for k in range(7)], "command_interface": ["effort"] * 7}
+        about |= {"n_cycles": 20} | dict.fromkeys(("position", "velocity", "effort", "command_raw", "command"), zeros)
+        for k in range(round(50.0 * (end - begin))):
+            at, cycles = begin + 0.02 * k, np.arange(20 * k, 20 * k + 20)
+            time = begin + 0.001 * cycles
+            self.put(at, "/control_log", "hric_msgs/msg/ControlLog", **about, first_cycle=20 * k, time=time)
 
     def silence(self, begin: float, end: float, rate: float = 20.0) -> None:
         """Messages of contacts in which nothing touches."""

@@ -13,6 +13,7 @@ from hric_control.local.node import LocalNode
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.speed_scale import (
     ACCELERATION,
+    LONGEST_LEASE,
     MAX_HOLDERS,
     OTHERS,
     RATE,
@@ -82,6 +83,16 @@ def test_without_another_request_in_time_the_robot_stops_and_with_one_it_goes_on
     scale.request(Request(1.0))
     values(scale, 500, 1.0)
     assert scale.value == 1.0 and not scale.expired and not scale.active
+
+
+def test_a_request_without_an_end_ends_with_the_longest_lease():
+    scale = SpeedScale()
+    scale.request(Request(0.4), "once")
+    assert values(scale, 1000)[-1] == 0.4
+    assert values(scale, 1000, LONGEST_LEASE - 2.0)[-1] == 0.4 and not scale.lost
+    assert values(scale, 1000, LONGEST_LEASE + 1.0)[-1] == 0.0 and scale.lost == ("once",)
+    scale.request(UNLIMITED, "once")
+    assert values(scale, 1000, LONGEST_LEASE + 2.0)[-1] == 1.0
 
 
 def test_of_all_holders_the_smallest_of_each_limit_counts_whoever_requests_last():

@@ -38,8 +38,8 @@ class Request(NamedTuple):
         scale: of the speed, 0 (standstill) to 1.
         stiffness: largest translational stiffness of controllers that have one [N/m].
         force: largest force of their springs [N].
-        valid_for: without another request of the same holder the robot stops after so long of robot time [s]; infinite:
-            never.
+        valid_for: without another request of the same holder the robot stops after so long of robot time [s], and after
+            LONGEST_LEASE at the latest.
     """
 
     scale: float = 1.0
@@ -59,6 +59,9 @@ class Request(NamedTuple):
 
 UNLIMITED = Request()
 """Request that limits nothing and never ends: it gives a lease back."""
+LONGEST_LEASE = 3600.0
+"""Longest time without another request of a holder [s]: one who asked once and is gone holds no limit that nobody watches
+(project default, unconfirmed)."""
 MAX_HOLDERS = 16
 """Holders with a lease each (project default, unconfirmed). All others, and those without a name, share the lease
 `OTHERS`, in which each only makes the robot slower."""
@@ -132,13 +135,13 @@ class SpeedScale:
                 holder = OTHERS
             if holder == OTHERS:
                 request = _smaller(leases[OTHERS].request if OTHERS in leases else None, request)
-            elif request == UNLIMITED:
+            if request == UNLIMITED:
                 leases.pop(holder, None)
                 continue
-            leases[holder] = _Lease(request, time + request.valid_for)
+            leases[holder] = _Lease(request, time + min(request.valid_for, LONGEST_LEASE))
         if time < self._now:  # the clock was set back: nobody's lease became longer
             for holder, (request, expires) in leases.items():
-                leases[holder] = _Lease(request, min(expires, time + request.valid_for))
+                leases[holder] = _Lease(request, min(expires, time + min(request.valid_for, LONGEST_LEASE)))
         smallest, holder_of_it, lost = UNLIMITED, "", []
         self.stiffness = self.force = self._next_expiry = math.inf
         for holder, (request, expires) in leases.items():

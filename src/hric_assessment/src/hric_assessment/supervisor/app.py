@@ -108,7 +108,7 @@ class SupervisorApp:
         """Decide at robot time `now` [s], and publish; from any thread, one at a time."""
         with self._lock:
             person, *others = [person.take() for person in self._persons]
-            decision = self._supervisor.decide(now, self._arm.newest, person, self._in_force, others)
+            decision = self._supervisor.decide(now, self._arm.take(), person, self._in_force, others)
             if self.settings.active:
                 self._request(decision)
             self._state.publish(topics.state(decision, self.settings, self._latency))

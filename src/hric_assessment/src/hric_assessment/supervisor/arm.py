@@ -17,16 +17,18 @@ STEP = 1e-3
 
 
 class ArmState(NamedTuple):
-    """Of an instant.
+    """State of the arm at an instant.
 
     Attributes:
         stamp: robot time [s].
         q, dq: shape (n,) each [rad or m], [rad/s or m/s].
+        fault: why it cannot be trusted, a clause; empty: it can.
     """
 
     stamp: float
     q: FloatArray
     dq: FloatArray
+    fault: str = ""
 
 
 class InForce(NamedTuple):

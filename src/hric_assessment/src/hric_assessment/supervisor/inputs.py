@@ -31,8 +31,29 @@ PERSON_JOINTS, PERSON_TRACKING = "hric/person/joint_states", "hric/person/tracki
 HUMAN_JOINTS, HUMAN_ROOT = "hric/human/joint_states", "hric/human/root"
 
 
+class Publishers:
+    """Nodes that publish the topics of one body: two of one topic are two bodies in one."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, str] = {}
+        self._fault = ""
+
+    def note(self, topic: str, message: Any) -> None:
+        """Note who sent a message of a topic."""
+        name = publisher_of(message)
+        before = self._names.setdefault(topic, name)
+        if name != before:
+            self._names[topic] = name
+            self._fault = f"is doubled: {before} and {name} both publish {topic}"
+
+    def take(self) -> str:
+        """Return the fault since the last call; empty: there was none."""
+        fault, self._fault = self._fault, ""
+        return fault
+
+
 class ArmInput:
-    """The newest state of the arm.
+    """The newest state of the arm. Two nodes that publish its joints are two arms in one: a fault.
 
     Args:
         node: any.
@@ -42,18 +63,27 @@ class ArmInput:
 
     def __init__(self, node: Node, root: str, joints: Sequence[str]) -> None:
         self._joints = tuple(joints)
-        self.newest: ArmState | None = None
+        self._publishers = Publishers()
+        self._newest: ArmState | None = None
         self.registrations: list[Registration] = [node.subscribe(f"{root}{JOINTS}", JointState, self._on_joints)]
 
     def _on_joints(self, message: Any) -> None:
         index = {name: at for at, name in enumerate(message.name)}
         if any(name not in index for name in self._joints):
             return  # of a gripper, or another robot
+        self._publishers.note(JOINTS, message)
+        if len(index) < len(message.name):
+            return  # which of two values of a joint is true is not known
         rows = [index[name] for name in self._joints]
         if max(rows) >= min(len(message.position), len(message.velocity)):
             return  # without a speed nothing is known of the arm
         q, dq = (np.array([values[at] for at in rows]) for values in (message.position, message.velocity))
-        self.newest = ArmState(message.header.stamp.to_sec(), q, dq)
+        self._newest = ArmState(message.header.stamp.to_sec(), q, dq)
+
+    def take(self) -> ArmState | None:
+        """Return the newest state; None before the first."""
+        newest, fault = self._newest, self._publishers.take()
+        return newest if newest is None or not fault else newest._replace(fault=fault)
 
 
 class PersonInput:
@@ -68,17 +98,12 @@ class PersonInput:
     def __init__(self, frame: str) -> None:
         self.frame, self.came = frame, _nobody
         self.registrations: list[Registration] = []
-        self._publishers: dict[str, str] = {}
-        self._fault = ""
+        self._publishers = Publishers()
         self._newest: Observation | None = None
 
     def _subscribe(self, node: Node, topic: str, message_type: type, take: Callable[[Any], None]) -> None:
         def on_message(message: Any) -> None:
-            own = publisher_of(message)
-            before = self._publishers.setdefault(topic, own)
-            if own != before:
-                self._publishers[topic] = own
-                self._fault = f"is doubled: {before} and {own} both publish {topic}"
+            self._publishers.note(topic, message)
             take(message)
 
         self.registrations.append(node.subscribe(topic, message_type, on_message))
@@ -86,7 +111,7 @@ class PersonInput:
     def take(self) -> Observation | None:
         """Return the newest observation, with those that came since the last call; None before the first."""
         if new := self._made():
-            fault, self._fault = self._fault, ""
+            fault = self._publishers.take()
             self._newest = new[-1]._replace(earlier=tuple(new[:-1]), fault=new[-1].fault or fault)
         return self._newest
 

@@ -64,6 +64,8 @@ class Watch:
     def _of_arm(self, now: float, arm: ArmState | None) -> str:
         if arm is None:
             return "no state of the arm has come"
+        if arm.fault:
+            return f"{ARM} {arm.fault}"
         if not (np.isfinite(arm.q).all() and np.isfinite(arm.dq).all()):
             return "the state of the arm is not finite"
         return self._in_time(ARM, now, arm.stamp)

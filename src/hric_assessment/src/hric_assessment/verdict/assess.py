@@ -6,7 +6,7 @@ from typing import Any
 from hric_assessment.findings import Finding
 from hric_assessment.verdict.choices import Choices
 from hric_assessment.verdict.conclusions import conclusions, with_remedy
-from hric_assessment.verdict.contacts import contact_findings
+from hric_assessment.verdict.contacts import contact_findings, silence_assumed
 from hric_assessment.verdict.given import Given
 from hric_assessment.verdict.interaction import interaction, productivity
 from hric_assessment.verdict.lifts import lift_findings
@@ -63,7 +63,11 @@ def judge(given: Given, choices: Choices | None = None) -> Verdict:
         {**about, "begin": found.begin, "end": found.end},
         {"title": table.title, "edition": table.edition},
         None if first is None else first.about(),
-        (*dict.fromkeys(line for person in people for line in person.assumptions), *choices.assumptions),
+        (
+            *dict.fromkeys(line for person in people for line in person.assumptions),
+            *silence_assumed(given),
+            *choices.assumptions,
+        ),
         ranked([with_remedy(finding) for finding in findings]),
         (*interaction(given), *productivity(nearest, found.safety)),
         tuple(missing(given, first)),

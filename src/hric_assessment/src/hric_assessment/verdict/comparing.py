@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 
 from hric_assessment.findings import DISCLAIMER, Finding
-from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, GROUPS, outcome
+from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, GROUPS, headline
 from hric_assessment.verdict.result import Verdict
 from hric_bags import text
 
@@ -17,8 +17,8 @@ def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
         verdicts: to compare.
         only: questions that count; empty: those of a verdict.
     """
-    cells = [["", *(str(one.input["name"]) for one in verdicts)]]
-    cells.append(["outcome", *(str(outcome(one.conclusions, only)) for one in verdicts)])
+    cells = [["", *_names(verdicts)]]
+    cells.append(["outcome", *(headline(one.conclusions, only) for one in verdicts)])
     for conclusions in zip(*(verdict.conclusions for verdict in verdicts), strict=True):
         replies = [f"{one.reply}{f': {one.number}' if one.number else ''}" for one in conclusions]
         cells.append([conclusions[0].question, *replies])
@@ -29,6 +29,12 @@ def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
     for name, unit in figures:
         cells.append([f"{name} [{unit}]", *(_figure(verdict, name) for verdict in verdicts)])
     return "\n".join([*text.rows(cells), DISCLAIMER])
+
+
+def _names(verdicts: Sequence[Verdict]) -> list[str]:
+    """Return a name for each verdict; the same name again carries its number."""
+    names = [str(one.input["name"]) for one in verdicts]
+    return [f"{name} ({names[: k + 1].count(name)})" if names.count(name) > 1 else name for k, name in enumerate(names)]
 
 
 def _worst(verdict: Verdict) -> dict[str, Finding]:

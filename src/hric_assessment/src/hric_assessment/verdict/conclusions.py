@@ -220,6 +220,13 @@ def outcome(given: Sequence[Conclusion], only: Collection[str] = ()) -> Outcome:
     return next((worst for worst in ORDER if worst in counted), Outcome.NOT_ASSESSABLE)
 
 
+def headline(given: Sequence[Conclusion], only: Collection[str] = ()) -> str:
+    """Return the outcome in words; arguments as of `outcome`. Whether a run was completed is no limit of a person."""
+    limits = [one.question for one in given if one.question in only and one.question != TASK]
+    tasks = [one.subject for one in given if one.question == TASK and TASK in only]
+    return ", ".join([str(outcome(given, limits))] * (not only or bool(limits)) + tasks)
+
+
 def unknown_beforehand(section: Mapping[str, Any] | None) -> str:
     """Return a line about what the verdict of a run will not know; empty: nothing, or nobody is simulated.
 

@@ -92,27 +92,42 @@ def _of_person(given: Given, record: HumanRecord, choices: Choices) -> list[Find
 def _evidence(given: Given, record: HumanRecord, stream: ContactStream) -> tuple[Evidence, str]:
     """Return how much of the recording the contacts are known for, and a sentence where that is not all of it.
 
-    A source that reports silence, as the simulated person does, is known where its messages are. One that reports
-    contacts alone is known where anything of the person or the arm is recorded, once it has reported a contact.
+    A source that reports silence, as the simulated person does, is known where its messages are. Of one that reports
+    contacts alone nothing is known without a message where an arm is recorded, which may have touched the person since;
+    without an arm it is taken to report each contact while anything of the person is recorded.
     """
     window = given.recording.begin, given.recording.end
-    times, log = [stream.time], given.recording.log
-    silence = stream.silent > 1 or bool(given.definition.get("human"))
-    if not silence and record.meetings:
-        times += [record.time, *([] if log is None else [log.time])]
-    elif not silence:
-        times = []
+    times = [stream.time]
+    if not reports_silence(given, stream):
+        times = [stream.time, record.time] if record.meetings and given.recording.log is None else times
+        times = times if record.meetings else []
     time = np.unique(np.concatenate([np.zeros(0), *times]))
-    longest = (
-        min(verdict_table()["max_gap"], SILENT_GAP) if given.definition.get("human") else verdict_table()["max_gap"]
-    )
+    longest = verdict_table()["max_gap"]
+    longest = min(longest, SILENT_GAP) if given.definition.get("human") else longest
     evidence = Evidence.of(time, np.isfinite(time), window, longest)
     if evidence.complete and not stream.lost:
         return evidence, ""
     if stream.lost:
         count = f"messages are missing in {len(stream.lost)} places, the first at {stream.lost[0][0]:.3f} s"
         return evidence, f"{count}: what touched the person then is not known"
-    return evidence, f"what touched the person is not known for all of the time: {evidence.shortfall}"
+    why = "" if reports_silence(given, stream) else ", and its source sends no empty message while nothing touches"
+    return evidence, f"what touched the person is not known for all of the time: {evidence.shortfall}{why}"
+
+
+def reports_silence(given: Given, stream: ContactStream) -> bool:
+    """Return whether the source of contacts sends messages while nothing touches the person."""
+    return stream.silent > 1 or bool(given.definition.get("human"))
+
+
+def silence_assumed(given: Given) -> list[str]:
+    """Return an assumption for each person whose source of contacts reports contacts alone, of a recording without an
+    arm."""
+    return [
+        f"{record.name}/contacts has no message while nothing touches: its source is taken to have run until the end"
+        for record in given.recording.humans.values()
+        if record.stream is not None and record.meetings and given.recording.log is None
+        if not reports_silence(given, record.stream)
+    ]
 
 
 def _rest(given: Given, record: HumanRecord, evidence: Evidence, lost: str, touched: bool, choices: Choices) -> Finding:
@@ -123,7 +138,7 @@ def _rest(given: Given, record: HumanRecord, evidence: Evidence, lost: str, touc
     reason = f"nothing but the grips ({', '.join(held)}) touched the person" if held else "nothing touched the person"
     finding = Finding(ALL, Outcome.WITHIN, reason, table, 0.0, {}, window, signals, group=GROUP, evidence=evidence)
     if lost:
-        remedy = f"record every message of {record.name}/contacts"
+        remedy = f"record every message of {record.name}/contacts, with an empty one each 50 ms while nothing touches"
         outcome = Outcome.NOT_ASSESSABLE
         finding = replace(finding, outcome=outcome, share=None, reason=lost, remedy=remedy)
     return replace(finding, person=record.name)

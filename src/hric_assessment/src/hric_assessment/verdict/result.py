@@ -10,7 +10,7 @@ import numpy as np
 
 from hric_assessment.findings import DISCLAIMER, Finding, Outcome
 from hric_assessment.tables import VerdictTable, verdict_table
-from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, outcome
+from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, headline, outcome
 from hric_control.geometry import FloatArray
 
 VERSION = 2
@@ -123,7 +123,7 @@ class Verdict:
             full: with all findings, figures, what is missing, and assumptions.
         """
         name, begin, end = (self.input[key] for key in ("name", "begin", "end"))
-        lines = [f"{name}, {begin:.2f} to {end:.2f} s: {outcome(self.conclusions, only)}", ""]
+        lines = [f"{name}, {begin:.2f} to {end:.2f} s: {headline(self.conclusions, only)}", ""]
         lines += [str(one) for one in self.conclusions if not only or one.question in only]
         lines += ["", DISCLAIMER, ""]
         groups = [GROUPS[one] for one in only if one in GROUPS] if only else list(GROUPS.values())

@@ -77,7 +77,7 @@ class RegionForce:
         dominant: True if the messages say that it is on the side of the dominant hand; None: they differ.
         area: smallest area of contact in its messages [m^2], as recorded; None: some message does not say it.
         ended: True if a message says that the bodies parted.
-        interrupted: True if a message between two of it has neither the contact nor its end.
+        interrupted: True if there are messages between two of it at another instant, without the contact and its end.
     """
 
     regions: tuple[str, ...]
@@ -121,7 +121,7 @@ class ContactStream:
 
 @dataclass
 class _Contact:
-    """Messages of one contact: the last of them, its index among all messages, and the rows of its course."""
+    """Messages of one contact: the last of them, the number of its instant, and the rows of its course."""
 
     last: Any
     rows: "array[float]" = field(default_factory=lambda: array("d"))
@@ -130,7 +130,7 @@ class _Contact:
     kinds: set[str] = field(default_factory=set)
     area: float = math.inf
     ended: bool = False
-    index: int = -1
+    instant: int = -1
     interrupted: bool = False
 
 
@@ -143,6 +143,7 @@ class RegionMessages:
         self._contacts: dict[tuple[str, str, float], _Contact] = {}
         self._links: dict[str, tuple[tuple[str, ...], array[float]]] = {}
         self._order: list[_Contact] = []
+        self._instant = 0
 
     def note(self, raw: bytes) -> None:
         """Count a message, read or not; raw: serialised."""
@@ -160,23 +161,25 @@ class RegionMessages:
     def add(self, stamp: float, message: Any) -> None:
         """Take one message; stamp: of its header [s]."""
         index = len(self._stamps)
+        if not index or stamp != self._stamps[-1] or not (message.touching or message.ended):
+            self._instant += 1  # a source may send a message for each link
         self._stamps.append(stamp)
         for contact in message.touching:
-            self._note(contact, stamp, index)
+            self._note(contact, stamp)
             self._strongest(contact, index, math.nan, contact.force)
         for contact in message.ended:
-            known = self._note(contact, contact.begin + contact.duration, index)
+            known = self._note(contact, contact.begin + contact.duration)
             if not known.ended:
                 known.ended = True
                 self._order.append(known)
             if contact.kind == "penalty":
                 self._strongest(contact, index, contact.peak_time, contact.peak)
 
-    def _note(self, contact: Any, stamp: float, index: int) -> _Contact:
+    def _note(self, contact: Any, stamp: float) -> _Contact:
         begin = round(contact.begin, 6) if math.isfinite(contact.begin) else math.inf
         known = self._contacts.setdefault((contact.link, contact.other, begin), _Contact(contact))
-        known.interrupted |= bool(known.rows) and index > known.index + 1
-        known.last, known.index = contact, index
+        known.interrupted |= bool(known.rows) and self._instant > known.instant + 1
+        known.last, known.instant = contact, self._instant
         row = (contact.force, contact.peak, contact.peak_time, contact.duration)
         known.rows.extend((stamp, *row, *xyz(contact.point), *xyz(contact.normal)))
         known.regions |= dict.fromkeys(contact.regions)
