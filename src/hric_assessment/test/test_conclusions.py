@@ -3,6 +3,7 @@
 import itertools
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -211,6 +212,31 @@ def test_nearest_links_that_differ_are_one_row_of_a_comparison() -> None:
     b = Finding("distance of elbow from link7", ABOVE, "", "t", 1.5, group=DISTANCE)
     rows = [line for line in compared([verdict(a), verdict(b, name="b")]).splitlines() if "distance of the arm" in line]
     assert len(rows) == 1 and "within limits (50 %)" in rows[0] and "above limits (150 %)" in rows[0]
+
+
+def test_equal_names_are_numbered_in_a_comparison() -> None:
+    head = compared([verdict(name="run"), verdict(name="other"), verdict(name="run")]).splitlines()[0].split()
+    assert head == ["run", "(1)", "other", "run", "(2)"]
+
+
+@pytest.mark.parametrize(
+    ("run", "only", "text"),
+    [
+        ({"status": "failed", "error": "no arm"}, ("task",), "run failed; no arm"),
+        ({"status": "failed"}, ("task", "contact"), "within limits, run failed"),
+        (DONE, ("task",), "run completed"),
+        ({}, ("task",), "no run.yaml"),
+        ({"status": "failed"}, (), "not assessable"),
+    ],
+)
+def test_the_headline_says_of_the_task_whether_the_run_was_completed(
+    run: dict[str, Any], only: tuple[str, ...], text: str
+) -> None:
+    contact = finding(CONTACT, WITHIN)
+    drawn = conclusions((contact,), (), (), run)
+    made = replace(verdict(contact), conclusions=drawn)
+    assert made.render(only).splitlines()[0] == f"a, 0.00 to 1.00 s: {text}"
+    assert made.exit_code(("task",)) == (0 if run == DONE else 1 if run else 4)
 
 
 # -- areas -------------------------------------------------------------------------------------------------------------

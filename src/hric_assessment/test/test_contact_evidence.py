@@ -502,3 +502,13 @@ def test_a_source_that_reports_contacts_alone_is_trusted_where_no_arm_is_recorde
     assert any("has no message while nothing touches" in line for line in made.assumptions) == (not recorded)
     if recorded:
         assert "its source sends no empty message" in conclusion.reason and "an empty one each 50 ms" in conclusion.remedy
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.001, 0.1])
+def test_a_contact_above_its_limit_is_above_at_any_speed_of_the_arm(tmp_path: Path, speed: float) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(150.0), 0.5, 2.5)
+        bag.control_log(0.0, 3.0, speed)
+
+    assert Outcome.ABOVE in [one.outcome for one in contacts(tmp_path, make)]

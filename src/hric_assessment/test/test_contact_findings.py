@@ -7,15 +7,13 @@ import pytest
 from bodies import body
 
 from hric_assessment.contact.assess import FORCE_ONLY, NO_AREA, Approach, Unknown, Where, assess
-from hric_assessment.contact.episodes import Episode, episodes
+from hric_assessment.contact.episodes import Episode, episode
 from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.speed import speed_limit
-from hric_assessment.findings import DISCLAIMER, NotAssessableError, Outcome
-from hric_assessment.tables import FOOT, LimitTable, limit_table
+from hric_assessment.findings import DISCLAIMER, Outcome
+from hric_assessment.tables import FOOT, LimitTable, episode_table, limit_table
 from hric_control.errors import HricError
-from hric_human.body import Region
 from hric_human.body.regions import REGION_MODELS
-from hric_human.contact import RegionContact
 
 ISO, BGIA = Limits(limit_table("iso_ts_15066")), Limits(limit_table("bgia2011"))
 HAND, FACE, SKULL, NECK = ("hand, fingers",), ("face",), ("skull, forehead",), ("neck",)
@@ -35,9 +33,11 @@ def step(begin: float, end: float, force: float) -> np.ndarray:
     return np.where((begin - 5e-4 < TIME) & (end - 5e-4 > TIME), force, 0.0)
 
 
-def one(force: np.ndarray, **given: object) -> Episode:
-    (found,) = episodes(TIME, force, **given)  # type: ignore[arg-type]
-    return found
+def one(force: np.ndarray, time: np.ndarray = TIME) -> Episode:
+    """From the first touch to the last."""
+    touching = np.flatnonzero(force > 0.0)
+    part = slice(touching[0], touching[-1] + 1)
+    return episode(time[part], force[part], episode_table(), 1.0 / float(time[1] - time[0]))
 
 
 def hit(peak: float) -> Episode:
@@ -72,79 +72,17 @@ def test_a_contact_one_sample_below_on_and_above_half_a_second(last: float, quas
     assert (one(force).quasi_static is not None) == quasi_static
 
 
-@pytest.mark.parametrize(("parted", "count"), [(0.099, 1), (0.100, 1), (0.102, 2)])
-def test_contacts_that_part_for_no_more_than_a_tenth_of_a_second_are_one(parted: float, count: int) -> None:
-    last = 0.300
-    force = np.where((last + 5e-4 > TIME) | (last + parted - 5e-4 < TIME), 10.0, 0.0)
-    assert len(episodes(TIME, force)) == count
-
-
-def test_each_episode_is_from_its_own_first_touch_to_its_last() -> None:
-    spans = [(0.2, 0.21), (0.5, 0.52), (0.9, 1.0)]
-    found = episodes(TIME, sum(step(begin, end, 10.0) for begin, end in spans))  # type: ignore[arg-type]
-    assert [(one.whole.begin, one.whole.end) for one in found] == [
-        pytest.approx((begin, end - 1e-3)) for begin, end in spans
-    ]
-
-
-@pytest.mark.parametrize(("time", "rate"), [([0.0], 0.0), ([0.0, 0.01], 100.0)])
-def test_a_touch_of_one_sample_has_no_rate_and_one_of_two_has_that_of_their_step(
-    time: list[float], rate: float
-) -> None:
-    (found,) = episodes(np.array(time), np.full(len(time), 5.0))
-    assert (found.whole.peak, found.rate) == (5.0, pytest.approx(rate))
-
-
 def test_a_clamp_that_rattles_becomes_quasi_static() -> None:
     force = np.where((TIME % 0.05) < 0.02, 50.0, 0.0)
     found = one(force)
     assert found.quasi_static is not None and found.quasi_static.duration > 1.4
 
 
-def test_the_work_of_a_contact_is_the_energy_of_its_spring() -> None:
-    k, mass, speed = 75e3, 2.0, 0.5
-    time = np.arange(0.0, 0.03, 1e-5)
-    omega = math.sqrt(k / mass)
-    depth = np.where(time < math.pi / omega, speed / omega * np.sin(omega * time), 0.0)
-    closing = np.where(time < math.pi / omega, speed * np.cos(omega * time), 0.0)
-    (found,) = episodes(time, k * depth, closing)
-    assert found.work == pytest.approx(0.5 * mass * speed**2, rel=1e-4)
-    finding = assess(found, where(contact_area=LARGE), ISO)
-    assert finding.values["energy by the table's spring [J]"] == pytest.approx(found.work, rel=1e-4)
-
-
 def test_a_rate_that_is_too_low_for_a_peak_is_said() -> None:
     assert len(hit(100.0).notes) == 1
-    (slow,) = episodes(TIME[::5], pulse(0.2, 0.02, 100.0)[::5])
+    slow = one(pulse(0.2, 0.02, 100.0)[::5], TIME[::5])
     assert slow.notes[-1] == "a peak needs 1000 samples a second: higher ones may be between these"
     assert "200 samples a second" in slow.notes[0] and "0.5 s (unconfirmed)" in slow.notes[0]
-
-
-@pytest.mark.parametrize(
-    ("kind", "why"),
-    [("rigid", "the force of a rigid contact is a number of the integrator"), ("unknown", "is not recorded")],
-)
-def test_a_force_that_is_not_of_a_spring_is_refused(kind: str, why: str) -> None:
-    with pytest.raises(NotAssessableError, match=f"{why}.*; valid: penalty contact"):
-        episodes(TIME, pulse(0.2, 0.02, 100.0), kind=kind)
-
-
-@pytest.mark.parametrize(
-    ("time", "force", "message"),
-    [
-        (TIME, TIME[:-1], r"force has the shape \(1999,\); valid: that of time, \(2000,\)"),
-        (np.array([0.0, 1.0]), np.array([0.0, math.nan]), "force is not finite at 1.000 s"),
-        (np.array([0.0, 0.5, 0.5]), np.zeros(3), "time does not ascend after 0.500 s"),
-    ],
-)
-def test_wrong_arrays_are_refused(time: np.ndarray, force: np.ndarray, message: str) -> None:
-    with pytest.raises(HricError, match=message):
-        episodes(time, force)
-
-
-def test_a_speed_of_another_shape_is_refused() -> None:
-    with pytest.raises(HricError, match=r"closing has the shape \(1999,\); valid: that of time, \(2000,\)"):
-        episodes(TIME, pulse(0.2, 0.02, 100.0), TIME[1:])
 
 
 @pytest.mark.parametrize(
@@ -165,9 +103,9 @@ def test_a_long_contact_one_step_below_on_and_above_the_quasi_static_limit(level
 
 
 def test_a_finding_has_the_notes_of_its_episode_and_what_would_make_it_known() -> None:
-    episode = hit(50.0)
-    known, unknown = (assess(episode, where(contact_area=area), ISO) for area in (LARGE, None))
-    assert known.notes[: len(episode.notes)] == episode.notes and episode.notes[0].startswith("transient: the first")
+    contact = hit(50.0)
+    known, unknown = (assess(contact, where(contact_area=area), ISO) for area in (LARGE, None))
+    assert known.notes[: len(contact.notes)] == contact.notes and contact.notes[0].startswith("transient: the first")
     assert (known.remedy, unknown.remedy) == ("", NO_AREA)
 
 
@@ -210,7 +148,7 @@ def test_the_finding_flips_at_the_speed_of_the_closed_form() -> None:
         duration = math.pi * math.sqrt(limit.mass / REGION_MODELS[HAND[0]].stiffness)
         peak = share * float(limit.transient) * math.sqrt(limit.mass * REGION_MODELS[HAND[0]].stiffness)
         time = np.arange(0.0, 1.0, 1e-5)
-        (met,) = episodes(time, pulse(0.2, duration, peak, time))
+        met = one(pulse(0.2, duration, peak, time), time)
         assert assess(met, where(contact_area=LARGE), ISO).outcome == outcome
 
 
@@ -235,8 +173,7 @@ def test_no_contact_with_the_head_is_within_limits(regions: tuple[str, ...], lim
 
 
 def test_a_contact_with_the_head_of_a_simulated_body_is_above_limits() -> None:
-    met = RegionContact("head", body().regions["head"], ROBOT, "penalty", 0.0, 0.1)
-    finding = assess(hit(0.01), Where.of(met), ISO)
+    finding = assess(hit(0.01), where(tuple(region.name for region in body().regions["head"])), ISO)
     assert finding.outcome == Outcome.ABOVE
     assert finding.reason.endswith("is within limits, and which of these was met is not known")
 
@@ -316,7 +253,6 @@ def test_a_finding_has_the_values_of_both_parts() -> None:
         "quasi-static duration [s]": pytest.approx(0.499),
         "impulse [N s]": pytest.approx(0.1 * 200.0 + 0.9 * 90.0, abs=0.2),
         "energy by the table's spring [J]": pytest.approx(200.0**2 / (2.0 * 75e3)),
-        "work [J]": None,
         "contact area [m^2]": LARGE,
         "transient mean pressure [Pa]": 2e5,
         "quasi-static mean pressure [Pa]": 9e4,
@@ -344,17 +280,6 @@ def test_a_link_without_a_region_is_not_assessable_and_a_foot_is_by_the_older_se
 
 def test_a_force_that_is_not_known_is_not_assessable() -> None:
     assert assess(None, where(contact_area=LARGE), ISO).reason == "the force is not known"
-
-
-def test_a_contact_of_a_simulated_body_says_where_it_is() -> None:
-    met = RegionContact("r_wrist", (Region(HAND[0], True),), ROBOT, "penalty", 0.0, 0.1)
-    assert Where.of(met) == Where(HAND, ROBOT, "penalty", None, True, None)
-    on_pad = RegionContact("r_wrist", (Region(HAND[0], True),), ROBOT, "penalty", 0.0, 0.1, area=LARGE)
-    assert Where.of(on_pad).contact_area == LARGE
-    both = RegionContact("x", (Region(HAND[0], True), Region("lower arm, wrist", False)), ROBOT, "penalty", 0.0, 0.1)
-    assert Where.of(both).dominant is None
-    middle = RegionContact("torso", (Region("chest", None), Region("abdomen", None)), ROBOT, "rigid", 0.0, 0.1)
-    assert Where.of(middle) == Where(("chest", "abdomen"), ROBOT, "rigid", None, None, None)
 
 
 def test_a_finding_names_its_table_window_and_marks_and_the_disclaimer_what_it_is_not() -> None:

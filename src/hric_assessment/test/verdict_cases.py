@@ -98,15 +98,17 @@ class Bag:
                 load |= {"name": names, "clipped": zeros.astype(np.uint32)}
                 self.put(at, f"{name}/joint_torque", "hric_msgs/msg/JointTorque", **load)
 
-    def control_log(self, begin: float, end: float) -> None:
-        """Log of an arm that stands, 20 cycles in each message."""
+    def control_log(self, begin: float, end: float, speed: float = 0.0) -> None:
+        """Log of an arm whose joints turn at a speed [rad/s], 20 cycles in each message."""
         zeros = np.zeros(140)
         about = {"joint_names": [f"panda_joint{k + 1}" for k in range(7)], "command_interface": ["effort"] * 7}
         about |= {"n_cycles": 20} | dict.fromkeys(("position", "velocity", "effort", "command_raw", "command"), zeros)
         for k in range(round(50.0 * (end - begin))):
             at, cycles = begin + 0.02 * k, np.arange(20 * k, 20 * k + 20)
             time = begin + 0.001 * cycles
-            self.put(at, "/control_log", "hric_msgs/msg/ControlLog", **about, first_cycle=20 * k, time=time)
+            moved = {"position": np.repeat(speed * (time - begin), 7), "velocity": np.full(140, speed)}
+            row = {**about, **moved, "first_cycle": 20 * k, "time": time}
+            self.put(at, "/control_log", "hric_msgs/msg/ControlLog", **row)
 
     def silence(self, begin: float, end: float, rate: float = 20.0) -> None:
         """Messages of contacts in which nothing touches."""

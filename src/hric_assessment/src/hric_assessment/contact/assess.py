@@ -13,7 +13,6 @@ from hric_assessment.contact.limits import NOT_PERMITTED, Limit, Limits, Pair
 from hric_assessment.contact.speed import check_positive, transfer_energy
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.tables import UNITS
-from hric_human.contact import RegionContact
 
 FORCE_ONLY = "force within limit, pressure not assessable"
 NO_AREA = "state the contact's area: --contact-area M2, or the area of each contact in the recording"
@@ -38,14 +37,6 @@ class Where:
     area: str | None = None
     dominant: bool | None = None
     contact_area: float | None = None
-
-    @classmethod
-    def of(cls, contact: RegionContact) -> "Where":
-        """Return the place of a contact of a simulated body."""
-        sides = {region.dominant for region in contact.regions}
-        dominant = sides.pop() if len(sides) == 1 else None
-        names = tuple(region.name for region in contact.regions)
-        return cls(names, contact.other, contact.kind, None, dominant, contact.area)
 
     @property
     def subject(self) -> str:
@@ -257,7 +248,6 @@ def _values(episode: Episode | None, where: Where, limit: Limit | None) -> Mappi
         "quasi-static duration [s]": 0.0 if held is None else held.end - episode.transient.end,
         "impulse [N s]": episode.whole.impulse,
         "energy by the table's spring [J]": energy,
-        "work [J]": episode.work,
         "contact area [m^2]": area,
         "transient mean pressure [Pa]": None if area is None else episode.transient.peak / area,
         "quasi-static mean pressure [Pa]": None if area is None or held is None else held.peak / area,

@@ -10,11 +10,11 @@ force that is NaN, negative or infinite is no force.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hric_assessment.contact.episodes import RATE_TOLERANCE, STAMP, Episode, Stretch
+from hric_assessment.contact.episodes import RATE_TOLERANCE, STAMP, Episode
 from hric_assessment.contact.episodes import episode as cut
 from hric_assessment.evidence import BoolArray, unknown
 from hric_assessment.tables import EpisodeTable, episode_table, verdict_table
@@ -140,8 +140,7 @@ def _meeting(contacts: list[RegionForce], source_period: float, recorded_until: 
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     episode = cut(times, total, table, rate if not np.isfinite(source_period) else 1.0 / source_period)
     impulse = sum(contact.impulse or 0.0 for contact in contacts)
-    whole = Stretch(episode.whole.begin, episode.whole.end, episode.whole.peak, episode.whole.peak_time, impulse)
-    episode = Episode(whole, episode.transient, episode.quasi_static, None, episode.rate, episode.notes)
+    episode = replace(episode, whole=replace(episode.whole, impulse=impulse))
     return Meeting(episode, tuple(contacts), tuple(doubts), _unknown_peak(contacts, courses, episode, table))
 
 
