@@ -284,7 +284,7 @@ def sampled(force: Any, count: int = 20) -> str:
 
 @pytest.mark.parametrize(
     ("top", "noise", "quantum"),
-    [(250.0, 0.005, 0.0), (250.0, 0.01, 0.0), (40.0, 0.01, 0.0), (250.0, 0.9, 1.0), (100.0, 2.0, 4.0), (60.0, 0.0, 0.5)],
+    [(250.0, 0.005, 0.0), (250.0, 0.01, 0.0), (40.0, 0.01, 0.0), (250.0, 0.9, 1.0), (100.0, 2.0, 4.0), (60.0, 0, 0.5)],
 )
 @pytest.mark.parametrize("seed", range(5))
 def test_a_top_is_flat_with_the_noise_of_a_sensor_and_a_step_of_it(

@@ -60,8 +60,8 @@ class Request(NamedTuple):
 UNLIMITED = Request()
 """Request that limits nothing and never ends: it gives a lease back."""
 LONGEST_LEASE = 3600.0
-"""Longest time without another request of a holder [s]: one who asked once and is gone holds no limit that nobody watches
-(project default, unconfirmed)."""
+"""Longest time without another request of a holder [s]: one that is gone holds no limit that nobody watches (project
+default, unconfirmed)."""
 MAX_HOLDERS = 16
 """Holders with a lease each (project default, unconfirmed). All others, and those without a name, share the lease
 `OTHERS`, in which each only makes the robot slower."""

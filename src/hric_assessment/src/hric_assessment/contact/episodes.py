@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hric_assessment.tables import EpisodeTable, episode_table
+from hric_assessment.tables import EpisodeTable
 from hric_control.geometry import FloatArray
 from hric_control.sim.contact_info import KINDS, UNKNOWN
 

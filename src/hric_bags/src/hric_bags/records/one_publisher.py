@@ -20,7 +20,7 @@ FASTEST_JOINT = 150.0
 """Fastest joint of a person [rad/s]: the shoulder of a baseball pitcher turns at about 7000 deg/s, 122 rad/s
 (unconfirmed)."""
 FASTEST_AXIS = 20.0
-"""Fastest joint of an arm [rad/s]: above 720 deg/s, 12.6 rad/s, of the wrists of small industrial arms (unconfirmed)."""
+"""Fastest joint of an arm [rad/s]: above 12.6 rad/s (720 deg/s) of wrists of small industrial arms (unconfirmed)."""
 STEP = 1e-3
 """Shortest time between two poses [s]: two stamps that are equal are no reason for an infinite speed."""
 SWITCHES, BACK = 3, 0.25
