@@ -14,6 +14,7 @@ from hric_assessment.verdict import Choices, Verdict, assess, opened
 from hric_control.errors import HricError
 
 Make = Callable[[Bag], None]
+STATES = ("position", "velocity", "effort")
 
 
 def verdict(folder: Path, make: Make, area: float | None = AREA, numbered: bool = False) -> Verdict:
@@ -513,3 +514,12 @@ def test_a_contact_above_its_limit_is_above_at_any_speed_of_the_arm(tmp_path: Pa
         bag.control_log(0.0, 3.0, speed)
 
     assert Outcome.ABOVE in [one.outcome for one in contacts(tmp_path, make)]
+
+
+def test_joint_states_without_positions_say_nothing(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        bag.silence(0.0, 3.0)
+        bag.put(0.0, "/joint_states", "sensor_msgs/msg/JointState", name=["a"], **dict.fromkeys(STATES, np.zeros(0)))
+        standing(bag)
+
+    assert only(tmp_path, make).outcome == Outcome.WITHIN

@@ -132,11 +132,9 @@ class _Body:
         """Return why the messages are those of two publishers in turns, and keep the last WINDOW of them; empty: they
         are not."""
         numbers, stamps = np.array(self._numbers), np.array(self._stamps)
-        positions = np.array(self._positions).reshape(len(stamps), -1)
+        positions = np.array(self._positions).reshape(len(stamps), len(self.names))
         for values, width in ((self._numbers, 1), (self._stamps, 1), (self._positions, positions.shape[-1])):
             del values[: max(len(stamps) - WINDOW, 0) * width]
-        if not len(stamps):
-            return ""
         if numbers.any() and (at := _many(np.diff(numbers) <= 0)) is not None:
             return f"sequence numbers that were there before, from {stamps[at]:.3f} s on"
         if (at := _many(_away_and_back(stamps, positions, FASTEST_JOINT if self.person else FASTEST_AXIS))) is not None:

@@ -222,24 +222,28 @@ class _Taken:
         if (named := self._people[topic]) is not None:
             named.add(message, message.name, message.position)
 
+    def _check_publishers(self, reader: Bag) -> None:
+        """Raise BagError if there are two control logs, or two publishers of one topic of an arm or a person."""
+        for states in self._states.values():
+            states.end()
+        topics: dict[str, list[Any]] = {}
+        for connection in reader.connections:
+            if connection.msgcount and connection.msgtype in ONE_PUBLISHER:
+                topics.setdefault(connection.topic, []).append(connection)
+        for topic, connections in topics.items():
+            if len(nodes := publishers(connections)) > 1:
+                raise BagError(f"{topic}: two publishers, {' and '.join(nodes)}; valid: one, of one arm or one person")
+        logs = sorted(topic for topic, (first, *_) in topics.items() if first.msgtype == LOG_TYPE)
+        if len(logs) > 1:
+            raise BagError(f"two control logs, {' and '.join(logs)}; valid: the bag of one arm")
+
     def recording(self, reader: Bag) -> Recording:
         """Return all that was taken.
 
         Raises:
             BagError: two control logs, or two publishers of one.
         """
-        for states in self._states.values():
-            states.end()
-        by_topic: dict[str, list[Any]] = {}
-        for c in reader.connections:
-            if c.msgcount and c.msgtype in ONE_PUBLISHER:
-                by_topic.setdefault(c.topic, []).append(c)
-        for topic, connections in by_topic.items():
-            if len(nodes := publishers(connections)) > 1:
-                raise BagError(f"{topic}: two publishers, {' and '.join(nodes)}; valid: one, of one arm or one person")
-        logs = sorted(topic for topic, (first, *_) in by_topic.items() if first.msgtype == LOG_TYPE)
-        if len(logs) > 1:
-            raise BagError(f"two control logs, {' and '.join(logs)}; valid: the bag of one arm")
+        self._check_publishers(reader)
         topics = {topic: info.msgcount for topic, info in reader.topics.items()}
         count = reader.message_count
         first, last = (1e-9 * reader.start_time, 1e-9 * reader.end_time) if count else (0.0, 0.0)
