@@ -13,7 +13,6 @@ from hric_experiments.sweep.samplers.sampler import Sampler, Told
 from hric_experiments.sweep.space import Space
 from hric_experiments.sweep.statistics.intervals import (
     clopper_pearson,
-    clopper_pearson_lower,
     clopper_pearson_upper,
     effective_size,
     log_interval,
@@ -159,7 +158,6 @@ def test_ends_of_intervals_of_counts_are_quantiles_of_beta_distributions(exceede
         both = clopper_pearson(exceeded, runs, level)
         assert both == pytest.approx((low(0.5 - 0.5 * level), high(0.5 - 0.5 * level)), rel=1e-9, abs=1e-12)
         assert clopper_pearson_upper(exceeded, runs, level) == pytest.approx(high(1.0 - level), rel=1e-9)
-        assert clopper_pearson_lower(exceeded, runs, level) == pytest.approx(low(1.0 - level), rel=1e-9, abs=1e-12)
 
 
 def test_with_none_exceeded_the_upper_limit_is_about_three_by_the_runs() -> None:
@@ -181,7 +179,7 @@ def test_no_interval_of_a_probability_ends_above_1() -> None:
     assert found.low < 1.0 and found.high == 1.0
 
 
-@pytest.mark.parametrize("interval", [clopper_pearson, clopper_pearson_upper, clopper_pearson_lower])
+@pytest.mark.parametrize("interval", [clopper_pearson, clopper_pearson_upper])
 def test_an_interval_of_counts_is_refused_for_weighted_runs(interval: Callable[..., Any]) -> None:
     assert interval(1, 3, weights=np.ones(3)) == interval(1, 3)
     with pytest.raises(HricError, match="unweighted"):

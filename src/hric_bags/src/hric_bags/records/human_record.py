@@ -23,7 +23,7 @@ from hric_bags.records.root_record import RootRecord
 from hric_bags.records.rows import Rows, Thinning, seven, times, xyz
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
-EVENT_TYPE, ROOT_TYPE = "hric_msgs/msg/HumanEvent", "geometry_msgs/msg/PoseStamped"
+EVENT_TYPE = "hric_msgs/msg/HumanEvent"
 REAL = "/hric/person/"
 """In topics of a real person before the cameras, which are none of the simulated human."""
 

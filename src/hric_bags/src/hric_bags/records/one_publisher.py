@@ -1,4 +1,4 @@
-"""Joint states of two bodies on one topic, found in the bytes of all messages: they cannot be told apart. No ROS."""
+"""Joint states of two bodies on one topic, by the bytes of all messages. No ROS."""
 
 from array import array
 from collections import deque

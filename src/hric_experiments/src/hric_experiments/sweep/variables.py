@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtr, ndtri
+from scipy import stats
 
 from hric_control.node import REQUIRED
 from hric_control.parameters import Settings, anything, choice, listing, names, number, numbers, refused, text, variant
@@ -108,39 +108,35 @@ class Triangular(Distribution):
 
 @dataclass(frozen=True)
 class Truncated(Distribution):
-    """A monotonic function of the normal score, between two ends if they are given."""
+    """Part of a distribution of scipy between two ends, if they are given."""
 
-    @abstractmethod
-    def score(self, value: float) -> float:
-        """Normal score of a value: how many standard deviations from the median; -inf where none is so low."""
-
-    @abstractmethod
-    def at(self, score: FloatArray) -> FloatArray:
-        """Values at normal scores, shape (m,)."""
+    low: float | None = number(None, text="lower end; none: none")
+    high: float | None = number(None, text="upper end; none: none")
 
     @property
     @abstractmethod
-    def ends(self) -> tuple[float | None, float | None]:
-        """The lower and the upper end; None: without one."""
+    def whole(self) -> Any:
+        """The distribution without its ends, a frozen one of `scipy.stats`."""
 
     @property
     def shares(self) -> tuple[float, float]:
         """Share of the whole distribution below the lower and below the upper end [1]."""
-        low, high = self.ends
-        below_low = 0.0 if low is None else float(ndtr(self.score(low)))
-        return below_low, 1.0 if high is None else float(ndtr(self.score(high)))
+        ends = -np.inf if self.low is None else self.low, np.inf if self.high is None else self.high
+        low, high = self.whole.cdf(ends).tolist()
+        return low, high
 
     def check(self, where: str) -> None:
         """Refuse ends with nothing of the distribution between them."""
         low, high = self.shares
         if high - low < NARROWEST:
-            raise refused(f"{where}low, high", self.ends, f"ends with {NARROWEST:g} of the distribution between them")
+            valid = f"ends with {NARROWEST:g} of the distribution between them"
+            raise refused(f"{where}low, high", (self.low, self.high), valid)
 
     def ppf(self, u: FloatArray) -> Sequence[Any]:
         """See `Distribution`."""
         low, high = self.shares
-        values = self.at(ndtri(low + u * (high - low)))
-        return _floats(np.clip(values, *self.ends) if self.ends != (None, None) else values)
+        values = self.whole.ppf(low + u * (high - low))
+        return _floats(values if self.low is self.high is None else np.clip(values, self.low, self.high))
 
 
 @dataclass(frozen=True)
@@ -149,21 +145,11 @@ class Normal(Truncated):
 
     mean: float = number(text="in the variable's unit; of the whole distribution")
     std: float = number(above=0.0, text="standard deviation of the whole distribution")
-    low: float | None = number(None, text="lower end; none: none")
-    high: float | None = number(None, text="upper end; none: none")
 
     @property
-    def ends(self) -> tuple[float | None, float | None]:
+    def whole(self) -> Any:
         """See `Truncated`."""
-        return self.low, self.high
-
-    def score(self, value: float) -> float:
-        """See `Truncated`."""
-        return (value - self.mean) / self.std
-
-    def at(self, score: FloatArray) -> FloatArray:
-        """See `Truncated`."""
-        return self.mean + self.std * score
+        return stats.norm(self.mean, self.std)
 
 
 @dataclass(frozen=True)
@@ -172,21 +158,11 @@ class LogNormal(Truncated):
 
     median: float = number(above=0.0, text="in the variable's unit; of the whole distribution")
     log_std: float = number(above=0.0, maximum=5.0, text="standard deviation of the natural logarithm")
-    low: float | None = number(None, text="lower end; none: none")
-    high: float | None = number(None, text="upper end; none: none")
 
     @property
-    def ends(self) -> tuple[float | None, float | None]:
+    def whole(self) -> Any:
         """See `Truncated`."""
-        return self.low, self.high
-
-    def score(self, value: float) -> float:
-        """See `Truncated`."""
-        return float(np.log(value / self.median)) / self.log_std if value > 0.0 else -np.inf
-
-    def at(self, score: FloatArray) -> FloatArray:
-        """See `Truncated`."""
-        return self.median * np.exp(self.log_std * score)
+        return stats.lognorm(self.log_std, scale=self.median)
 
 
 @dataclass(frozen=True)

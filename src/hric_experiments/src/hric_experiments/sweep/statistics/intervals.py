@@ -43,11 +43,6 @@ def clopper_pearson_upper(exceeded: int, runs: int, level: float = LEVEL, weight
     return _exact("less", exceeded, runs, level, weights).high
 
 
-def clopper_pearson_lower(exceeded: int, runs: int, level: float = LEVEL, weights: FloatArray | None = None) -> float:
-    """Return the one-sided lower limit. Arguments as of `clopper_pearson`."""
-    return _exact("greater", exceeded, runs, level, weights).low
-
-
 def _exact(side: str, exceeded: int, runs: int, level: float, weights: FloatArray | None) -> Interval:
     if not 0 <= exceeded <= runs or runs < 1 or not 0.0 < level < 1.0:
         raise HricError(
