@@ -1,4 +1,4 @@
-"""The one description of the robot and the models around it together."""
+"""One description of the robot and the models around it together."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -7,20 +7,23 @@ from xml.etree.ElementTree import Element, SubElement
 
 from hric_control.plants import Model
 from hric_control.urdf import read, write_origin
+from hric_control.urdf.elements import VERSIONS, parse
 
 
 def together(robot_xml: str, models: Sequence[Model]) -> str:
-    """One URDF of the robot and the models, whose links and joints are called "model::name"; the robot's root link is
-    the world.
+    """Return one URDF of the robot and the models, whose links and joints are called "model::name".
+
+    The robot's root link is the world.
 
     A free model hangs on a floating joint "model::free", a fixed one on "model::fixed".
     """
     if not models:
         return robot_xml
-    robot = ElementTree.fromstring(robot_xml)
+    robot = parse(robot_xml)
+    robot.set("version", VERSIONS[-1])
     root = read(robot_xml).root
     for model in models:
-        for element in ElementTree.fromstring(model.xml):
+        for element in parse(model.xml):
             if element.tag in ("link", "joint"):
                 robot.append(_renamed(element, model.name))
         kind = ("fixed", f"{model.name}::fixed") if model.fixed else ("floating", model.free_joint)

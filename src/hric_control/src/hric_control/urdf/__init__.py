@@ -10,7 +10,7 @@ cannot hold, such as floating joints in PyBullet or an inertia that no body has,
 
 from hric_control.urdf.reading import read
 from hric_control.urdf.robot import BOUNDED, NO_LIMIT, ONE_COORDINATE, Joint, Limit, Link, Robot, SafetyController
-from hric_control.urdf.shapes import Shape, join_capsules
+from hric_control.urdf.shapes import Shape, join_capsules, solids
 from hric_control.urdf.writing import write_inertial, write_origin, write_shape
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "Shape",
     "join_capsules",
     "read",
+    "solids",
     "write_inertial",
     "write_origin",
     "write_shape",

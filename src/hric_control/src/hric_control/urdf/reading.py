@@ -26,17 +26,20 @@ TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def read(urdf_xml: str, source: str = "") -> Robot:
-    """The robot of a pure URDF text; of the same text the same object, which nobody may change.
+    """Return the robot of a pure URDF text; of the same text the same object, which nobody may change.
+
+    As in urdfdom the first of several `<origin>`, `<inertial>`, `<axis>` or `<limit>` counts, and elements and
+    attributes that are not known are passed over.
 
     Args:
         urdf_xml: no xacro may be left in it.
         source: name of the file, with which errors begin; empty where there is only one description.
 
     Raises:
-        DescriptionError: not XML; not one tree (several roots, a cycle, a joint to a missing link); a name that is
-            missing or given twice; an `<inertial>` without `<mass>` or `<inertia>`, or with a negative mass; an unknown
-            joint type, an axis without length, missing or crossed limits, losses that drive, a wrong mimic; an unknown
-            geometry; a text that is not a finite number. It names the element.
+        DescriptionError: not XML; a version that is not known; not one tree (several roots, a cycle, a joint to a
+            missing link); a name that is missing or given twice; an `<inertial>` without `<mass>` or `<inertia>`, or
+            with a negative mass; an unknown joint type, an axis without length, missing or crossed limits, losses that
+            drive, a wrong mimic; an unknown geometry; a text that is not a finite number. It names the element.
     """
     try:
         return _robot(urdf_xml)
@@ -65,14 +68,14 @@ def _robot(urdf_xml: str) -> Robot:
 
 
 def _named(root: Element, kind: str) -> list[Element]:
-    found: set[str] = set()
+    names: set[str] = set()
     for index, element in enumerate(root.findall(kind), 1):
         name = element.get("name", "")
         if not name:
             raise DescriptionError(f"<{kind}> number {index} has no name; give it one")
-        if name in found:
+        if name in names:
             raise DescriptionError(f"{kind} {name!r} is there twice; names of {kind}s must differ")
-        found.add(name)
+        names.add(name)
     return root.findall(kind)
 
 
@@ -81,8 +84,8 @@ def _link(element: Element, colours: Mapping[str, Colour]) -> Link:
     where = f"link {name}"
 
     def shapes(purpose: str) -> tuple[Shape, ...]:
-        found = enumerate(element.findall(purpose), 1)
-        return tuple(read_shape(shape, f"{where}: <{purpose}> number {number}", colours) for number, shape in found)
+        numbered = enumerate(element.findall(purpose), 1)
+        return tuple(read_shape(shape, f"{where}: <{purpose}> number {number}", colours) for number, shape in numbered)
 
     return Link(name, _mass(element.find("inertial"), where), shapes("visual"), shapes("collision"))
 
@@ -218,8 +221,8 @@ def _check_tree(links: dict[str, Link], joints: dict[str, Joint]) -> str:
         parents[joint.child] = joint.name
     roots = [link for link in links if link not in parents]
     if len(roots) != 1:
-        found = ", ".join(roots) or "its joints form a cycle"
-        raise DescriptionError(f"the robot description needs one root link; it has {len(roots)}: {found}")
+        names = ", ".join(roots) or "its joints form a cycle"
+        raise DescriptionError(f"the robot description needs one root link; it has {len(roots)}: {names}")
     return roots[0]
 
 

@@ -13,6 +13,8 @@ from hric_control.urdf.elements import number, numbers, origin
 SIZES = {"box": "size", "sphere": "radius", "cylinder": "radius length", "capsule": "radius length", "mesh": "scale"}
 """Kinds of geometry, and the attributes that hold its measures."""
 
+FAR = 1e9
+"""Length from which on a solid is no body [m]; default chosen by this project, unconfirmed."""
 _SAME = 1e-6
 """Ends that are nearer than this are at one place [m]."""
 Colour = tuple[float, ...]
@@ -47,17 +49,20 @@ class Shape:
 
 
 def read_shape(element: Element, where: str, colours: Mapping[str, Colour]) -> Shape:
-    """A `<visual>` or `<collision>`; colours: of the materials with a name.
+    """Return the shape of a `<visual>` or `<collision>`; colours: of the materials with a name.
 
     Raises:
-        DescriptionError: its geometry is missing, unknown or incomplete.
+        DescriptionError: its geometry is missing, unknown or incomplete; other elements beside a known one do no harm.
     """
-    found = list(element.findall("geometry/*"))
-    if len(found) != 1 or found[0].tag not in SIZES:
-        got = ", ".join(f"<{shape.tag}>" for shape in found) or "none"
+    elements = element.findall("geometry/*")
+    known = [geometry for geometry in elements if geometry.tag in SIZES]
+    if len(known) != 1:
+        got = ", ".join(f"<{geometry.tag}>" for geometry in elements) or "none"
         raise DescriptionError(f"{where}: its geometry is {got}; valid: one of {', '.join(SIZES)}")
-    (geometry,) = found
+    (geometry,) = known
     kind = geometry.tag
+    if kind == "mesh" and not geometry.get("filename"):
+        raise DescriptionError(f"{where}: <mesh> has no filename")
     if kind in ("box", "mesh"):
         size = numbers(geometry, SIZES[kind], 3, "1 1 1" if kind == "mesh" else "", where)
     else:
@@ -71,7 +76,7 @@ def read_shape(element: Element, where: str, colours: Mapping[str, Colour]) -> S
 
 
 def read_colour(material: Element, where: str) -> Colour | None:
-    """The colour of a `<material>`; None where it only refers to a name or a texture."""
+    """Return the colour of a `<material>`; None where it only refers to a name or a texture."""
     tag = material.find("color")
     return None if tag is None else tuple(min(max(value, 0.0), 1.0) for value in numbers(tag, "rgba", 4, "", where))
 
@@ -82,11 +87,11 @@ def _ball_at(centre: FloatArray, radius: float, shapes: Sequence[Shape]) -> Shap
 
 
 def join_capsules(shapes: Sequence[Shape]) -> list[Shape]:
-    """The shapes of a link, with each cylinder that has balls of its radius at both ends turned into a capsule and
-    those balls left out.
+    """Return the shapes of a link, with each cylinder that has balls of its radius at both ends turned into a capsule
+    and those balls left out.
 
-    A URDF has no capsules. One is the same body as its three parts, but one shape to test instead of three, and one
-    contact where the parts would touch together.
+    A URDF before 1.2 has no capsules. One is the same body as its three parts, but one shape to test instead of three,
+    and one contact where the parts would touch together.
     """
     used: set[int] = set()
     result = []
@@ -100,3 +105,15 @@ def join_capsules(shapes: Sequence[Shape]) -> list[Shape]:
                 shape = replace(shape, kind="capsule")
         result.append(shape)
     return [shape for shape in result if id(shape) not in used]
+
+
+def solids(shapes: Sequence[Shape]) -> list[Shape]:
+    """Return the collision shapes of a link as every engine has them.
+
+    Raises:
+        DescriptionError: a shape without extent, with which nothing can collide.
+    """
+    for shape in shapes:
+        if not all(0.0 < (abs(length) if shape.kind == "mesh" else length) < FAR for length in shape.size):
+            raise DescriptionError(f"{shape.where}: a {shape.measures}; all must be above 0 and below {FAR:g}")
+    return join_capsules(shapes)
