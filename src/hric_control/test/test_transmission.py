@@ -67,11 +67,6 @@ def test_going_to_the_actuator_and_back_changes_nothing(gear):
     ("before", "after", "says"),
     [
         (
-            "SimpleTransmission",
-            "DifferentialTransmission",
-            "t1: type 'DifferentialTransmission' is not known; valid: transmission_interface/Simple",
-        ),
-        (
             "EffortJointInterface",
             "ForceInterface",
             "no hardware interface 'ForceInterface'; valid: hardware_interface/EffortJointInterface",
@@ -92,6 +87,32 @@ def test_what_is_not_known_is_refused_with_what_is(before, after, says):
             robot(ONE.replace(before, after, 1) if before != 'joint name="j1"' else ONE.replace(before, after))
         )
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "<type>transmission_interface/DifferentialTransmission</type>",
+        "<type>transmission_interface::FourBarLinkageTransmission</type>",
+        "<type>pr2_mechanism_model/SimpleTransmission</type>",
+        "<type>franka_hw/FrankaStateInterface</type>",
+        "<type>transmission_interface/SimpleTransmission</type>",
+        "",
+    ],
+)
+def test_transmissions_of_another_type_are_left_out_with_one_warning_that_names_them(kind, caplog):
+    joint = '<joint name="{}"><role>joint1</role></joint>'
+    foreign = (
+        f'<transmission name="t{{}}">{kind}{joint.format("j2")}{joint.format("j9")}<actuator name="m"/></transmission>'
+    )
+    found = parse_transmissions(robot(foreign.format(8) + ONE + foreign.format(9)))
+    assert [one.name for one in found] == ["t1"]
+    (record,) = caplog.records
+    name = kind.removeprefix("<type>").removesuffix("</type>").replace("::", "/") or "(missing)"
+    name += " without <hardwareInterface>" if name == "transmission_interface/SimpleTransmission" else ""
+    assert record.levelname == "WARNING"
+    for number in (8, 9):
+        assert f"t{number} of type {name} (joints j2, j9)" in record.getMessage()
 
 
 def test_a_joint_with_two_transmissions_is_refused_with_both_names():

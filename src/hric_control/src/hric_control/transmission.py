@@ -1,5 +1,6 @@
 """Transmissions: what lies between an actuator and a joint, read from the robot description."""
 
+import logging
 from collections.abc import Collection
 from dataclasses import dataclass
 from xml.etree import ElementTree
@@ -8,6 +9,9 @@ from hric_control.errors import DescriptionError
 from hric_control.urdf import read
 from hric_control.urdf.elements import as_number, parse
 
+LOG = logging.getLogger("hric.transmission")
+SIMPLE = ("transmission_interface/SimpleTransmission", "SimpleTransmission")
+"""Names of the only type that is read."""
 INTERFACES = ("EffortJointInterface", "VelocityJointInterface", "PositionJointInterface", "JointStateInterface")
 """Hardware interfaces that a transmission may name, with or without "hardware_interface/" in front."""
 
@@ -76,14 +80,18 @@ class Transmission(SimpleTransmission):
 
 
 def parse_transmissions(urdf_xml: str) -> list[Transmission]:
-    """All transmissions, in the order of the description.
+    """Return all simple transmissions, in the order of the description.
+
+    Those of another type, and those without a hardware interface, are left out with one warning, as in ros_control.
 
     Raises:
-        DescriptionError: another type than SimpleTransmission, an unknown interface, an unknown joint or one with two
-            transmissions, a reduction of 0.
+        DescriptionError: an unknown interface, an unknown joint or one with two transmissions, a reduction of 0.
     """
     robot = read(urdf_xml)
-    result = [_transmission(element, robot.joints) for element in robot.element.findall("transmission")]
+    elements = {element: _foreign(element) for element in robot.element.findall("transmission")}
+    if foreign := "; ".join(filter(None, elements.values())):
+        LOG.warning("transmissions left out, whose joints only another one drives: %s. Valid: %s", foreign, SIMPLE[0])
+    result = [_transmission(element, robot.joints) for element, reason in elements.items() if not reason]
     seen: dict[str, str] = {}
     for one in result:
         if one.joint in seen:
@@ -106,14 +114,23 @@ def _short(name: str) -> str:
     return name.strip().replace("::", "/").rpartition("/")[2]
 
 
+def _foreign(element: ElementTree.Element) -> str:
+    """Return what a transmission is that is not read, or an empty text."""
+    kind = (element.findtext("type") or element.get("type") or "(missing)").strip().replace("::", "/")
+    simple = kind in SIMPLE
+    if (
+        simple
+        and element.find("joint/hardwareInterface") is None
+        and element.find("actuator/hardwareInterface") is None
+    ):
+        kind, simple = f"{kind} without <hardwareInterface>", False
+    joints = ", ".join(joint.get("name", "") for joint in element.findall("joint"))
+    return "" if simple else f"{element.get('name') or '(without a name)'} of type {kind} (joints {joints})"
+
+
 def _transmission(element: ElementTree.Element, joints: Collection[str]) -> Transmission:
     name = element.get("name", "")
     where = f"transmission {name or '(without a name)'}"
-    kind = _short(element.findtext("type") or element.get("type") or "")
-    if kind != "SimpleTransmission":
-        raise DescriptionError(
-            f"{where}: type {kind or 'missing'!r} is not known; valid: transmission_interface/SimpleTransmission"
-        )
     joint, actuator = _only(element, "joint", where), _only(element, "actuator", where)
     joint_name = joint.get("name", "")
     if joint_name not in joints:
@@ -125,7 +142,7 @@ def _transmission(element: ElementTree.Element, joints: Collection[str]) -> Tran
         reduction,
         _number(joint, actuator, "offset", 0.0, where),
         name=name,
-        type=kind,
+        type=_short(SIMPLE[0]),
         joint=joint_name,
         interfaces=_interfaces(joint, actuator, where),
         actuator=actuator.get("name", ""),
@@ -147,8 +164,6 @@ def _interfaces(joint: ElementTree.Element, actuator: ElementTree.Element, where
     for name in names:
         if name not in INTERFACES:
             raise DescriptionError(f"{where}: no hardware interface {name!r}; valid: {valid}")
-    if not names:
-        raise DescriptionError(f"{where}: joint {joint.get('name')} has no <hardwareInterface>; valid: {valid}")
     return tuple(dict.fromkeys(names))
 
 
