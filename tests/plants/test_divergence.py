@@ -1,5 +1,6 @@
 """The one rule by which a simulation has diverged, on every engine."""
 
+import math
 import re
 
 import pytest
@@ -7,8 +8,8 @@ from two_link import two_link_urdf
 
 from hric_control.plants.divergence import VELOCITY_FACTOR, DivergedError
 
-LIMIT = 5.0
-"""[rad/s]"""
+LIMIT = 20.0
+"""Velocity limit of the joints [rad/s]."""
 URDF = two_link_urdf(limit=f'lower="-1e3" upper="1e3" effort="1e9" velocity="{LIMIT}"')
 STILL = (0.0, 0.0, 0.0)
 
@@ -24,8 +25,8 @@ def test_an_actuated_joint_that_runs_away_ends_the_step_with_joint_time_and_valu
     assert error.joint == "joint2" and error.quantity == "speed"
     assert VELOCITY_FACTOR * LIMIT < abs(error.value) < 1.2 * VELOCITY_FACTOR * LIMIT
     assert re.fullmatch(
-        rf"the simulation diverged at {error.time:.3f} s: speed of joint2 is \S+ rad/s, beyond 500 rad/s "
-        r"\(velocity limit 5 rad/s\)",
+        rf"the simulation diverged at {error.time:.3f} s: speed of joint2 is \S+ rad/s, beyond 2000 rad/s "
+        r"\(velocity limit 20 rad/s\)",
         str(error),
     )
     assert 0.002 < error.time < 0.2
@@ -55,3 +56,22 @@ def test_time_goes_on_over_a_reset(make_plant) -> None:
     plant.apply([float("nan"), 0.0])
     with pytest.raises(DivergedError, match=r"diverged at 0\.01[01] s.*not finite"):
         plant.step()
+
+
+def test_a_finger_that_falls_far_beyond_its_velocity_limit_has_not_diverged(make_plant) -> None:
+    """1 cm long and without friction, it passes below at sqrt(6 g / L) = 77 rad/s, 770 times its limit."""
+    length, mass = 0.01, 0.02
+    inertia = mass * length**2 / 12.0
+    urdf = f"""<robot name="finger"><link name="base"/><link name="tip"><inertial><origin xyz="0 0 {length / 2}"/>
+      <mass value="{mass}"/><inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>
+      </inertial></link><joint name="knuckle" type="continuous"><parent link="base"/><child link="tip"/>
+      <axis xyz="0 1 0"/>
+      <limit effort="1" velocity="0.1"/></joint></robot>"""
+    plant = make_plant(urdf, ["knuckle"], rotor_inertia=0.0, collision=False)
+    plant.reset([0.1])
+    q, dq, tau, fastest = [0.0], [0.0], [0.0], 0.0
+    for _ in range(200):
+        plant.step()
+        plant.read_state(q, dq, tau)
+        fastest = max(fastest, abs(dq[0]))
+    assert fastest == pytest.approx(math.sqrt(6.0 * 9.81 / length), rel=0.02)

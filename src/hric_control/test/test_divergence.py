@@ -6,7 +6,6 @@ import pytest
 
 from hric_control.plants.divergence import (
     LOWEST_BOUND,
-    UNLIMITED_BOUND,
     VELOCITY_FACTOR,
     DivergedError,
     Divergence,
@@ -14,7 +13,7 @@ from hric_control.plants.divergence import (
 )
 
 JOINTS = ["hip", "slide", "wheel"]
-LIMITS = [2.0, 0.1, math.inf]
+LIMITS = [20.0, 0.1, math.inf]
 
 
 @pytest.fixture
@@ -22,14 +21,14 @@ def divergence():
     return Divergence(JOINTS, LIMITS, [False, True, False], 1e-3)
 
 
-def test_the_bound_is_a_multiple_of_the_velocity_limit_never_below_the_lowest_and_absolute_without_a_limit():
+def test_the_bound_is_a_multiple_of_the_velocity_limit_and_never_below_what_gravity_reaches():
     assert VELOCITY_FACTOR >= 50.0
-    assert [bound(limit) for limit in LIMITS] == [2.0 * VELOCITY_FACTOR, LOWEST_BOUND, UNLIMITED_BOUND]
+    assert [bound(limit) for limit in LIMITS] == [20.0 * VELOCITY_FACTOR, LOWEST_BOUND, LOWEST_BOUND]
 
 
 def test_each_joint_may_reach_its_own_bound(divergence):
-    divergence.check([0.0, 0.0, 1e6], [200.0, -20.0, 1000.0])
-    for place, value in ((0, 200.1), (1, -20.1), (2, 1000.1)):
+    divergence.check([0.0, 0.0, 1e6], [2000.0, -1000.0, 1000.0])
+    for place, value in ((0, 2000.1), (1, -1000.1), (2, 1000.1)):
         dq = [0.0, 0.0, 0.0]
         dq[place] = value
         with pytest.raises(DivergedError) as caught:
@@ -38,8 +37,8 @@ def test_each_joint_may_reach_its_own_bound(divergence):
 
 
 def test_of_several_joints_the_one_farthest_beyond_its_bound_is_named(divergence):
-    with pytest.raises(DivergedError, match=r"speed of slide is 50 m/s, beyond 20 m/s \(velocity limit 0\.1 m/s\)"):
-        divergence.check([0.0] * 3, [300.0, 50.0, 1100.0])
+    with pytest.raises(DivergedError, match=r"speed of slide is 2500 m/s, beyond 1000 m/s \(velocity limit 0\.1 m/s\)"):
+        divergence.check([0.0] * 3, [3000.0, 2500.0, 1100.0])
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
