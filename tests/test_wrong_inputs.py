@@ -134,7 +134,7 @@ TOOLS = [
     ("panda_description inertials --set mine", r"invalid choice: 'mine' \(choose from 'barycentric', 'thesis'\)"),
     ("xacro xacro nowhere.xacro", r"No such file or directory: .*nowhere\.xacro"),
     ("urdf_to_osim urdf_to_osim nowhere.urdf", r"no file nowhere\.urdf"),
-    ("urdf_to_osim urdf_to_osim cut.urdf", r"cut\.urdf: not XML: unclosed token: line 1"),
+    ("urdf_to_osim urdf_to_osim cut.urdf", r"cut\.urdf: the robot description is not XML: unclosed token: line 1"),
     ("urdf_to_osim picture nowhere.osim --pose elbow", r"--pose elbow: it must be COORDINATE=VALUE"),
 ]
 """Words after rosrun, and what the answer has."""

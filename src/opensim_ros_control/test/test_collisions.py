@@ -111,7 +111,7 @@ def test_where_the_direct_solution_would_pull_at_every_point_one_that_pulls_at_n
         ),
         (
             '<mesh filename="package://nowhere/none.stl"/>',
-            "link a: <collision> number 1: mesh package://nowhere/none.stl: no package 'nowhere'",
+            "link a: <collision> number 1: mesh 'package://nowhere/none.stl': no package 'nowhere'",
         ),
     ],
 )

@@ -13,7 +13,8 @@ import pytest
 
 from hric_control.errors import DescriptionError
 from hric_control.geometry import FloatArray
-from urdf_to_osim.mesh_files import Surface, read_coloured, read_surface
+from hric_control.meshes.canonical import Surface
+from hric_control.meshes.files import read_coloured, read_surface
 from urdf_to_osim.meshes import MeshRequest, MeshResult, convert_meshes, write_whole
 
 DATA = Path(pybullet_data.getDataPath())

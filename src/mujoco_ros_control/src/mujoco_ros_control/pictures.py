@@ -14,12 +14,12 @@ import numpy.typing as npt
 
 from hric_control.errors import DescriptionError, HricError, check_known
 from hric_control.geometry import FloatArray, homogeneous, transform_from_rpy
+from hric_control.meshes.canonical import UnreadableMeshError, find
+from hric_control.meshes.files import read_coloured
 from hric_control.parameters import Settings, number, numbers, text, whole
 from hric_control.plants import Model, load_world, model_of_object
-from hric_control.plants.resources import resolve
 from hric_control.urdf import Shape, read
 from mujoco_ros_control.scene_spec import Building, Frame, quaternion
-from urdf_to_osim.mesh_files import UnreadableMeshError, read_coloured
 
 WORLD = "world"
 R_CAMERA_OPTICAL: FloatArray = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -73,12 +73,13 @@ class _Drawing(Building):
 
     def _draw(self, body: mujoco.MjsBody, name: str, shape: Shape, T_body_shape: FloatArray) -> None:
         if shape.kind != "mesh":
-            self.add_shape(body, name, shape, T_body_shape).rgba = shape.colour or _GREY
+            if all(shape.size):  # the others show nothing
+                self.add_shape(body, name, shape, T_body_shape).rgba = shape.colour or _GREY
             return
+        path = find(shape.address, shape.size, shape.where)
         try:
-            path = resolve(shape.address)
             parts = read_coloured(path, path.read_bytes(), (shape.size[0], shape.size[1], shape.size[2]))
-        except (HricError, OSError, UnreadableMeshError) as error:
+        except (OSError, UnreadableMeshError) as error:
             raise DescriptionError(f"{shape.where}: mesh {shape.address}: {error}") from error
         for part, (surface, colour) in enumerate(parts):
             mesh = f"{name}.{part}"

@@ -7,19 +7,20 @@ a neighbour that is fixed to the world.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, reduce
+from functools import reduce
 from itertools import combinations
 from operator import add
 
 import mujoco
 import numpy as np
 
-from hric_control.errors import DescriptionError, HricError
+from hric_control.errors import DescriptionError
 from hric_control.geometry import FloatArray, MassProperties, quaternion_from_rotation
+from hric_control.meshes.canonical import hull_of
 from hric_control.plants import Losses, Model, Surface, combine, masked
+from hric_control.plants.bodies import moving_body
 from hric_control.plants.faces import Solid
-from hric_control.plants.resources import resolve
-from hric_control.urdf import ONE_COORDINATE, Joint, Shape, join_capsules
+from hric_control.urdf import ONE_COORDINATE, Joint, Shape, solids
 
 _GEOMS = mujoco.mjtGeom
 _HALF_LENGTHS: dict[str, Callable[[Sequence[float]], list[float]]] = {
@@ -35,6 +36,9 @@ Law = tuple[float, float, float]
 UNSOLVED = 1.0
 """A pair whose margin is less than zero by this is reported by MuJoCo, as far as its gap reaches beyond, and left alone
 [m]: more than anything overlaps."""
+SHORTEST = 1e-9
+"""Range of a joint whose ends are one, since MuJoCo has none without length [rad or m]; project default,
+unconfirmed."""
 LOOK_AHEAD = 5.0
 """Links that would meet within a step at this speed are looked at before they do [m/s] (default chosen by this project,
 unconfirmed)."""
@@ -91,16 +95,6 @@ def quaternion(R: FloatArray) -> list[float]:
     """MuJoCo's w, x, y, z of a rotation, shape (3, 3)."""
     x, y, z, w = quaternion_from_rotation(R)
     return [w, x, y, z]
-
-
-@lru_cache(maxsize=64)
-def _hull(path: str, scale: tuple[float, ...]) -> FloatArray:
-    """Corners of the convex hull of a mesh, shape (n, 3) [m]."""
-    import coal  # takes as long to load as all of MuJoCo's, and few need it
-
-    mesh = coal.MeshLoader().load(path, np.array(scale))
-    mesh.buildConvexHull(True, "Qt")
-    return np.array(mesh.convex.points())
 
 
 class Building:
@@ -171,7 +165,7 @@ class Building:
         bounded = stops and np.isfinite([joint.lower, joint.upper]).all()
         made.limited = mujoco.mjtLimited.mjLIMITED_TRUE if bounded else mujoco.mjtLimited.mjLIMITED_FALSE
         if bounded:
-            made.range = [joint.lower, joint.upper]
+            made.range = [joint.lower, max(joint.upper, joint.lower + SHORTEST)]
         if joint.mimic is not None:
             follows = self.result.spec.add_equality(
                 type=mujoco.mjtEq.mjEQ_JOINT,
@@ -196,7 +190,7 @@ class Building:
         if moving:
             self._set_mass(body, model, top, cluster)
         for link, T_body_link in cluster.items():
-            for number, shape in enumerate(join_capsules(model.tree.links[link].collisions)):
+            for number, shape in enumerate(solids(model.tree.links[link].collisions)):
                 self._add_collision(body, model, link, number, shape, T_body_link @ shape.T_link_shape)
             if link in model.planes:
                 plane = Shape(f"link {link}", "plane", (), np.eye(4))
@@ -209,9 +203,7 @@ class Building:
             for part in (model.tree.links[link].mass, self._loads.get(f"{model.name}::{link}"))
             if part is not None and (part.mass > 0.0 or part.inertia.any())
         ]
-        mass = reduce(add, members, MassProperties()) if members else MassProperties()
-        if mass.mass <= 0.0:
-            raise DescriptionError(f"link {top}: it moves, but neither it nor what is fixed to it has a mass")
+        mass = moving_body(model.tree, top, reduce(add, members, MassProperties()))
         moments, R = mass.principal()
         low, middle, high = sorted(moments)
         body.explicitinertial = True
@@ -245,20 +237,13 @@ class Building:
     ) -> None:
         name, points = f"{model.name}::{link}#{number}", None
         if shape.kind == "mesh":
-            points = self._points(shape)
+            points = hull_of(shape).vertices
             self.result.spec.add_mesh(
                 name=name, uservert=points.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
             )
         self.add_shape(body, name, shape, T_body_geom, name if shape.kind == "mesh" else "")
         solid = Solid("hull" if shape.kind == "mesh" else shape.kind, shape.size, T_body_geom, points)
         self.result.geoms[name] = Geom(name, f"{model.name}::{link}", model.name, body.name, solid)
-
-    @staticmethod
-    def _points(shape: Shape) -> FloatArray:
-        try:
-            return _hull(str(resolve(shape.address)), shape.size)
-        except (HricError, RuntimeError, ValueError) as error:
-            raise DescriptionError(f"{shape.where}: mesh {shape.address}: {error}") from error
 
 
 def _may_touch(

@@ -8,15 +8,13 @@ from typing import Any
 import coal
 import numpy as np
 
-from hric_control.errors import DescriptionError, HricError
 from hric_control.geometry import FloatArray
+from hric_control.meshes.canonical import hull_of
 from hric_control.plants.faces import Solid
-from hric_control.plants.resources import resolve
 from hric_control.urdf import Shape as Described
-from hric_control.urdf import join_capsules
+from hric_control.urdf import solids
+from hric_control.urdf.shapes import FAR
 
-FAR = 1e9
-"""Radius of what has no end [m]."""
 _POINT = 1e-6
 """Radius of the ball that represents a point [m]; any small one does."""
 
@@ -39,10 +37,14 @@ class Shape:
 
 
 @lru_cache(maxsize=64)
-def _hull(path: str, scale: tuple[float, ...]) -> Any:
-    mesh = coal.MeshLoader().load(path, np.array(scale))
-    mesh.buildConvexHull(True, "Qt")
-    return mesh.convex
+def _convex(corners: bytes) -> Any:
+    points = coal.StdVec_Vec3s()
+    for point in np.frombuffer(corners).reshape(-1, 3):
+        points.append(point)
+    try:
+        return coal.ConvexBase.convexHull(points, True, "Qt")
+    except RuntimeError:  # a corner with more than 255 edges, such as one of a round lid; joggled, it shares them
+        return coal.ConvexBase.convexHull(points, True, "QJ")
 
 
 MAKERS: dict[str, Callable[..., Any]] = {
@@ -54,14 +56,7 @@ MAKERS: dict[str, Callable[..., Any]] = {
 
 
 def _geometry(shape: Described) -> Any:
-    if not all(0.0 < value < FAR for value in shape.size):
-        raise DescriptionError(f"{shape.where}: a {shape.measures}; all must be above 0 and below {FAR:g}")
-    if shape.kind != "mesh":
-        return MAKERS[shape.kind](*shape.size)
-    try:
-        return _hull(str(resolve(shape.address)), shape.size)
-    except (HricError, RuntimeError, ValueError) as error:
-        raise DescriptionError(f"{shape.where}: mesh {shape.address}: {error}") from error
+    return _convex(hull_of(shape).vertices.tobytes()) if shape.kind == "mesh" else MAKERS[shape.kind](*shape.size)
 
 
 def shapes(collisions: Sequence[Described]) -> list[Shape]:
@@ -71,7 +66,7 @@ def shapes(collisions: Sequence[Described]) -> list[Shape]:
         DescriptionError: a shape that cannot be used.
     """
     result = []
-    for shape in join_capsules(collisions):
+    for shape in solids(collisions):
         geometry, T = _geometry(shape), shape.T_link_shape
         geometry.computeLocalAABB()
         centre = T[:3, :3] @ np.asarray(geometry.aabb_center) + T[:3, 3]

@@ -129,6 +129,8 @@ class Engine:
         # Not kept for the engine's life: a process that is killed would leave it behind.
         with tempfile.TemporaryDirectory(prefix="hric_plant_") as folder:
             path = Path(folder) / "model.urdf"
+            for file, content in model.files.items():
+                (path.parent / file).write_bytes(content)
             path.write_text(model.xml, encoding="utf-8")
             try:
                 body_id = pybullet.loadURDF(

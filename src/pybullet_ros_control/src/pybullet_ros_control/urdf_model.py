@@ -8,6 +8,7 @@ can be set afterwards by the engine's own call, whatever their sign. Members wit
 engine links (massless), so that contacts name them.
 """
 
+import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -18,16 +19,17 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from hric_control.errors import DescriptionError, HricError
+from hric_control.errors import DescriptionError
 from hric_control.geometry import FloatArray, MassProperties, homogeneous
 from hric_control.geometry.transforms import inverse
-from hric_control.plants.resources import resolve
+from hric_control.meshes.canonical import hull_of, mesh_of, obj_text
+from hric_control.plants.bodies import moving_body
 from hric_control.urdf import (
     ONE_COORDINATE,
     Joint,
     Robot,
     Shape,
-    join_capsules,
+    solids,
     write_inertial,
     write_origin,
     write_shape,
@@ -69,6 +71,7 @@ class EngineModel:
         tops: for every link of the description, the one that names the rigid cluster it belongs to, and its pose in
             that.
         root: of the description.
+        files: meshes by the name that the xml has, to lie beside it.
     """
 
     name: str
@@ -82,6 +85,7 @@ class EngineModel:
     placements: dict[str, tuple[str, FloatArray]]
     tops: dict[str, Frame]
     root: str
+    files: dict[str, bytes]
 
 
 @dataclass
@@ -112,17 +116,6 @@ def _write_inertial(link: Element, mass: MassProperties, moments: FloatArray, R:
     low, middle, high = sorted(moments)
     written = moments if low > 0.0 and low + middle >= high else np.full(3, max(abs(high), abs(low)))
     write_inertial(link, mass.mass, homogeneous(R, mass.com), np.diag(written))
-
-
-def _write_shapes(parent: Element, shapes: Iterable[Shape], T: FloatArray, purpose: str) -> None:
-    """The shapes of a member at its pose in `parent`, with mesh addresses resolved to files."""
-    for shape in shapes:
-        if shape.kind == "mesh":
-            try:
-                shape = replace(shape, address=str(resolve(shape.address)))
-            except HricError as error:
-                raise DescriptionError(f"{shape.where}: {error}") from error
-        write_shape(parent, purpose, shape, T @ shape.T_link_shape)
 
 
 def _lines(element: Element) -> Iterator[str]:
@@ -160,6 +153,7 @@ class _Preparation:
         self.bodies: dict[str, MassProperties] = {}
         self.placements: dict[str, tuple[str, FloatArray]] = {}
         self.frames: dict[str, Frame] = {}
+        self.files: dict[str, bytes] = {}
 
     def mass(self, cluster: _Cluster) -> MassProperties:
         members = (
@@ -168,7 +162,7 @@ class _Preparation:
             for part in (self.robot.links[name].mass, self.loads.get(name))
         )
         parts = [part.moved(T) for T, part in members if part is not None and (part.mass > 0.0 or part.inertia.any())]
-        return reduce(add, parts) if parts else MassProperties()
+        return moving_body(self.robot, cluster.top, reduce(add, parts) if parts else MassProperties())
 
     def choose_base(self) -> FloatArray:
         """A fixed base is best the one root member that has a shape: then it is a static body, which the engine need
@@ -189,24 +183,33 @@ class _Preparation:
             self.moments[name], self.bodies[name] = tuple(moments.tolist()), mass
         return element
 
+    def write_shapes(self, parent: Element, shapes: Iterable[Shape], T: FloatArray, purpose: str) -> None:
+        """Write the shapes of a member at its pose in `parent`: a mesh is drawn as it is, and collides as its hull."""
+        for shape in shapes:
+            T_parent_shape = T @ shape.T_link_shape
+            if shape.kind == "mesh":
+                drawn = purpose == "visual"
+                text = mesh_of(shape) if drawn else obj_text(hull_of(shape), "a hull").encode()
+                shape = replace(shape, size=(1.0, 1.0, 1.0), address=f"{hashlib.sha256(text).hexdigest()}.obj")
+                self.files[shape.address] = text
+            if all(shape.size):
+                write_shape(parent, purpose, shape, T_parent_shape)
+
     def write_cluster(self, cluster: _Cluster, moving: bool) -> None:
-        mass = self.mass(cluster)
-        if moving and mass.mass <= 0.0:
-            raise DescriptionError(f"link {cluster.top}: it moves, but neither it nor what is fixed to it has a mass")
-        top = self.write_link(cluster.top, mass if moving else MassProperties())
+        top = self.write_link(cluster.top, self.mass(cluster) if moving else MassProperties())
         for name, T in cluster.poses.items():
             link, own = self.robot.links[name], bool(self.robot.links[name].collisions) and name != cluster.top
             self.frames[name] = Frame(name, np.eye(4)) if own else Frame(cluster.top, T)
             if self.visual:
-                _write_shapes(top, link.visuals, T, "visual")
+                self.write_shapes(top, link.visuals, T, "visual")
             if own:
-                _write_shapes(
-                    self.write_link(name, MassProperties()), join_capsules(link.collisions), np.eye(4), "collision"
+                self.write_shapes(
+                    self.write_link(name, MassProperties()), solids(link.collisions), np.eye(4), "collision"
                 )
                 fixed = SubElement(self.element, "joint", name=f"{name}__fixed", type="fixed")
                 self.connect(fixed, cluster.top, name, T)
             else:
-                _write_shapes(top, join_capsules(link.collisions), T, "collision")
+                self.write_shapes(top, solids(link.collisions), T, "collision")
 
     @staticmethod
     def connect(element: Element, parent: str, child: str, T: FloatArray) -> None:
@@ -250,6 +253,7 @@ class _Preparation:
             self.placements,
             {name: Frame(cluster.top, cluster.poses[name]) for name, cluster in self.of.items()},
             self.robot.root,
+            self.files,
         )
 
 
@@ -273,7 +277,7 @@ def prepare(
         stops: whether the engine stops the joints at the ends of their ranges.
 
     Raises:
-        DescriptionError: a joint type that the engine lacks, a moving link without mass, or a mesh that does not exist.
+        DescriptionError: a joint type that the engine lacks, a moving link without mass, or a mesh that cannot be used.
         UnknownNameError: a load on a link that does not exist.
     """
     for name in loads or {}:

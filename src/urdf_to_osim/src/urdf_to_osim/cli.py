@@ -13,6 +13,7 @@ import opensim
 from hric_control.errors import DescriptionError, FailureError, ParameterError
 from hric_control.parameters import declared, read_yaml
 from hric_control.processes import run_command
+from hric_control.urdf.elements import parse
 from urdf_to_osim.converter import Conversion, convert
 from urdf_to_osim.options import CHOICES, Options
 from urdf_to_osim.output import SUFFIX, write
@@ -159,9 +160,9 @@ def read_description(source: str, xacro_arguments: Sequence[str] = ()) -> str:
         raise ParameterError(f"--xacro-arg needs an input that ends in .xacro; got {source}")
     try:
         content = sys.stdin.buffer.read() if source == "-" else Path(source).read_bytes()
-        return ElementTree.tostring(ElementTree.fromstring(content), encoding="unicode")
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise DescriptionError(f"{source}: not XML: {error}") from error
+        return ElementTree.tostring(parse(content), encoding="unicode")
+    except DescriptionError as error:
+        raise DescriptionError(f"{source}: {error}") from error
     except OSError as error:
         raise ParameterError(f"{source} cannot be read: {error.strerror}") from error
 

@@ -138,9 +138,9 @@ class _Builder:
         self.joints[joint.name] = JointMap(joint.type, f"/jointset/{name}", joints.coordinate_names(joint, name))
 
     def _body(self, link: str) -> opensim.Body:
-        name, mass = self.plan.links[link], self.plan.robot.links[link].mass
+        name, mass = self.plan.links[link], self.plan.masses.get(link)
         body = opensim.Body(name, 0.0, opensim.Vec3(0.0), opensim.Inertia(0.0))
-        if mass is not None and mass.mass > 0.0:
+        if mass is not None:
             J = mass.inertia
             tensor = opensim.Inertia(*(float(J[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
             body = opensim.Body(name, mass.mass, transforms.vec3(mass.com), tensor)

@@ -11,6 +11,7 @@ import numpy as np
 
 from hric_control.errors import DescriptionError
 from hric_control.geometry import MassProperties, judge
+from hric_control.plants.bodies import as_point
 
 # Tensors are written with few digits: a thin rod or a plate may miss the inequality by this part of its largest moment.
 # Project default, unconfirmed.
@@ -73,7 +74,7 @@ def repaired(body: MassProperties) -> tuple[MassProperties, str]:
 
 
 def settled(name: str, body: MassProperties, choice: str) -> tuple[MassProperties, str]:
-    """The mass properties of a link to build with, and a note (empty if nothing was done).
+    """Return the mass properties of a link to build with, and a note (empty if nothing was done).
 
     Args:
         name: of the link.
@@ -86,10 +87,9 @@ def settled(name: str, body: MassProperties, choice: str) -> tuple[MassPropertie
     reason = fault(body)
     if not reason:
         return body, ""
-    cannot_keep = says_nothing(body)
-    if choice == "refuse" or (choice == "keep" and cannot_keep):
+    if choice == "keep" and body.mass > 0.0:
+        return body if not _has_none(body) else as_point(body), f"link {name}: {reason}; kept as it is"
+    if choice in ("refuse", "keep"):
         raise DescriptionError(f"link {name}: {reason}; correct its <inertial>, or convert with inertia repair")
-    if choice == "keep":
-        return body, f"link {name}: {reason}; kept as it is"
     mended, what = repaired(body)
     return mended, f"link {name}: {reason}; {what}"

@@ -1,12 +1,16 @@
 """What is decided before a model is built: names, inertias, and which links become bodies."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
 
 import numpy as np
 
 from hric_control.errors import DescriptionError, UnknownNameError
+from hric_control.geometry import MassProperties
+from hric_control.plants.bodies import moving_body
 from hric_control.urdf import ONE_COORDINATE, Joint, Link, Robot
 from hric_control.urdf.mass_matrix import mass_matrix
 from urdf_to_osim import friction, inertia
@@ -30,6 +34,8 @@ class Plan:
         robot: with inertias settled.
         links, joints: names of the description -> names in OpenSim.
         bodies: links that become bodies; the others are frames.
+        masses: of the bodies, in axes of the link; of those without mass none. The sum over links that are fixed to
+            each other is that of `robot`.
         notes: what was repaired, kept or renamed, and how friction was made smooth.
         friction_velocities: of Coulomb friction, -f tanh(dq/v), for each joint that has it [rad/s or m/s].
     """
@@ -39,6 +45,7 @@ class Plan:
     links: dict[str, str]
     joints: dict[str, str]
     bodies: frozenset[str]
+    masses: dict[str, MassProperties]
     notes: tuple[str, ...]
     friction_velocities: dict[str, float]
 
@@ -60,12 +67,15 @@ def prepare(robot: Robot, options: Options) -> Plan:
     joints = legal_names("joint", robot.joints, options.names, notes)
     _check_friction(robot, options)
     _check_coordinates(robot, joints)
-    settled = _settle_inertias(robot, options, notes)
+    joined = _join_faulty(robot, options, notes)
+    settled = _settle_inertias(robot, options, joined, notes)
     moved = {joint.child for joint in robot.joints.values() if joint.type != "fixed"}
-    bodies = frozenset(name for name, link in settled.links.items() if name in moved or _has_mass(link))
+    masses = {name: link.mass for name, link in settled.links.items()} | joined
+    carried = {name: mass for name, mass in masses.items() if mass is not None and mass.mass > 0.0}
+    bodies = frozenset(moved | set(carried))
     velocities = friction.transition_velocities(settled, options)
     notes += [friction.note(velocities)] if velocities else []
-    return Plan(robot, settled, links, joints, bodies, tuple(notes), velocities)
+    return Plan(robot, settled, links, joints, bodies, carried, tuple(notes), velocities)
 
 
 def legal_names(kind: str, names: Iterable[str], choice: str, notes: list[str]) -> dict[str, str]:
@@ -125,22 +135,48 @@ def _free(wish: str, taken: set[str]) -> str:
     return candidate
 
 
-def _settle_inertias(robot: Robot, options: Options, notes: list[str]) -> Robot:
+def _join_faulty(robot: Robot, options: Options, notes: list[str]) -> dict[str, MassProperties | None]:
+    """Return the masses of links that are fixed to each other, where one of them is no body by itself and together they
+    are one: the topmost has all of it."""
+    clusters: dict[str, dict[str, MassProperties]] = {}
+    for name, (top, T_top_link) in robot.rigid_groups().items():
+        cluster, mass = clusters.setdefault(top, {}), robot.links[name].mass
+        if mass is not None and (mass.mass > 0.0 or mass.inertia.any()):
+            cluster[name] = mass.moved(T_top_link)
+    joined: dict[str, MassProperties | None] = {}
+    for top, members in clusters.items():
+        faulty = [name for name, mass in members.items() if inertia.fault(mass)]
+        if not faulty or set(members) == {top}:
+            continue
+        total = reduce(add, members.values())
+        if inertia.fault(total) and options.inertia != "keep":
+            continue
+        total, note = inertia.settled(top, total, options.inertia)
+        joined |= dict.fromkeys(members) | {top: total}
+        notes.append(note or f"link {', '.join(faulty)}: no body, but one with what it is fixed to; {top} has it all")
+    return joined
+
+
+def _settle_inertias(
+    robot: Robot, options: Options, joined: Mapping[str, MassProperties | None], notes: list[str]
+) -> Robot:
     links = dict(robot.links)
     for name, link in robot.links.items():
-        if link.mass is not None:
+        if link.mass is not None and name not in joined:
             mass, note = inertia.settled(name, link.mass, options.inertia)
             links[name] = replace(link, mass=mass)
             notes += [note] if note else []
     # From the leaves inwards, since what a link gets counts for the one before it.
     for joint in reversed(robot.joints.values()):
         reason = "" if joint.type == "fixed" else _carries_nothing(joint, robot.joints.values(), links)
-        if reason and options.inertia not in REPAIRING:
+        if reason and options.inertia == "keep":
+            links[joint.child] = replace(links[joint.child], mass=moving_body(robot, joint.child, MassProperties()))
+        elif reason and options.inertia not in REPAIRING:
             raise DescriptionError(
                 f"link {joint.child}: {reason}; give it an <inertial>, make the joint fixed, or convert with "
                 "inertia repair"
             )
-        if reason:
+        elif reason:
             links[joint.child] = replace(links[joint.child], mass=inertia.MINIMUM)
             notes.append(
                 f"link {joint.child}: {reason}; it got {inertia.MIN_MASS:g} kg and {inertia.MIN_INERTIA:g} kg m^2"

@@ -14,6 +14,7 @@ from hric_control.errors import DescriptionError, HricError, ParameterError, Unk
 from hric_control.geometry import FloatArray, MassProperties
 from hric_control.plant import Load, Surface
 from hric_control.plants.bushings import near_links
+from hric_control.plants.resources import read_description
 from hric_control.plants.surfaces import Surfaces
 from hric_control.plants.worlds import PLAIN_LINK, WorldObject
 from hric_control.urdf import Robot, read, write_inertial
@@ -79,9 +80,8 @@ def model_of_object(item: WorldObject) -> Model:
     """A model from an object of a world file."""
     fixed = item.mass == 0.0
     if item.urdf is not None:
-        model = model_of_urdf(
-            item.name, item.urdf.read_text(encoding="utf-8"), item.T_world_object, fixed=fixed, surface=item.surface
-        )
+        text = read_description(item.urdf)
+        model = model_of_urdf(item.name, text, item.T_world_object, fixed=fixed, surface=item.surface)
     else:
         xml = _shape_urdf(item)
         planes = frozenset([PLAIN_LINK]) if item.shape == "plane" else frozenset()

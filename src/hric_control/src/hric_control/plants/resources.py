@@ -6,7 +6,8 @@ from pathlib import Path
 from urllib.parse import unquote, urlparse
 from xml.etree import ElementTree
 
-from hric_control.errors import HricError, check_known
+from hric_control.errors import DescriptionError, HricError, check_known
+from hric_control.urdf.elements import parse
 
 
 @lru_cache(maxsize=4)
@@ -24,7 +25,7 @@ def _packages(search_path: str) -> dict[str, Path]:
 
 
 def package_path(name: str) -> Path:
-    """Folder of a ROS package, by ROS_PACKAGE_PATH.
+    """Return the folder of a ROS package, by ROS_PACKAGE_PATH.
 
     Raises:
         UnknownNameError: no such package.
@@ -35,7 +36,7 @@ def package_path(name: str) -> Path:
 
 
 def resolve(address: str, relative_to: Path | None = None) -> Path:
-    """Path of an existing file.
+    """Return the path of an existing file.
 
     Args:
         address: a path, file://..., or package://<package>/<path>.
@@ -46,15 +47,48 @@ def resolve(address: str, relative_to: Path | None = None) -> Path:
     """
     parts = urlparse(address)
     if parts.scheme == "package":
-        path = package_path(parts.netloc) / unquote(parts.path).lstrip("/")
-    elif parts.scheme == "file":
-        path = Path(unquote(parts.netloc + parts.path))
-    elif parts.scheme and len(parts.scheme) > 1:
+        package, _, rest = (parts.netloc + parts.path).lstrip("/").partition("/")
+        path = package_path(package) / unquote(rest)
+    elif parts.scheme not in ("", "file") and len(parts.scheme) > 1:
         raise HricError(f"{address}: scheme {parts.scheme}:// is not known; valid: a path, file://, package://")
     else:
-        path = Path(address).expanduser()
-        if relative_to is not None and not path.is_absolute():
-            path = relative_to / path
+        path = (relative_to or Path()) / _local(address)
     if not path.is_file():
         raise HricError(f"no file {path}" + (f" ({address})" if str(path) != address else ""))
     return path
+
+
+def _local(address: str) -> Path:
+    parts = urlparse(address)
+    return Path(unquote(parts.netloc + parts.path)) if parts.scheme == "file" else Path(address).expanduser()
+
+
+def anchored(document: str | bytes, folder: Path) -> str:
+    """Return the text of a description that means the same wherever it is read: the files that it names by relative
+    addresses lie beside it.
+
+    Args:
+        document: text, or the bytes of a file in the encoding that it declares.
+        folder: of the description.
+
+    Raises:
+        DescriptionError: it is no description.
+    """
+    root = parse(document)
+    for element in root.iter():
+        address = element.get("filename") if element.tag in ("mesh", "texture") else None
+        if address and urlparse(address).scheme in ("", "file"):
+            element.set("filename", str(folder.resolve() / _local(address)))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def read_description(path: Path) -> str:
+    """Return the text of a URDF file, `anchored` in its folder.
+
+    Raises:
+        DescriptionError: it cannot be read, or is no description.
+    """
+    try:
+        return anchored(path.read_bytes(), path.parent)
+    except OSError as error:
+        raise DescriptionError(f"cannot read {path}: {error.strerror}") from error

@@ -13,6 +13,7 @@ from franka_hw_interface.friction_file import JOINTS, read_friction
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from hric_bags.run_folder import runs_root
 from hric_control.plants import Phi, sigmoid_parameters
+from hric_control.plants.resources import read_description
 from hric_control.urdf import read
 from hric_experiments.check_model import csv_log
 
@@ -100,12 +101,7 @@ def _description(given: argparse.Namespace, source: Source, arm_id: str) -> tupl
     if given.urdf is not None:
         if own:
             raise LogError("--urdf brings its own inertials and hand; valid: without --inertials and --no-hand")
-        try:
-            return given.urdf.read_text(), given.urdf.name, None
-        except (OSError, UnicodeDecodeError) as error:
-            raise LogError(
-                f"cannot read {given.urdf}: {getattr(error, 'strerror', None) or 'it is no text'}"
-            ) from error
+        return read_description(given.urdf), given.urdf.name, None
     if source.urdf and not own:
         return source.urdf, "robot.urdf of the run", None
     hand = not given.no_hand and (not source.urdf or f'"{arm_id}_hand"' in source.urdf)

@@ -92,10 +92,11 @@ def human_muscles(experiment: Experiment) -> dict[str, list[list[Any]]]:
 def _description_of(address: str) -> str:
     try:
         path = resources.resolve(address)
-        text = path.read_text()
-    except (HricError, OSError) as error:
+        if path.suffix == ".xacro":
+            return resources.anchored(str(panda_description.process_xacro(path, {}).toxml()), path.parent)
+        return resources.read_description(path)
+    except HricError as error:
         raise HricError(f"cannot read the robot description {address}: {error}") from error
-    return text if path.suffix != ".xacro" else str(panda_description.process_xacro(path, {}).toxml())
 
 
 def controllers_file() -> Path:

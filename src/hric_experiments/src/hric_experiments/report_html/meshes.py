@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from urdf_to_osim.mesh_files import Surface, read_coloured
+from hric_control.meshes.canonical import Surface
+from hric_control.meshes.files import read_coloured
 
 TRIANGLES = 3000
 """Of one mesh at most: the Panda's links look round, and a page's meshes take half a megabyte. Project default,

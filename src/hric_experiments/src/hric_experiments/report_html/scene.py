@@ -12,10 +12,10 @@ import numpy.typing as npt
 from hric_bags.reader import ControlRecord
 from hric_control.errors import HricError
 from hric_control.geometry import FloatArray, Pose, quaternion_from_rotation
+from hric_control.meshes.canonical import UnreadableMeshError
 from hric_control.plants import resources
 from hric_control.urdf import Joint, Shape, read
 from hric_experiments.report.style import Stops
-from urdf_to_osim.mesh_files import UnreadableMeshError
 
 GREY = (0.86, 0.87, 0.88, 1.0)
 """Of links without a material."""

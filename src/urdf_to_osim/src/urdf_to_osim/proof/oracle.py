@@ -19,6 +19,7 @@ from hric_control.errors import DescriptionError
 from hric_control.geometry import FloatArray, MassProperties, homogeneous
 from hric_control.geometry.transforms import inverse
 from hric_control.urdf import Joint, Limit, write_inertial, write_origin
+from hric_control.urdf.elements import parse
 from urdf_to_osim import transforms
 from urdf_to_osim.joints import joint_rotation
 from urdf_to_osim.prepare import Plan
@@ -177,8 +178,11 @@ MOTIONS: dict[str, Callable[[FloatArray, FloatArray], Motion]] = {
 
 
 def rewritten(plan: Plan, urdf_xml: str) -> str:
-    """The description as pinocchio is to read it."""
-    root = ElementTree.fromstring(urdf_xml)
+    """Return the description as pinocchio is to read it."""
+    root = parse(urdf_xml)
+    for element in root.iter():
+        for name in {"xyz", "rpy", "quat_xyzw"}.intersection(element.keys()):
+            element.set(name, " ".join(element.get(name, "").split()))  # urdfdom takes spaces only
     root.set("name", plan.robot.name)
     for parent in list(root.iter()):
         for child in [child for child in parent if child.tag in NOT_DYNAMICS]:

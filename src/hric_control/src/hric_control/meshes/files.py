@@ -1,8 +1,7 @@
-"""One mesh file in, its triangles out; and triangles as the .obj that OpenSim reads."""
+"""One mesh file in, its triangles out."""
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -10,17 +9,11 @@ from xml.etree import ElementTree
 import collada
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
-from hric_control.geometry import FloatArray
+from hric_control.meshes.canonical import Surface, UnreadableMeshError
 
-IntArray = NDArray[np.int64]
 Part = tuple[Any, Any, tuple[float, ...] | None]
 """Vertices, faces and colour of what shares a material."""
-
-
-class UnreadableMeshError(Exception):
-    """The file is not what its ending says, or holds no surface."""
 
 
 LOOKS = (
@@ -36,24 +29,6 @@ LOOKS = (
     "instance_light",
     "instance_controller",
 )
-
-
-@dataclass(frozen=True)
-class Surface:
-    """Triangles in the axes of the mesh.
-
-    Attributes:
-        vertices: shape (n, 3) [m].
-        faces: indices of vertices, counter-clockwise seen from outside, shape (m, 3).
-    """
-
-    vertices: FloatArray
-    faces: IntArray
-
-    @property
-    def bounds(self) -> FloatArray:
-        """Smallest and greatest coordinates, shape (2, 3) [m]."""
-        return np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
 def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) -> Surface:
@@ -163,14 +138,3 @@ def _clean(mesh: Any, scale: tuple[float, float, float]) -> Surface:
     if not len(mesh.faces):
         raise UnreadableMeshError("no triangle with an area in it")
     return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
-
-
-def obj_text(surface: Surface, source: str) -> str:
-    """The surface as Wavefront .obj with nine digits, without normals, textures and materials.
-
-    Args:
-        source: what the first line says it was made from.
-    """
-    vertices = ("v %.9g %.9g %.9g\n" * len(surface.vertices)) % tuple(surface.vertices.ravel().tolist())
-    faces = ("f %d %d %d\n" * len(surface.faces)) % tuple((surface.faces + 1).ravel().tolist())
-    return f"# from {source}; unit: m\n{vertices}{faces}"
