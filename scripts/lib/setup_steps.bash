@@ -223,7 +223,7 @@ share_none() { echo 0; }
 about_part() {
   case $1 in
     run) echo " (1.3 GB)" ;;
-    checks) echo " of tests and lint (0.2 GB)" ;;
+    checks) echo " of tests and lint (0.6 GB)" ;;
     pictures) echo " that draw pictures (0.6 GB)" ;;
     search) echo " that search worst cases (40 MB)" ;;
     cluster) echo " of sweeps on a cluster (45 MB)" ;;
