@@ -9,8 +9,10 @@ import yaml
 
 from hric_control.errors import HricError, ParameterError, UnknownNameError
 from hric_control.parameters import number
+from hric_control.plant import Mode
 from hric_control.plants import (
     Losses,
+    MovingJoints,
     PlantConfig,
     StopMemory,
     Surface,
@@ -20,15 +22,36 @@ from hric_control.plants import (
     friction_force,
     load_world,
     masked,
+    reciprocals,
     sigmoid_torque,
 )
 from hric_control.plants.resources import resolve
 from hric_control.plants.surfaces import SLIP_VELOCITY
+from hric_control.urdf import read
 
 
 @pytest.fixture
 def rng():
     return np.random.default_rng(0)
+
+
+FOLLOWERS = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+<joint name="free" type="continuous"><parent link="a"/><child link="b"/></joint>
+<joint name="led" type="continuous"><parent link="b"/><child link="c"/>
+<mimic joint="lead" multiplier="-2" offset="0.1"/></joint>
+<joint name="lead" type="continuous"><parent link="c"/><child link="d"/></joint></robot>"""
+
+
+def test_a_joint_that_mimics_another_starts_on_its_law_and_is_never_held_by_itself():
+    joints = MovingJoints(list(read(FOLLOWERS).joints.values()), ["lead"], "r")
+    assert joints.start([0.3], [0.4], [0.7, 9.0, 9.0]) == ([0.7, pytest.approx(-0.5), 0.3], [0.0, -0.8, 0.4])
+    assert joints.law_jacobian().tolist() == [[1.0, 0.0, 0.0], [0.0, 0.0, -2.0], [0.0, 0.0, 1.0]]
+    modes = joints.modes([Mode.POSITION], [True], locked=True)
+    assert modes == [Mode.BRAKE, Mode.EFFORT, Mode.BRAKE]
+
+
+def test_a_joint_that_cannot_move_meets_its_stop_without_a_force():
+    assert reciprocals([4.0, 0.0, -1e-17]) == [0.25, 0.0, 0.0]
 
 
 def test_files_are_found_by_path_and_by_address(tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from hric_control.errors import DescriptionError, UnknownNameError
 from hric_control.geometry import homogeneous
-from hric_control.urdf import Limit, Shape, read, write_inertial, write_origin, write_shape
+from hric_control.urdf import Limit, Shape, mimic_laws, read, write_inertial, write_origin, write_shape
 from hric_control.urdf.robot import SafetyController
 
 TENSOR = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"/>'
@@ -81,6 +81,38 @@ def test_a_joint_has_its_frame_a_unit_axis_its_losses_and_whom_it_mimics() -> No
     follower = joint("k", "b", "c", inside=f'{LIMIT}<mimic joint="j" multiplier="-2"/>')
     mimic = read(robot(link("a"), link("b"), link("c"), joint("j", "a", "b"), follower)).joints["k"].mimic
     assert (mimic.joint, mimic.multiplier, mimic.offset) == ("j", -2.0, 0.0)
+
+
+FOLLOWERS = robot(
+    link("a"), link("b"), link("c"), link("d"),
+    joint("last", "c", "d", inside=f'{LIMIT}<mimic joint="middle" multiplier="3" offset="0.5"/>'),
+    joint("middle", "b", "c", inside=f'{LIMIT}<mimic joint="first" multiplier="-2" offset="0.1"/>'),
+    joint("first", "a", "b"),
+)  # fmt: skip
+
+
+def test_a_chain_of_joints_that_mimic_each_other_follows_the_one_at_its_end() -> None:
+    laws = mimic_laws(read(FOLLOWERS).joints)
+    assert {name: (law.joint, law.multiplier, law.offset) for name, law in laws.items()} == {
+        "middle": ("first", -2.0, 0.1),
+        "last": ("first", -6.0, pytest.approx(0.8)),
+    }
+
+
+def test_a_joint_that_mimics_another_is_not_driven_by_itself() -> None:
+    tree = read(FOLLOWERS)
+    tree.check_actuated(["first"])
+    with pytest.raises(DescriptionError, match="joint last: it mimics middle and cannot be driven by itself; remove"):
+        tree.check_actuated(["first", "last"])
+    with pytest.raises(UnknownNameError, match="no moving joint 'second' in robot r; valid: first, last, middle"):
+        tree.check_actuated(["second"])
+    with pytest.raises(DescriptionError, match="robot r: no joint to drive; give at least one a <transmission>"):
+        tree.check_actuated([])
+
+
+def test_neighbours_are_all_links_between_which_one_joint_moves_at_the_most() -> None:
+    pairs = " ".join(sorted("-".join(sorted(pair)) for pair in read(ARM).neighbours()))
+    assert pairs == "base-box base-upper box-lower box-tool box-upper lower-tool lower-upper tool-upper"
 
 
 @pytest.mark.parametrize(

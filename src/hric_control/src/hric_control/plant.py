@@ -281,8 +281,8 @@ class Plant(ABC):
 
     @abstractmethod
     def mass_matrix(self) -> FloatArray:
-        """The engine's own joint-space mass matrix at the present q, without rotor inertia, shape (n, n) [kg m^2]; for
-        checks."""
+        """The engine's own joint-space mass matrix at the present q, without rotor inertia, with what joints that mimic
+        the actuated ones add to it, shape (n, n) [kg m^2]; for checks."""
 
     def close(self) -> None:  # noqa: B027  (an engine that holds nothing need not say so)
         """Release the engine."""

@@ -11,9 +11,9 @@ from hric_control.plants.engine_plant import EnginePlant
 from hric_control.plants.friction import PHI, Phi, sigmoid_parameters, sigmoid_torque
 from hric_control.plants.masks import load_masks, masked
 from hric_control.plants.models import Model, Models, model_of_object, model_of_urdf, payload
-from hric_control.plants.moving_joints import Losses, MovingJoints
+from hric_control.plants.moving_joints import Losses, MovingJoints, law_jacobian
 from hric_control.plants.spring_step import Springs
-from hric_control.plants.stops import StopLaw, StopMemory
+from hric_control.plants.stops import StopLaw, StopMemory, reciprocals
 from hric_control.plants.surfaces import SurfaceRule, Surfaces, combine, friction_force
 from hric_control.plants.worlds import PLAIN_LINK, WorldObject, load_surfaces, load_world
 from hric_control.plants.wrenches import Wrenches
@@ -44,6 +44,7 @@ __all__ = [
     "Wrenches",
     "combine",
     "friction_force",
+    "law_jacobian",
     "load_masks",
     "load_surfaces",
     "load_world",
@@ -52,6 +53,7 @@ __all__ = [
     "model_of_urdf",
     "near_links",
     "payload",
+    "reciprocals",
     "rotor_inertia",
     "sigmoid_parameters",
     "sigmoid_torque",

@@ -39,6 +39,19 @@ class Losses:
         return [0.5 * phi1, 0.5 * phi2, phi3, math.tanh(0.5 * phi2 * phi3)]
 
 
+Follower = tuple[int, int, float, float]
+"""A joint that mimics another: its index, that of the joint at the end of its chain, and multiplier and offset [rad or
+m] of its law q = multiplier q of that joint + offset."""
+
+
+def law_jacobian(count: int, followers: Sequence[Follower]) -> FloatArray:
+    """Change of all speeds per speed of each of `count` joints, shape (n, n): what mimics goes with its leader."""
+    J = np.eye(count)
+    for i, leader, multiplier, _ in followers:
+        J[i, i], J[i, leader] = 0.0, multiplier
+    return J
+
+
 class MovingJoints:
     """Vectors of all moving joints, in the engine's order, and of the actuated ones, in the user's.
 
@@ -50,6 +63,7 @@ class MovingJoints:
     Attributes:
         names: of all that move.
         user: indices of the actuated ones among them, in the user's order.
+        followers: those that mimic others.
         straight: whether both orders are the same, and all joints actuated.
         zeros: one of each moving joint.
 
@@ -64,6 +78,11 @@ class MovingJoints:
             if name not in self.names:
                 raise UnknownNameError("moving joint", name, self.names, f"robot {robot}")
         self.user = [self.names.index(name) for name in actuated]
+        laws = urdf.mimic_laws({joint.name: joint for joint in joints})
+        self.followers: list[Follower] = [
+            (self.names.index(name), self.names.index(law.joint), law.multiplier, law.offset)
+            for name, law in laws.items()
+        ]
         self.straight = self.user == list(range(len(joints)))
         self.zeros = [0.0] * len(joints)
         self._straight_length = len(joints) if self.straight else -1
@@ -104,8 +123,8 @@ class MovingJoints:
             q[:], dq[:], tau[:] = map(self.pick, state)
 
     def start(self, q: Sequence[float], dq: Sequence[float], now: Sequence[float]) -> tuple[list[float], list[float]]:
-        """Positions and speeds of all moving joints [rad or m, rad/s or m/s]: q and dq of the actuated ones, the others
-        at rest where they are now.
+        """Positions and speeds of all moving joints [rad or m, rad/s or m/s]: q and dq of the actuated ones, those that
+        mimic others by their laws, the rest where they are now at rest.
 
         Raises:
             CommandError: a value is not finite, or there are not as many as joints.
@@ -113,10 +132,20 @@ class MovingJoints:
         full_q, full_dq = self.spread(q, now), self.spread(dq, self.zeros)
         if not all(map(math.isfinite, full_q + full_dq)):
             raise CommandError(f"q and dq must be finite; got {list(q)} and {list(dq)}")
+        self.follow(full_q, full_dq)
         return full_q, full_dq
 
+    def follow(self, q: list[float], dq: list[float]) -> None:
+        """Have joints that mimic others on their laws, in positions and speeds of all moving joints in place."""
+        for i, leader, multiplier, offset in self.followers:
+            q[i], dq[i] = multiplier * q[leader] + offset, multiplier * dq[leader]
+
+    def law_jacobian(self) -> FloatArray:
+        """Change of all speeds per speed of each joint, shape (n, n); see `law_jacobian`."""
+        return law_jacobian(len(self.joints), self.followers)
+
     def modes(self, modes: Sequence[Mode], brakes: Sequence[bool], *, locked: bool) -> list[Mode]:
-        """Of all moving joints, by those of the actuated ones.
+        """Modes of all moving joints; what mimics a joint is never held by itself.
 
         Args:
             modes, brakes: of the actuated joints; a brake is stronger than a mode.
@@ -125,6 +154,8 @@ class MovingJoints:
         full = [Mode.BRAKE if locked else Mode.EFFORT] * len(self.joints)
         for i, mode, braked in zip(self.user, modes, brakes, strict=True):
             full[i] = Mode.BRAKE if braked else mode
+        for i, *_ in self.followers:
+            full[i] = Mode.EFFORT
         return full
 
     def losses(self, config: PlantConfig) -> list[Losses]:

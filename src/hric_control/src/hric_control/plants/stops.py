@@ -5,7 +5,7 @@ until then. The robot's stops are of its engine; those of other models are a spr
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 
 class StopMemory:
@@ -48,6 +48,16 @@ STOP_RATE = 2.0 * math.pi * 50.0
 force held over the step does not shake it (default chosen by this project, unconfirmed)."""
 
 
+_STUCK = 1e-12
+"""Mobility below which a joint cannot move but for rounding, as one that mimics another with a multiplier of 0
+[1/(kg m^2) or 1/kg] (project default, unconfirmed)."""
+
+
+def reciprocals(mobilities: Iterable[float]) -> list[float]:
+    """Inertias of joints from their mobilities [1/(kg m^2) or 1/kg]; 0 of a joint that cannot move."""
+    return [1.0 / float(mobility) if mobility > _STUCK else 0.0 for mobility in mobilities]
+
+
 class StopLaw:
     """What the ends of the ranges of a spawned model's joints do: k (limit - q) - c dq beyond the limit, never inwards.
 
@@ -57,7 +67,8 @@ class StopLaw:
 
     Args:
         limits: (lower, upper) per joint [rad or m], in the order of all vectors here.
-        inertias: gives 1 / (M^-1)_ii of each joint now, M of the whole model [kg m^2 or kg]; needed while a stop acts.
+        inertias: gives 1 / (M^-1)_ii of each joint now, M of the whole model [kg m^2 or kg], 0 of one that cannot move;
+            needed while a stop acts.
     """
 
     def __init__(self, limits: Sequence[tuple[float, float]], inertias: Callable[[], Sequence[float]]) -> None:

@@ -9,7 +9,17 @@ cannot hold, such as floating joints in PyBullet or an inertia that no body has,
 """
 
 from hric_control.urdf.reading import read
-from hric_control.urdf.robot import BOUNDED, NO_LIMIT, ONE_COORDINATE, Joint, Limit, Link, Robot, SafetyController
+from hric_control.urdf.robot import (
+    BOUNDED,
+    NO_LIMIT,
+    ONE_COORDINATE,
+    Joint,
+    Limit,
+    Link,
+    Robot,
+    SafetyController,
+    mimic_laws,
+)
 from hric_control.urdf.shapes import Shape, join_capsules, solids
 from hric_control.urdf.writing import write_inertial, write_origin, write_shape
 
@@ -24,6 +34,7 @@ __all__ = [
     "SafetyController",
     "Shape",
     "join_capsules",
+    "mimic_laws",
     "read",
     "solids",
     "write_inertial",

@@ -1,8 +1,9 @@
 """The tree of a description: links, and joints from the root outwards."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -107,6 +108,18 @@ class Joint:
         return velocity if velocity > 0.0 else math.inf
 
 
+def mimic_laws(joints: Mapping[str, Joint]) -> dict[str, Mimic]:
+    """Law of each joint that mimics another, by name; its `joint` is the end of the chain, which mimics none."""
+    laws: dict[str, Mimic] = {}
+    for name, joint in joints.items():
+        if (law := joint.mimic) is None:
+            continue
+        while (above := joints[law.joint].mimic) is not None:
+            law = Mimic(above.joint, law.multiplier * above.multiplier, law.multiplier * above.offset + law.offset)
+        laws[name] = law
+    return laws
+
+
 @dataclass(frozen=True)
 class Link:
     """A link of the description.
@@ -139,6 +152,24 @@ class Robot:
     def check_link(self, name: str) -> None:
         """Raises UnknownNameError where there is no such link."""
         check_known("link", [name], self.links, f"robot {self.name}")
+
+    def check_actuated(self, names: Sequence[str]) -> None:
+        """Refuse joints that nothing can drive by themselves.
+
+        Raises:
+            UnknownNameError: no such moving joint.
+            DescriptionError: there is none, or one that mimics another joint.
+        """
+        if not names:
+            raise DescriptionError(f"robot {self.name}: no joint to drive; give at least one a <transmission>")
+        moving = [joint.name for joint in self.joints.values() if joint.type != "fixed"]
+        check_known("moving joint", names, moving, f"robot {self.name}")
+        for mimic, name in ((self.joints[name].mimic, name) for name in names):
+            if mimic is not None:
+                raise DescriptionError(
+                    f"joint {name}: it mimics {mimic.joint} and cannot be driven by itself; remove its <transmission>, "
+                    "or its <mimic>"
+                )
 
     def path(self, root: str, tip: str) -> list[Joint]:
         """Joints from link `root` out to link `tip`.
@@ -184,3 +215,10 @@ class Robot:
             fixed = joint.type == "fixed"
             groups[joint.child] = (top, T_top_parent @ joint.T_parent_joint) if fixed else (joint.child, np.eye(4))
         return groups
+
+    def neighbours(self) -> set[frozenset[str]]:
+        """Pairs of links that never touch each other: between them are fixed joints only, or one joint that moves."""
+        tops = {link: top for link, (top, _) in self.rigid_groups().items()}
+        adjacent = {frozenset((tops[joint.parent], tops[joint.child])) for joint in self.joints.values()}
+        pairs = combinations(tops.items(), 2)
+        return {frozenset((a, b)) for (a, top_a), (b, top_b) in pairs if top_a == top_b or {top_a, top_b} in adjacent}
