@@ -135,9 +135,7 @@ class PenaltyContact:
 
     def _inverse_mass(self, row: FloatArray) -> float:
         """n' J (M + B)^-1 J' n [1/kg]; joints that are held have so large a B that they count as fixed."""
-        solved = np.empty((1, row.size))
-        mujoco.mj_solveM(self._scene.m, self._scene.d, solved, row[None])
-        return float(row @ solved[0])
+        return float(row @ self._scene.response(row[None])[0])
 
 
 def _normal(near: Sequence[_Near]) -> FloatArray:

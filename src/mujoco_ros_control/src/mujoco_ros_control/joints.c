@@ -1,28 +1,30 @@
-/* Joints in MuJoCo's model and data: one step with the state in and out as Python's lists, and the friction that was
-   identified on the Panda, inside the stages of the step. What joints.py explains. Of MuJoCo only the layout
-   of its structures is needed here; its functions come as addresses. */
+/* Joints in MuJoCo's model and data: one step with the state in and out as Python's lists; the friction that was
+   identified on the Panda, and joints that mimic others, inside the stages of the step. What joints.py explains. Of
+   MuJoCo only the layout of its structures is needed here; its functions come as addresses. */
 #include "hric_control/friction.h"
 #include "hric_control/python_numbers.h"
 
-#include <mujoco/mjdata.h>
-#include <mujoco/mjmodel.h>
+#include "mimic.h"
 
 /* MuJoCo's functions, in the order in which make_joints has them. */
-enum { POSITION, VELOCITY, ACTUATION, ACCELERATION, CONSTRAINT, IMPLICIT, RUNGE_KUTTA, LOADS, FUNCTIONS };
+enum { POSITION, VELOCITY, ACTUATION, ACCELERATION, CONSTRAINT, IMPLICIT, RUNGE_KUTTA, LOADS, MASS, MOVE, FUNCTIONS };
 
 /* A function's address as Python's ctypes has it. */
 typedef union {
     mjfGeneric plain;
     void (*of_order)(const mjModel *, mjData *, int);
+    void (*of_matrix)(const mjModel *, const mjData *, mjtNum *);
+    void (*of_positions)(const mjModel *, mjtNum *, const mjtNum *, mjtNum);
     void *data;
 } Address;
+
+static Address mujoco[FUNCTIONS]; /* the same for all */
 
 typedef struct {
     PyObject_HEAD
     const mjModel *model;
     mjData *data;
     PyObject *owners; /* whose memory this is */
-    Address functions[FUNCTIONS];
     int n, *dof, *position;
     double half, quiet; /* see make_joints */
     double *rotor, *effort, *before, *q, *dq;
@@ -46,6 +48,50 @@ static void add_friction(const mjModel *m, mjData *d)
 static PyObject *friction_address(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(nothing))
 {
     return PyLong_FromVoidPtr(((Address){.plain = add_friction}).data);
+}
+
+/* ---- joints that mimic others ---- */
+
+/* Factors of the mass matrix, with what the integrator has of damping in it. */
+static void factor_masses(const mjModel *m, const mjData *d, double step, double *A)
+{
+    mujoco[MASS].of_matrix(m, d, A);
+    for (int k = 0; k < m->nv; k++)
+        A[k * m->nv + k] += step * m->dof_damping[k];
+    factor(m->nv, A);
+}
+
+/* MuJoCo's mjcb_control, one for all models of the process, in each stage before what follows from all forces: the
+   efforts that keep its accelerations on the laws. */
+static void keep_laws(const mjModel *m, mjData *d)
+{
+    Law laws[m->neq > 0 ? m->neq : 1];
+    const int count = take_laws(m, laws), n = m->nv;
+    if (count == 0)
+        return;
+    double A[n * n], acceleration[n];
+    mujoco[ACTUATION].plain(m, d);
+    mujoco[ACCELERATION].plain(m, d);
+    memcpy(acceleration, d->qacc_smooth, sizeof acceleration);
+    factor_masses(m, d, 0.0, A);
+    constrain(m, count, laws, A, acceleration, d->qfrc_passive);
+}
+
+static PyObject *laws_address(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(nothing))
+{
+    return PyLong_FromVoidPtr(((Address){.plain = keep_laws}).data);
+}
+
+static void settle_laws(const mjModel *m, mjData *d)
+{
+    Law laws[m->neq > 0 ? m->neq : 1];
+    const int count = take_laws(m, laws), explicit = m->opt.integrator == mjINT_RK4;
+    if (count == 0)
+        return;
+    double A[m->nv * m->nv];
+    const double step = m->opt.timestep;
+    factor_masses(m, d, explicit ? 0.0 : step, A);
+    settle(m, d, count, laws, A, explicit ? 0.5 * step : step, mujoco[MOVE].of_positions);
 }
 
 /* ---- a step ---- */
@@ -120,7 +166,7 @@ static int is_quiet(const Joints *self)
     return isfinite(q) && dq <= self->quiet * self->quiet;
 }
 
-static void call(const Joints *self, int function) { self->functions[function].plain(self->model, self->data); }
+static void call(const Joints *self, int function) { mujoco[function].plain(self->model, self->data); }
 
 /* What mj_step does first; what follows from positions and velocities may act on bodies then. */
 static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
@@ -132,16 +178,34 @@ static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
     Py_RETURN_NONE;
 }
 
-/* The rest of mj_step. */
-static void complete(const Joints *self)
+/* Accelerations of the stage that was prepared. */
+static void accelerate(const Joints *self)
 {
+    keep_laws(self->model, self->data);
     call(self, ACTUATION);
     call(self, ACCELERATION);
     call(self, CONSTRAINT);
+}
+
+static PyObject *joints_accelerate(Joints *self, PyObject *Py_UNUSED(nothing))
+{
+    accelerate(self);
+    Py_RETURN_NONE;
+}
+
+static void integrate(const Joints *self)
+{
     if (self->model->opt.integrator == mjINT_RK4)
-        self->functions[RUNGE_KUTTA].of_order(self->model, self->data, 4);
+        mujoco[RUNGE_KUTTA].of_order(self->model, self->data, 4);
     else
         call(self, IMPLICIT);
+    settle_laws(self->model, self->data);
+}
+
+static PyObject *joints_integrate(Joints *self, PyObject *Py_UNUSED(nothing))
+{
+    integrate(self);
+    Py_RETURN_NONE;
 }
 
 static PyObject *joints_finish(Joints *self, PyObject *efforts)
@@ -151,7 +215,8 @@ static PyObject *joints_finish(Joints *self, PyObject *efforts)
         return NULL;
     Py_DECREF(done);
     PyThreadState *interpreter = PyEval_SaveThread();
-    complete(self);
+    accelerate(self);
+    integrate(self);
     PyEval_RestoreThread(interpreter);
     gather(self->data->qpos, self->position, self->n, self->q);
     gather(self->data->qvel, self->dof, self->n, self->dq);
@@ -246,7 +311,7 @@ static int joints_init(Joints *self, PyObject *args, PyObject *Py_UNUSED(kwargs)
     self->model = PyLong_AsVoidPtr(model);
     self->data = PyLong_AsVoidPtr(data);
     for (int i = 0; i < FUNCTIONS; i++)
-        self->functions[i].data = PyLong_AsVoidPtr(PyTuple_GET_ITEM(functions, i));
+        mujoco[i].data = PyLong_AsVoidPtr(PyTuple_GET_ITEM(functions, i));
     if (PyErr_Occurred() != NULL)
         return -1;
     self->n = (int)count;
@@ -284,6 +349,9 @@ static PyMethodDef methods[] = {
     {"write", (PyCFunction)joints_write, METH_O, "(efforts) of the coming step"},
     {"passed", (PyCFunction)joints_passed, METH_O, "(efforts of the motors) -> those behind the rotors, since `write`"},
     {"loads", (PyCFunction)joints_loads, METH_NOARGS, "() -> (origin, force, torque) of each joint, in the last step"},
+    {"accelerate", (PyCFunction)joints_accelerate, METH_NOARGS,
+     "() what follows from all forces, in the stage that was prepared"},
+    {"integrate", (PyCFunction)joints_integrate, METH_NOARGS, "() the rest of the step"},
     {"prepare", (PyCFunction)joints_prepare, METH_NOARGS, "() positions and velocities of all bodies, for a step"},
     {"finish", (PyCFunction)joints_finish, METH_O,
      "(efforts) -> q, dq, q at the measuring instant, efforts behind the rotors, whether all is quiet, after a step "
@@ -302,7 +370,9 @@ static PyTypeObject type = {
 };
 
 static PyMethodDef functions[] = {
-    {"friction_address", friction_address, METH_NOARGS, "Address of the friction, for MuJoCo's mjcb_passive."}, {0}};
+    {"friction_address", friction_address, METH_NOARGS, "Address of the friction, for MuJoCo's mjcb_passive."},
+    {"laws_address", laws_address, METH_NOARGS, "Address of the laws of mimic joints, for MuJoCo's mjcb_control."},
+    {0}};
 
 static struct PyModuleDef definition = {
     PyModuleDef_HEAD_INIT, "hric_mujoco", NULL, -1, functions, NULL, NULL, NULL, NULL};

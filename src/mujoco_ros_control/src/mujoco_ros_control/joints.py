@@ -1,6 +1,6 @@
 """Joints of the robot or a model in MuJoCo's data, in C: lists of Python go in and out of a step in one call, which
-takes a microsecond less than views of numpy for each of them; and the identified friction, which acts within the stages
-of a step.
+takes a microsecond less than views of numpy for each of them; and what acts within the stages of a step: the identified
+friction, and joints that mimic others.
 
 MuJoCo's functions are found in the library that its Python package has loaded.
 """
@@ -27,6 +27,8 @@ _FUNCTIONS = (
     "mj_implicit",
     "mj_RungeKutta",
     "mj_rnePostConstraint",
+    "mj_fullM",
+    "mj_integratePos",
 )
 """Of MuJoCo, in the compiled module's order."""
 
@@ -53,6 +55,12 @@ class Joints(Protocol):
     def prepare(self) -> None:
         """Begin a step of the whole scene: positions and velocities of all bodies are those of now, and forces may be
         set that follow from them."""
+
+    def accelerate(self) -> None:
+        """Compute what follows from all forces, in the stage that was prepared."""
+
+    def integrate(self) -> None:
+        """Do the rest of the step."""
 
     def finish(self, efforts: Vector, /) -> tuple[list[float], list[float], list[float], list[float], bool]:
         """The step that was prepared, with these efforts; as `read`, then efforts behind the rotors, and whether all is
@@ -86,3 +94,9 @@ def make_joints(
 def install_friction() -> None:
     """Let MuJoCo call the compiled friction in all models of this process; those without it do not notice."""
     ctypes.c_void_p.in_dll(_library(), "mjcb_passive").value = _built.friction_address()
+
+
+def install_laws() -> None:
+    """Let MuJoCo keep joints that mimic others on their laws in all models of this process; those without them do not
+    notice."""
+    ctypes.c_void_p.in_dll(_library(), "mjcb_control").value = _built.laws_address()

@@ -30,9 +30,8 @@ class ModelJoints:
             for joint in moving
         }
         self._stops = StopLaw([(joint.lower, joint.upper) for joint in moving], self._inertias)
-        self._start = self.joints.zeros, self.joints.zeros
-        self._stops.restart(self.joints.zeros)
-        self._efforts = self.joints.zeros
+        zeros = self._efforts = self.joints.zeros
+        self._start = self.joints.start(zeros, zeros, zeros)
 
     def bind(self, scene: Scene) -> None:
         """Another scene, in which the joints are already where they shall go on."""
@@ -51,7 +50,7 @@ class ModelJoints:
         """Be at q, dq now and at the start. Raises CommandError where they are not one finite number per joint."""
         zeros = self.joints.zeros
         self._start = self.joints.start(q, zeros if dq is None else dq, zeros)
-        self._begin()
+        self.begin()
 
     def drive(self, efforts: Sequence[float]) -> None:
         """From the next step on [N m or N]. Raises CommandError where they are not as many as joints."""
@@ -60,9 +59,10 @@ class ModelJoints:
     def reset(self) -> None:
         """Be where they were put last, without a drive."""
         self._efforts = self.joints.zeros
-        self._begin()
+        self.begin()
 
-    def _begin(self) -> None:
+    def begin(self) -> None:
+        """Be where they were put last."""
         self._engine.put(*self._start)
         self._scene.d.qacc_warmstart[:] = 0.0
         self._stops.restart(self._engine.read()[0])

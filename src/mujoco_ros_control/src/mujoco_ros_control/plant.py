@@ -42,6 +42,7 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         self.config = MujocoConfig.of(config, "plant/", self.joint_names)
         self.time_step = self.config.time_step
         tree = read(urdf_xml)
+        tree.check_actuated(self.joint_names)
         if not self.config.collision:
             tree = replace(tree, links={name: replace(link, collisions=()) for name, link in tree.links.items()})
         objects = load_world(self.config.world, self.config.contact_stiffness)

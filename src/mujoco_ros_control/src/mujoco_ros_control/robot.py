@@ -132,7 +132,8 @@ class Robot:
             self._hold(i, mode is not Mode.EFFORT)
             if mode is Mode.BRAKE:
                 self._d.qvel[self._dofs[i]] = 0.0
-        self._scene.set_still([dof for dof, mode in zip(self._dofs, modes, strict=True) if mode is Mode.BRAKE])
+        led = {i: leader for i, leader, *_ in self.joints.followers}
+        self._scene.set_still([dof for i, dof in enumerate(self._dofs) if modes[led.get(i, i)] is Mode.BRAKE])
         self._read()
 
     def _hold(self, i: int, on: bool) -> None:
@@ -164,19 +165,16 @@ class Robot:
 
     def _in_stages(self, values: list[float], push: Callable[[], None] | None) -> None:
         """A step in which joints are held, by efforts that follow from what else acts."""
-        m, d = self._m, self._d
+        d = self._d
         self._engine.write(values)
         for i in self._held:
             d.qfrc_applied[self._dofs[i]] = HELD * self._acceleration(i, values[i])
         self._engine.prepare()
         if push is not None:
             push()
-        self._accelerate()
+        self._engine.accelerate()
         beyond = self._cut_drives()
-        if self._scene.semi_implicit:
-            mujoco.mj_implicit(m, d)
-        else:
-            mujoco.mj_RungeKutta(m, d, 4)
+        self._engine.integrate()
         for i in beyond:
             self._hold(i, True)
         if self._held:
@@ -184,11 +182,6 @@ class Robot:
             self.motor_effort = [held[i] if i in self._held else x for i, x in enumerate(values)]
         self._read()
         self.effort = self._engine.passed(self.motor_effort)
-
-    def _accelerate(self) -> None:
-        mujoco.mj_fwdActuation(self._m, self._d)
-        mujoco.mj_fwdAcceleration(self._m, self._d)
-        mujoco.mj_fwdConstraint(self._m, self._d)
 
     def _acceleration(self, i: int, value: float) -> float:
         """Acceleration of a joint that is held [rad/s^2]: a drive arrives at its target with the step."""
@@ -217,7 +210,7 @@ class Robot:
                 self._hold(i, False)
                 self._d.qfrc_applied[self._dofs[i]] = effort
             self._engine.prepare()
-            self._accelerate()
+            self._engine.accelerate()
         return beyond
 
     def _held_efforts(self) -> list[float]:
@@ -242,8 +235,8 @@ class Robot:
         full = np.empty((m.nv, m.nv))
         mujoco.mj_fullM(m, d, full)
         m.dof_armature[:] = kept
-        dofs = self.joints.pick(self._dofs)
-        return full[np.ix_(dofs, dofs)]
+        J = self.joints.law_jacobian()[:, self.joints.user]
+        return np.asarray(J.T @ full[np.ix_(self._dofs, self._dofs)] @ J)
 
     # -- loads in the joints -------------------------------------------------------------------------------------------
 

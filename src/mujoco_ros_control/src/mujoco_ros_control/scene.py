@@ -7,6 +7,8 @@ import numpy as np
 
 from hric_control.errors import HricError
 from hric_control.geometry import FloatArray, homogeneous
+from hric_control.plants import reciprocals
+from mujoco_ros_control.joints import install_laws
 from mujoco_ros_control.scene_spec import UNSOLVED, Geom, Law, SceneSpec
 
 INTEGRATORS = {
@@ -14,9 +16,10 @@ INTEGRATORS = {
     "semi_implicit": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
 }
 HARD = [0.99, 0.999, 0.001, 0.5, 2.0]
-"""Impedance of what is rigid: contact, stops, joints that follow others (project default, unconfirmed)."""
+"""Impedance of what is rigid: contact and stops (project default, unconfirmed)."""
 STICKING = [0.9999, 0.9999, 0.001, 0.5, 2.0]
-"""Impedance of Coulomb friction: a softer one lets a held joint creep (5e-6 rad in 60 s with this one)."""
+"""Impedance of Coulomb friction, where a softer one lets a held joint creep (5e-6 rad in 60 s with this one), and of
+joints that mimic others: the largest that MuJoCo has."""
 
 JointState = tuple[FloatArray, FloatArray]
 """Positions and speeds of one joint, as MuJoCo has them."""
@@ -77,13 +80,24 @@ class Scene:
         self._still, self._connected = frozenset[int](), frozenset[frozenset[str]]()
         self._dofs_between = self._between_pairs()
         self._joints = {self.m.joint(i).name: self._slices(i) for i in range(self.m.njnt)}
+        self._laws = self._rows_of_laws()
+        if len(self._laws):
+            install_laws()
+
+    def _rows_of_laws(self) -> FloatArray:
+        """G with G v = 0 of all joints that mimic others, shape (laws, nv)."""
+        m = self.m
+        G = np.zeros((m.neq, m.nv))
+        for row, ends in enumerate(zip(m.eq_obj1id, m.eq_obj2id, strict=True)):
+            G[row, m.jnt_dofadr[list(ends)]] = 1.0, -m.eq_data[row, 1]
+        return G
 
     def _set_constraints(self, time_constant: float) -> None:
         """All constraints as hard as the step allows [s]."""
         m, hard = self.m, [time_constant, 1.0]
         m.pair_solref[:] = m.jnt_solref[:] = m.eq_solref[:] = m.dof_solref[:] = hard
-        m.pair_solimp[:] = m.jnt_solimp[:] = m.eq_solimp[:] = HARD
-        m.dof_solimp[:] = STICKING
+        m.pair_solimp[:] = m.jnt_solimp[:] = HARD
+        m.dof_solimp[:] = m.eq_solimp[:] = STICKING
 
     def _numbered_springs(self) -> dict[tuple[int, int], tuple[Geom, Geom, Law, bool]]:
         """In both orders: contacts have the simpler shape first, whatever the pair says."""
@@ -169,15 +183,27 @@ class Scene:
         mujoco.mj_comPos(self.m, self.d)
         mujoco.mj_comVel(self.m, self.d)
 
+    def response(self, efforts: FloatArray) -> FloatArray:
+        """Accelerations that efforts cause, as of the last update of the step; joints that mimic others go along.
+
+        Args:
+            efforts: on all speeds, a row each, shape (n, nv) [N m or N].
+        """
+        solved = np.empty_like(efforts)
+        mujoco.mj_solveM(self.m, self.d, solved, efforts)
+        G = self._laws
+        if len(G):
+            W = np.empty_like(G)
+            mujoco.mj_solveM(self.m, self.d, W, G)
+            solved -= np.linalg.solve(G @ W.T, G @ solved.T).T @ W
+        return solved
+
     def inertias(self, dofs: Sequence[int]) -> list[float]:
         """What each of these speeds moves while all others are free, as of the last update of the step [kg m^2 or
-        kg]: 1 / (M^-1)_ii."""
+        kg]: 1 / (M^-1)_ii; 0 of a joint that cannot move."""
         rows = np.zeros((len(dofs), self.m.nv))
         rows[range(len(dofs)), dofs] = 1.0
-        solved = np.empty_like(rows)
-        mujoco.mj_solveM(self.m, self.d, solved, rows)
-        found: list[float] = (1.0 / (rows * solved).sum(axis=1)).tolist()
-        return found
+        return reciprocals((rows * self.response(rows)).sum(axis=1))
 
     def pose(self, body: int) -> FloatArray:
         """T_world_body as of the last update, shape (4, 4)."""

@@ -20,7 +20,7 @@ from hric_control.meshes.canonical import hull_of
 from hric_control.plants import Losses, Model, Surface, combine, masked
 from hric_control.plants.bodies import moving_body
 from hric_control.plants.faces import Solid
-from hric_control.urdf import ONE_COORDINATE, Joint, Shape, solids
+from hric_control.urdf import ONE_COORDINATE, Joint, Shape, mimic_laws, solids
 
 _GEOMS = mujoco.mjtGeom
 _HALF_LENGTHS: dict[str, Callable[[Sequence[float]], list[float]]] = {
@@ -33,6 +33,11 @@ _HALF_LENGTHS: dict[str, Callable[[Sequence[float]], list[float]]] = {
 """MuJoCo's measures of a shape [m]; a plane has no end, and a spacing of the lines that it is drawn with."""
 Law = tuple[float, float, float]
 """Stiffness [N/m], damping [N s/m] and friction of penalty contact."""
+LEAST = 1e-14
+"""Moment of inertia that MuJoCo's compiler takes: more than its mjMINVAL, 1e-15 [kg m^2]."""
+MIMIC = 1.0
+"""Last number in the data of an equality constraint, which MuJoCo leaves alone, where it is a mimic joint's law, for
+mimic.h."""
 UNSOLVED = 1.0
 """A pair whose margin is less than zero by this is reported by MuJoCo, as far as its gap reaches beyond, and left alone
 [m]: more than anything overlaps."""
@@ -144,6 +149,14 @@ class Building:
             bodies[joint.child] = body
             self._add_joint(body, model, joint, stops)
             self.fill(body, model, joint.child, clusters[joint.child], moving=True)
+        for name, law in mimic_laws(tree.joints).items():
+            follows = self.result.spec.add_equality(
+                type=mujoco.mjtEq.mjEQ_JOINT,
+                name1=f"{model.name}::{name}",
+                name2=f"{model.name}::{law.joint}",
+                objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            )
+            follows.data[:2], follows.data[-1] = [law.offset, law.multiplier], MIMIC
 
     @staticmethod
     def _add_body(parent: mujoco.MjsBody, model: Model, link: str, T: FloatArray) -> mujoco.MjsBody:
@@ -166,14 +179,6 @@ class Building:
         made.limited = mujoco.mjtLimited.mjLIMITED_TRUE if bounded else mujoco.mjtLimited.mjLIMITED_FALSE
         if bounded:
             made.range = [joint.lower, max(joint.upper, joint.lower + SHORTEST)]
-        if joint.mimic is not None:
-            follows = self.result.spec.add_equality(
-                type=mujoco.mjtEq.mjEQ_JOINT,
-                name1=name,
-                name2=f"{model.name}::{joint.mimic.joint}",
-                objtype=mujoco.mjtObj.mjOBJ_JOINT,
-            )
-            follows.data[:2] = [joint.mimic.offset, joint.mimic.multiplier]
 
     def fill(
         self, body: mujoco.MjsBody, model: Model, top: str, cluster: Mapping[str, FloatArray], *, moving: bool
@@ -209,7 +214,7 @@ class Building:
         body.explicitinertial = True
         body.mass, body.ipos, body.iquat, body.inertia = mass.mass, mass.com, quaternion(R), moments
         if low <= 0.0 or low + middle < high:  # a ball's, until the true ones are set in the compiled model
-            body.inertia = np.full(3, max(abs(high), abs(low)))
+            body.inertia = np.full(3, max(abs(high), abs(low), LEAST))
             self.result.moments[body.name] = moments
 
     def add_shape(
@@ -249,17 +254,16 @@ class Building:
 def _may_touch(
     models: Mapping[str, Model], robot: Model, geoms: Sequence[Geom], masks: Sequence[tuple[str, str]], itself: bool
 ) -> Iterator[tuple[Geom, Geom]]:
-    """Pairs of shapes of different models, and of the robot's links that are neither fixed to each other, nor
-    neighbours, nor masked; not those that both stand still."""
+    """Pairs of shapes of different models, and of the robot's links that are neither neighbours nor masked; not those
+    that both stand still."""
     groups = {name: model.tree.rigid_groups() for name, model in models.items()}
-    joined = {frozenset((joint.parent, joint.child)) for joint in robot.tree.joints.values()}
-    joined |= {frozenset((groups[robot.name][joint.parent][0], joint.child)) for joint in robot.tree.joints.values()}
+    neighbours = robot.tree.neighbours()
     for a, b in combinations(geoms, 2):
         links = a.link.partition("::")[2], b.link.partition("::")[2]
         tops = [groups[geom.model][link][0] for geom, link in zip((a, b), links, strict=True)]
         if a.model == b.model:
-            apart = a.model == robot.name and itself and tops[0] != tops[1] and frozenset(links) not in joined
-            if apart and not masked(*links, masks):
+            apart = a.link != b.link and frozenset(links) not in neighbours
+            if a.model == robot.name and itself and apart and not masked(*links, masks):
                 yield a, b
         elif not all(
             models[geom.model].fixed and top == models[geom.model].tree.root

@@ -1,6 +1,6 @@
 """Everything in one scene: the robot, the objects of the world file and the models spawned later."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 
 from hric_control.errors import UnknownNameError
 from hric_control.geometry import MassProperties
@@ -78,7 +78,7 @@ class World(Models):
         """Raises HricError; the scene is then the one before."""
         self.scene = Scene(built, self._config.time_step, self._config.gravity, self._config.integrator)
 
-    def _begin(self, models: Iterable[Model]) -> None:
+    def _begin(self, models: Collection[Model]) -> None:
         """These models as they begin, in a scene that was just compiled; then everything goes on in it."""
         for model in models:
             if not model.fixed:
@@ -87,6 +87,8 @@ class World(Models):
         self._robot.bind(self.scene)
         for joints in self._joints.values():
             joints.bind(self.scene)
+        for model in models:
+            self._joints[model.name].begin()
         self._acting = [joints for joints in self._joints.values() if joints.losses]
         self.bushings.bind(self.scene)
 
