@@ -3,18 +3,30 @@
 import os
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet
 
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.geometry import transforms
+from hric_control.plants import MovingJoints
+from hric_control.urdf import mimic_laws
 from pybullet_ros_control.urdf_model import EngineModel
 
 _MAX_JOINT_VELOCITY = 1e6
 """The engine cuts joint velocities at 100 rad/s by default [rad/s]."""
+
+
+GEAR_FORCE = 1e9
+"""What a gear may take [N m or N]: a constraint of the engine, so size does not make it stiff."""
+NO_RATIO = 1e-300
+"""Ratio of a gear that moves nothing [1]: the engine does not take zero."""
+SLACK = 1e-12
+"""Distance from its law below which a joint that mimics another is left where it is [rad or m, rad/s or m/s] (project
+default, unconfirmed)."""
 
 
 @dataclass
@@ -28,6 +40,7 @@ class Body:
         links: engine index by link name; the base is -1.
         joints: engine index by name of the moving joints.
         parents: engine index of each link's parent, the base left out.
+        gears: the engine's numbers of those between joints that mimic each other.
     """
 
     name: str
@@ -36,6 +49,7 @@ class Body:
     links: dict[str, int]
     joints: dict[str, int]
     parents: dict[int, int]
+    gears: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.link_names = {index: name for name, index in self.links.items()}
@@ -123,7 +137,9 @@ class Engine:
         Raises:
             HricError: the engine refuses it.
         """
-        flags = pybullet.URDF_USE_INERTIA_FROM_FILE | (pybullet.URDF_USE_SELF_COLLISION if self_collision else 0)
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+        if self_collision:  # what is left out of it is the plant's to say, not the engine's
+            flags |= pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_USE_SELF_COLLISION_INCLUDE_PARENT
         T = T_world_root @ model.T_root_base
         pose = T[:3, 3].tolist(), transforms.quaternion_from_rotation(T[:3, :3])
         # Not kept for the engine's life: a process that is killed would leave it behind.
@@ -141,7 +157,29 @@ class Engine:
         body = self._index(name, body_id, model)
         self._set_dynamics(body)
         self.motors_off(body)
+        self._add_gears(body)
         return body
+
+    def _add_gears(self, body: Body) -> None:
+        """Gears of joints that mimic others: what the engine does by itself, contact and stops, acts on both."""
+        assert body.model is not None
+        for name, law in mimic_laws(body.model.joints).items():
+            joints, axis, origin = (body.joints[name], body.joints[law.joint]), [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]
+            gear = pybullet.createConstraint(
+                body.id,
+                joints[0],
+                body.id,
+                joints[1],
+                pybullet.JOINT_GEAR,
+                axis,
+                origin,
+                origin,
+                physicsClientId=self.client,
+            )
+            pybullet.changeConstraint(
+                gear, gearRatio=-law.multiplier or NO_RATIO, erp=0.0, maxForce=GEAR_FORCE, physicsClientId=self.client
+            )
+            body.gears.append(gear)
 
     def _index(self, name: str, body_id: int, model: EngineModel) -> Body:
         links, joints, parents = {model.base: -1}, {}, {}
@@ -199,8 +237,27 @@ class Engine:
                 body.id, indices, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(indices), physicsClientId=self.client
             )
 
+    def joint_states(self, body: Body, joints: MovingJoints, indices: Sequence[int]) -> tuple[tuple[Any, ...], ...]:
+        """What `getJointStates` returns of joints, after those that mimic others were put on their laws.
+
+        Args:
+            joints: all that move, in the order of `indices`, the engine's.
+        """
+        states: tuple[tuple[Any, ...], ...] = pybullet.getJointStates(body.id, indices, self.client)
+        if not joints.followers:
+            return states
+        kept = list(states)
+        for i, leader, multiplier, offset in joints.followers:
+            q, dq = multiplier * states[leader][0] + offset, multiplier * states[leader][1]
+            if abs(states[i][0] - q) > SLACK or abs(states[i][1] - dq) > SLACK:
+                pybullet.resetJointState(body.id, indices[i], q, dq, physicsClientId=self.client)
+                kept[i] = (q, dq, *states[i][2:])
+        return tuple(kept)
+
     def remove(self, body: Body) -> None:
         """Take a body out of the world."""
+        for gear in body.gears:
+            pybullet.removeConstraint(gear, physicsClientId=self.client)
         pybullet.removeBody(body.id, physicsClientId=self.client)
 
     def pose(self, body: Body, index: int) -> transforms.FloatArray:

@@ -137,10 +137,9 @@ class Mobility:
 
 def _inverse_inertia(robot: Robot) -> FloatArray:
     M = np.array(robot.mass_matrix(robot.q)) + np.diag(robot.rotor_inertia)
-    free, inverse = robot.free_joints, np.zeros_like(M)
-    if free:
-        inverse[np.ix_(free, free)] = np.linalg.inv(M[np.ix_(free, free)])
-    return inverse
+    followers = [i for i, *_ in robot.joints.followers]
+    J = robot.joints.law_jacobian()[:, [i for i in robot.free_joints if i not in followers]]
+    return np.asarray(J @ np.linalg.inv(J.T @ M @ J) @ J.T)
 
 
 class ExternalForces:

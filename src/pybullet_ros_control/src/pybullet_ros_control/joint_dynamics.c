@@ -4,6 +4,7 @@
    Rigid Body Dynamics Algorithms (2008), ch. 5 and 6. */
 #include "hric_control/python_numbers.h"
 
+#include "hric_control/factors.h"
 #include "hric_control/rigid_body.h"
 
 #define LOCKED 1e9      /* added to the inertia of a joint whose acceleration is prescribed [kg m^2] */
@@ -18,6 +19,7 @@ typedef struct {
     double R_parent_joint[9], p_parent_joint[3], axis[3];
     double mass, com[3], inertia[9];
     double rotor, coulomb, damping, sigmoid[3], rest; /* sigmoid: a (tanh(b (v + c)) - rest) */
+    double leader, multiplier;                        /* of a joint that mimics another; else -1 and anything */
 } Constants;
 
 enum { ROW = sizeof(Constants) / sizeof(double) };
@@ -32,9 +34,9 @@ typedef struct {
     double dt, gravity[3];
     double half,
         quiet; /* what engine positions are ahead of velocities [s]; no joint is this fast before it diverges */
-    int passes, predicting, adding, sticking, lossy;
+    int passes, predicting, adding, sticking, lossy, coupled;
     Constants *constants;
-    int *parent;
+    int *parent, *leader;
     Pose *poses;
     /* unit motions of the joints; forces on the bodies, their velocities and accelerations */
     Spatial *S, *forces, *v, *a;
@@ -42,7 +44,7 @@ typedef struct {
     double *block;
     /* n numbers each */
     double *q, *dq, *tau, *external, *prescribed, *bias, *bias0, *w;
-    double *x, *loss, *slope, *predicted, *engine, *friction, *velocity, *inertia;
+    double *x, *loss, *slope, *predicted, *engine, *friction, *velocity, *inertia, *keep;
     int *driven;
     /* n x n numbers each */
     double *M, *A, *gain;
@@ -131,32 +133,39 @@ static void bias(Dynamics *self, const double *u, double *result)
 
 /* -- the equations ------------------------------------------------------------------------------------------------- */
 
-/* A = L D L' in place: L below the diagonal, 1 / D on it (square-root-free Cholesky). */
-static void factor(int n, double *A)
+/* Laws of joints that mimic others: x_i = m x_leader. With x = J z, A x = b becomes J'A J z = J'b; joints that mimic
+ * keep an equation of their own, z_i = 0. */
+static void fold_matrix(const Dynamics *self, double *A)
 {
+    const int n = self->n;
     for (int i = 0; i < n; i++) {
-        for (int j = 0; j < i; j++)
-            for (int k = 0; k < j; k++)
-                A[i * n + j] -= A[i * n + k] * A[j * n + k];
-        for (int j = 0; j < i; j++) {
-            double c = A[i * n + j];
-            A[i * n + j] = c * A[j * n + j];
-            A[i * n + i] -= c * A[i * n + j];
-        }
-        A[i * n + i] = 1.0 / A[i * n + i];
+        const int leader = self->leader[i];
+        if (leader < 0)
+            continue;
+        const double m = self->constants[i].multiplier;
+        for (int k = 0; k < n; k++)
+            A[leader * n + k] += m * A[i * n + k];
+        for (int k = 0; k < n; k++)
+            A[k * n + leader] += m * A[k * n + i];
+        for (int k = 0; k < n; k++)
+            A[i * n + k] = A[k * n + i] = 0.0;
+        A[i * n + i] = 1.0;
     }
 }
 
-static void solve(int n, const double *A, double *x)
+/* x on the laws with A x = what stood in x, but for what keeps it there; A is folded and factored. */
+static void solve_on_laws(const Dynamics *self, const double *A, double *x)
 {
-    for (int i = 0; i < n; i++)
-        for (int k = 0; k < i; k++)
-            x[i] -= A[i * n + k] * x[k];
-    for (int i = n - 1; i >= 0; i--) {
-        x[i] *= A[i * n + i];
-        for (int k = i + 1; k < n; k++)
-            x[i] -= A[k * n + i] * x[k];
-    }
+    const int n = self->n;
+    for (int i = 0; self->coupled && i < n; i++)
+        if (self->leader[i] >= 0) {
+            x[self->leader[i]] += self->constants[i].multiplier * x[i];
+            x[i] = 0.0;
+        }
+    solve(n, A, x);
+    for (int i = 0; self->coupled && i < n; i++)
+        if (self->leader[i] >= 0)
+            x[i] = self->constants[i].multiplier * x[self->leader[i]];
 }
 
 /* What damping and the sigmoid take away at velocity u, and its slope. */
@@ -184,7 +193,7 @@ static void stick(Dynamics *self)
         double *column = self->gain + i * n;
         memset(column, 0, sizeof(double) * (size_t)n);
         column[i] = self->dt;
-        solve(n, self->A, column);
+        solve_on_laws(self, self->A, column);
         end[i] = self->dq[i] + self->dt * self->x[i];
         largest = fmax(largest, self->constants[i].coulomb);
     }
@@ -198,6 +207,8 @@ static void stick(Dynamics *self)
         double change = 0.0;
         for (int i = 0; i < n; i++) {
             double F = self->driven[i] ? 0.0 : self->constants[i].coulomb;
+            if (self->gain[i * n + i] <= 0.0)
+                continue; /* its law keeps it where it is */
             double new = fmin(fmax(f[i] - end[i] / self->gain[i * n + i], -F), F);
             for (int k = 0; k < n; k++)
                 end[k] += (new - f[i]) * self->gain[i * n + k];
@@ -232,6 +243,29 @@ static void update_engine_effort(Dynamics *self)
     self->adding = !gone;
 }
 
+/* Efforts that keep joints on their laws, out of the efforts that drive them otherwise, in self->keep: what those that
+ * mimic need, and what this takes from their leaders. */
+static void find_keep(Dynamics *self, double lean)
+{
+    const int n = self->n;
+    double *keep = self->keep;
+    for (int i = 0; i < n; i++) {
+        if (self->leader[i] < 0)
+            continue;
+        keep[i] = (self->inertia[i] + lean * self->slope[i]) * self->x[i] - keep[i];
+        for (int k = 0; k < n; k++)
+            keep[i] += self->M[i * n + k] * self->x[k];
+        if (self->sticking)
+            keep[i] -= self->friction[i];
+    }
+    for (int i = 0; i < n; i++)
+        if (self->leader[i] < 0)
+            keep[i] = 0.0;
+    for (int i = 0; i < n; i++)
+        if (self->leader[i] >= 0)
+            keep[self->leader[i]] -= self->constants[i].multiplier * keep[i];
+}
+
 /* One evaluation: acceleration x with bias and losses at self->w, which is v in the first pass and v + dt/2 x in those
  * that follow. */
 static void accelerate(Dynamics *self, int first)
@@ -262,11 +296,16 @@ static void accelerate(Dynamics *self, int first)
             drive += self->engine[i];
         self->x[i] = drive;
     }
+    memcpy(self->keep, self->x, sizeof(double) * (size_t)n);
+    if (fresh && self->coupled)
+        fold_matrix(self, self->A);
     if (fresh)
         factor(n, self->A);
-    solve(n, self->A, self->x);
+    solve_on_laws(self, self->A, self->x);
     if (self->sticking)
         stick(self);
+    if (self->coupled)
+        find_keep(self, lean);
     for (int i = 0; i < n; i++)
         self->loss[i] += lean * self->slope[i] * self->x[i];
 }
@@ -330,6 +369,10 @@ static PyObject *dynamics_torque(Dynamics *self, PyObject *const *given, Py_ssiz
             self->tau[i] - self->constants[i].rotor * self->x[i] - self->loss[i] + (self->bias0[i] - self->bias[i]);
         if (self->sticking)
             effort[i] += self->friction[i];
+        if (self->driven[i])
+            effort[i] = 0.0; /* its motor's */
+        if (self->coupled)
+            effort[i] += self->keep[i];
     }
     self->predicting = 1;
     self->external = NULL;
@@ -414,11 +457,13 @@ static PyObject *dynamics_mobility(Dynamics *self, PyObject *q)
         return NULL;
     place(self);
     links_mass_matrix(self, M);
+    if (self->coupled)
+        fold_matrix(self, M);
     factor(n, M);
     memset(inverse, 0, sizeof inverse);
     for (int i = 0; i < n; i++) {
         inverse[i * n + i] = 1.0;
-        solve(n, M, inverse + i * n);
+        solve_on_laws(self, M, inverse + i * n);
     }
     return list(inverse, (Py_ssize_t)n * n);
 }
@@ -508,6 +553,12 @@ static int take_rows(Dynamics *self, PyObject *rows)
             return -1;
         }
         self->parent[i] = self->constants[i].parent < 0.0 ? -1 : (int)self->constants[i].parent;
+        if (!(self->constants[i].leader < (double)self->n)) {
+            PyErr_Format(PyExc_ValueError, "the leader of joint %d is not among %d", i, self->n);
+            return -1;
+        }
+        self->leader[i] = self->constants[i].leader < 0.0 ? -1 : (int)self->constants[i].leader;
+        self->coupled = self->coupled || self->leader[i] >= 0;
         self->sticking = self->sticking || self->constants[i].coulomb > 0.0;
         self->lossy = self->lossy || self->constants[i].damping != 0.0 || self->constants[i].sigmoid[0] != 0.0;
     }
@@ -528,9 +579,9 @@ static int dynamics_init(Dynamics *self, PyObject *args, PyObject *Py_UNUSED(kwa
     if (count < 0)
         return -1;
     self->n = (int)count;
-    const size_t vectors = 15, size = (size_t)count;
+    const size_t vectors = 16, size = (size_t)count;
     self->constants = PyMem_Calloc(size + 1, sizeof(Constants));
-    self->parent = PyMem_Calloc(2 * size + 1, sizeof(int));
+    self->parent = PyMem_Calloc(3 * size + 1, sizeof(int));
     self->poses = PyMem_Calloc(size + 1, sizeof(Pose));
     self->S = PyMem_Calloc(4 * size + 1, sizeof(Spatial));
     self->bodies = PyMem_Calloc(2 * size + 1, sizeof(Body));
@@ -541,13 +592,15 @@ static int dynamics_init(Dynamics *self, PyObject *args, PyObject *Py_UNUSED(kwa
         return -1;
     }
     self->driven = self->parent + size;
+    self->leader = self->driven + size;
     self->forces = self->S + size;
     self->v = self->forces + size;
     self->a = self->v + size;
     self->composites = self->bodies + size;
-    double **places[] = {&self->q,         &self->dq,     &self->tau,      &self->prescribed, &self->bias,
-                         &self->bias0,     &self->w,      &self->x,        &self->loss,       &self->slope,
-                         &self->predicted, &self->engine, &self->friction, &self->velocity,   &self->inertia};
+    double **places[] = {&self->q,        &self->dq,       &self->tau,       &self->prescribed,
+                         &self->bias,     &self->bias0,    &self->w,         &self->x,
+                         &self->loss,     &self->slope,    &self->predicted, &self->engine,
+                         &self->friction, &self->velocity, &self->inertia,   &self->keep};
     for (size_t k = 0; k < vectors; k++)
         *places[k] = self->block + k * size;
     self->M = self->block + vectors * size;

@@ -13,7 +13,9 @@ beforehand), and tau_eng those that the engine adds on its own (rigid contact, j
 afterwards, in a velocity that differs from the predicted one:
     tau_eng(k) = tau_eng(k-1) + M (v - v_predicted) / dt.
 Joints whose acceleration is prescribed (brakes, drives) leave the equations: the engine's motor supplies what they
-need. So a static press is exact, and at a joint stop or a fixed rigid object the impulse converges to that of M + B
+need. Joints that mimic others, x = J z, leave them as well: J'(M + B) J z = J'(...), and tau' has the efforts that keep
+their x on the law; what contact and stops of the engine do to it a gear of the engine shares between both joints.
+So a static press is exact, and at a joint stop or a fixed rigid object the impulse converges to that of M + B
 within a few steps. Against a free rigid object it does not: the engine parts them after the impulse of the bare links.
 Penalty contact is known beforehand and exact in both cases.
 """
@@ -27,6 +29,7 @@ import numpy as np
 from hric_control.geometry import FloatArray, MassProperties
 from hric_control.native import load
 from hric_control.plants import Losses, PlantConfig
+from hric_control.urdf import mimic_laws
 from pybullet_ros_control.urdf_model import EngineModel
 
 Vector = Sequence[float]
@@ -53,7 +56,8 @@ class Dynamics(Protocol):
             q, dq: the engine's present state [rad, rad/s].
             tau: efforts of the motors [N m].
             external: efforts of the forces that the plant applies in this step [N m]; None for none.
-            prescribed: acceleration that a motor of the engine enforces, None for the other joints [rad/s^2].
+            prescribed: acceleration that a motor of the engine enforces, None for the other joints [rad/s^2]. Their
+                efforts are what joints that mimic them take.
         """
 
     def read(
@@ -79,7 +83,7 @@ class Dynamics(Protocol):
         """M of the links at q, n x n floats row-major [kg m^2]."""
 
     def mobility(self, q: Vector, /) -> list[float]:
-        """M^-1 of the links at q, n x n floats row-major [1/(kg m^2)]."""
+        """M^-1 of the links at q, n x n floats row-major [1/(kg m^2)]; joints that mimic others go along."""
 
     def bias(self, q: Vector, dq: Vector, /) -> list[float]:
         """h(q, dq): Coriolis, centrifugal and gravity efforts [N m]."""
@@ -145,20 +149,27 @@ def make_dynamics(
     rows = _free_rows(model.bodies[model.base]) if free else []
     number = {model.base: len(rows) - 1}
     number |= {model.joints[name].child: len(rows) + i for i, name in enumerate(joints)}
+    laws = mimic_laws(model.joints)
     for name, loss in zip(joints, losses, strict=True):
         parent, T_parent_joint = model.placements[name]
         if parent == model.base and not free:
             T_parent_joint = base @ T_parent_joint
-        joint = model.joints[name]
-        rows.append(
-            _row(number[parent], joint.type == "prismatic", T_parent_joint, joint.axis, model.bodies[joint.child], loss)
-        )
+        joint, law = model.joints[name], laws.get(name)
+        follows = (-1.0, 0.0) if law is None else (float(number[model.joints[law.joint].child]), law.multiplier)
+        slides = joint.type == "prismatic"
+        rows.append(_row(number[parent], slides, T_parent_joint, joint.axis, model.bodies[joint.child], loss, follows))
     dynamics: Dynamics = _built.Dynamics(time_step, PASSES if second_order else 0, half, quiet, list(gravity), rows)
     return dynamics
 
 
 def _row(
-    parent: int, slides: bool, T_parent_joint: FloatArray, axis: Iterable[float], body: MassProperties, loss: Losses
+    parent: int,
+    slides: bool,
+    T_parent_joint: FloatArray,
+    axis: Iterable[float],
+    body: MassProperties,
+    loss: Losses,
+    follows: tuple[float, float] = (-1.0, 0.0),
 ) -> list[float]:
     return [
         float(parent),
@@ -172,6 +183,7 @@ def _row(
         loss.coulomb,
         loss.damping,
         *loss.sigmoid_row(),
+        *follows,
     ]
 
 

@@ -8,7 +8,7 @@ import pybullet
 from hric_control import urdf
 from hric_control.errors import CommandError
 from hric_control.geometry import FloatArray
-from hric_control.plants import Losses, MovingJoints, PlantConfig, StopLaw
+from hric_control.plants import Losses, MovingJoints, PlantConfig, StopLaw, reciprocals
 from pybullet_ros_control.engine import Body, Engine
 from pybullet_ros_control.joint_dynamics import Vector, added, half_step, make_dynamics
 
@@ -64,9 +64,10 @@ class ModelJoints:
         )
         self._stops = StopLaw(
             [(joint.lower, joint.upper) for joint in self.joints.joints],
-            lambda: (1.0 / self.mobility().diagonal()).tolist(),
+            lambda: reciprocals(self.mobility().diagonal()),
         )
-        self._start = self.joints.zeros, self.joints.zeros
+        zeros = self.joints.zeros
+        self._start = self.joints.start(zeros, zeros, zeros)
         self.bind(body)
         self.reset()
 
@@ -128,7 +129,7 @@ class ModelJoints:
 
     def refresh(self) -> None:
         """The state that a step has led to."""
-        states = pybullet.getJointStates(self.body.id, self._indices, self._engine.client)
+        states = self._engine.joint_states(self.body, self.joints, self._indices)
         self.q, self.dq, self.at, _, _ = self.dynamics.read(states, self.joints.zeros)
 
 
@@ -161,7 +162,7 @@ class FreeModelJoints(ModelJoints):
 
     def refresh(self) -> None:
         """The state that a step has led to."""
-        states = pybullet.getJointStates(self.body.id, self._indices, self._engine.client)
+        states = self._engine.joint_states(self.body, self.joints, self._indices)
         self.q, self.dq = [state[0] for state in states], [state[1] for state in states]
         self.at = [x - self._half * v for x, v in zip(self.q, self.dq, strict=True)]
 

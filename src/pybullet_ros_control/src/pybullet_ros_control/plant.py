@@ -43,6 +43,7 @@ class PyBulletPlant(EnginePlant):
         self.time_step, self.integrator = self.config.time_step, self.config.integrator
         self.gravity = self.config.gravity
         tree = read(urdf_xml)
+        tree.check_actuated(self.joint_names)
         masks = load_masks(self.config.collision_masks)
         objects = load_world(self.config.world, self.config.contact_stiffness)
         rules = Surfaces((*load_surfaces(self.config.world), *self.config.surfaces), self.config.contact_stiffness)
@@ -105,7 +106,8 @@ class PyBulletPlant(EnginePlant):
     def mass_matrix(self) -> FloatArray:
         """The engine's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
         robot = self.robot
-        return np.array(robot.mass_matrix(robot.q))[np.ix_(robot.joints.user, robot.joints.user)]
+        J = robot.joints.law_jacobian()[:, robot.joints.user]
+        return np.asarray(J.T @ np.array(robot.mass_matrix(robot.q)) @ J)
 
     # -- the step ------------------------------------------------------------------------------------------------------
 

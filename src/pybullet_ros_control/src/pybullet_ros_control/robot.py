@@ -1,6 +1,7 @@
 """The robot in the engine: its joints, what acts in them, and one step of that."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from itertools import combinations
 
 import numpy as np
 import pybullet
@@ -45,6 +46,7 @@ class Robot:
     ) -> None:
         self.engine, self._client = engine, engine.client
         self._tree, self._config, self._masks = tree, config, masks
+        self._neighbours = tree.neighbours()
         self._model = self._prepare(None)
         self._load_body()
         moving = [tree.joints[name] for name in sorted(self.body.joints, key=self.body.joints.__getitem__)]
@@ -69,16 +71,20 @@ class Robot:
         self.mask()
 
     def mask(self) -> None:
-        """Links that fit the masks do not touch each other."""
+        """Neighbours, and links that fit the masks, do not touch each other."""
         if self._config.self_collision:
-            apply_masks(self.engine, self.body, self._masks)
+            apply_masks(self.engine, self.body, self._neighbours, self._masks)
 
     def _set_up(self) -> None:
         config, joints = self._config, self.joints.joints
         self._divergence = self.joints.divergence(config.time_step)
         self._losses = self.joints.losses(config)
         # The engine's own step is requested, and there is nothing that it lacks.
-        self._plain = config.integrator == "semi_implicit" and all(loss == Losses() for loss in self._losses)
+        self._plain = (
+            config.integrator == "semi_implicit"
+            and not self.joints.followers
+            and all(loss == Losses() for loss in self._losses)
+        )
         self._half = half_step(config)
         self._bind()
         self._motors = JointMotors(
@@ -152,7 +158,7 @@ class Robot:
     def _set_state(self, q: Vector, dq: Vector) -> None:
         for joint, x, v in zip(self._joints, q, dq, strict=True):
             pybullet.resetJointState(self.body.id, joint, x, v, physicsClientId=self.engine.client)
-        states = pybullet.getJointStates(self.body.id, self._joints, self._client)
+        states = self.engine.joint_states(self.body, self.joints, self._joints)
         self.q, self.dq, self.at, _, _ = self.dynamics.read(states, self.joints.zeros)
 
     def load_again(self) -> None:
@@ -216,7 +222,7 @@ class Robot:
                 body, joints, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=client
             )
         pybullet.stepSimulation(client)
-        states = pybullet.getJointStates(body, joints, client)
+        states = self.engine.joint_states(self.body, self.joints, joints)
         self.q, self.dq, self.at, self.effort, quiet = self.dynamics.read(states, values)
         self.motor_effort = values
         self._divergence.check(self.q, self.dq, quiet=quiet)
@@ -240,19 +246,17 @@ class Robot:
         """A step in which some joints are braked, or driven by velocity or position."""
         motors, dt = self._motors, self.engine.time_step
         targets = motors.target_velocities(self.q, values)
-        tau = values
+        tau: Vector = [x if mode is Mode.EFFORT else 0.0 for mode, x in zip(motors.modes, values, strict=True)]
         if not self._plain:
             prescribed = [
                 None if mode is Mode.EFFORT else (t - v) / dt
                 for mode, t, v in zip(motors.modes, targets, self.dq, strict=True)
             ]
             tau = self.dynamics.torque(self.q, self.dq, values, external, prescribed)
-        indices = motors.effort_joints
-        forces: Vector = [tau[i] for i in motors.effort]
-        if held is not None:
+        indices, forces = motors.effort_joints, [tau[i] for i in motors.effort]
+        if held is not None or self.joints.followers:
             # Also where a motor holds or drives: it has to stand it.
-            own = [t if mode is Mode.EFFORT else 0.0 for mode, t in zip(motors.modes, tau, strict=True)]
-            indices, forces = self._joints, added(held, own)
+            indices, forces = self._joints, list(added(held, tau))
         if indices:
             pybullet.setJointMotorControlArray(
                 self.body.id, indices, pybullet.TORQUE_CONTROL, forces=forces, physicsClientId=self.engine.client
@@ -260,19 +264,14 @@ class Robot:
         motors.drive(targets)
 
 
-def apply_masks(engine: Engine, body: Body, masks: list[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Switch self-collision off for links that are fixed to each other, and for the pairs that match; returns them.
-
-    Links joined by one joint are left out by the engine itself.
-    """
-    group = {} if body.model is None else {link: top.body_link for link, top in body.model.tops.items()}
-    off = []
+def apply_masks(
+    engine: Engine, body: Body, neighbours: Collection[frozenset[str]], masks: list[tuple[str, str]]
+) -> list[tuple[str, str]]:
+    """Switch self-collision off for neighbours and for the pairs of links that match the masks; returns them."""
     names = sorted(body.links, key=body.links.__getitem__)
-    for i, a in enumerate(names):
-        for b in names[i + 1 :]:
-            if masked(a, b, masks) or group.get(a, a) == group.get(b, b):
-                pybullet.setCollisionFilterPair(
-                    body.id, body.id, body.links[a], body.links[b], 0, physicsClientId=engine.client
-                )
-                off.append((a, b))
+    off = [(a, b) for a, b in combinations(names, 2) if frozenset((a, b)) in neighbours or masked(a, b, masks)]
+    for a, b in off:
+        pybullet.setCollisionFilterPair(
+            body.id, body.id, body.links[a], body.links[b], 0, physicsClientId=engine.client
+        )
     return off

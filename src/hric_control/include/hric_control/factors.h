@@ -1,0 +1,37 @@
+// clang-format Language: C
+/* Linear equations with a symmetric positive definite matrix, row-major, for the compiled models.
+ *
+ * The order of the operations is part of the interface: runs are compared bit by bit. */
+#ifndef HRIC_CONTROL_FACTORS_H
+#define HRIC_CONTROL_FACTORS_H
+
+/* A = L D L' in place: L below the diagonal, 1 / D on it (square-root-free Cholesky). */
+static inline void factor(int n, double *A)
+{
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j < i; j++)
+            for (int k = 0; k < j; k++)
+                A[i * n + j] -= A[i * n + k] * A[j * n + k];
+        for (int j = 0; j < i; j++) {
+            double c = A[i * n + j];
+            A[i * n + j] = c * A[j * n + j];
+            A[i * n + i] -= c * A[i * n + j];
+        }
+        A[i * n + i] = 1.0 / A[i * n + i];
+    }
+}
+
+/* x such that A x is what stood in x, with the factors of A. */
+static inline void solve(int n, const double *A, double *x)
+{
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < i; k++)
+            x[i] -= A[i * n + k] * x[k];
+    for (int i = n - 1; i >= 0; i--) {
+        x[i] *= A[i * n + i];
+        for (int k = i + 1; k < n; k++)
+            x[i] -= A[k * n + i] * x[k];
+    }
+}
+
+#endif
