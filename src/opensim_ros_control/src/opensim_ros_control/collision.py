@@ -116,7 +116,7 @@ class Collisions:
             return [(meeting.points[0], meeting.touch.depth)]
         sides = [(c.shape.geometry, self._poses[id(c)]) for c in (meeting.a, meeting.b)]
         found = [(point, -sum(self._pairing.beyond(point, *side) for side in sides)) for point in meeting.points]
-        if meeting.touch.depth > MARGIN and max(depth for _, depth in found) < FLANK:
+        if meeting.touch.depth > FLANK and max(depth for _, depth in found) < FLANK:
             return [(meeting.touch.points[0], meeting.touch.depth)]
         return found
 
@@ -194,12 +194,11 @@ def colliding_pairs(
     self_collision: bool,
     connected: Iterable[tuple[str, str]],
 ) -> list[tuple[Collider, Collider]]:
-    """Pairs that may touch: of different models; of the robot's links those that are neither fixed to each other, nor
-    neighbours, nor masked. Links that are connected do not, by "model::link"."""
+    """Pairs that may touch: of different models, unless both stand still; of the robot's links those that are neither
+    neighbours nor masked. Links that are connected do not, by "model::link"."""
     top = {link: name for link, (name, _) in description.rigid_groups().items()}
     name = {link if "::" in link else f"{robot}::{link}": link for link in description.links}
-    joined = {frozenset((joint.parent, joint.child)) for joint in description.joints.values()}
-    joined |= {frozenset((top[joint.parent], joint.child)) for joint in description.joints.values()}
+    neighbours = description.neighbours()
     held = set(map(frozenset, connected))
     result = []
     for i, a in enumerate(colliders):
@@ -210,7 +209,7 @@ def colliding_pairs(
             if a.model != b.model or (
                 a.model == robot
                 and self_collision
-                and frozenset((link_a, link_b)) not in joined
+                and frozenset((link_a, link_b)) not in neighbours
                 and not masked(link_a, link_b, masks)
             ):
                 result.append((a, b))

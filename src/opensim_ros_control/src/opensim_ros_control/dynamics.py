@@ -30,6 +30,7 @@ class Dynamics:
         self._rotors, self._B = inertia, np.diag(inertia)
         self._bare = not inertia.any() and not engine.constraints
         self._all = np.arange(engine.nu, dtype=np.intp)
+        self._pull = np.zeros(engine.nu)  # G' nu of the last evaluation
         self.brake(())
 
     def brake(self, braked: Sequence[int]) -> None:
@@ -71,6 +72,7 @@ class Dynamics:
         # Least squares: braked joints may leave constraints without anything to move.
         nu = np.linalg.lstsq(G[:, free] @ W, G @ self._a - G[:, free] @ x0, rcond=None)[0]
         x[free] = x0 + W @ nu
+        self._pull = G.T @ nu
         return x
 
     def response(self) -> FloatArray:
@@ -91,7 +93,7 @@ class Dynamics:
         """Efforts of the brakes with du/dt = x in the state that was evaluated last, shape (nu,), zero for free joints
         [N m]."""
         efforts = np.zeros_like(x)
-        efforts[self._braked] = (self._inertia @ x - self._drive)[self._braked]
+        efforts[self._braked] = (self._inertia @ x - self._drive - self._pull)[self._braked]
         return efforts
 
     def stopped(self, y: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hric_control.geometry import FloatArray
-from hric_control.plants import Model, MovingJoints, StopLaw
+from hric_control.plants import Model, MovingJoints, StopLaw, reciprocals
 from hric_control.urdf import ONE_COORDINATE
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.robot import Robot
@@ -28,20 +28,9 @@ class ModelJoints:
         names = [joint.name for joint in moving]
         self.joints, self._robot = MovingJoints(moving, names, model.name), robot
         self._full_names = [f"{model.name}::{name}" for name in names]
-        self._mimics = [
-            (i, names.index(joint.mimic.joint), joint.mimic.multiplier, joint.mimic.offset)
-            for i, joint in enumerate(moving)
-            if joint.mimic is not None
-        ]
         self._stops = StopLaw([(joint.lower, joint.upper) for joint in moving], self._inertias)
         zeros = self._efforts = self.joints.zeros
-        self._start = self._following(*self.joints.start(zeros, zeros, zeros))
-
-    def _following(self, q: list[float], dq: list[float]) -> tuple[list[float], list[float]]:
-        """Joints that mimic others are where those have them."""
-        for i, source, multiplier, offset in self._mimics:
-            q[i], dq[i] = multiplier * q[source] + offset, multiplier * dq[source]
-        return q, dq
+        self._start = self.joints.start(zeros, zeros, zeros)
 
     def _indices_in(self, engine: Engine) -> list[int]:
         return [engine.index[engine.built.joints[name][0]] for name in self._full_names]
@@ -59,8 +48,7 @@ class ModelJoints:
         engine = self._robot.engine
         engine.put_y(self._robot.y)
         engine.model.realizePosition(engine.system_state)
-        inertias: list[float] = (1.0 / self._robot.response().diagonal()[self._indices]).tolist()
-        return inertias
+        return reciprocals(self._robot.response().diagonal()[self._indices])
 
     def read(self, q: list[float], dq: list[float]) -> None:
         """Write the state at the measuring instant into the lists in place."""
@@ -69,7 +57,7 @@ class ModelJoints:
     def put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
         """Be at q, dq now and at the start. Raises CommandError where they are not one finite number per joint."""
         zeros = self.joints.zeros
-        self._start = self._following(*self.joints.start(q, zeros if dq is None else dq, zeros))
+        self._start = self.joints.start(q, zeros if dq is None else dq, zeros)
         self._robot.put_coordinates(self._indices, *self._start)
         self._stops.restart(self._start[0])
 

@@ -85,7 +85,8 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
 
     def mass_matrix(self) -> FloatArray:
         """OpenSim's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
-        return self.robot.synchronised().mass_matrix()[np.ix_(self.robot.user, self.robot.user)]
+        J = self.robot.law_jacobian()[:, self.robot.user]
+        return np.asarray(J.T @ self.robot.synchronised().mass_matrix() @ J)
 
     # -- the step ------------------------------------------------------------------------------------------------------
 

@@ -9,8 +9,8 @@ import numpy as np
 from hric_control.errors import CommandError
 from hric_control.parameters import flag, number
 from hric_control.plant import FloatArray, Mode
-from hric_control.plants import Divergence, Losses, StopMemory, WindowlessConfig, sigmoid_parameters
-from hric_control.urdf import ONE_COORDINATE
+from hric_control.plants import Divergence, Losses, StopMemory, WindowlessConfig, law_jacobian, sigmoid_parameters
+from hric_control.urdf import ONE_COORDINATE, mimic_laws
 from opensim_ros_control.dynamics import Dynamics
 from opensim_ros_control.engine import Engine
 from opensim_ros_control.integrators import IntegrationError, ManagerSteps, OwnSteps, Step, Touch
@@ -104,11 +104,14 @@ class Robot:
         self._manager = ManagerSteps(engine, config.time_step, config.accuracy)
         self._plain = config.integrator == "accurate" and friction is None and not inertia.any() and not sticking
         self._own_step = self._own.semi_implicit if config.integrator == "semi_implicit" else self._own.third_order
-        self._mimics = [
-            (index, engine.index[path[joint.mimic.joint]], joint.mimic.multiplier, joint.mimic.offset)
-            for index, joint in zip(self._indices, self._joints, strict=True)
-            if joint.mimic is not None
+        self._laws = [
+            (engine.index[path[name]], engine.index[path[law.joint]], law.multiplier, law.offset)
+            for name, law in mimic_laws(self.model.joints).items()
         ]
+
+    def law_jacobian(self) -> FloatArray:
+        """Change of the speeds of all coordinates per speed of each, shape (nu, nu); joints that mimic go along."""
+        return law_jacobian(self.engine.nu, self._laws)
 
     def _sticking(self) -> dict[int, float]:
         """Coulomb friction by coordinate, where there is some [N m or N]: of the robot's joints, and of those of the
@@ -170,8 +173,8 @@ class Robot:
         y, n = self.y.copy(), self.engine.nu
         y[[n + index for index in self._indices]] = 0.0
         self.write(self.user, q, dq, y[:n], y[n : 2 * n])
-        for index, source, multiplier, offset in self._mimics:
-            y[index], y[n + index] = multiplier * y[source] + offset, multiplier * y[n + source]
+        for index, leader, multiplier, offset in self._laws:
+            y[index], y[n + index] = multiplier * y[leader] + offset, multiplier * y[n + leader]
         self._set_y(y)
         self.effort = self.motor_effort = [0.0] * len(q)
         self.stops.restart([self.q[index] for index in self._indices])
@@ -237,7 +240,8 @@ class Robot:
         modes = list(zip(self.user, self._modes, self._on, strict=True))
         braked = [index for index, mode, on in modes if on or mode is Mode.BRAKE]
         if self.config.passive_joints == "locked":
-            braked += [index for index in self._indices if index not in self.user]
+            followers = [index for index, *_ in self._laws]
+            braked += [index for index in self._indices if index not in (*self.user, *followers)]
         self._braked = [on or mode is Mode.BRAKE for _, mode, on in modes]
         self._driven = [mode in (Mode.VELOCITY, Mode.POSITION) and not on for _, mode, on in modes]
         self._any_braked, self._any_driven = bool(braked), any(self._driven)

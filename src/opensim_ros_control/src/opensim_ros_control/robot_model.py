@@ -7,7 +7,7 @@ import numpy as np
 import opensim
 
 from hric_control import urdf
-from hric_control.errors import DescriptionError, UnknownNameError
+from hric_control.errors import DescriptionError
 from hric_control.geometry import MassProperties
 from hric_control.plants import Model
 from opensim_ros_control.scene import together
@@ -67,9 +67,7 @@ class RobotModel:
                     f"joint {name}: type {joint.type!r} is not supported in a robot; valid: "
                     f"{', '.join((*urdf.ONE_COORDINATE, 'fixed'))}"
                 )
-        for name in joint_names:
-            if name not in self.joints:
-                raise UnknownNameError("moving joint", name, self.joints, f"robot {self.robot.name}")
+        self.robot.check_actuated(joint_names)
         self._options = Options(
             gravity=tuple(gravity), inertia="keep", names="rename", stops=False, friction="none", meshes=False
         )
