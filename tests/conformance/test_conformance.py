@@ -1,0 +1,82 @@
+"""One description, three engines, one answer: accelerations and laws beside pinocchio, contacts beside each other. The
+table of all robots of the wheel is in the manual, by tests/conformance/table.py."""
+
+from collections.abc import Iterator
+
+import pytest
+from conformance_measures import ENGINES, SKIN, acceleration_error, contacts_at_rest, motion_error, surely
+from conformance_robots import CHAINS, CONTACTS, MIMICS, public, public_package
+
+from hric_control.urdf import read
+
+ACCELERATION = {"PyBullet": 1e-4, "MuJoCo": 1e-6, "OpenSim": 1e-6}
+"""Relative error that is allowed."""
+LAW = 1e-6
+"""Distance from the law of a joint that mimics another [rad or m]."""
+PUBLIC = (
+    "a1.urdf",
+    "allegro_left_hand.urdf",
+    "anymal-kinova.urdf",
+    "double_pendulum_continuous.urdf",
+    "g1_29dof_with_hand_rev_1_0.urdf",
+    "kinova.urdf",
+    "panda_collision.urdf",
+    "pr2.urdf",
+    "romeo_small.urdf",
+    "so100.urdf",
+    "solo12.urdf",
+    "ur5_robot.urdf",
+    "xarm7.urdf",
+    "z1.urdf",
+)
+"""Arms, hands, legged robots and people-shaped ones; with joints that mimic, slide, and turn without end."""
+TOUCHING = ("anymal-kinova.urdf", "panda_collision.urdf", "pr2.urdf", "so100.urdf", "solo12.urdf", "z1.urdf")
+"""Those of them whose links overlap where all joints are at zero, and one that PyBullet's skins let touch."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def package(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The public descriptions' meshes by their addresses."""
+    with public_package(tmp_path_factory.mktemp("ros")):
+        yield
+
+
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.mark.parametrize("robot", [*CHAINS, *MIMICS])
+def test_a_small_robot_accelerates_as_another_library_says(engine: str, robot: str) -> None:
+    assert acceleration_error(engine, (CHAINS | MIMICS)[robot], 4) < ACCELERATION[engine]
+
+
+@pytest.mark.parametrize("robot", PUBLIC)
+def test_a_public_robot_accelerates_as_another_library_says(engine: str, robot: str) -> None:
+    assert acceleration_error(engine, public(robot), 3) < ACCELERATION[engine]
+
+
+@pytest.mark.parametrize("integrator", ["accurate", "semi_implicit"])
+@pytest.mark.parametrize("robot", MIMICS)
+def test_a_joint_that_mimics_another_starts_and_stays_on_its_law(engine: str, robot: str, integrator: str) -> None:
+    assert motion_error(engine, MIMICS[robot], 100, integrator=integrator) < LAW
+
+
+@pytest.mark.parametrize("robot", ["panda_collision.urdf", "pr2.urdf"])
+def test_joints_of_a_public_robot_stay_on_their_laws(engine: str, robot: str) -> None:
+    assert motion_error(engine, public(robot), 5) < LAW
+
+
+@pytest.mark.parametrize("robot", CONTACTS)
+def test_neighbours_never_touch_and_others_do(engine: str, robot: str) -> None:
+    urdf, pairs = CONTACTS[robot]
+    assert set(contacts_at_rest(engine, urdf)) == pairs
+
+
+@pytest.mark.parametrize("robot", TOUCHING)
+def test_the_same_links_of_a_public_robot_touch_on_all_engines_and_none_are_neighbours(robot: str) -> None:
+    urdf = public(robot)
+    found = {engine: contacts_at_rest(engine, urdf) for engine in ENGINES}
+    assert not {frozenset(pair) for contacts in found.values() for pair in contacts} & read(urdf).neighbours()
+    assert surely(found["MuJoCo"]) == surely(found["OpenSim"])
+    assert surely(found["PyBullet"], SKIN) <= surely(found["MuJoCo"]) <= surely(found["PyBullet"])
