@@ -72,6 +72,27 @@ def test_a_ball_that_moves_is_seen_where_it_was_said_to_be(make_camera: Make) ->
     assert np.abs(where(distances, middle - 1.01 * RADIUS, middle) - pixel).max() < 0.5
 
 
+LIFT = """<robot name="lift"><link name="base"/><link name="crank">{0}</link>
+<link name="cage">{0}<visual><geometry><sphere radius="{1}"/></geometry></visual></link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="crank"/></joint>
+<joint name="slide" type="prismatic"><origin xyz="0.6 0.7 0.4"/><axis xyz="0 0 1"/><parent link="base"/>
+<child link="cage"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
+<mimic joint="turn" multiplier="0.5" offset="0.1"/></joint></robot>""".format(
+    '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>', RADIUS
+)
+
+
+def test_a_joint_that_mimics_another_is_drawn_where_its_law_has_it() -> None:
+    camera = Camera(LIFT, "", AHEAD)
+    try:
+        _, distances = camera.take({"turn": -0.4}, {}, depth=True)
+    finally:
+        camera.close()
+    assert distances is not None
+    pixel, middle = seen(AHEAD, BALL + np.array([0.0, 0.0, -0.1]))
+    assert np.abs(where(distances, middle - 1.01 * RADIUS, middle) - pixel).max() < 0.5
+
+
 @pytest.mark.parametrize("q1", [0.0, 0.2])
 def test_a_camera_on_a_link_moves_with_the_arm(make_camera: Make, q1: float) -> None:
     on_shoulder = CameraSettings(width=320, height=240, parent="panda_link1", xyz=(0.2, 0.2, 0.1), rpy=(0.0, 0.0, 0.8))

@@ -145,7 +145,7 @@ class Camera:
         inf, as in REP 118: nothing is there.
 
         Args:
-            positions: of the robot's joints [rad or m]; what is not named stays.
+            positions: of the robot's joints [rad or m]; what is not named stays, or follows the joint that it mimics.
             poses: T_world_root of models, shape (4, 4) each.
             depth: whether to measure the distances.
         """
@@ -153,6 +153,10 @@ class Camera:
             joint = mujoco.mj_name2id(self._m, mujoco.mjtObj.mjOBJ_JOINT, f"{self._robot}::{name}")
             if joint >= 0:
                 self._d.qpos[self._m.jnt_qposadr[joint]] = value
+        laws = zip(self._m.eq_obj1id, self._m.eq_obj2id, self._m.eq_data, strict=True)
+        for follower, leader, (offset, multiplier, *_) in laws:
+            at, of = self._m.jnt_qposadr[[follower, leader]]
+            self._d.qpos[at] = offset + multiplier * self._d.qpos[of]
         for name, joint in self._free.items():
             if name in poses:
                 self._d.joint(joint).qpos[:] = [*poses[name][:3, 3], *quaternion(poses[name][:3, :3])]

@@ -14,7 +14,7 @@ from hric_control.errors import HricError
 from hric_control.geometry import FloatArray, Pose, quaternion_from_rotation
 from hric_control.meshes.canonical import UnreadableMeshError
 from hric_control.plants import resources
-from hric_control.urdf import Joint, Shape, read
+from hric_control.urdf import Joint, Mimic, Shape, mimic_laws, read
 from hric_experiments.report.style import Stops
 
 GREY = (0.86, 0.87, 0.88, 1.0)
@@ -165,6 +165,7 @@ class Scene:
             DescriptionError: its description cannot be read.
         """
         described = read(robot.description)
+        laws, joints = mimic_laws(described.joints), described.joints.values()
         links = [
             {"name": link.name, "visuals": [part for shape in link.visuals for part in self._visuals(shape)]}
             for link in described.links.values()
@@ -174,7 +175,7 @@ class Scene:
                 "label": robot.label,
                 "role": robot.role,
                 "links": links,
-                "joints": [_joint(joint, robot.joint_names) for joint in described.joints.values()],
+                "joints": [_joint(joint, laws.get(joint.name), robot.joint_names) for joint in joints],
                 "columns": len(robot.joint_names),
                 "time": self._blob.add(robot.time, "f8"),
                 "position": self._blob.add(robot.position, "f4"),
@@ -274,9 +275,10 @@ def _origin(T: FloatArray) -> dict[str, Any]:
     return {"xyz": T[:3, 3].tolist(), "quaternion": quaternion_from_rotation(T[:3, :3])}
 
 
-def _joint(joint: Joint, columns: tuple[str, ...]) -> dict[str, Any]:
-    """A joint; column: of the position that moves it, null: it is fixed; value = multiplier * position + offset."""
-    mimic = None if joint.name in columns else joint.mimic
+def _joint(joint: Joint, law: Mimic | None, columns: tuple[str, ...]) -> dict[str, Any]:
+    """Joint for the page. Its column is that of the position that moves it, null where it is fixed, and its value is
+    multiplier * position + offset."""
+    mimic = None if joint.name in columns else law
     source = mimic.joint if mimic else joint.name
     return {
         "name": joint.name,
