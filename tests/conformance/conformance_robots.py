@@ -92,6 +92,29 @@ CHAINS = {
         joint("second", "crank", "coupler"), joint("third", "base", "rocker"),
     ),
 }  # fmt: skip
+BAR = (
+    '<inertial><origin xyz="0.15 0 0"/><mass value="1"/>'
+    '<inertia ixx="0.001" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+
+
+def parallelogram(*laws: str) -> str:
+    """Two cranks of 0.3 m, 0.4 m apart, and a coupler that hangs on the first; laws of coupler and second crank."""
+
+    def axle(name: str, x: float, parent: str, child: str, law: str = "") -> str:
+        return (
+            f'<joint name="{name}" type="continuous"><origin xyz="{x} 0 0"/><axis xyz="0 1 0"/>'
+            f'<parent link="{parent}"/><child link="{child}"/>{law}</joint>'
+        )
+
+    coupler, second = laws or ("", "")
+    return robot(
+        BASE, *(f'<link name="{name}">{BAR}</link>' for name in ("crank", "coupler", "rocker")),
+        axle("first", 0.0, "base", "crank"), axle("second", 0.3, "crank", "coupler", coupler),
+        axle("third", 0.4, "base", "rocker", second),
+    )  # fmt: skip
+
+
 CONTACTS = {
     "plate below the first link": (
         robot(

@@ -3,10 +3,12 @@ table of all robots of the wheel is in the manual, by tests/conformance/table.py
 
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
-from conformance_measures import ENGINES, SKIN, acceleration_error, contacts_at_rest, motion_error, surely
-from conformance_robots import CHAINS, CONTACTS, MIMICS, public, public_package
+from conformance_measures import ENGINES, SKIN, acceleration_error, contacts_at_rest, loaded, motion_error, surely
+from conformance_robots import CHAINS, CONTACTS, MIMICS, mimic, parallelogram, public, public_package
 
+from hric_control.plant import Bushing
 from hric_control.urdf import read
 
 ACCELERATION = {"PyBullet": 1e-4, "MuJoCo": 1e-6, "OpenSim": 1e-6}
@@ -65,6 +67,25 @@ def test_a_joint_that_mimics_another_starts_and_stays_on_its_law(engine: str, ro
 @pytest.mark.parametrize("robot", ["panda_collision.urdf", "pr2.urdf"])
 def test_joints_of_a_public_robot_stay_on_their_laws(engine: str, robot: str) -> None:
     assert motion_error(engine, public(robot), 5) < LAW
+
+
+def test_a_cut_parallelogram_is_closed_by_laws_or_by_a_bushing_alike(engine: str) -> None:
+    grips = np.eye(4), np.eye(4)
+    grips[0][0, 3], grips[1][0, 3] = 0.4, 0.3
+    pin = Bushing("coupler", "rocker", *grips, 2e4, 200.0, rotational_stiffness=0.0, rotational_damping=0.0)
+    cut, closed = parallelogram(), parallelogram(mimic("first", -1.0), mimic("first", 1.0))
+    with loaded(engine, cut, ["first", "second", "third"]) as open_chain, loaded(engine, closed, ["first"]) as laws:
+        open_chain.reset([0.5, -0.5, 0.5])
+        open_chain.connect("pin", pin)
+        laws.reset([0.5])
+        for _ in range(300):
+            open_chain.apply([0.0] * 3)
+            open_chain.step()
+            laws.apply([0.0])
+            laws.step()
+        (angle,), angles = laws.engine_state()[0], open_chain.engine_state()[0]
+        assert abs(angle - 0.5) > 0.5
+        assert angles == pytest.approx([angle, -angle, angle], abs=5e-3)
 
 
 @pytest.mark.parametrize("robot", CONTACTS)

@@ -212,6 +212,22 @@ def test_the_robot_has_the_colours_of_its_meshes(run: RunFolder) -> None:
     assert len(shades) >= 3, "the Panda's hand is white, light and dark"
 
 
+def test_a_chain_of_joints_that_mimic_each_other_is_drawn_by_the_column_at_its_end() -> None:
+    text = '<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>' + "".join(
+        f'<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>{law}</joint>'
+        for name, parent, child, law in (
+            ("last", "c", "d", '<mimic joint="middle" multiplier="3" offset="0.5"/>'),
+            ("middle", "b", "c", '<mimic joint="first" multiplier="-2" offset="0.1"/>'),
+            ("first", "a", "b", ""),
+        )
+    )
+    drawn = scene.Scene(scene.Blob())
+    drawn.add(scene.Robot("", f"{text}</robot>", ("first",), np.zeros(1), np.zeros((1, 1))))
+    joints = {joint["name"]: joint for joint in drawn.data()["robots"][0]["joints"]}
+    assert (joints["last"]["column"], joints["last"]["multiplier"]) == (0, -6.0)
+    assert joints["last"]["offset"] == pytest.approx(0.8)
+
+
 @in_a_browser
 def test_a_plot_is_saved_for_a_column_of_a_journal_in_light_colours(shown: Browser) -> None:
     shown.emulate(scheme="dark")
