@@ -72,6 +72,7 @@ class EngineModel:
             that.
         root: of the description.
         files: meshes by the name that the xml has, to lie beside it.
+        description: that it was made of.
     """
 
     name: str
@@ -86,6 +87,7 @@ class EngineModel:
     tops: dict[str, Frame]
     root: str
     files: dict[str, bytes]
+    description: Robot
 
 
 @dataclass
@@ -254,6 +256,7 @@ class _Preparation:
             {name: Frame(cluster.top, cluster.poses[name]) for name, cluster in self.of.items()},
             self.robot.root,
             self.files,
+            self.robot,
         )
 
 

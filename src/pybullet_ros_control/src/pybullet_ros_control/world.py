@@ -10,7 +10,7 @@ import pybullet
 from hric_control.errors import HricError, UnknownNameError
 from hric_control.geometry import FloatArray, quaternion_from_rotation
 from hric_control.plant import Contact
-from hric_control.plants import PLAIN_LINK, PlantConfig, Surface, Surfaces, WorldObject, near_links
+from hric_control.plants import PLAIN_LINK, PlantConfig, Surface, Surfaces, WorldObject
 from hric_control.urdf import Robot, read
 from pybullet_ros_control.contact import EngineLink, PenaltyContact, rigid_contacts
 from pybullet_ros_control.engine import Body, BodyState, Engine
@@ -229,8 +229,7 @@ class World:
         body, link = self.find(name)
         if body.model is None:
             return [f"{body.name}::{link}"]
-        tops = {of: frame.body_link for of, frame in body.model.tops.items()}
-        return [f"{body.name}::{of}" for of in near_links(link, tops, body.model.joints.values())]
+        return [f"{body.name}::{of}" for of in body.model.description.near(link)]
 
     def full_name(self, name: str) -> str:
         """ "model::link" of a body that `find` takes. Raises UnknownNameError."""

@@ -4,7 +4,7 @@ This is the module to import from, but for `faces` (where two shapes lie on each
 """
 
 from hric_control.plant import Surface
-from hric_control.plants.bushings import BushingLaw, Bushings, Motion, near_links
+from hric_control.plants.bushings import BushingLaw, Bushings, Motion
 from hric_control.plants.config import PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.divergence import DivergedError, Divergence
 from hric_control.plants.engine_plant import EnginePlant
@@ -51,7 +51,6 @@ __all__ = [
     "masked",
     "model_of_object",
     "model_of_urdf",
-    "near_links",
     "payload",
     "reciprocals",
     "rotor_inertia",

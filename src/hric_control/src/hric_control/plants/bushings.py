@@ -8,7 +8,7 @@ to the limit.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
@@ -20,7 +20,6 @@ from hric_control.geometry import FloatArray, quaternions
 from hric_control.geometry.quaternions import Quaternion, Vector, cross, rotated
 from hric_control.geometry.transforms import quaternion_from_rotation
 from hric_control.plant import Bushing, BushingLoad
-from hric_control.urdf import Joint
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 
@@ -121,27 +120,12 @@ def _difference(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def near_links(link: str, tops: Mapping[str, str], joints: Iterable[Joint]) -> list[str]:
-    """What a grip on a link does not collide with: the link, what is fixed to it, and what hangs on these by one joint,
-    as the fingers beside a hand that is held.
-
-    Args:
-        link: of a model.
-        tops: for every link of the model, the one that names the rigid group it belongs to.
-        joints: of the model.
-    """
-    own = tops[link]
-    pairs = [(tops[joint.parent], tops[joint.child]) for joint in joints]
-    groups = {own, *(top for pair in pairs if own in pair for top in pair)}
-    return [name for name, top in tops.items() if top in groups]
-
-
 class Bushings:
     """All that are connected now, by name.
 
     Args:
         full_name: "model::link" of a body's name; raises UnknownNameError.
-        near: "model::link" of all that a grip on such a link does not collide with; see `near_links`.
+        near: "model::link" of all that a grip on such a link does not collide with.
     """
 
     def __init__(self, full_name: Callable[[str], str], near: Callable[[str], Sequence[str]]) -> None:

@@ -13,7 +13,6 @@ import numpy as np
 from hric_control.errors import DescriptionError, HricError, ParameterError, UnknownNameError
 from hric_control.geometry import FloatArray, MassProperties
 from hric_control.plant import Load, Surface
-from hric_control.plants.bushings import near_links
 from hric_control.plants.resources import read_description
 from hric_control.plants.surfaces import Surfaces
 from hric_control.plants.worlds import PLAIN_LINK, WorldObject
@@ -268,9 +267,7 @@ class Models(ABC):
     def near(self, body: str) -> list[str]:
         """ "model::link" of all that a grip on a body does not collide with. Raises UnknownNameError."""
         model, link = self.find(body)
-        tree = self._description(model)
-        tops = {name: top for name, (top, _) in tree.rigid_groups().items()}
-        return [f"{model}::{name}" for name in near_links(link, tops, tree.joints.values())]
+        return [f"{model}::{name}" for name in self._description(model).near(link)]
 
     def base_link(self, model: str) -> str:
         """Root link of a model or the robot. Raises UnknownNameError."""

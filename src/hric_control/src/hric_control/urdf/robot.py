@@ -222,3 +222,8 @@ class Robot:
         adjacent = {frozenset((tops[joint.parent], tops[joint.child])) for joint in self.joints.values()}
         pairs = combinations(tops.items(), 2)
         return {frozenset((a, b)) for (a, top_a), (b, top_b) in pairs if top_a == top_b or {top_a, top_b} in adjacent}
+
+    def near(self, link: str) -> list[str]:
+        """A link and its neighbours: what a grip on it does not collide with, as the fingers beside a hand."""
+        neighbours = self.neighbours()
+        return [other for other in self.links if other == link or {link, other} in neighbours]
