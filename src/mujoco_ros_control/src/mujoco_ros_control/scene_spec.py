@@ -33,8 +33,6 @@ _HALF_LENGTHS: dict[str, Callable[[Sequence[float]], list[float]]] = {
 """MuJoCo's measures of a shape [m]; a plane has no end, and a spacing of the lines that it is drawn with."""
 Law = tuple[float, float, float]
 """Stiffness [N/m], damping [N s/m] and friction of penalty contact."""
-LEAST = 1e-14
-"""Moment of inertia that MuJoCo's compiler takes: more than its mjMINVAL, 1e-15 [kg m^2]."""
 MIMIC = 1.0
 """Last number in the data of an equality constraint, which MuJoCo leaves alone, where it is a mimic joint's law, for
 mimic.h."""
@@ -214,7 +212,7 @@ class Building:
         body.explicitinertial = True
         body.mass, body.ipos, body.iquat, body.inertia = mass.mass, mass.com, quaternion(R), moments
         if low <= 0.0 or low + middle < high:  # a ball's, until the true ones are set in the compiled model
-            body.inertia = np.full(3, max(abs(high), abs(low), LEAST))
+            body.inertia = np.full(3, max(abs(high), abs(low)))
             self.result.moments[body.name] = moments
 
     def add_shape(
