@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReaderError
-
 from hric_bags.parts import PartsReader, parts
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_control.errors import HricError
@@ -61,10 +59,8 @@ def find(given: str, root: str | None) -> Run:
             topics = sorted(set(reader.topics) - set(NOT_PLAYED)) if reader.message_count else []
             senders = [str(getattr(c.ext, "callerid", "")) for c in reader.connections if c.topic.endswith("/tf")]
             duration = reader.duration * 1e-9 if topics else 0.0
-    except (AnyReaderError, OSError) as error:
-        raise HricError(
-            f"cannot read {bag.name}: {error}; try: rosrun hric_experiments health {folder.path}"
-        ) from error
+    except OSError as error:
+        raise HricError(f"cannot read {bag.name}: {error.strerror or error}") from error
     if not topics:
         raise HricError(f"the run {folder.path.name} has nothing to play: {bag.name} holds no message")
     urdf = folder.urdf_path.read_text() if folder.urdf_path.is_file() else ""

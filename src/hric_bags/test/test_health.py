@@ -237,7 +237,7 @@ def test_a_bag_that_is_being_written_is_not_salvaged(
     ("name", "data", "expected"),
     [
         ("a.bag", b"", "no bag of version 2.0"),
-        ("a.bag", b"#ROSBAG V1.2\n", "no bag of version 2.0"),
+        ("a.bag", b"#ROSBAG V1.2\n", "an old version; `rosbag fix`"),
         ("b.txt", None, "no run folder"),
     ],
 )

@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.rosbag1 import Reader, Writer
-from rosbags.rosbag1.reader import ReaderError
 from rosbags.typesys import Stores, get_typestore
 
-from hric_bags.indexed import IndexedReader
+from hric_bags.indexed import BagError, IndexedReader
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 KIND = "std_msgs/msg/String"
@@ -63,5 +62,8 @@ def test_an_index_that_leads_nowhere_is_an_error_of_the_bag(tmp_path: Path) -> N
     content = path.read_bytes()
     at = content.index(b"op=\x02")
     path.write_bytes(content[:at] + b"op=\x07" + content[at + 4 :])
-    with IndexedReader(path) as reader, pytest.raises(ReaderError, match="Expected to find message data"):
+    with (
+        IndexedReader(path) as reader,
+        pytest.raises(BagError, match=r"its index leads to no message .*; try: rosrun hric_experiments health"),
+    ):
         list(reader.messages())

@@ -11,22 +11,36 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from rosbags.interfaces import Connection
-from rosbags.rosbag1.reader import Header, IndexData, Reader, ReaderError, RecordType, read_bytes, read_uint32
+from rosbags.rosbag1.reader import Header, IndexData, Reader, RecordType, read_bytes, read_uint32
+
+from hric_bags import foreign
+from hric_control.errors import HricError
 
 _STORED = np.dtype([("secs", "<u4"), ("nsecs", "<u4"), ("offset", "<u4")])
 """An entry of an index in a bag."""
 _INDEX = np.dtype([("time", np.int64), ("chunk", np.int64), ("offset", np.uint32)])
 """An entry here: time of recording [ns], where its chunk begins in the file, and the message in the chunk."""
 _MESSAGE = b"\x04\x00\x00\x00op=" + bytes([RecordType.MSGDATA])
-"""In the header of a message."""
+"""Part of the header of a message."""
 BLOCK = 4096
-"""Entries that are Python objects at a time."""
+"""Number of entries that are Python objects at a time."""
 _size = Struct("<L").unpack_from
 Index = npt.NDArray[Any]
 
 
+class BagError(HricError):
+    """A bag that cannot be read, or in which something that a report needs is missing."""
+
+
+def damaged(path: Path, reason: object) -> BagError:
+    """Return the error of a bag that cannot be read, with the command that finds out why; reason: what was raised."""
+    text = " ".join(str(reason).split()) or type(reason).__name__
+    hint = f"cannot read {path.name}: {text}; try: rosrun hric_experiments health --salvage {path}"
+    return BagError(foreign.describe(path) or hint)
+
+
 class IndexedReader(Reader):
-    """Reads one bag by an index in arrays.
+    """Reader of one bag by an index in arrays.
 
     Args:
         path: of the bag.
@@ -47,9 +61,12 @@ class IndexedReader(Reader):
         """Read all but the messages.
 
         Raises:
-            ReaderError: it is no bag, or a damaged one.
+            BagError: it is no bag, a damaged one, or the system refuses to read it.
         """
-        super().open()
+        try:
+            super().open()
+        except Exception as error:  # of bytes that a damaged file has in any place
+            raise damaged(self.path, error) from error
         self._index = {c.id: _sorted(self._stored.pop(c.id, [])) for c in self.connections}
         self.connections = [c._replace(msgcount=len(self._index[c.id])) for c in self.connections]
 
@@ -59,7 +76,7 @@ class IndexedReader(Reader):
         self._index, self._chunk = {}, (-1, b"")
 
     def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Of one connection in the chunk at a position; kept here, not in `indexes`."""
+        """Keep the index of one connection in the chunk at a position; not in `indexes`."""
         assert self.bio
         header = Header.read(self.bio, RecordType.IDXDATA)
         self._stored[header.get_uint32("conn")].append((pos, read_bytes(self.bio, read_uint32(self.bio))))
@@ -79,7 +96,7 @@ class IndexedReader(Reader):
     def _entries(
         self, chosen: list[Connection], start: int | None, stop: int | None
     ) -> Iterator[tuple[int, int, int, int]]:
-        """Which of the connections, time, chunk and offset of each message, in order of time."""
+        """Yield number of the connection, time, chunk and offset of each message, in order of time."""
         parts = [self._index[connection.id] for connection in chosen]
         if not parts:
             return
@@ -103,7 +120,10 @@ class IndexedReader(Reader):
             assert self.bio
             chunk = self.chunks[position]
             self.bio.seek(chunk.datapos)
-            self._chunk = position, chunk.decompressor(read_bytes(self.bio, chunk.datasize))
+            try:
+                self._chunk = position, chunk.decompressor(read_bytes(self.bio, chunk.datasize))
+            except Exception as error:  # each compression has its own, OSError too
+                raise damaged(self.path, error) from error
         raw = self._chunk[1]
         try:
             while True:
@@ -113,9 +133,9 @@ class IndexedReader(Reader):
                     break
                 offset = end  # a connection, which some programs have in front
         except StructError as error:
-            raise ReaderError("Expected to find message data.") from error
+            raise damaged(self.path, f"its index leads to no message at byte {offset} of a chunk") from error
         if end > len(raw):
-            raise ReaderError(f"Got only {len(raw) - data - 4} of requested {end - data - 4} bytes.")
+            raise damaged(self.path, f"a message has {len(raw) - data - 4} of its {end - data - 4} bytes")
         return raw[data + 4 : end]
 
 

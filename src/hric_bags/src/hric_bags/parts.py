@@ -13,7 +13,8 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 from tqdm import tqdm
 
-from hric_bags.indexed import IndexedReader
+from hric_bags import foreign
+from hric_bags.indexed import BagError, IndexedReader, damaged
 from hric_control.errors import HricError
 
 MARGIN = 2_000_000_000
@@ -106,7 +107,7 @@ def typestore_of(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
     store.register(types)
     for kind, _, checksum in definitions:
         if (found := store.generate_msgdef(kind)[1]) != checksum:
-            raise AnyReaderError(f"the definition of {kind} has checksum {found}, its messages {checksum}")
+            raise BagError(f"the definition of {kind} has checksum {found}, its messages {checksum}")
     return store
 
 
@@ -123,13 +124,18 @@ class PartsReader(AnyReader):
         bag: as given.
 
     Raises:
-        PartsError, AnyReaderError, OSError: it cannot be read.
+        PartsError, BagError, OSError: it cannot be read.
     """
 
     def __init__(self, bag: Path) -> None:
         self.bag = bag
         found = parts(bag)
-        super().__init__(found)
+        if kind := next(filter(None, map(foreign.describe, found)), ""):
+            raise BagError(kind)
+        try:
+            super().__init__(found)
+        except AnyReaderError as error:  # its name does not end as that of a bag
+            raise damaged(bag, error) from error
         self.readers: list[Any] = [IndexedReader(path) for path in found]
         self._repeated: list[dict[Stream, int]] | None = None
 
@@ -145,8 +151,17 @@ class PartsReader(AnyReader):
         """What reads the messages; made when the first of them is read."""
         try:
             return typestore_of(frozenset((c.msgtype, c.msgdef.data, c.digest) for c in self.connections))
-        except TypesysError as error:
-            raise AnyReaderError(*error.args) from error
+        except (TypesysError, BagError) as error:
+            raise damaged(self.bag, error) from error
+
+    def deserialize(self, rawdata: bytes, typ: str) -> Any:
+        """Return a message. Raises BagError: it cannot be read."""
+        try:
+            return self.typestore.deserialize_ros1(rawdata, typ)
+        except HricError:
+            raise
+        except Exception as error:  # of bytes that a damaged message has in any place
+            raise damaged(self.bag, f"a message of type {typ} is damaged ({error})") from error
 
     def messages(
         self,

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from rosbags.highlevel import AnyReaderError
 
 from franka_hw_interface.robot_state import ERROR_NAMES
+from hric_bags import foreign
+from hric_bags.indexed import BagError as BagError
 from hric_bags.parts import Bag, PartsError, PartsReader
-from hric_control.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
 LOG_TYPE = "hric_msgs/msg/ControlLog"
@@ -31,10 +31,6 @@ does [s]."""
 RobotTime = Callable[[float], float]
 """Stamp -> robot time [s]."""
 ARRAYS = ("position", "velocity", "effort", "command_raw", "command")
-
-
-class BagError(HricError):
-    """A bag that cannot be read, or in which something that a report needs is missing."""
 
 
 @dataclass(frozen=True)
@@ -143,11 +139,11 @@ def opened(bag: Path | Bag) -> Iterator[Bag]:
             yield reader
     except PartsError as error:
         raise BagError(str(error)) from error
-    except AnyReaderError as error:
-        raise BagError(f"cannot read {bag.name}: {error}") from error
 
 
 def _check_file(path: Path) -> None:
+    if path.is_dir() and (kind := foreign.describe(path)):
+        raise BagError(kind)
     if not path.is_file():
         unfinished = path.with_name(path.name + ".active")
         hint = (

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from hric_bags import files
+from hric_bags import files, foreign
 from hric_control.errors import HricError, failing
 
 RUNNING, COMPLETED, INTERRUPTED, FAILED = "running", "completed", "interrupted", "failed"
@@ -76,6 +76,8 @@ class RunFolder:
         for candidate in (Path(path).expanduser(), (root or runs_root()) / path):
             if (candidate / "run.yaml").is_file():
                 return cls(candidate.resolve())
+        if kind := foreign.describe(Path(path).expanduser()):
+            raise RunFolderError(kind)
         base = root or runs_root()
         known = sorted(
             (item.parent.name for item in base.glob("*/run.yaml") if not item.parent.is_symlink()), reverse=True

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from hric_bags import parts as bag_parts
@@ -81,12 +81,8 @@ def open_reader(source: Source) -> Iterator[PartsReader]:
     try:
         with PartsReader(source.bag) as reader:
             yield reader
-    except (AnyReaderError, OSError) as error:
-        names = ", ".join(bag.name for bag in source.bags)
-        given = source.bag if source.folder is None else source.folder.path
-        raise ExportError(
-            f"cannot read {names}: {error}; what can be read of it: rosrun hric_experiments health --salvage {given}"
-        ) from error
+    except OSError as error:
+        raise ExportError(f"cannot read {source.bag}: {error.strerror or error}") from error
 
 
 def read(

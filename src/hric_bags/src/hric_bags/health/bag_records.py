@@ -1,33 +1,42 @@
-"""Reads the records of a bag in the order of the file, also of one whose recorder was killed; by the format's public
-description, version 2.0."""
+"""Reads what a bag holds in the order of the file, also of one that is damaged or whose recorder was killed; by the
+format's public description, version 2.0."""
 
-import bz2
 import os
 import struct
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any
 
-import lz4.frame
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
+from hric_bags import foreign
+from hric_bags.health import file_records
+from hric_bags.health.compressed import Unpacked, unpack
+from hric_bags.health.file_records import (
+    BAG_HEADER,
+    CHUNK,
+    CHUNK_INFO,
+    CONNECTION,
+    INDEX,
+    LENGTH,
+    MESSAGE,
+    Fields,
+    FileView,
+    Record,
+    fields_of,
+)
 from hric_control.errors import HricError
 
 MAGIC = b"#ROSBAG V2.0\n"
-MESSAGE, BAG_HEADER, CHUNK, CONNECTION = 2, 3, 5, 7
-_LENGTH = struct.Struct("<I")
-_TIME = struct.Struct("<II")
-_LARGEST_HEADER = 1 << 20
-"""Headers are some hundred bytes; one beyond this is no header [B]."""
-Fields = dict[bytes, bytes]
+_TIME, _POSITION, _ENTRY, _COUNT = (struct.Struct(layout) for layout in ("<II", "<Q", "<8sI", "<II"))
 
 
 class NotABagError(HricError):
     """A file that is no bag of version 2.0."""
-
-
-class _TruncatedError(Exception):
-    """The data ends within a record."""
 
 
 @dataclass(frozen=True)
@@ -48,178 +57,219 @@ class Connection:
     latching: bool
 
 
+@dataclass
+class _Chunk:
+    """A chunk, and what the bag says of it elsewhere: entries of its index, and its summary in the index at the end."""
+
+    record: Record
+    index: list[Record]
+    summary: tuple[bytes, bytes, dict[int, int]] | None = None
+
+
 class BagScan:
-    """One pass over the file; `messages` does it, the attributes are filled afterwards.
+    """One pass over the file; `messages` does it, the attributes are filled meanwhile.
 
     Attributes:
+        path: of the bag.
         connections: by their number.
-        chunks: whole chunks read.
-        open_chunk: bytes of a last chunk that was not closed; None: there is none.
-        truncated: the file ends within a record, outside of an open chunk.
-        unreadable: offsets of chunks that do not decompress or hold rubbish [B].
-        indexed: the index at the end, which readers need, is there.
+        chunks: chunks that are closed.
+        damage: what is wrong with the file, a sentence each.
+        doubtful: which messages may have wrong values, since the checksum of their chunk is wrong, a sentence each.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.connections: dict[int, Connection] = {}
         self.chunks = 0
-        self.open_chunk: int | None = None
-        self.truncated = False
-        self.unreadable: list[int] = []
-        self.indexed = False
-        self._index_position = 0
-        self._after_index = 0
-        self._expected = (0, 0)
-
-    @property
-    def whole(self) -> bool:
-        """Whether any reader opens this bag and finds all of it."""
-        return self.indexed and self.open_chunk is None and not self.truncated and not self.unreadable
+        self.damage: list[str] = []
+        self.doubtful: list[str] = []
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
-        """(number of the connection, time of recording [ns], serialised message) in the order of the file.
+        """Yield (number of the connection, time of recording [ns], serialised message) in the order of the file.
 
         Raises:
             NotABagError: the file is empty or something else.
         """
         with self.path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            if file.read(len(MAGIC)) != MAGIC:
-                raise NotABagError(f"{self.path} is no bag of version 2.0 ({size} bytes)")
-            while (offset := file.tell()) < size:
-                try:
-                    fields, length = _head(file)
-                except _TruncatedError:
-                    self.truncated = True
-                    break
-                yield from self._record(file, fields, length, offset, size)
-        self.indexed = 0 < self._index_position <= size and self._after_index == sum(self._expected)
+            view = FileView(file, os.fstat(file.fileno()).st_size)
+            for chunk in self._chunks(view):
+                yield from self._messages(view, chunk)
 
-    def _record(
-        self, file: BinaryIO, fields: Fields, length: int, offset: int, size: int
-    ) -> Iterator[tuple[int, int, bytes]]:
-        kind = fields[b"op"][0]
-        left = size - file.tell()
-        if kind == CHUNK:
-            # The recorder fills the length in when it closes a chunk.
-            whole = 0 < length <= left
-            if not whole:
-                self.open_chunk = left
-            yield from self._chunk(
-                file.read(length if whole else left), fields.get(b"compression", b"none"), offset, whole
+    def _chunks(self, view: FileView) -> list[_Chunk]:
+        """Read all but the chunks' data."""
+        kinds = (BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION)
+        records = list(file_records.walk(view, len(MAGIC), kinds))
+        self._check_begin(view, records)
+        chunks: dict[int, _Chunk] = {}
+        summaries: dict[int, tuple[bytes, bytes, dict[int, int]]] = {}
+        last: _Chunk | None = None
+        for record in records:
+            if record.kind == CHUNK:
+                last = chunks[record.offset] = _Chunk(record, [])
+            elif record.kind == INDEX and last is not None:
+                last.index.append(record)
+            elif record.kind == CONNECTION:
+                self._connection(record.fields, view[record.start : record.end], confirmed=False)
+            elif record.kind == CHUNK_INFO:
+                summaries[_POSITION.unpack(record.fields[b"chunk_pos"])[0]] = (
+                    record.fields[b"start_time"],
+                    record.fields[b"end_time"],
+                    dict(_unpacked(_COUNT, view, record)),
+                )
+        self._check_index(view, records, set(chunks) == set(summaries))
+        for offset, chunk in chunks.items():
+            chunk.summary = summaries.get(offset)
+        return list(chunks.values())
+
+    def _check_begin(self, view: FileView, records: list[Record]) -> None:
+        begins = view[: len(MAGIC)] == MAGIC
+        if (kind := foreign.describe(self.path)) or not (begins or any(record.kind == CHUNK for record in records)):
+            raise NotABagError(kind or f"{self.path} is no bag of version 2.0 ({len(view)} bytes)")
+        if not begins:
+            self.damage.append("its first bytes are not those of a bag: readers refuse it")
+        if records and (name := records[0].fields.get(b"encryptor")):
+            raise NotABagError(f"{self.path} is encrypted ({name.decode(errors='replace')}); decrypt it first")
+
+    def _check_index(self, view: FileView, records: list[Record], complete: bool) -> None:
+        """Compare the index at the end with what the head says of it, and note stretches that are no records."""
+        head = next((record.fields for record in records if record.kind == BAG_HEADER), {})
+        begin = _POSITION.unpack(head.get(b"index_pos", bytes(8)))[0]
+        counts = Counter(record.kind for record in records if record.offset >= begin)
+        expected = [LENGTH.unpack(head.get(name, bytes(4)))[0] for name in (b"conn_count", b"chunk_count")]
+        offsets = {record.offset for record in records} | {len(view)}
+        for record in records:
+            # Old recorders leave zeros before the index, which readers never see.
+            if record.kind == 0 and (record.end not in (begin, len(view)) or any(view[record.start : record.end])):
+                self.damage.append(f"bytes {record.start} to {record.end} are damaged")
+            if record.open:
+                self.damage.append(
+                    f"the last chunk was not closed ({record.end - record.start} bytes of it are there): the recorder "
+                    "was killed"
+                )
+            elif not record.exact and record.end == len(view):
+                self.damage.append("the file ends within a record: it was cut off")
+            elif not record.exact and record.kind != CHUNK:
+                self.damage.append(f"the record at byte {record.offset} has a wrong length")
+        if begin == 0 or begin not in offsets or [counts[CONNECTION], counts[CHUNK_INFO]] != expected or not complete:
+            self.damage.append("it has no index, or a damaged one: readers cannot open it, or miss something")
+
+    def _messages(self, view: FileView, chunk: _Chunk) -> Iterator[tuple[int, int, bytes]]:
+        """Yield the messages of a chunk, and note what is wrong with it."""
+        record = chunk.record
+        stated = record.fields[b"compression"].decode(errors="replace")
+        unpacked = unpack(view[record.start : record.end], stated)
+        self.chunks += not record.open
+        entries = _entries(view, chunk.index)
+        indexed, times, counts, lost = bool(entries), list[int](), Counter[int](), not unpacked.whole
+        begin = None  # of a connection before a message, where some programs let the index point
+        for inner in file_records.walk(unpacked.data, 0, (MESSAGE, CONNECTION)):
+            data = unpacked.data[inner.start : inner.end]
+            if inner.kind == CONNECTION:
+                self._connection(inner.fields, data, confirmed=unpacked.verified)
+                begin = inner.offset if begin is None else begin
+                continue
+            if inner.kind == 0 or not inner.certain:
+                lost = True
+                continue
+            lost |= not inner.exact
+            number, time = LENGTH.unpack(inner.fields[b"conn"])[0], inner.fields[b"time"]
+            entry = entries.pop(inner.offset, None) or entries.pop(begin, None)
+            begin = None
+            if not unpacked.verified and not (entry in (None, (number, time)) and self._is_readable(number, data)):
+                lost = True
+                continue
+            lost |= indexed and entry != (number, time)
+            times.append(_nanoseconds(time))
+            counts[number] += 1
+            yield number, times[-1], data
+        if not record.open:
+            self._judge(chunk, unpacked, times, counts, lost or bool(entries) or (bool(times) and not indexed))
+
+    def _judge(self, chunk: _Chunk, unpacked: Unpacked, times: list[int], counts: Counter[int], differs: bool) -> None:
+        """Note the damage of a chunk that was read: its times [ns] and counts of messages by connection."""
+        offset, fields = chunk.record.offset, chunk.record.fields
+        stated = fields[b"compression"].decode(errors="replace"), LENGTH.unpack(fields[b"size"])[0]
+        differs |= stated != (unpacked.compression, len(unpacked.data)) or not chunk.record.exact
+        if chunk.summary is not None and times:
+            first, last, expected = chunk.summary
+            differs |= (_nanoseconds(first), _nanoseconds(last), expected) != (min(times), max(times), dict(counts))
+        if differs:
+            self.damage.append(
+                f"the chunk at byte {offset} is damaged, or its index: {len(times)} messages are readable"
             )
-            self.chunks += whole
-            return
-        if length > left:
-            self.truncated = True
-            file.seek(0, os.SEEK_END)
-            return
-        if kind == BAG_HEADER:
-            self._index_position = struct.unpack("<Q", fields[b"index_pos"])[0]
-            self._expected = tuple(_LENGTH.unpack(fields[name])[0] for name in (b"conn_count", b"chunk_count"))
-        elif self._index_position and offset >= self._index_position:
-            self._after_index += 1
-        if kind == CONNECTION:
-            self._connection(fields, file.read(length))
-        else:
-            file.seek(length, os.SEEK_CUR)
+        if not unpacked.whole and times:
+            begin, end = min(times) * 1e-9, max(times) * 1e-9
+            self.doubtful.append(
+                f"{len(times)} messages, recorded from {begin:.3f} s to {end:.3f} s, may have wrong values: the "
+                f"checksum of the chunk at byte {offset} is wrong"
+            )
 
-    def _chunk(self, packed: bytes, compression: bytes, offset: int, whole: bool) -> Iterator[tuple[int, int, bytes]]:
-        data, complete = _unpack(packed, compression)
-        position = 0
+    def _is_readable(self, number: int, data: bytes) -> bool:
+        """Return false for a message that is not as its type says; true also where the type is not known."""
+        known = self.connections.get(number)
+        store = None if known is None else _store(known)
+        if known is None or store is None:
+            return True
         try:
-            while position < len(data):
-                fields, start, length = _inner(data, position)
-                position = start + length
-                if fields[b"op"][0] == CONNECTION:
-                    self._connection(fields, data[start:position])
-                elif fields[b"op"][0] == MESSAGE:
-                    seconds, nanoseconds = _TIME.unpack(fields[b"time"])
-                    yield (
-                        _LENGTH.unpack(fields[b"conn"])[0],
-                        seconds * 1_000_000_000 + nanoseconds,
-                        data[start:position],
-                    )
-        except (_TruncatedError, KeyError, struct.error):
-            complete = False
-        if whole and not complete:
-            self.unreadable.append(offset)
+            store.deserialize_ros1(data, known.type_name.replace("/", "/msg/"))
+        except Exception:  # whatever damaged bytes make of a reader
+            return False
+        return True
 
-    def _connection(self, fields: Fields, data: bytes) -> None:
-        # The topic is in the record's header: the one in the data is that before remapping.
-        inner = _fields(data)
+    def _connection(self, fields: Fields, data: bytes, *, confirmed: bool) -> None:
+        """Take a copy of a connection record, unless a better one is known; confirmed: by a checksum."""
+        inner = fields_of(data)
+        if inner is None:
+            return
         text = {key: value.decode("utf-8", "replace") for key, value in inner.items()}
-        number = _LENGTH.unpack(fields[b"conn"])[0]
-        self.connections[number] = Connection(
-            fields[b"topic"].decode(),
+        number = LENGTH.unpack(fields[b"conn"])[0]
+        # The topic is in the record's header: the one in the data is that before remapping.
+        found = Connection(
+            fields[b"topic"].decode("utf-8", "replace"),
             text.get(b"type", ""),
             text.get(b"md5sum", ""),
             text.get(b"message_definition", ""),
             text.get(b"callerid", ""),
             text.get(b"latching", "0") == "1",
         )
+        known = self.connections.setdefault(number, found)
+        if known == found:
+            return
+        self.damage.append(f"two records of the connection {number} ({known.topic}) differ")
+        if confirmed or _is_sound(found, text.get(b"topic", "")) > _is_sound(known, text.get(b"topic", "")):
+            self.connections[number] = found
 
 
-def _head(file: BinaryIO) -> tuple[Fields, int]:
-    """Header of the next record and the length of its data [B]."""
-    length = _read_length(file)
-    if length > _LARGEST_HEADER:
-        raise _TruncatedError
-    fields = _checked(_read(file, length))
-    return fields, _read_length(file)
+def _is_sound(connection: Connection, topic: str) -> bool:
+    """Return true if the checksum of a connection is that of its definition, and its topic the one given."""
+    return _store(connection) is not None and connection.topic == topic
 
 
-def _inner(data: bytes, position: int) -> tuple[Fields, int, int]:
-    """Header of the record at `position` of a chunk, where its data starts, and their length."""
+@lru_cache
+def _store(connection: Connection) -> Typestore | None:
+    """Return what reads messages of a connection; None: its definition is damaged."""
+    store, name = get_typestore(Stores.EMPTY), connection.type_name.replace("/", "/msg/")
     try:
-        length = _LENGTH.unpack_from(data, position)[0]
-        start = position + 4 + length + 4
-        size = _LENGTH.unpack_from(data, start - 4)[0]
-    except struct.error as error:
-        raise _TruncatedError from error
-    if start + size > len(data):
-        raise _TruncatedError
-    return _checked(data[position + 4 : start - 4]), start, size
+        store.register(get_types_from_msg(connection.definition, name))
+        return store if store.generate_msgdef(name)[1] == connection.md5sum else None
+    except Exception:  # whatever a damaged definition makes of a parser
+        return None
 
 
-def _checked(header: bytes) -> Fields:
-    fields = _fields(header)
-    if len(fields.get(b"op", b"")) != 1:
-        raise _TruncatedError
-    return fields
+def _entries(view: FileView, index: list[Record]) -> dict[int | None, tuple[int, bytes]]:
+    """Return what the index of a chunk has: offset in the chunk -> (number of the connection, time)."""
+    found: dict[int | None, tuple[int, bytes]] = {}
+    for record in index:
+        number = LENGTH.unpack(record.fields[b"conn"])[0]
+        found.update((offset, (number, time)) for time, offset in _unpacked(_ENTRY, view, record))
+    return found
 
 
-def _fields(header: bytes) -> Fields:
-    """The name=value pairs of a header."""
-    fields: Fields = {}
-    position = 0
-    while position + 4 <= len(header):
-        length = _LENGTH.unpack_from(header, position)[0]
-        name, _, value = header[position + 4 : position + 4 + length].partition(b"=")
-        fields[name] = value
-        position += 4 + length
-    return fields
+def _unpacked(layout: struct.Struct, view: FileView, record: Record) -> Iterator[tuple[Any, ...]]:
+    """Yield the whole entries of a record, which may be cut off."""
+    return layout.iter_unpack(view[record.start : record.end - (record.end - record.start) % layout.size])
 
 
-def _read(file: BinaryIO, length: int) -> bytes:
-    data = file.read(length)
-    if len(data) < length:
-        raise _TruncatedError
-    return data
-
-
-def _read_length(file: BinaryIO) -> int:
-    return int(_LENGTH.unpack(_read(file, 4))[0])
-
-
-def _unpack(packed: bytes, compression: bytes) -> tuple[bytes, bool]:
-    """What can be decompressed, and whether that is all."""
-    if compression == b"none":
-        return packed, True
-    expander = lz4.frame.LZ4FrameDecompressor() if compression == b"lz4" else bz2.BZ2Decompressor()
-    try:
-        data = expander.decompress(packed) if packed else b""
-    except (RuntimeError, OSError, ValueError, EOFError):
-        return b"", False
-    return data, bool(expander.eof)
+def _nanoseconds(time: bytes) -> int:
+    seconds, rest = _TIME.unpack(time)
+    return int(seconds) * 1_000_000_000 + int(rest)

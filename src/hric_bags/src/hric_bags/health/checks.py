@@ -56,18 +56,8 @@ def is_regular(stream: Stream) -> bool:
 
 
 def of_file(scan: BagScan) -> list[Finding]:
-    """Damage of the file; `scan` after its pass."""
-    damage = []
-    if scan.open_chunk is not None:
-        damage.append(
-            f"the last chunk was not closed ({scan.open_chunk} bytes of it are there): the recorder was killed"
-        )
-    if scan.truncated:
-        damage.append("the file ends within a record: it was cut off")
-    damage += [f"the chunk at byte {offset} is damaged; what follows its damage is lost" for offset in scan.unreadable]
-    if not scan.indexed:
-        damage.append("it has no index: readers cannot open it")
-    return [Finding(DAMAGED, "", text) for text in damage]
+    """Return the damage of the file; scan: after its pass."""
+    return [Finding(DAMAGED, "", text) for text in scan.damage]
 
 
 def of_streams(streams: list[Stream]) -> list[Finding]:

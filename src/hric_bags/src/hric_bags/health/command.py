@@ -65,7 +65,7 @@ def _salvaged(path: Path, folder: RunFolder | None, quiet: bool) -> Health:
         status = folder.read().get("status")
         folder.update(salvaged=True, **({"status": INTERRUPTED} if status == RUNNING else {}))
     print(f"salvaged {result.messages} messages into {result.bag}; the damaged bag is {result.original.name}\n")
-    health = examine.examine(result.bag)
+    health = examine.examine(result.bag, doubtful=result.doubtful)
     _print(health, quiet)
     return health
 

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -93,8 +94,13 @@ def _part(bag: Path) -> Path:
     raise HealthError(f"no bag in {bag.parent}: neither {bag.name} nor {bag.name}{ACTIVE}")
 
 
-def examine(path: Path, *, progress: bool = False) -> Health:
+def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ()) -> Health:
     """Read a bag from its first byte to its last.
+
+    Args:
+        path: of the bag.
+        progress: whether to draw a bar.
+        doubtful: what is known of its values from elsewhere, a sentence each.
 
     Raises:
         HricError: it is no bag, or cannot be read.
@@ -116,6 +122,7 @@ def examine(path: Path, *, progress: bool = False) -> Health:
         raise HealthError(f"cannot read {path}: {error.strerror or error}") from error
     streams = gatherer.streams()
     findings = checks.of_file(scan) + checks.of_streams(streams)
+    findings += [Finding(checks.PROBLEM, "", text) for text in (*scan.doubtful, *doubtful)]
     if unknown:
         findings.insert(
             0, Finding(checks.DAMAGED, "", f"{unknown} messages belong to topics of which nothing is known")

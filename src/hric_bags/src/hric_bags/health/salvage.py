@@ -4,15 +4,13 @@ import contextlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from rosbags.rosbag1 import Writer
-
+from hric_bags.chunked_writer import ChunkedWriter
 from hric_bags.health.bag_records import BagScan, Connection
 from hric_control.errors import HricError
 
 ACTIVE, DAMAGED = ".active", ".damaged"
-CHUNK = 256 * 1024
-"""Size of the chunks of a salvaged bag before compression [B]; project default, unconfirmed."""
 
 
 class SalvageError(HricError):
@@ -21,17 +19,19 @@ class SalvageError(HricError):
 
 @dataclass(frozen=True)
 class Salvaged:
-    """What came of it.
+    """A whole bag made of a damaged one.
 
     Attributes:
         bag: the whole one.
         original: where the damaged one is now.
         messages: how many the whole one has.
+        doubtful: which of them may have wrong values, a sentence each.
     """
 
     bag: Path
     original: Path
     messages: int
+    doubtful: list[str]
 
 
 def salvage(path: Path) -> Salvaged:
@@ -51,8 +51,9 @@ def salvage(path: Path) -> Salvaged:
     if taken.exists():
         raise SalvageError(f"{taken.name} is there already; move it away first")
     temporary = path.with_name(f".{target.name}.{os.getpid()}.tmp")
+    scan = BagScan(path)
     try:
-        messages = _copy(BagScan(path), temporary)
+        messages = _copy(scan, temporary)
         if not active:
             path.rename(original)
         temporary.rename(target)
@@ -60,16 +61,13 @@ def salvage(path: Path) -> Salvaged:
         raise SalvageError(f"cannot salvage {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
-    return Salvaged(target, original, messages)
+    return Salvaged(target, original, messages, scan.doubtful)
 
 
 def _copy(scan: BagScan, target: Path) -> int:
-    writer = Writer(target)
-    writer.set_compression(Writer.CompressionFormat.LZ4)
-    writer.chunk_threshold = CHUNK
-    connections: dict[Connection, object] = {}
+    connections: dict[Connection, Any] = {}
     count = 0
-    with writer:
+    with ChunkedWriter(target) as writer:
         for number, time, raw in scan.messages():
             known = scan.connections.get(number)
             if known is None:
@@ -83,7 +81,7 @@ def _copy(scan: BagScan, target: Path) -> int:
     return count
 
 
-def _add(writer: Writer, known: Connection) -> object:
+def _add(writer: ChunkedWriter, known: Connection) -> Any:
     return writer.add_connection(
         known.topic,
         known.type_name.replace("/", "/msg/"),
@@ -95,7 +93,7 @@ def _add(writer: Writer, known: Connection) -> object:
 
 
 def in_use(path: Path) -> bool:
-    """Whether a process of this user on this machine has the file open for writing."""
+    """Return true if a process of this user on this machine has the file open for writing."""
     target = path.resolve()
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):  # ended meanwhile, or another user's

@@ -25,6 +25,8 @@ COUNTED: dict[str, tuple[str, Callable[[Any], tuple[int, int]]]] = {
     "hric_msgs/SyncedSample": ("samples", lambda message: (int(message.header.seq), 1)),
 }
 """Message types with a running number: what it counts, and (first number, how many) of a message."""
+_WRAP = 1 << 32
+"""A counter of 32 bits goes on at 0; of those with 64 no gap is half as long."""
 
 
 @dataclass
@@ -155,9 +157,10 @@ def _continuity(numbers: list[tuple[int, int]]) -> tuple[tuple[tuple[int, int], 
     missing, repeated = [], []
     expected = numbers[0][0] if numbers else 0
     for first, count in numbers:
-        if first > expected:
-            missing.append((expected, first - expected))
-        elif first < expected:
-            repeated.append((first, expected - first))
+        step = (first - expected + _WRAP // 2) % _WRAP - _WRAP // 2
+        if step > 0:
+            missing.append((expected, step))
+        elif step < 0:
+            repeated.append((first, -step))
         expected = first + count
     return tuple(missing), tuple(repeated)

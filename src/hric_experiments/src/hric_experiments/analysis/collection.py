@@ -1,4 +1,4 @@
-"""Whether a bag holds all that its sources sent, and how far the synchronised samples are from the instants that they
+"""Comparison of what a bag holds with what its sources sent, and of synchronised samples with the instants that they
 are stamped with. No ROS.
 
 A source publishes how much it sent, by sequence numbers (hric_msgs/SourceCount). What was recorded is counted by the
@@ -32,6 +32,8 @@ MIN_SAMPLES = 11
 """In a window whose shift of time counts (project default, unconfirmed)."""
 MIN_SPEED = {"rad": 0.02, "m": 0.05}
 """Slower windows have no shift of time (root mean square) [1/s]. Project default, unconfirmed."""
+SECTIONS = 10
+"""Parts of a recording in which stamps must agree on the second of a time code (project default, unconfirmed)."""
 LOG_TOPIC = "control_log"
 
 
@@ -117,14 +119,26 @@ def source_metrics(came: Numbered, counts: Counts | None, begin: float, end: flo
 
 
 def source_sequence(came: Numbered, counts: Counts | None) -> IntArray | None:
-    """The source's own number of each sample; None: not known. A time code may count within the second, which the
-    stamps give."""
+    """Return the source's own number of each sample that has one; None: not known.
+
+    A time code within the second begins again every second. Between two samples as many seconds went by as the
+    driver's numbers say, or their stamps where the driver began again; stamps as a whole say in which second it began.
+    """
     if not came.source:
         return came.numbers
-    if came.codes is None or counts is None:
+    known = np.isfinite(came.codes) if came.codes is not None else np.zeros(0, bool)
+    if came.codes is None or counts is None or not known.any():
         return None
-    whole = np.floor(came.stamps - came.codes + 0.5)
-    numbers: IntArray = np.rint((whole + came.codes) * counts.rate).astype(np.int64)
+    codes, stamps = came.codes[known], came.stamps[known]
+    if codes.max() <= 1.0:
+        steps = np.diff(came.numbers[known]) / counts.rate
+        passed = np.where(steps > 0.0, steps, np.diff(stamps)) - np.diff(codes)
+        codes = codes + np.concatenate([[0.0], np.cumsum(np.rint(passed))])
+        begins = {float(np.rint(np.median(part))) for part in np.array_split(stamps - codes, SECTIONS) if len(part)}
+        if len(begins) > 1:
+            return None
+        codes = codes + begins.pop()
+    numbers: IntArray = np.rint(codes * counts.rate).astype(np.int64)
     return numbers
 
 

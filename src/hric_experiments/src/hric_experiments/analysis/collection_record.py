@@ -20,6 +20,8 @@ TYPES = (CHUNK, FRAMES, COUNT, SAMPLE, LAYOUT, STATUS)
 DIAGNOSTICS, MISSED = "diagnostic_msgs/msg/DiagnosticArray", "missed deadlines"
 TIME_CODE = "time"
 """Channel that holds robot time of each sample, of an emulated device."""
+FRAME_NUMBERS = 1 << 32
+"""After so many frames their counter begins again [frames]."""
 
 
 @dataclass
@@ -166,9 +168,8 @@ def _chunks(messages: list[Any]) -> Numbered:
 
 
 def _frames(rows: list[tuple[float, int, str]]) -> Numbered:
-    return Numbered(
-        "", float("nan"), np.array([row[0] for row in rows]), np.array([row[1] for row in rows], np.int64), None
-    )
+    numbers = np.asarray(np.unwrap([int(row[1]) for row in rows], period=FRAME_NUMBERS), np.int64)
+    return Numbered("", float("nan"), np.array([row[0] for row in rows]), numbers, None)
 
 
 def _counts(found: dict[str, list[Any]]) -> dict[str, Counts]:

@@ -5,10 +5,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import roslz4
 from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Writer
 
+from hric_bags.chunked_writer import ChunkedWriter
 from hric_control.robot_time.stamps import to_time
 
 
@@ -25,9 +24,7 @@ class BagWriter:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._active = path.with_name(path.name + ".active")
-        self._writer = Writer(self._active)
-        self._writer.set_compression(Writer.CompressionFormat.LZ4)
-        self._writer.compressor = roslz4.compress  # ROS's own tools do not read what the writer's makes
+        self._writer = ChunkedWriter(self._active)
         self._writer.open()
         self._connections: dict[tuple[str, type], Connection] = {}
 

@@ -1,0 +1,53 @@
+"""Names files that people take for a bag of ROS 1, and says what to do with them."""
+
+from pathlib import Path
+
+_MCAP = b"\x89MCAP0\r\n"
+_FIRST: tuple[tuple[bytes, str], ...] = (
+    (b"#ROSBAG V1", "a bag of an old version; `rosbag fix` of ROS 1 makes one of version 2.0 of it"),
+    (b"version https://git-lfs", "a pointer of Git LFS and not the bag; `git lfs pull` fetches the bag"),
+    (b"SQLite format 3", "a bag of ROS 2 (SQLite); `rosbags-convert --src FOLDER --dst NAME.bag` makes one of ROS 1"),
+    (b"\x1f\x8b", "compressed by gzip; `gunzip` it first"),
+    (b"\xfd7zXZ\0", "compressed by xz; `unxz` it first"),
+    (b"\x28\xb5\x2f\xfd", "compressed by zstd; `unzstd` it first"),
+    (b"BZh", "compressed by bzip2; `bunzip2` it first"),
+    (b"PK\x03\x04", "a zip archive; `unzip` it first"),
+)
+"""First bytes of a file -> what it is, and what to do."""
+_PAGE = (b"<!doctype", b"<html", b"<?xml")
+_HEAD = 4096
+"""Read of a file [B]."""
+
+
+def describe(path: Path) -> str:
+    """Return in one line what a file or folder is that is no bag of ROS 1, and what to do; "": it is not known."""
+    try:
+        if path.is_dir():
+            folder = (path / "metadata.yaml").is_file() or any(path.glob("*.db3"))
+            name = f"{path.name.removesuffix('.bag')}.bag"
+            hint = f"a bag of ROS 2; `rosbags-convert --src {path} --dst {name}` makes one of ROS 1"
+            return f"{path} is {hint}" if folder else ""
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError:
+        return ""
+    for begin, kind in _FIRST:
+        if head.startswith(begin):
+            return f"{path} is {kind}"
+    if head.startswith(_MCAP):
+        return f"{path} is {_mcap(head)}"
+    if head.lstrip(b"\xef\xbb\xbf \t\r\n").lower().startswith(_PAGE):
+        return f"{path} is a web page and not a bag, perhaps the error of a download; download it again"
+    return ""
+
+
+def _mcap(head: bytes) -> str:
+    """Return what an MCAP file is, by the profile in its header: a string after the record's kind and length."""
+    size = int.from_bytes(head[len(_MCAP) + 9 : len(_MCAP) + 13], "little")
+    profile = head[len(_MCAP) + 13 :][: min(size, 16)].decode("utf-8", "replace")
+    if profile == "ros1":
+        return "an MCAP file of ROS 1; `mcap convert` does not go back to a bag: record or fetch it as .bag"
+    kind = "of ROS 2" if profile == "ros2" else f"(profile {profile or 'none'})"
+    return (
+        f"an MCAP file {kind}; in a folder with metadata.yaml `rosbags-convert --src FOLDER --dst NAME.bag` converts it"
+    )

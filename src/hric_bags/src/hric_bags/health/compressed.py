@@ -1,0 +1,72 @@
+"""Decompresses the chunk of a bag, as far as it can be read."""
+
+import bz2
+from dataclasses import dataclass
+
+import lz4.block
+import lz4.frame
+
+from hric_bags.health.file_records import LENGTH
+
+LARGEST_CHUNK = 1 << 30
+"""Of a chunk no more than this is decompressed [B]; project default, unconfirmed."""
+_LZ4, _BZ2 = b"\x04\x22\x4d\x18", b"BZh"
+"""With what compressed data begin."""
+_LARGEST_BLOCK = 4 << 20
+"""Of the LZ4 frame format [B]."""
+_WINDOW = 1 << 16
+"""How far back a block of an LZ4 frame refers to those before it [B]."""
+_ENDS = (RuntimeError, OSError, ValueError, EOFError)
+"""Raised by the libraries at damaged data."""
+
+
+@dataclass(frozen=True)
+class Unpacked:
+    """What was decompressed.
+
+    Attributes:
+        data: as much as can be read.
+        compression: "none", "lz4" or "bz2", by what the data are.
+        whole: true if that is all, and no checksum contradicts.
+        verified: true if a checksum confirms it.
+    """
+
+    data: bytes
+    compression: str
+    whole: bool = True
+    verified: bool = False
+
+
+def unpack(packed: bytes, stated: str) -> Unpacked:
+    """Decompress a chunk; stated: compression by its header, which counts where the data do not show theirs."""
+    if packed.startswith(_LZ4) or (stated == "lz4" and not packed.startswith(_BZ2)):
+        data, whole = _expand(lz4.frame.LZ4FrameDecompressor(), packed)
+        if whole:
+            return Unpacked(data, "lz4", True, bool(packed[4] & 0x04))
+        return Unpacked(max(data, _blocks(packed), key=len), "lz4", False)
+    if packed.startswith(_BZ2) or stated == "bz2":
+        data, whole = _expand(bz2.BZ2Decompressor(), packed)
+        return Unpacked(data, "bz2", whole, whole)
+    return Unpacked(packed, "none")
+
+
+def _expand(expander: lz4.frame.LZ4FrameDecompressor | bz2.BZ2Decompressor, packed: bytes) -> tuple[bytes, bool]:
+    try:
+        data = expander.decompress(packed, LARGEST_CHUNK) if packed else b""
+    except _ENDS:
+        return b"", False
+    return data, bool(expander.eof)
+
+
+def _blocks(packed: bytes) -> bytes:
+    """Decompress an LZ4 frame block by block, without regard to its checksums, until a block cannot be read."""
+    flags = packed[4] if len(packed) > 4 else 0
+    position, data = 7 + 8 * bool(flags & 0x08) + 4 * bool(flags & 0x01), bytearray()
+    while len(head := packed[position : position + 4]) == 4 and (size := LENGTH.unpack(head)[0]):
+        block = packed[position + 4 : position + 4 + (size & 0x7FFFFFFF)]
+        position += 4 + (size & 0x7FFFFFFF) + 4 * bool(flags & 0x10)
+        try:
+            data += block if size >> 31 else lz4.block.decompress(block, _LARGEST_BLOCK, dict=bytes(data[-_WINDOW:]))
+        except lz4.block.LZ4BlockError:
+            break
+    return bytes(data)
